@@ -36,7 +36,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.tables import is_tabled
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.viewer.work.pictures import give_back_large
+from volspec.viewer.work.pictures import return_large_blocks
 
 ASKED = 1.0
 LOADS, WARM = 20, 5
@@ -194,7 +194,7 @@ def figures(loads: int = LOADS) -> Iterator[Figure]:
         raise ValueError(
             f"drift: {loads} loads; give 10, 15, 20 or more, as a scene is compared with itself"
         )
-    give_back_large()  # as the viewer does
+    return_large_blocks()  # as the viewer does
     ledger, work, began = Ledger(), Cycle(), time.perf_counter()
     ledger.watch()
     rows = [_row()]

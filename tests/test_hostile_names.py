@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from rich.table import Table
 
-from tests.viewer.test_files_scene import opened
+from tests.support.viewer import opened
 from volspec._figures import write
 from volspec._toml import key_text, toml_text
 from volspec.basis import SpectralBasis
@@ -26,7 +26,7 @@ from volspec.export.compositing import Recipe
 from volspec.export.recipes import blender_script, nuke_group, python_text
 from volspec.palette import load_palette, save_palette
 from volspec.spectra import light
-from volspec.viewer.work.script import script_of
+from volspec.viewer.work.script import script_from_state
 
 # Each leaves a mark where it is run: Tcl calls `hurt`, Python sets `hurt`, TOML gets a key `hurt`.
 HOSTILE = (
@@ -136,7 +136,7 @@ def test_the_viewer_s_script_holds_titles_and_names_as_text(tmp_path: Path) -> N
         )
         changed = replace(transfer, materials=renamed, points=points)
         tree = ast.parse(
-            script_of(replace(state, document=document, lights=lights, transfer=changed))
+            script_from_state(replace(state, document=document, lights=lights, transfer=changed))
         )
         assert (ast.get_docstring(tree, clean=False) or "").startswith(name)
         texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}

@@ -23,8 +23,8 @@ from volspec.export.page import payload
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.scene.lights import NamedLight
 from volspec.spectra import light, reflectance
-from volspec.viewer.model.light_mixes import dial_place, dial_weights
-from volspec.viewer.model.light_rows import LightRow, rig_of
+from volspec.viewer.model.light_rows import LightRow, light_rig
+from volspec.viewer.model.lights import dial_place, dial_weights
 
 NAMES = ("D65", "A", "FL2", "HP1", "planck:1800", "FL11")
 # Both sides compute in double precision; sums of 31 terms in another order differ by 1e-13.
@@ -108,7 +108,7 @@ def test_lights_become_the_desktops_matrices(compute: Any, basis: Basis, with_lu
     given, wanted = [], []
     for seen in viewings(60, 1):
         weights = rng.uniform(0, 1, 5) * (rng.random(5) < 0.6)
-        rig = rig_of(
+        rig = light_rig(
             tuple(LightRow(x.name, "", x.rig, w) for x, w in zip(lights, weights, strict=True))
         )
         if rig is None:

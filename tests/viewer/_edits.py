@@ -36,7 +36,7 @@ INDICES = st.integers(-2, 12)
 
 
 def edits_of(*modules: Any) -> dict[str, Callable[..., Any]]:
-    """Edits by module and name: what `volspec.viewer.model.edit` has made total."""
+    """Return edits by module and name: functions that `volspec.viewer.model.edit` makes total."""
     return {
         f"{module.__name__.rpartition('.')[2]}.{name}": each
         for module in modules
@@ -60,14 +60,18 @@ class Drawn:
 
 
 def drawn(words: tuple[str, ...], *modules: Any) -> st.SearchStrategy[Drawn]:
-    """Any edit with any arguments, of which texts are among ``words``."""
+    """Draw any edit with any arguments, of which texts are among ``words``."""
     names = sorted(edits_of(*modules))
     numbers, indices = st.tuples(*[NUMBERS] * 4), st.tuples(INDICES, INDICES)
-    return st.builds(_with, st.sampled_from(names), numbers, indices, st.sampled_from(words))
+    return st.builds(
+        with_arguments, st.sampled_from(names), numbers, indices, st.sampled_from(words)
+    )
 
 
-def _with(name: str, numbers: tuple[float, ...], indices: tuple[int, ...], word: str) -> Drawn:
-    """An edit with arguments by their types."""
+def with_arguments(
+    name: str, numbers: tuple[float, ...], indices: tuple[int, ...], word: str
+) -> Drawn:
+    """Return an edit with arguments by their types."""
     some, which, given = iter(numbers), iter(indices), list[Any]()
     for kind in _types(name):
         if kind is int:
@@ -86,6 +90,6 @@ _EDITS = edits_of(*MODULES)
 
 @cache
 def _types(name: str) -> tuple[Any, ...]:
-    """Types of an edit's arguments behind the state."""
+    """Return the types of an edit's arguments after the state."""
     hints = get_type_hints(_EDITS[name].__wrapped__)
     return tuple(hints[each] for each in list(inspect.signature(_EDITS[name]).parameters)[1:])

@@ -1,4 +1,4 @@
-"""What a light of the list is made of: lux, groups, notation, drawn spectra, kept mixes."""
+"""Lights of the list: lux, groups, notation, drawn spectra, mixes, saved states and fades."""
 
 from __future__ import annotations
 
@@ -8,20 +8,31 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.support.errors import raises
+from tests.support.viewer import run_command
+from volspec.appearance import Viewing
 from volspec.errors import SpectrumError, ViewingError
 from volspec.raycast import Ambient, Headlight, LightGroup
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene import Scene
 from volspec.scene.lights import rows_by_name
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.viewer.model import light_parts, light_rows, lights
-from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.edit import after
-from volspec.viewer.model.light_mixes import mix_row
-from volspec.viewer.model.light_rows import LightRow, Rows, draw_stroke, rig_of
+from volspec.viewer.model import camera, light_parts, light_rows, light_states, lights
+from volspec.viewer.model.history import Difference, History
+from volspec.viewer.model.light_rows import (
+    LightRow,
+    Rows,
+    at_kelvin,
+    draw_stroke,
+    effective_weights,
+    light_rig,
+    with_changes,
+)
+from volspec.viewer.model.light_states import interpolate_lights, recalled_rows
+from volspec.viewer.model.lights import mix_row
 from volspec.viewer.model.state import ViewState
 
 _SCENES = Path(__file__).resolve().parents[2] / "data" / "scenes"
@@ -32,7 +43,9 @@ _PLACE = st.tuples(st.floats(-0.5, 1.5), _POWER)
 
 def row(text: str, weight: float = 0.0, lux: float | None = None) -> LightRow:
     rig = LightRig((light(text),), illuminance_lux=None if lux is None else (lux,))
-    return LightRow(text, text, rig, weight, texts=(text,), kelvin=light_rows.kelvin_of(text))
+    return LightRow(
+        text, text, rig, weight, texts=(text,), kelvin=light_rows.kelvin_from_text(text)
+    )
 
 
 def grouped() -> LightRow:
@@ -52,9 +65,7 @@ def lit(state: ViewState) -> ViewState:
 
 def reset(state: ViewState, index: int) -> ViewState:
     """Undo the drawing of a light."""
-    change = BY_NAME["reset-spectrum"].change
-    assert change is not None
-    return after(change, lights.choose(state, index)).state
+    return run_command(lights.choose(state, index), "reset-spectrum").state
 
 
 # Drawing
@@ -120,21 +131,11 @@ def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit: ViewState) -
 def test_lux_count_where_all_that_shines_has_them(lit: ViewState) -> None:
     bright = light_parts.set_lux(lit, 0, 500.0)
     rows = bright.lights
-    rig = rig_of(rows)
+    rig = light_rig(rows)
     assert rig is not None and rig.total_lux == 500.0
-    assert light_rows.lux_note(rows, _SHARES, RelightSpec()).startswith("Together 500 lx")
     both = lights.set_weight(bright, 1, 1.0).lights
-    rig = rig_of(both)
+    rig = light_rig(both)
     assert rig is not None and rig.total_lux is None
-    assert (
-        light_rows.lux_note(both, _SHARES, RelightSpec())
-        == "As A has no lux, Viewing's 1000 lx count for all"
-    )
-    assert (
-        light_rows.lux_note(ROWS, _SHARES, RelightSpec()) == "No lux given: Viewing's 1000 lx count"
-    )
-    absolute = RelightSpec(level="absolute")
-    assert "needs lux, and A has none" in light_rows.lux_note(both, _SHARES, absolute)
     assert light_parts.set_lux(bright, 0, 0.0).lights[0].rig.illuminance_lux is None
 
 
@@ -187,53 +188,19 @@ def test_a_spectrum_is_respelled_or_refused_with_the_name(lit: ViewState) -> Non
     assert refused.state is lit and "D6" in refused.message
 
 
-def edit(state: ViewState, what: int, index: int, part: int, x: float) -> ViewState:
-    """One of all edits."""
-    if what == 0:
-        return light_parts.set_lux(state, index, x, part)
-    if what == 1:
-        return light_parts.set_part_weight(state, index, part, x)
-    if what == 2:
-        return light_parts.regroup(state, index, part, ("", "lamp", "sky")[part % 3])
-    if what == 3:
-        return light_parts.add_part(state, index, "sky")
-    if what == 4:
-        return light_parts.remove_part(state, index, part)
-    return light_parts.split_part(state, index)
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
-@given(
-    steps=st.lists(
-        st.tuples(st.sampled_from(range(6)), st.integers(-2, 5), st.integers(-1, 3), _POWER),
-        max_size=30,
-    )
-)
-def test_no_edit_of_parts_makes_a_row_that_gives_no_light(
-    lit: ViewState,
-    steps: list[tuple[int, int, int, float]],
-) -> None:
-    for step in steps:
-        lit = edit(lit, *step)
-    for each in lit.lights:
-        each.rig.mixed(DEFAULT_GRID)
-        assert len(each.texts) == len(each.rig.lights)
-    rig_of(lit.lights)
-
-
 # Notation
 
 
 def test_scenes_keep_the_notation_of_their_lights() -> None:
     for name in ("engine.toml", "engine-groups.toml"):
         scene = Scene.load(_SCENES / name)
-        rows = light_rows.rows_of(scene.lights, rows_by_name(scene.file.light))
+        rows = light_rows.rows_from_scene(scene.lights, rows_by_name(scene.file.light))
         texts = [text for each in rows for text in each.texts]
         assert texts == [table.spectrum for table in scene.file.light]
 
 
 def test_a_row_has_one_text_for_each_spectrum() -> None:
-    with pytest.raises(ViewingError, match="2 texts for 1"):
+    with raises(ViewingError, "shape", "LightRow.texts"):
         replace(ROWS[0], texts=("D65", "A"))
     assert LightRow("x", "", ROWS[3].rig).texts == (None, None)
 
@@ -247,10 +214,12 @@ def test_a_file_is_found_beside_the_scene_and_else_where_the_program_runs(
         lines = [f"{nm},{1 + nm / 1000}" for nm in range(380, 741, 10)]
         (folder / f"{folder.name}.csv").write_text("nm,lamp\n" + "\n".join(lines))
     monkeypatch.chdir(here)
-    assert light_rows.spectrum_of("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
-    assert light_rows.spectrum_of("here.csv", DEFAULT_GRID, str(scene))[1] == str(here / "here.csv")
-    with pytest.raises(SpectrumError, match=r"nosuch\.csv"):
-        light_rows.spectrum_of("nosuch.csv", DEFAULT_GRID, str(scene))
+    assert light_rows.light_from_text("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
+    assert light_rows.light_from_text("here.csv", DEFAULT_GRID, str(scene))[1] == str(
+        here / "here.csv"
+    )
+    with raises(SpectrumError, "not-found"):
+        light_rows.light_from_text("nosuch.csv", DEFAULT_GRID, str(scene))
 
 
 def test_names_stay_apart_as_rows_of_one_name_are_one_setting(lit: ViewState) -> None:
@@ -259,14 +228,6 @@ def test_names_stay_apart_as_rows_of_one_name_are_one_setting(lit: ViewState) ->
     added = lit.lights[4:]
     assert [each.name for each in added] == ["D65 (2)", "D65 (3)", "D65 (4)"]
     assert {each.texts for each in added} == {("D65",)}
-
-
-def test_forty_lights_have_room_and_more_are_refused_in_words(lit: ViewState) -> None:
-    for _ in range(light_rows.MOST_ROWS - len(lit.lights)):
-        lit = lights.add(lit, "A").state
-    assert len(lit.lights) >= 64
-    refused = lights.add(lit, "A")
-    assert refused.state is lit and "remove one first" in refused.message
 
 
 # Mixes
@@ -280,7 +241,7 @@ def mixed(rows: Rows) -> LightRow:
 
 def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: ViewState) -> None:
     state = lights.set_weight(lights.set_weight(replace(lit, lights=ROWS[:3]), 0, 0.7), 1, 0.3)
-    before, kept = rig_of(state.lights), lights.keep_mix(state).state.lights
+    before, kept = light_rig(state.lights), lights.keep_mix(state).state.lights
     assert before is not None and kept[-1].texts == ("D65*0.7+A*0.3",)
     assert light_rows.effective_weights(kept) == (0, 0, 0, 1)
     # The text has four digits.
@@ -311,30 +272,169 @@ def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are(lit: Vi
 # Edits
 
 
-def test_a_stroke_of_many_samples_is_one_step_of_undo(state: ViewState) -> None:
-    from volspec.viewer.model.history import History
-
-    history = History(state)
-    pen = None
-    for x in np.linspace(0.2, 0.8, 9):
-        end = float(x), 2.0
-        history = history.then(light_parts.draw(history.present, 1, 0, pen or end, end), 5)
-        pen = end
-    assert history.present.lights[1].name == "A edited"
-    assert history.undone().present.lights == state.lights
+_SHARE = st.floats(0.001, 0.999)
+DIM, BRIGHT = RelightSpec(), RelightSpec(Viewing(illuminance_lux=10.0, Y_b=40.0), backdrop=0.6)
 
 
-@pytest.mark.parametrize("start", [(0.1, 0.2), (math.nan, 1.0), (math.inf, -math.inf)])
-def test_edits_of_lights_take_any_index_and_number(
-    state: ViewState, start: tuple[float, float]
-) -> None:
-    for index in (-1, 0, 3, 99):
-        for part in (-1, 0, 5):
-            for x in (-1e300, 0.0, 1e300):
-                for new in (
-                    light_parts.set_lux(state, index, x, part),
-                    light_parts.set_part_weight(state, index, part, x),
-                    light_parts.draw(state, index, part, start, (x, x)),
-                ):
-                    rig = rig_of(new.lights)
-                    assert rig is not None and np.isfinite(rig.mixed(DEFAULT_GRID).values).all()
+START: Rows = (row("D65", 1.0, 100.0), row("A", 0.5, 200.0), row("planck:2000", 0.2, 50.0))
+
+
+def changed(rows: Rows) -> Rows:
+    """D65 muted, A solo and drawn, the radiator hotter, and one light more."""
+    pen = draw_stroke(rows[1].rig.lights[0].values, (0.1, 3.0), (0.4, 3.0))
+    drawn = replace(rows[1].rig, lights=(replace(rows[1].rig.lights[0], values=pen),))
+    rows = with_changes(rows, 0, muted=True)
+    rows = with_changes(rows, 1, name="A edited", rig=drawn, texts=(None,), before=rows[1])
+    return (*rows[:2], replace(at_kelvin(rows[2], 8000.0), name="8000 K"), row("FL2", 0.8, 400.0))
+
+
+END = changed(START)
+
+
+def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
+    start, end = (START, DIM), (END, BRIGHT)
+    assert (
+        interpolate_lights(start, end, 0.0) is start
+        and interpolate_lights(start, end, -1.0) is start
+    )
+    assert interpolate_lights(start, end, 1.0) is end and interpolate_lights(start, end, 2.0) is end
+
+
+@given(share=_SHARE)
+def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
+    rows, seen = interpolate_lights((START, DIM), (END, BRIGHT), share)
+    assert len(rows) == 4 and not any(each.solo or each.muted for each in rows)
+    a, b = effective_weights((*START, replace(END[3], weight=0.0))), effective_weights(END)
+    expected = [(1 - share) * p + share * q for p, q in zip(a, b, strict=True)]
+    np.testing.assert_allclose([each.weight for each in rows], expected)
+    values = [of.rig.lights[0].values for of in (START[1], rows[1], END[1])]
+    np.testing.assert_allclose(values[1], (1 - share) * values[0] + share * values[2])
+    # A temperature is set in whole kelvins, by equal steps of its reciprocal.
+    kelvin = rows[2].kelvin
+    assert kelvin is not None
+    assert kelvin == pytest.approx(1 / ((1 - share) / 2000 + share / 8000), abs=0.51)
+    np.testing.assert_array_equal(rows[2].rig.lights[0].values, light(f"planck:{kelvin}").values)
+    viewing = seen.viewing
+    assert viewing.illuminance_lux == pytest.approx(1000 ** (1 - share) * 10**share)
+    assert viewing.Y_b == pytest.approx(20 + 20 * share)
+    assert seen.backdrop == pytest.approx(0.2 + 0.4 * share)
+
+
+def test_a_fade_moves_without_jumps_from_end_to_end() -> None:
+    """A hundredth of the way changes no band by more than its part of the whole difference."""
+    mixes = []
+    for share in np.linspace(0, 1, 101):
+        rig = light_rig(interpolate_lights((START, DIM), (END, DIM), float(share))[0])
+        assert rig is not None
+        mixes.append(rig.mixed(DEFAULT_GRID).values)
+    steps = np.abs(np.diff(mixes, axis=0)).max(axis=1)
+    assert steps.max() < 6 * np.abs(mixes[-1] - mixes[0]).max() / 100
+
+
+@given(share=_SHARE)
+def test_lux_of_a_light_lie_between(share: float) -> None:
+    brighter = (replace(START[0], rig=replace(START[0].rig, illuminance_lux=(500.0,))), *START[1:])
+    rows, _ = interpolate_lights((START, DIM), (brighter, DIM), share)
+    lux = rows[0].rig.illuminance_lux
+    assert lux is not None and lux[0] == pytest.approx(100 + 400 * share)
+
+
+def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> None:
+    pixel = RelightSpec(Viewing(adapting="pixel"))
+    hunt = RelightSpec(Viewing(model="Hunt", illuminance_lux=20.0))
+    for start, end in ((pixel, hunt), (hunt, pixel)):
+        _, seen = interpolate_lights((START, start), (START, end), 0.5)
+        assert seen.viewing.model == end.viewing.model
+
+
+def test_recalling_keeps_lights_that_the_state_does_not_know() -> None:
+    now = changed(START)
+    back = recalled_rows(now, START)
+    assert back[:3] == START and back[3].name == "FL2" and back[3].weight == 0.0
+    assert recalled_rows(back, START) == back
+
+
+def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None:
+    one = light_states.save(state).state
+    two = light_states.save(lights.set_weight(one, 2, 0.3)).state
+    assert [saved.name for saved in two.saved_lights] == ["State 1", "State 2"]
+    assert light_states.rename(two, 0, "  Day\n light ").saved_lights[0].name == "Day light"
+    assert light_states.rename(two, 0, "State 2") is two
+    assert light_states.rename(two, 0, " ") is two
+    over = light_states.save_over(two, 0)
+    assert over.saved_lights[0].lights is two.lights and over.saved_lights[0].name == "State 1"
+    back = light_states.recall(two, 0)
+    assert back.lights == state.lights and back.relight == state.relight and back.fade is not None
+    gone = light_states.delete(two, 0)
+    again = light_states.save(gone).state
+    assert [saved.name for saved in again.saved_lights] == ["State 2", "State 1"]
+    for index in (-1, 2, 99):
+        assert light_states.recall(two, index) is two
+        assert light_states.delete(two, index) is two
+        assert light_states.save_over(two, index) is two
+
+
+def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
+    history = History(state).then(light_states.save(state).state, 1)
+    history = history.then(light_states.delete(history.present, 0), 2)
+    assert history.present.saved_lights == () and len(history.undo().present.saved_lights) == 1
+
+
+def recalling(state: ViewState, seconds: float) -> ViewState:
+    """A state on its way from A alone to D65 alone."""
+    kept = light_states.save(light_states.set_fade(state, seconds)).state
+    other = replace(kept, lights=light_rows.only_row(kept.lights, 1))
+    return light_states.recall(other, 0)
+
+
+def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> None:
+    new = recalling(state, 2.0)
+    first = light_states.during_fade(new, 0.0)
+    assert effective_weights(first.lights)[:2] == (0.0, 1.0)
+    half = light_states.during_fade(new, 1.0)
+    assert effective_weights(half.lights)[:2] == (0.5, 0.5)
+    assert light_states.during_fade(new, 2.0) is new
+    assert new.lights == state.lights
+    assert Difference.between(first, half).stage == "relight"
+
+
+def test_a_fade_is_one_step_of_undo_whatever_the_view_does_meanwhile(state: ViewState) -> None:
+    before = replace(state, lights=light_rows.only_row(state.lights, 1))
+    before = replace(before, saved_lights=light_states.save(state).state.saved_lights)
+    history = History(before).then(light_states.recall(before, 0), 1)
+    for i in range(1, 4):
+        present = history.present
+        shown = light_states.during_fade(present, (i - 1) / 10)
+        assert shown is not present
+        turned = camera.orbit(shown, 0.1, 0.0)
+        history = history.then(light_states.after_fade(present, shown, turned), 1 + i)
+    assert history.present.lights == state.lights
+    for _ in range(4):
+        history = history.undo()
+    assert history.present.lights == before.lights
+    assert light_states.during_fade(history.present, 0.0) is history.present
+    # Redone, its end is there at once.
+    again = history.redo().present
+    assert again.lights == state.lights and again.fade is None
+
+
+def test_a_hand_on_a_light_stops_the_fade_where_it_is(state: ViewState) -> None:
+    new = recalling(state, 1.0)
+    shown = light_states.during_fade(new, 0.5)
+    stopped = light_states.after_fade(new, shown, lights.set_weight(shown, 2, 0.9))
+    assert stopped.fade is None and effective_weights(stopped.lights)[:3] == (0.5, 0.5, 0.9)
+
+
+def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None:
+    new = recalling(state, 1.0)
+    shown = light_states.during_fade(new, 0.5)
+    again = light_states.after_fade(new, shown, light_states.recall(shown, 0))
+    assert again.fade is not None and effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
+    at_first = light_states.during_fade(again, 0.0)
+    assert effective_weights(at_first.lights)[:2] == (0.5, 0.5)
+
+
+def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:
+    new = recalling(state, 0.0)
+    assert light_states.during_fade(new, 0.0) is new
+    assert light_states.set_fade(state, 99.0).interface.fade_s == 10.0

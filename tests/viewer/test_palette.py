@@ -1,62 +1,59 @@
-"""The palette's table without a window: cells, targets and what they cost, materials of values."""
+"""The palette's table without a window: cells, targets, materials of values, wizards, files."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.support.errors import raises
+from tests.support.viewer import VISIBLE, run_command, with_designed, with_target
 from tests.viewer._edits import MODULES, drawn
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
-from volspec.palette import Cell, Criteria, design
+from volspec.palette import Cell, Criteria, load_palette, save_palette
 from volspec.pipeline import raycast
 from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
-from volspec.transfer import TransferFunction
-from volspec.viewer.model import camera, palette_edits
-from volspec.viewer.model.commands import BY_NAME
+from volspec.transfer import (
+    Isosurfaces,
+    LabelFunction,
+    Region,
+    TransferFunction,
+    TransferFunction2D,
+)
+from volspec.viewer.model import camera, palette_edits, palette_files, palette_wizards
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import LightRow
 from volspec.viewer.model.materials import with_reflectances
 from volspec.viewer.model.palette_table import (
+    colour_table,
     column_names,
     material_ranges,
-    palette_of,
-    table_of,
-    with_design,
+    palette_from_state,
     with_material_range,
 )
-from volspec.viewer.model.palette_targets import REFLECTANCE, STAY, PaletteState
+from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, STAY, PaletteState, Pick
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.palette_cells import column_note, contrast, importance, levels
-
-# ΔE00 that side by side is just seen: what a reached target stays below.
-SEEN = 1.0
-
-
-def wished(state: ViewState, place: int, colour: str = "#8c5a3c") -> ViewState:
-    return palette_edits.set_target(state, place, colour)
-
-
-def designed(state: ViewState) -> ViewState:
-    return with_design(state, design(palette_of(state)), state.palette.targets)
+from volspec.viewer.ui.palette_cells import contrast, importance, levels
 
 
 def undressed(state: ViewState) -> ViewState:
     """With its materials as channels, and no targets."""
-    exact = wished(state, 0)
+    exact = with_target(state, 0)
     return replace(exact, palette=PaletteState())
 
 
 def test_cells_stand_row_by_row_and_are_found_again(state: ViewState) -> None:
-    table = table_of(state)
+    table = colour_table(state)
     assert table.rows == ("copper", "gold") and table.columns[:2] == ("D65", "A")
     assert table.place(5) == ("gold", "A") and table.index(("gold", "A")) == 5
     assert table.place(8) is None and table.place(-1) is None
@@ -77,7 +74,7 @@ def test_the_table_shows_what_the_picture_shows(state: ViewState, document: Docu
     rig = LightRig((light("A"),))
     viewing = shown.relight.viewing
     code = relight(image, rig, viewing, backend="numpy")[4, 4]
-    cell = table_of(shown).cells["gold", "A"]
+    cell = colour_table(shown).cells["gold", "A"]
     np.testing.assert_allclose(code / 255.0, np.clip(cell.obtained, 0, 1), atol=1.01 / 255.0)
 
 
@@ -94,26 +91,16 @@ def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(
     one = replace(document.transfer, points=[(0.0, 1.0, "gold")], basis=shown.transfer.basis)
     image = raycast(document.volume, one, shown.view.camera(document.volume), (8, 8), shading)
     code = relight(image, rig, shown.relight.viewing, backend="numpy")[4, 4]
-    cell = table_of(shown).cells["gold", "evening"]
+    cell = colour_table(shown).cells["gold", "evening"]
     np.testing.assert_allclose(code / 255.0, np.clip(cell.obtained, 0, 1), atol=1.01 / 255.0)
 
 
-def test_a_column_says_which_groups_its_light_is_from(state: ViewState) -> None:
-    pair, groups = (light("A"), light("D65")), ("room", "sky")
-    both = column_note(LightRow("x", "", LightRig(pair, groups=groups), texts=("A", None)))
-    assert both.startswith("A from room + drawn by hand from sky\n") and "together" in both
-    mix = column_note(LightRow("x", "", LightRig(pair, (1.0, 0.0)), texts=("A", "D65")))
-    assert mix.startswith("A\n")
-    assert column_note(LightRow("x", "", LightRig(pair[:1], groups=("sky",)))) == "From sky alone"
-    assert column_note(state.lights[0]) == ""
-
-
 def test_a_first_wish_casts_once_and_all_that_follows_relights(state: ViewState) -> None:
-    first = wished(state, 5)
+    first = with_target(state, 5)
     assert isinstance(first.transfer.basis, MaterialBasis)
     assert Difference.between(state, first).stage == "cast"
-    assert Difference.between(first, designed(first)).stage == "relight"
-    assert Difference.between(first, wished(first, 5, "#102030")).stage == "relight"
+    assert Difference.between(first, with_designed(first)).stage == "relight"
+    assert Difference.between(first, with_target(first, 5, "#102030")).stage == "relight"
 
 
 def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: ViewState) -> None:
@@ -153,17 +140,17 @@ def test_repainted_coefficients_are_those_of_a_new_cast(
 
 
 def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state: ViewState) -> None:
-    targets = wished(state, 5).palette.targets
-    assert targets.open == {(REFLECTANCE, "gold")}
+    targets = with_target(state, 5).palette.targets
+    assert targets.free == {(REFLECTANCE, "gold")}
     assert targets.cells["gold", "A"].weight == 1.0
     others = [cell for at, cell in targets.cells.items() if at != ("gold", "A")]
     assert len(others) == 3 and all(cell.weight == STAY for cell in others)
     # One more in the same row opens nothing else.
-    assert wished(wished(state, 5), 6).palette.targets.open == targets.open
+    assert with_target(with_target(state, 5), 6).palette.targets.free == targets.free
 
 
 def test_kinds_of_wishes_keep_their_weight_and_their_partner(state: ViewState) -> None:
-    asked = palette_edits.set_target_weight(wished(state, 5), 5, 3.0)
+    asked = palette_edits.set_target_weight(with_target(state, 5), 5, 3.0)
 
     def kind(name: str, other: int = -1) -> Cell | None:
         new = palette_edits.set_target_kind(asked, 5, name, other)
@@ -182,17 +169,19 @@ def test_a_constant_material_is_wanted_of_one_colour(state: ViewState) -> None:
     steady = palette_edits.toggle_constant(state, 1)
     targets = steady.palette.targets
     assert targets.constant == {"gold"} and {at[1] for at in targets.cells} == {"D65"}
-    assert next(row for row in palette_of(steady).reflectances if row.name == "gold").constant
+    assert next(
+        row for row in palette_from_state(steady).reflectances if row.name == "gold"
+    ).constant
 
 
 def test_undo_takes_a_wish_and_its_spectra_back_together(state: ViewState) -> None:
-    history = History(state).then(wished(state, 5), 1)
-    history = history.then(wished(history.present, 5, "#123456"), 1)
-    history = history.amended(designed(history.present))
+    history = History(state).then(with_target(state, 5), 1)
+    history = history.then(with_target(history.present, 5, "#123456"), 1)
+    history = history.amend(with_designed(history.present))
     assert len(history.past) == 1
-    back = history.undone().present
+    back = history.undo().present
     assert back.transfer is state.transfer and back.palette == state.palette
-    assert history.undone().redone().present.transfer is history.present.transfer
+    assert history.undo().redo().present.transfer is history.present.transfer
     assert len(history.step(state).past) == 2
 
 
@@ -222,7 +211,7 @@ def test_materials_of_values_are_cut_out_of_the_curve(state: ViewState) -> None:
 def test_a_hunt_s_eye_is_no_end_of_the_table(state: ViewState) -> None:
     """Models without an inverse in closed form cannot be designed with; the table says so."""
     viewing = replace(state.relight.viewing, model="Hunt", adapting="given")
-    table = table_of(replace(state, relight=replace(state.relight, viewing=viewing)))
+    table = colour_table(replace(state, relight=replace(state.relight, viewing=viewing)))
     assert "no inverse in closed form" in table.complaint and not table.cells
 
 
@@ -239,7 +228,7 @@ _KEYS = (
     *("#804020", "0.1 0.9 2.0", "0.2 0.3 0.4", "nan nan nan", "A", "nosuch", "gold", "RGB"),
 )
 _EDITED = [module for module in MODULES if module is not camera]
-_CHANGES = [BY_NAME[n] for n in ("palette-light", "palette-anew", "palette-forget", "palette-own")]
+_COMMANDS = ("palette-light", "palette-restart", "palette-forget", "palette-own")
 
 
 @settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True)
@@ -250,14 +239,88 @@ def test_any_wishes_make_a_palette_or_say_why_not(
     for number, edit in enumerate(edits):
         state = after(edit, state).state
         if number % 20 == every:
-            change = _CHANGES[every].change
-            assert change is not None
-            state = after(change, state).state
+            state = run_command(state, _COMMANDS[every]).state
     assert isinstance(state.palette.targets.criteria, Criteria)
-    assert table_of(state).columns == column_names(state.lights)
+    assert colour_table(state).columns == column_names(state.lights)
     try:
-        palette = palette_of(state)
+        palette = palette_from_state(state)
     except PaletteError as error:
         assert str(error)
     else:
         assert palette.names[1] == column_names(state.lights)
+
+
+@pytest.fixture(scope="module")
+def hidden(state: ViewState) -> ViewState:
+    pick = Pick(place=("gold", "A"))
+    asked = replace(state, interface=replace(state.interface, pick=pick))
+    return palette_wizards.with_wizard_result(asked, palette_wizards.run_wizard(asked, "hide"))
+
+
+def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
+    table = colour_table(hidden)
+    cell = table.cells["gold", "A"]
+    assert cell.kind == "same" and cell.error is not None and cell.error < VISIBLE
+    assert hidden.palette.targets.free == {(REFLECTANCE, "gold")} and not hidden.palette.is_pending
+    # What else was asked for can be asked for again, from here.
+    again = with_target(hidden, 4, "#c0a060")
+    assert again.palette.is_pending and palette_from_state(again).cells["gold", "A"].kind == "same"
+
+
+def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
+    pick = Pick(place=("gold", "A"), like="D65")
+    asked = replace(state, interface=replace(state.interface, pick=pick))
+    made = palette_wizards.with_wizard_result(asked, palette_wizards.run_wizard(asked, "hide"))
+    assert column_names(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
+    assert (LIGHT, "new 1") in made.palette.targets.free
+    assert (
+        Difference.between(undressed(state), replace(made, palette=PaletteState())).stage
+        == "relight"
+    )
+
+
+def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -> None:
+    metals, basis = state.transfer.materials, state.transfer.basis
+    region = Region((0.3, 0.6), (0.0, 1.0), 0.5, "gold")
+    for transfer in (
+        state.transfer,
+        TransferFunction2D([region], metals, basis),
+        LabelFunction({1: (0.5, "gold"), 2: (0.2, {"copper": 0.5})}, metals, basis),
+        Isosurfaces([(0.3, 0.5, "copper"), (0.6, 1.0, "gold")], metals, basis),
+    ):
+        scene = palette_wizards.wizard_scene(replace(state, transfer=transfer))
+        assert list(scene.materials) == ["copper", "gold"]
+        assert type(scene.transfer) is type(transfer)
+        assert [each.name for each in scene.lights] == list(column_names(state.lights))
+        assert scene.relight.viewing == state.relight.viewing
+
+
+def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -> None:
+    assert isinstance(state.transfer, TransferFunction)
+    glass = replace(state.transfer, filters={"gold": reflectance("gold")})
+    asked = with_target(replace(state, transfer=glass), 5)
+    assert asked.transfer is glass and asked.palette.is_pending
+    assert Difference.between(asked, with_designed(asked)).stage == "cast"
+    with raises(PaletteError, "unsupported"):
+        palette_wizards.run_wizard(asked, "hide")
+
+
+def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
+    pick = Pick(place=("gold", "A"), distance=99.0)
+    asked = replace(state, interface=replace(state.interface, pick=pick))
+    with raises(PaletteError):
+        palette_wizards.run_wizard(asked, "reveal")
+
+
+def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    save_palette(palette_from_state(hidden), file)
+    again = palette_files.with_palette(hidden, load_palette(file))
+    assert not again.palette.is_pending
+    assert again.palette.targets.cells == hidden.palette.targets.cells
+    assert again.palette.targets.free == hidden.palette.targets.free
+    # Six decimals are written.
+    for name, spectrum in hidden.transfer.materials.items():
+        np.testing.assert_allclose(
+            again.transfer.materials[name].values, spectrum.values, atol=1e-6
+        )

@@ -1,4 +1,4 @@
-"""What panels say, without a window."""
+"""Texts of panels and messages, the command palette, menus and keys, without a window."""
 
 from __future__ import annotations
 
@@ -7,30 +7,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from volspec.pipeline import raycast
+from volspec.appearance.presets import PRESETS
+from volspec.appearance.spec import MODELS
 from volspec.relight import LightRig, RelightSpec
-from volspec.viewer.model import viewing
-from volspec.viewer.model.document import Document
+from volspec.viewer.model import lights, viewing
+from volspec.viewer.model.commands import BY_KEY, BY_NAME, COMMANDS, MENUS, format_key
+from volspec.viewer.model.edit import after
+from volspec.viewer.model.light_rows import MOST_ROWS, effective_weights
+from volspec.viewer.model.materials import material_message
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_viewing
-from volspec.viewer.ui.context import Results, UiContext
+from volspec.viewer.ui import commands, menus
+from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.ui.lights_rows import row_tip
+from volspec.viewer.ui.transfer_library import add_picked_material
 from volspec.viewer.ui.viewing import white_text
 from volspec.viewer.ui.widgets import pack_colour
+from volspec.viewer.work.session_store import RecentFile
 
 
-def test_a_search_finds_every_word_and_what_starts_with_it_first() -> None:
-    from volspec.viewer.ui.lights_library import matching
-
-    assert matching("d65")[0] == "D65"
-    found = matching("fl")
-    assert found[0].startswith("FL") and all("fl" in name.casefold() for name in found)
-    assert matching("no such light") == []
-
-
-def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(
-    state: ViewState,
-) -> None:
+def test_swatches_show_tungsten_orange_and_what_adapts_to_it_nearly_white(state: ViewState) -> None:
     from volspec.viewer.ui.light_look import adapted_colour, raw_colour
 
     tungsten = state.lights[1].rig
@@ -88,12 +84,12 @@ def test_settings_as_they_are_or_of_no_such_name_change_nothing(state: ViewState
 
 def test_a_room_is_named_until_its_numbers_change() -> None:
     from volspec.appearance.presets import PRESETS
-    from volspec.viewer.ui.viewing import preset_of
+    from volspec.viewer.ui.viewing import matching_preset
 
     for name, each in PRESETS.items():
         display = replace(each.display("Display P3", "reduce"), mark=True)
-        assert preset_of(display) == name
-        assert preset_of(replace(display, Y_b=33.0)) == "own numbers"
+        assert matching_preset(display) == name
+        assert matching_preset(replace(display, Y_b=33.0)) == "own numbers"
 
 
 def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
@@ -129,26 +125,168 @@ def test_histogram_bars_stay_within_the_plot(logarithmic: bool) -> None:
         assert np.isfinite(heights).all() and heights.min() >= 0 and heights.max() <= 1
 
 
-def test_the_status_line_tells_coarse_from_whole(state: ViewState, document: Document) -> None:
-    from volspec.viewer.ui.menus import sizes, timings
-
-    here = UiContext()
-    assert sizes(state, here) == "casting …"
-    camera = state.view.camera(document.volume)
-    coarse = Results(raycast(document.volume, document.transfer, camera, (40, 30)))
-    here.results = coarse
-    assert sizes(state, here) == "160 × 120, refining (1/4)"
-    here.results = replace(coarse, whole=True, fps=59.9, ms={"cast": 12.3})
-    assert sizes(state, here) == "160 × 120" and timings(here) == "60 fps   cast 12 ms"
-
-
 def test_names_and_titles_are_told_in_one_line(state: ViewState) -> None:
-    from volspec.viewer.ui.commands import commands_of
+    from volspec.viewer.ui.commands import list_entries
 
     name = "north\nwindow\t\x07\u202e"
     row = replace(state.lights[0], name=name, label="of\r\nglass")
     assert row_tip(row) == "north window\nof glass"
     lights = replace(state, lights=(row, *state.lights[1:]))
-    titles = [command.title for command in commands_of(lights, ())]
+    titles = [command.title for command in list_entries(lights, ())]
     assert "north window alone, of glass" in titles
     assert lights.lights[0].name == name
+
+
+def test_actions_that_do_something_or_have_nothing_to_do_say_nothing(state: ViewState) -> None:
+    here = UiContext()
+    for name in ("keep-mix", "save-state", "palette-light", "remove-light", "preset-bone"):
+        assert here.run(state, BY_NAME[name]) is not state, name
+    # It is a curve already.
+    assert here.run(state, BY_NAME["transfer-points"]) is state
+    assert here.requests == []
+
+
+def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> None:
+    from volspec.viewer.ui.commands import list_entries
+
+    command = next(c for c in list_entries(state, (), "add light hp1") if c.title == "HP1")
+    assert command.change is not None
+    here, full = UiContext(), replace(state, lights=state.lights[:1] * MOST_ROWS)
+    assert here.edited(full, command.change) is full
+    assert here.requests == [Request("message", after(command.change, full).message)]
+    assert here.edited(state, command.change) is not state
+    assert len(here.requests) == 1
+
+
+def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: ViewState) -> None:
+    here = UiContext()
+    here.library.search = "silver"
+    new = add_picked_material(state, here, 0, "silver")
+    assert "silver" in new.transfer.materials and here.library.search == ""
+    assert here.requests[0].argument == material_message(state.transfer, new.transfer)
+    here.library.search = "gould"
+    assert add_picked_material(state, here, 0, "gould") is state
+    # What was typed stays, to be mended.
+    assert "gold" in here.library.complaint and here.library.search == "gould"
+    assert len(here.requests) == 1
+
+
+def test_a_colour_that_is_not_made_yet_is_waited_for(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    class Unmade:
+        spectra = None
+
+    def unmade(*_: object) -> Unmade:
+        return Unmade()
+
+    from volspec.viewer.ui import transfer_library as library
+
+    monkeypatch.setattr(library.css_colours, "colours", unmade)
+    here = UiContext()
+    assert library.add_picked_material(state, here, 0, "tomato") is state
+    assert here.library.search == "tomato"
+    assert here.requests == [Request("message", here.library.complaint)]
+
+
+def test_the_adopted_white_is_told_of_what_shines_alone(state: ViewState) -> None:
+    muted = lights.toggle_mute(state, 0)
+    assert white_text(muted.lights) == white_text(())
+    both = lights.set_weight(state, 1, 1.0)
+    assert white_text(both.lights) != white_text(state.lights)
+
+
+RECENT = (RecentFile("/data/head.nrrd", True), RecentFile("/data/gone.nrrd", False))
+
+
+def titles(state: ViewState, search: str) -> list[str]:
+    return [row.text for row in commands.list_entries(state, RECENT, search)]
+
+
+def test_the_palette_lists_every_action_light_model_display_and_file(state: ViewState) -> None:
+    rows = commands.list_entries(state, RECENT)
+    names = {row.text for row in rows}
+    for action in COMMANDS:
+        title = f"{action.menu or 'Step'}: {action.title.removesuffix(' …')}"
+        assert title in names or action.name == "commands"
+    for row in state.lights:
+        assert any(name.startswith(f"Light: {row.name} alone") for name in names)
+    assert {f"Model: {name}" for name in MODELS} <= names
+    assert {f"Display: {name}" for name in PRESETS} <= names
+    assert [row.request for row in rows if row.group == "Open"] == [
+        Request("open", "/data/head.nrrd")
+    ]
+    # Each does something, and rows with a key show it.
+    assert all((row.change is None) != (row.request is None) for row in rows)
+    shots = [row for row in rows if row.request == Request("screenshot")]
+    assert [row.key for row in shots] == ["S"]
+
+
+def test_a_search_finds_words_before_letters(state: ViewState) -> None:
+    assert titles(state, "")[0] == "File: Open"
+    assert titles(state, "hp1")[0].endswith("HP1")
+    assert titles(state, "fl2 alone") == ["Light: FL2 alone"]
+    assert titles(state, "FL2")[0] == "Light: FL2 alone"
+    labelled = replace(state, lights=(replace(state.lights[1], label="tungsten lamp"),))
+    assert titles(labelled, "tung")[0] == "Light: A alone, tungsten lamp"
+    assert titles(state, "undo")[0] == "Edit: Undo"
+    assert titles(state, "exp py")[0] == "File: Export as Python"
+    assert "File: Export as scene" in titles(state, "xptsc")
+    assert titles(state, "zzzz") == []
+
+
+def test_rows_do_what_they_say(state: ViewState) -> None:
+    def done(search: str) -> ViewState:
+        row = commands.list_entries(state, (), search)[0]
+        assert row.change is not None
+        return after(row.change, state).state
+
+    assert effective_weights(done("light FL2 alone").lights) == (0.0, 0.0, 1.0, 0.0)
+    assert done("model CAM16").relight.viewing.model == "CAM16"
+    assert done("add light HP1").lights[-1].name == "HP1"
+    assert done("window dark").interface.dark != state.interface.dark
+    dark = next(name for name, preset in PRESETS.items() if preset.surround == "dark")
+    marked = replace(state.relight.viewing.display, mark=True)
+    seen = replace(state.relight, viewing=replace(state.relight.viewing, display=marked))
+    row = commands.list_entries(state, (), f"display {dark}")[0]
+    display = after(row.change, replace(state, relight=seen)).state.relight.viewing.display
+    assert display.surround == "dark" and display.mark
+
+
+def test_settings_are_reached_by_name(state: ViewState) -> None:
+    def row(text: str) -> commands.Entry:
+        return commands.list_entries(state, (), text)[0]
+
+    closed = replace(state, interface=replace(state.interface, panels=frozenset()))
+    for name in ("Illuminance", "Exposure", "Background", "Room", "Adaptation"):
+        setting = row(f"setting {name}")
+        assert setting.item == name and setting.change is not None
+        assert "Viewing" in after(setting.change, closed).state.interface.panels
+    dim, reduce = row("surround dim").change, row("gamut reduce").change
+    assert dim is not None and reduce is not None
+    assert after(dim, state).state.relight.viewing.surround == "dim"
+    assert after(reduce, state).state.relight.viewing.display.gamut == "reduce"
+
+
+def test_keys_are_used_once_and_all_menus_are_known() -> None:
+    used = [key for action in COMMANDS for key in action.keys if key]
+    assert len(used) == len(set(used)) == len(BY_KEY)
+    # Those of no menu are steps, which only keys make.
+    assert {action.menu for action in COMMANDS} <= {*MENUS, ""}
+    assert format_key("f1") == "F1" and format_key("ctrl+p") == "Ctrl+P"
+
+
+def test_the_sheet_shows_every_key_in_columns_of_even_height() -> None:
+    listed = {what for _, rows in menus.SHEET for _, what in rows}
+    for action in COMMANDS:
+        # Steps by arrows and the recall of states stand there as a line each.
+        if action.menu and not action.name.startswith("recall-"):
+            assert not any(action.keys) or action.title.removesuffix(" …") in listed
+    for count in (1, 2, 3, 9):
+        columns = menus.columns(menus.SHEET, count)
+        assert len(columns) <= count
+        assert [part for column in columns for part in column] == list(menus.SHEET)
+    tall = [sum(len(rows) + 2 for _, rows in column) for column in menus.columns(menus.SHEET, 2)]
+    # Parts are not divided, so that one may stand over.
+    assert max(tall) - min(tall) <= max(len(rows) + 2 for _, rows in menus.SHEET)

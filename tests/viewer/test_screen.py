@@ -1,21 +1,36 @@
-"""A picture that takes long to relight: a band in each frame, and what is told of it meanwhile."""
+"""The picture on the screen: bands, tables of models, timings, the probe, the error map."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
-from typing import Any
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.viewer.test_tabling import SIZE, done, pixels
+from tests.support.errors import raises
+from tests.support.viewer import wait_until
+from volspec.errors import RelightError, ViewingError
+from volspec.pipeline import raycast
+from volspec.raycast import Camera, CoefficientImage
+from volspec.relight import Illumination, LightRig, tables
+from volspec.relight.error_map import error_map
+from volspec.spectra import colour_matching_functions
 from volspec.viewer.model import light_rows
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.meter import Meter
+from volspec.viewer.ui.window import Window
+from volspec.viewer.work.casts import CastDone, CastJob
 from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.screen import Screen
+from volspec.viewer.work.pictures import Relit
+from volspec.viewer.work.probe import place_mm, read, spectra, value_at
+from volspec.viewer.work.screen import SLOW_MS, Meter, Screen
 
 BANDS = 3
 AREA = (0, 0, 200, 100)
@@ -24,9 +39,8 @@ AREA = (0, 0, 200, 100)
 @pytest.fixture
 def slow(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
     """A screen that shows a picture; the next one is to be relit in bands."""
-    trace = Trace()
-    meter = Meter(trace)
-    screen = Screen(context, lambda: None, meter, trace, Notice())
+    meter = Meter(Trace())
+    screen = Screen(context, lambda: None, meter, Notice())
     screen.take(done(state, 0), state)
     screen.relight(under(state, 0), held=False)
     screen.relight(under(state, 0), held=False)
@@ -41,7 +55,7 @@ def under(state: ViewState, light: int) -> ViewState:
 
 def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:
     """The whole picture of a state."""
-    screen.stale()
+    screen.mark_stale()
     while screen.relight(state, held=False):
         pass
     return pixels(screen)
@@ -51,7 +65,7 @@ def test_each_frame_draws_a_band_and_the_last_one_makes_it_whole(
     slow: Screen, state: ViewState
 ) -> None:
     day, lamp = lit(slow, under(state, 0)), lit(slow, under(state, 1))
-    slow.stale()
+    slow.mark_stale()
     rows = SIZE[1] // BANDS
     for band in range(1, BANDS + 1):
         assert slow.relight(under(state, 0), held=False)
@@ -67,12 +81,12 @@ def test_of_lights_that_change_in_every_frame_each_second_one_is_drawn_whole(
 ) -> None:
     wanted = [lit(slow, under(state, light)) for light in (0, 1)]
     for light in (0, 1, 0, 1):
-        slow.stale()
+        slow.mark_stale()
         slow.relight(under(state, light), held=False)
         assert slow.ready == (light == 1)
     np.testing.assert_array_equal(pixels(slow), wanted[1])
     # One that is left alone has its bands again.
-    slow.stale()
+    slow.mark_stale()
     slow.relight(under(state, 0), held=False)
     assert not slow.ready
 
@@ -81,7 +95,7 @@ def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: 
     slow.probe(under(state, 0), (0.5, 0.5), held=False)
     before = slow.under_mouse
     assert before is not None
-    slow.stale()
+    slow.mark_stale()
     for _ in range(BANDS):
         slow.relight(under(state, 1), held=False)
         slow.probe(under(state, 1), (0.5, 0.5), held=False)
@@ -98,13 +112,267 @@ def test_a_picture_keeps_its_shape_until_one_of_another_is_drawn(
     cast = done(state, 1)
     wide = replace(state, size=AREA[2:])
     taken = replace(cast, job=replace(cast.job, size=wide.size))
-    before = slow.painted(AREA, wide)
+    before = slow.painted_picture(AREA, wide)
     slow.take(taken, wide)
     for _ in range(BANDS):
-        assert slow.painted(AREA, wide) == before
+        assert slow.painted_picture(AREA, wide) == before
         slow.relight(under(wide, 0), held=False)
-    now = slow.painted(AREA, wide)
+    now = slow.painted_picture(AREA, wide)
     assert before is not None and now is not None
     width = AREA[3] * SIZE[0] / SIZE[1]
     assert before.to == pytest.approx(((AREA[2] - width) / 2, 0, (AREA[2] + width) / 2, AREA[3]))
     assert now.to == AREA
+
+
+SIZE = (8, 6)
+
+
+@pytest.fixture
+def screen(context: Any, state: ViewState, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
+    """Without a window, with a picture of all colours in it."""
+    monkeypatch.setattr(Window, "wake", lambda: None)
+    shown = Screen(context, lambda: None, Meter(Trace()), Notice())
+    shown.take(done(state, 0), state)
+    yield shown
+    shown.close()
+
+
+def done(state: ViewState, seed: int) -> CastDone:
+    width, height = SIZE
+    ones = np.ones((height, width), np.float32)
+    rng = np.random.default_rng(seed)
+    coefficients = rng.random((height, width, state.transfer.basis.size)).astype(np.float32)
+    image = CoefficientImage(coefficients, ones, ones, state.transfer.basis)
+    document, camera = state.document, state.view.camera(state.document.volume)
+    job = CastJob(document, state.transfer, camera, state.shading, SIZE, (1,))
+    return CastDone(job, 1, 1.0, image)
+
+
+def seen_by(state: ViewState, model: str, light: int) -> ViewState:
+    viewing = replace(state.relight.viewing, model=model)
+    rows = light_rows.only_row(state.lights, light)
+    return replace(state, relight=replace(state.relight, viewing=viewing), lights=rows)
+
+
+def pixels(screen: Screen) -> NDArray[np.uint8]:
+    with screen.pictures._context:  # a window's stays current
+        return screen.pictures.pixels().copy()
+
+
+def until_told(screen: Screen) -> None:
+    wait_until(screen.take_tables)
+
+
+def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins(
+    screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen.relight(seen_by(state, "CIECAM02", 0), held=False)
+    before = pixels(screen)
+    made: list[tables.TableKey] = []
+    work_out = tables._texels
+    monkeypatch.setattr(
+        tables, "_texels", lambda key, end: (made.append(key), work_out(key, end))[1]
+    )
+    for light in (0, 1, 2, 1):
+        screen.mark_stale()
+        screen.relight(seen_by(state, "Nayatani95", light), held=True)
+        assert np.array_equal(pixels(screen), before)
+        assert screen._notice.text == "Nayatani95: computing its colour table …"
+        # Values under the mouse would be of another light than its pixel.
+        assert screen.probe(seen_by(state, "Nayatani95", light), (0.5, 0.5), held=False) is None
+    # A cast that comes meanwhile waits for the light, too.
+    screen.take(done(state, 1), state)
+    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
+    assert np.array_equal(pixels(screen), before) and not screen.pictures.current
+    until_told(screen)
+    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
+    after = pixels(screen)
+    assert not np.array_equal(after, before) and screen.pictures.current
+    # Of lights that went by none was worked out, and the notice has gone.
+    assert len(made) == 1 and screen._notice.text == ""
+    screen.mark_stale()
+    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
+    assert len(made) == 1 and np.array_equal(pixels(screen), after)
+
+
+def test_a_table_under_way_is_given_up_for_the_next_light(
+    screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[tables.TableKey] = []
+    work_out = tables._texels
+
+    def without_end(key: tables.TableKey, cancel: Callable[[], bool]) -> NDArray[np.float32]:
+        begun.append(key)
+        end = time.time() + 20
+        while len(begun) == 1 and time.time() < end and not cancel():
+            time.sleep(0.002)
+        return work_out(key, cancel)
+
+    monkeypatch.setattr(tables, "_texels", without_end)
+    screen.relight(seen_by(state, "Nayatani95", 0), held=False)
+    wait_until(lambda: begun)
+    screen.mark_stale()
+    screen.relight(seen_by(state, "Nayatani95", 1), held=False)
+    until_told(screen)
+    assert len(begun) == 2
+    assert begun[0] not in screen.pictures.tables and begun[1] in screen.pictures.tables
+
+
+def test_both_sides_of_the_divide_have_tables_of_their_own(
+    screen: Screen, state: ViewState
+) -> None:
+    both = replace(
+        seen_by(state, "Nayatani95", 0), other=light_rows.only_row(state.lights, 1), divide=0.5
+    )
+    screen.relight(both, held=False)
+    until_told(screen)
+    screen.relight(both, held=False)
+    assert screen.pictures.current
+    split = pixels(screen)
+    for light, columns in ((0, slice(0, 4)), (1, slice(4, 8))):
+        screen.mark_stale()
+        screen.relight(seen_by(state, "Nayatani95", light), held=False)
+        np.testing.assert_array_equal(pixels(screen)[:, columns], split[:, columns])
+
+
+def test_a_table_that_cannot_be_is_told_and_asked_for_once(
+    screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(key: tables.TableKey, cancel: object) -> None:
+        raise ViewingError("no colour at\nsome node")
+
+    monkeypatch.setattr(tables, "_texels", refused)
+    hunt = seen_by(state, "Hunt", 0)
+    screen.relight(hunt, held=False)
+    until_told(screen)
+    assert screen._notice.text == "no colour at some node"
+    screen.relight(hunt, held=False)
+    assert screen._notice.text == "no colour at some node"
+    # Another model is drawn at once.
+    screen.mark_stale()
+    screen.relight(seen_by(state, "CAM16", 0), held=False)
+    assert screen.pictures.current
+
+
+@dataclass
+class Query:
+    """A GPU's time for a band."""
+
+    elapsed: float
+
+
+def relit(ms: float) -> Relit:
+    return Relit(cast(Any, Query(1e6 * ms)), 0.0)
+
+
+def test_a_picture_relit_in_bands_is_one_relight_of_all_their_time(tmp_path: Path) -> None:
+    file = tmp_path / "trace.jsonl"
+    with Trace(file) as trace:
+        meter = Meter(trace)
+        assert meter.bands == 1
+        meter.note_relight(relit(2.5 * SLOW_MS), first=True, ends=True, whole=True)
+        meter.note_frame(0.0, {})
+        # Each of three bands takes less than what is slow.
+        assert meter.bands == 3
+        for i in range(3):
+            meter.note_relight(relit(5.0), first=i == 0, ends=i == 2, whole=True)
+            meter.note_frame(0.0, {})
+        assert meter.bands == 1
+        # Fewer pixels teach nothing of the whole; no light is nothing.
+        meter.note_relight(relit(9 * SLOW_MS), first=True, ends=True, whole=False)
+        meter.note_frame(0.0, {})
+        meter.note_relight(None, first=True, ends=True, whole=True)
+        meter.note_frame(0.0, {})
+        assert meter.bands == 1
+    rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    said = [(row["ms"], row["whole"]) for row in rows if row["event"] == "relight"]
+    assert said == [(pytest.approx(45.0), True), (pytest.approx(15.0), True), (162.0, False)]
+
+
+MIDDLE = (16, 16)
+
+
+def shot(state: ViewState) -> tuple[Camera, CoefficientImage, LightRig]:
+    document = state.document
+    camera = state.view.camera(document.volume)
+    rig = light_rig(state.lights)
+    assert rig is not None
+    return camera, raycast(document.volume, document.transfer, camera, (33, 33)), rig
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_the_probe_says_where_a_ball_is_hit(
+    state: ViewState, document: Document, orthographic: bool
+) -> None:
+    """The middle of the picture is hit on the near side, on the camera's axis."""
+    state = replace(state, view=replace(state.view, orthographic=orthographic))
+    camera, image, rig = shot(state)
+    volume = document.volume
+    told = dict(read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
+    assert {"Value", "mm", "RGB", "XYZ", "J  C  h", "Q  M  s", "H", "ΔE00"} == set(told)
+    assert told["RGB"] == "1  2  3"
+    place = place_mm(image, camera, MIDDLE)
+    assert place is not None
+    centre = volume.corners_mm.mean(axis=0)
+    away = np.subtract(camera.position_mm, centre)
+    nearer = place - centre
+    assert 0 < nearer @ away / np.linalg.norm(away) < 4.0
+    # 8-voxel ball: within a tenth of a voxel of the axis.
+    off = nearer - (nearer @ away) / (away @ away) * away
+    assert np.linalg.norm(off) < 0.1
+    assert place_mm(image, camera, (0, 0)) is None
+
+
+def test_a_value_is_that_of_the_nearest_voxel(document: Document) -> None:
+    volume = document.volume
+    at = (volume.world_from_index @ [3.3, 4.4, 2.1, 1.0])[:3]
+    assert value_at(volume, at) == volume.values[2, 4, 3]
+    assert value_at(volume, at + 100.0) is None
+
+
+def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) -> None:
+    """Q times the spectrum is the exact picture's XYZ, as both synthesise the same channels."""
+    _, image, rig = shot(state)
+    seen = replace(state.relight, mode="exact")
+    light, reflected = spectra(image, rig, seen, MIDDLE)
+    Q = colour_matching_functions(image.basis.grid)
+    XYZ = 100.0 * (Q @ reflected) / (Q[1] @ light)
+    lit = Illumination.of(image.basis, rig, seen, image.groups)
+    x, y = MIDDLE
+    wanted = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
+    # Negative powers of the synthesis are not drawn: a few thousandths of the white.
+    np.testing.assert_allclose(XYZ, wanted, atol=0.3)
+    assert light.max() == pytest.approx(1.0)
+
+
+def test_nothing_but_the_backdrop_is_reflected_beside_the_ball(state: ViewState) -> None:
+    _, image, rig = shot(state)
+    light, reflected = spectra(image, rig, state.relight, (0, 0))
+    np.testing.assert_allclose(reflected, 0.2 * light)
+
+
+def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
+    camera, image, rig = shot(state)
+    reading = read(image, camera, state.document.volume, rig, state.relight, MIDDLE, (0, 0, 0))
+    whole = error_map(image, rig, state.relight.mode, state.relight.backdrop)
+    assert dict(reading.rows)["ΔE00"] == f"{whole.delta_e[16, 16]:.2f} to exact"
+    exact = replace(state.relight, mode="exact")
+    told = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
+    assert "ΔE00" not in dict(told)
+
+
+def test_the_map_is_made_once_for_a_picture_and_light_and_says_where_none_shines(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from volspec.viewer.work import screen as heat
+
+    _, image, _ = shot(state)
+    begun = []
+    monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task))
+    overlay: Any = heat.ErrorMapTexture(None, lambda: None)
+    for lights in (state.lights, state.lights, state.lights[1:], state.lights[1:]):
+        overlay.want(image, lights, state.relight)
+    shining, dark = begun
+    assert shining()[0].delta_e.shape == (33, 33) and shining()[1] is image
+    with raises(RelightError, "missing"):
+        dark()

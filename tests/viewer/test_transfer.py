@@ -1,19 +1,23 @@
-"""Transfer functions as they are edited: every kind, window and level, thickness, mixes."""
+"""Transfer functions: edits of every kind, conversions, opacity by gradient, presets."""
 
 from __future__ import annotations
 
+import gc
 import itertools
 import math
-from collections.abc import Callable
+import weakref
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.support.viewer import KINDS, curve_of, of_kind, run_command
 from tests.viewer._edits import drawn
-from volspec.spectra import reflectance
+from volspec.pipeline import raycast
+from volspec.spectra import Spectrum, reflectance
 from volspec.transfer import (
     Isosurfaces,
     LabelFunction,
@@ -22,37 +26,15 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.viewer.model import materials, transfer_edits
+from volspec.viewer.model import materials, presets, transfer_edits
 from volspec.viewer.model.commands import COMMANDS
+from volspec.viewer.model.document import Document, histogram, joint_histogram
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import parts_of
-
-KINDS = ("points", "regions", "surfaces", "labels")
-
-
-def of_kind(state: ViewState, kind: str) -> ViewState:
-    """The state of a scene with a transfer function of a kind."""
-    materials, basis = state.transfer.materials, state.transfer.basis
-    made: dict[str, Callable[[], Transfer]] = {
-        "points": lambda: state.transfer,
-        "regions": lambda: TransferFunction2D(
-            [
-                Region((0.2, 0.5), (0.0, math.inf), 0.1, "copper"),
-                Region((0.5, 1.0), (0.02, 0.1), 0.5, "gold"),
-            ],
-            materials,
-            basis,
-        ),
-        "surfaces": lambda: Isosurfaces(
-            [(0.3, 0.2, "copper"), (0.8, 1.0, "gold")], materials, basis
-        ),
-        "labels": lambda: LabelFunction({1: (0.2, "copper"), 7: (1.0, "gold")}, materials, basis),
-    }
-    document = replace(state.document, transfer=made[kind]())
-    return replace(state, document=document, transfer=document.transfer)
-
+from volspec.viewer.model.transfer_convert import convert, transfer_kind
+from volspec.viewer.model.transfer_parts import MOST_PARTS, list_parts
+from volspec.volume import Volume, phantom
 
 _EDITS = drawn(("copper", "gold", "soft", "no such"), transfer_edits, materials)
 _COMMANDS = st.sampled_from([each.change for each in COMMANDS if each.menu == "Transfer"])
@@ -70,7 +52,7 @@ def test_random_edits_keep_parts_in_order_and_near_the_volume(
         if kind == "labels":
             assert isinstance(state.transfer, LabelFunction)
             continue
-        parts = parts_of(state.transfer)
+        parts = list_parts(state.transfer)
         assert all(0 <= part.opacity <= 1 for part in parts)
         values = [value for part in parts for value in part.values]
         # A range beyond either end, and where a region reaches beyond that.
@@ -80,7 +62,7 @@ def test_random_edits_keep_parts_in_order_and_near_the_volume(
 
 
 def values_of(state: ViewState) -> list[float]:
-    return [value for part in parts_of(state.transfer) for value in part.values]
+    return [value for part in list_parts(state.transfer) for value in part.values]
 
 
 @pytest.mark.parametrize("kind", ["points", "regions", "surfaces"])
@@ -107,9 +89,9 @@ def test_thickening_is_as_of_denser_matter_and_undone_by_its_slider(
 ) -> None:
     """Exactly: opacities that were rounded to 1 and such as were 1 come back too."""
     state = of_kind(state, kind)
-    old = np.array([part.opacity for part in parts_of(state.transfer)])
+    old = np.array([part.opacity for part in list_parts(state.transfer)])
     thin = transfer_edits.thicken(state, 0.1)
-    opacities = [part.opacity for part in parts_of(thin.transfer)]
+    opacities = [part.opacity for part in list_parts(thin.transfer)]
     # What is wholly opaque lets something through.
     np.testing.assert_allclose(opacities, 1 - (1 - old.clip(0, 0.999)) ** 0.1, atol=1e-12)
     for thickness in (50.0, 0.02, 7.0):
@@ -124,11 +106,11 @@ def test_thickening_is_as_of_denser_matter_and_undone_by_its_slider(
 def test_thickening_is_undone_of_what_was_shifted_and_goes_on_from_what_was_edited(
     state: ViewState,
 ) -> None:
-    old = [part.opacity for part in parts_of(state.transfer)]
+    old = [part.opacity for part in list_parts(state.transfer)]
     thick = transfer_edits.thicken(state, 50.0)
     moved = transfer_edits.window(transfer_edits.shift(thick, 0.1), 0.0, 0.1)
     back = transfer_edits.thicken(moved, 1.0)
-    assert [part.opacity for part in parts_of(back.transfer)] == old
+    assert [part.opacity for part in list_parts(back.transfer)] == old
     assert values_of(back) == values_of(moved) != values_of(state)
     edited = transfer_edits.set_opacity(thick, 1, 0.3)
     same = transfer_edits.thicken(transfer_edits.thicken(edited, 2.0), 50.0)
@@ -137,7 +119,7 @@ def test_thickening_is_undone_of_what_was_shifted_and_goes_on_from_what_was_edit
 
 
 def opacities_of(state: ViewState) -> list[float]:
-    return [part.opacity for part in parts_of(state.transfer)]
+    return [part.opacity for part in list_parts(state.transfer)]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -168,14 +150,6 @@ def test_points_added_and_removed_at_fifty_fold_thickness_leave_the_others(
     assert opacities_of(transfer_edits.thicken(removed, 1.0)) == [old[0], *old[2:]]
 
 
-def test_a_drag_in_the_picture_is_one_step_of_undo(state: ViewState) -> None:
-    history = History(state)
-    for _ in range(5):
-        history = history.then(transfer_edits.window(history.present, 0.01, 0.01), 7)
-    assert len(history.past) == 1
-    assert history.undone().present.transfer is state.transfer
-
-
 def test_edits_of_points_keep_what_gradients_do_to_opacity(state: ViewState) -> None:
     assert isinstance(state.transfer, TransferFunction)
     factors = ((0.0, 0.0), (0.3, 1.0))
@@ -201,11 +175,11 @@ def test_a_share_makes_the_others_room_and_their_proportions_come_back(state: Vi
         state.transfer, points=[(0.0, 0.1, gold), (1.0, 0.2, "gold")], materials=materials
     )
     given, set_weight = replace(state, transfer=function), transfer_edits.set_material_weight
-    more = parts_of(set_weight(given, 0, "gold", 0.75).transfer)
+    more = list_parts(set_weight(given, 0, "gold", 0.75).transfer)
     assert more[0].mix == pytest.approx({"gold": 0.75, "copper": 0.15, "steel": 0.1})
     all_gold = set_weight(given, 0, "gold", 1.0)
     back = set_weight(all_gold, 0, "gold", 0.5)
-    assert parts_of(back.transfer)[0].mix == pytest.approx(gold)
+    assert list_parts(back.transfer)[0].mix == pytest.approx(gold)
     # What one material alone left would be black.
     assert set_weight(given, 1, "gold", 0.5) is given
 
@@ -221,7 +195,7 @@ def test_a_region_follows_its_sides_and_has_no_end_above_the_axis(state: ViewSta
     assert isinstance(open_above.transfer, TransferFunction2D)
     assert open_above.transfer.regions[0].gradients == (0.1 * top, math.inf)
     added = transfer_edits.add_point(state, 0.5, 0.5 * top)
-    assert len(parts_of(added.transfer)) == 3 and added.interface.part == 2
+    assert len(list_parts(added.transfer)) == 3 and added.interface.part == 2
 
 
 @pytest.mark.parametrize("kind", ["points", "surfaces"])
@@ -237,7 +211,230 @@ def test_a_point_without_room_keeps_its_value_and_takes_an_opacity(
     for x in (0.5005, 0.2, 0.9):
         moved = transfer_edits.move_point(close, 2, x, 0.7)
         assert values_of(moved) == [0.0, 0.5, 0.5005, 0.501]
-        assert [p.opacity for p in parts_of(moved.transfer)] == [0.1, 0.1, 0.7, 0.3]
+        assert [p.opacity for p in list_parts(moved.transfer)] == [0.1, 0.1, 0.7, 0.3]
     # Nearer than a gap to one neighbour only: it stays where just its opacity is dragged.
     lifted = transfer_edits.move_point(close, 3, 0.501, 0.7)
     assert values_of(lifted) == values_of(close)
+
+
+_SPAN = (0.0, 1.0)
+
+
+def test_a_curve_becomes_regions_that_look_alike(state: ViewState) -> None:
+    """Opacity of regions over all gradients against the curve's, over the volume's values.
+
+    Slopes become soft sides, which rise along another curve: a tenth on average (measured 0.03).
+    """
+    basis, materials = state.transfer.basis, state.transfer.materials
+    function = TransferFunction(
+        [(0.1, 0, "copper"), (0.2, 0.3, "copper"), (0.5, 0.3, "copper"), (0.6, 0, "copper")]
+        + [(0.7, 0, "gold"), (0.75, 0.8, "gold"), (0.9, 0.8, "gold")],
+        materials,
+        basis,
+    )
+    regions = convert(function, "regions", _SPAN)
+    assert isinstance(regions, TransferFunction2D) and len(regions.regions) == 2
+    assert [list(part.mix) for part in list_parts(regions)] == [["copper"], ["gold"]]
+    table, wanted = regions.bake(1.0), function.bake(1.0)
+    at = np.linspace(0, 1, 201)
+    domain = np.linspace(*table.domain, table.opacity.shape[1])
+    there = np.interp(at, domain, table.opacity[0])
+    here = np.interp(at, np.linspace(*wanted.domain, len(wanted.opacity)), wanted.opacity)
+    assert np.abs(there - here).mean() < 0.1
+    # Beyond its last point a curve goes on: the greatest value is no soft side.
+    assert there[-1] == pytest.approx(0.8, abs=0.02)
+    again = convert(regions, "points", _SPAN)
+    table = again.bake(1.0)
+    back = np.interp(at, np.linspace(*table.domain, len(table.opacity)), table.opacity)
+    assert np.abs(back - here).mean() < 0.1
+
+
+def test_a_hard_region_becomes_a_curve_with_steep_sides(state: ViewState) -> None:
+    regions = of_kind(state, "regions").transfer
+    assert isinstance(regions, TransferFunction2D)
+    hard = replace(regions, regions=[replace(regions.regions[0], softness=0.0)])
+    points = list_parts(convert(hard, "points", _SPAN))
+    # From 0.2 to 0.5; sides as steep as points can be told apart on the screen.
+    np.testing.assert_allclose(
+        [p.values[0] for p in points], [0.2, 0.2, 0.5, 0.5], atol=1e-3 + 1e-9
+    )
+    np.testing.assert_allclose([p.opacity for p in points], [0, 0.1, 0.1, 0], atol=1e-12)
+
+
+def test_boundaries_of_a_curve_stay_boundaries_as_regions(state: ViewState) -> None:
+    function = replace(state.transfer, gradient_opacity=((0.0, 0.0), (0.4, 1.0)))
+    regions = convert(function, "regions", _SPAN)
+    assert isinstance(regions, TransferFunction2D)
+    assert {region.gradients for region in regions.regions} == {(0.2, math.inf)}
+
+
+def test_kinds_change_by_name_as_one_step(state: ViewState) -> None:
+    for kind in ("regions", "surfaces", "points"):
+        history = History(state).then(run_command(state, f"transfer-{kind}").state, 1)
+        assert transfer_kind(history.present.transfer) == kind
+        assert history.undo().present.transfer is state.transfer
+        state = history.present
+    labels = of_kind(state, "labels")
+    for action in COMMANDS:
+        if action.menu == "Transfer" and action.name != "reset-transfer":
+            assert action.change is not None and after(action.change, labels).state is labels, (
+                action.name
+            )
+
+
+def test_a_curve_of_more_bands_than_it_has_points_for_shows_all_of_them(state: ViewState) -> None:
+    """Every second corner was left out, and with them whole bands."""
+    count = 24
+    edges = np.linspace(0.0, 1.0, count + 1)
+    regions = [
+        Region((low + 0.005, high - 0.005), (0.0, math.inf), 0.1 + 0.03 * i, "gold", 0.3)
+        for i, (low, high) in enumerate(itertools.pairwise(edges))
+    ]
+    many = TransferFunction2D(regions, state.transfer.materials, state.transfer.basis)
+    curve_ = convert(many, "points", _SPAN)
+    assert isinstance(curve_, TransferFunction)
+    values, opacities = np.array([point[:2] for point in curve_.points]).T
+    assert len(values) == MOST_PARTS[TransferFunction]
+    for region in regions:
+        inside = (values > region.values[0]) & (values < region.values[1])
+        assert opacities[inside].max() == pytest.approx(region.opacity)
+    # Of more than there is room for, what shows least goes.
+    bands = [Region((e, e + 0.01), (0, math.inf), 0.5, "gold") for e in np.linspace(0, 0.9, 40)]
+    wide = Region((0.95, 1.0), (0, math.inf), 0.9, "copper")
+    whole = TransferFunction2D([*bands, wide], state.transfer.materials, state.transfer.basis)
+    surfaces = convert(whole, "surfaces", _SPAN)
+    assert isinstance(surfaces, Isosurfaces) and surfaces.surfaces[-1][2] == {"copper": 1.0}
+
+
+_SPAN = (0.0, 1.0)
+
+
+def factors_of(state: ViewState) -> list[tuple[float, float]]:
+    return list(curve_of(state).gradient_opacity or ())
+
+
+def filtered(state: ViewState) -> TransferFunction:
+    glass = Spectrum([390, 710], [0.2, 0.9])
+    return replace(curve_of(state), filters={"copper": glass})
+
+
+def test_opacity_by_gradient_hides_what_is_flat_and_is_one_step_of_undo(state: ViewState) -> None:
+    on = transfer_edits.toggle_gradient_opacity(state)
+    table = curve_of(on).bake(1.0)
+    assert table.opacity[0].max() == 0.0 and table.opacity[-1].max() == pytest.approx(0.6)
+    assert curve_of(transfer_edits.toggle_gradient_opacity(on)).gradient_opacity is None
+    history = History(state).then(on, 1)
+    assert history.undo().present.transfer is state.transfer
+
+
+def test_the_scenes_own_factors_come_back(state: ViewState) -> None:
+    own = replace(curve_of(state), gradient_opacity=((0.0, 0.5), (9.0, 1.0)))
+    state = replace(state, document=replace(state.document, transfer=own), transfer=own)
+    off = transfer_edits.toggle_gradient_opacity(state)
+    assert factors_of(off) == []
+    assert factors_of(transfer_edits.toggle_gradient_opacity(off)) == [(0.0, 0.5), (9.0, 1.0)]
+
+
+def test_filters_and_opacity_by_gradient_do_not_go_together(state: ViewState) -> None:
+    state = replace(state, transfer=filtered(state))
+    assert transfer_edits.toggle_gradient_opacity(state) is state
+
+
+def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(state: ViewState) -> None:
+    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.joint.top
+    over = transfer_edits.move_gradient_point(on, 0, 9 * top, 7.0)
+    (first, factor), (last, _) = factors_of(over)
+    assert factor == 1.0 and first == pytest.approx(last - top / 128)
+    end = transfer_edits.move_gradient_point(on, 1, 9 * top, -1.0)
+    assert factors_of(end)[1] == (top, 0.0)
+    # The last is never at 0, where a table would have no rows.
+    low = transfer_edits.move_gradient_point(
+        transfer_edits.move_gradient_point(on, 0, -1.0, 0.0), 0, -1.0, 0.0
+    )
+    assert factors_of(low)[0] == (0.0, 0.0)
+    assert factors_of(transfer_edits.move_gradient_point(low, 1, -1.0, 0.0))[1][0] > 0
+    assert transfer_edits.move_gradient_point(on, 2, 0.1, 0.1) is on
+
+
+def test_factors_are_added_where_there_is_room_and_two_stay(state: ViewState) -> None:
+    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.joint.top
+    more = transfer_edits.add_gradient_point(on, 0.7 * top, 0.3)
+    assert factors_of(more)[2] == (0.7 * top, 0.3)
+    assert transfer_edits.add_gradient_point(more, 0.7 * top, 0.9) is more
+    assert transfer_edits.remove_gradient_point(more, 2).transfer is not more.transfer
+    for i in range(2 * transfer_edits.MOST_FACTORS):
+        more = transfer_edits.add_gradient_point(more, i / 31 * top, 0.5)
+    assert len(factors_of(more)) == transfer_edits.MOST_FACTORS
+    # As near as they can be, a table has rows for each of them: baking would warn.
+    assert all(b - a >= top / 128 for (a, _), (b, _) in pairwise(factors_of(more)))
+    curve_of(more).bake(1.0)
+    two = transfer_edits.remove_gradient_point(on, 1)
+    assert two is on
+
+
+def _volumes() -> dict[str, Volume]:
+    rng = np.random.default_rng(5)
+    body = np.where(phantom.ball(16).values > 0.5, 60.0, -1000.0)
+    body[7:9, 7:9, 7:9] = 1400.0
+    return {
+        "floats": phantom.ball(12),
+        "bytes": Volume(rng.integers(0, 256, (8, 9, 10), dtype=np.uint8)),
+        "hounsfield": Volume((body + rng.normal(0, 10, body.shape)).astype(np.int16)),
+        "two labels": Volume((body > 0).astype(np.uint8)),
+        "constant": Volume(np.full((4, 4, 4), 7, np.uint8)),
+        "tiny": Volume(np.array([0.0, 1e-6] * 4, np.float32).reshape(2, 2, 2)),
+        "far": Volume(1e4 + phantom.ball(8).values.astype(np.float32)),
+    }
+
+
+@pytest.mark.parametrize("name", _volumes())
+def test_every_preset_fits_every_volume(state: ViewState, name: str) -> None:
+    volume = _volumes()[name]
+    low, high = presets.value_span(volume)
+    for preset in presets.PRESETS:
+        made = presets.fit_preset(preset, volume, histogram(volume), state.transfer.basis)
+        assert made.bake(1.0).opacity.max() > 0
+        values = [value for part in list_parts(made) for value in part.values]
+        assert low <= values[0] and values[-1] <= high and values == sorted(values)
+        assert presets.preset_title(made) == preset.title
+
+
+def test_presets_take_hounsfield_units_as_they_are() -> None:
+    volume = _volumes()["hounsfield"]
+    assert presets.in_hounsfield(volume)
+    bone = presets.preset_points(presets.BY_NAME["bone"], volume, histogram(volume))
+    assert [value for value, _, _ in bone] == [200, 380, 650, 1200]
+    names = [preset.name for preset in presets.sorted_presets(volume)]
+    assert names.index("bone") < names.index("metal")
+    assert not presets.in_hounsfield(phantom.ball(8))
+
+
+def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Document) -> None:
+    state = ViewState.first(document, (32, 32))
+    shifted = transfer_edits.shift(state, 0.2)
+    new = run_command(shifted, "preset-skin").state
+    assert list(new.transfer.materials) == ["skin"] and new.shift == 0
+    assert new.transfer.basis.method == "materials"
+    assert new.transfer.basis.grid == document.grid
+    image = raycast(document.volume, new.transfer, new.view.camera(document.volume), (32, 32))
+    assert image.alpha.max() > 0.9
+
+
+def test_the_joint_histogram_knows_a_ramps_gradient() -> None:
+    """0.25 per voxel of 0.5 mm."""
+    ramp = np.broadcast_to(0.25 * np.arange(8, dtype=np.float32), (5, 6, 8))
+    joint = joint_histogram(Volume(ramp, spacing_mm=(0.5, 1, 1)))
+    assert joint.top == pytest.approx(0.5)
+    assert joint.counts[:-1].sum() == 0 and joint.counts[-1].sum() > 0
+    assert joint_histogram(Volume(np.zeros((2, 2, 2), np.uint8))).top == 1.0
+
+
+def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) -> None:
+    from volspec.viewer.ui import transfer_regions as regions
+
+    opened = replace(document, volume=Volume(phantom.ball(8).values))
+    closed = weakref.ref(opened.volume.values)
+    assert regions.shades(opened.joint, True).max() == pytest.approx(1.0)
+    del opened
+    gc.collect()
+    assert closed() is None

@@ -1,4 +1,4 @@
-"""Views, handles over the picture, the cube and the scale bar: what is seen is what is dragged."""
+"""Views, handles over the picture, the orientation cube and the scale bar."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.support.viewer import run_command
 from volspec.raycast import ClipPlane
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import camera, cuts, projection, slices, transfer_edits
+from volspec.viewer.model import camera, cuts, slices, transfer_edits
 from volspec.viewer.model.camera import fit_view, shown_mm
-from volspec.viewer.model.commands import BY_KEY, BY_NAME
-from volspec.viewer.model.cuts import drag_handle, handles_of, nearest_handle
+from volspec.viewer.model.commands import BY_KEY
+from volspec.viewer.model.cuts import drag_handle, list_handles, nearest_handle
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.edit import Command, after
-from volspec.viewer.model.projection import Projection
+from volspec.viewer.model.edit import after
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import View
+from volspec.viewer.model.view import HALF, Projection, View, cube_faces, cube_middle, face_at
 from volspec.viewer.ui import overlays
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
 from volspec.volume import Volume
@@ -54,13 +54,8 @@ def seen_of(state: ViewState) -> Projection:
     return Projection(state.view.camera(state.document.volume), AREA)
 
 
-def done(command: Command, state: ViewState) -> ViewState:
-    assert command.change is not None
-    return after(command.change, state).state
-
-
 def place(seen: Projection, point: NDArray[np.float64]) -> tuple[float, float]:
-    x, y, _ = seen.placed(point)
+    x, y, _ = seen.to_window(point)
     return float(x), float(y)
 
 
@@ -85,9 +80,9 @@ def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
     tilted: ViewState, view: View, face: int
 ) -> None:
     """Also in perspective, where pixels are not alike along the way."""
-    state = cuts.with_aids(replace(tilted, view=view), crop=True)
+    state = cuts.with_overlays(replace(tilted, view=view), crop=True)
     seen, volume = seen_of(state), state.document.volume
-    found = handles_of(state, seen, 1.0)
+    found = list_handles(state, seen, 1.0)
     handle = next(each for each in found if each.index == face)
     axis, far = divmod(face, 2)
     middle = (np.array(volume.shape_xyz) - 1) / 2
@@ -100,16 +95,16 @@ def test_a_face_dragged_by_what_ten_voxels_cover_moves_by_ten(
         state.shading, volume, handle, place(seen, cuts.world_mm(volume, middle)), seen
     )
     moved = cuts.move_crop(state, face, x)
-    assert cuts.crop_of(moved.shading, volume)[axis][far] == pytest.approx(wanted, abs=0.5)
+    assert cuts.crop_bounds(moved.shading, volume)[axis][far] == pytest.approx(wanted, abs=0.5)
     assert abs(x - wanted) < 1e-6  # the half voxel is for hands; geometry is exact
 
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
-    state = done(BY_NAME["plane-x"], replace(tilted, view=view))
+    state = run_command(replace(tilted, view=view), "plane-x").state
     seen, volume = seen_of(state), state.document.volume
     tilt_handle = None
-    for handle in handles_of(state, seen, 1.0):
+    for handle in list_handles(state, seen, 1.0):
         plane = state.shading.clip_planes[0]
         if handle.name == "plane-shift":
             there = np.asarray(plane.point_mm) + 5.0 * np.asarray(plane.normal)
@@ -134,9 +129,9 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
 
 def test_a_plane_that_faces_the_eye_goes_away_as_the_mouse_goes_up(state: ViewState) -> None:
     for view in VIEWS:
-        facing = done(BY_KEY["p"], replace(state, view=view))
+        facing = run_command(replace(state, view=view), "p").state
         seen, volume = seen_of(facing), state.document.volume
-        shift, tilt = handles_of(facing, seen, 1.0)
+        shift, tilt = list_handles(facing, seen, 1.0)
         assert math.dist(shift.place, tilt.place) > 20
         assert nearest_handle((shift, tilt), tilt.place, 1.0) is tilt
         to = shift.place[0], shift.place[1] - 30
@@ -160,7 +155,7 @@ def test_six_planes_are_the_most_and_flipping_twice_is_nothing(state: ViewState)
         state = replace(state, view=View(azimuth_deg=10.0 * azimuth))
         state, refusal = after(add.change, state)
         assert bool(refusal) == (azimuth > 5)
-    assert len(state.shading.clip_planes) == 6 and state.interface.aids.plane == 5
+    assert len(state.shading.clip_planes) == 6 and state.interface.overlays.plane == 5
     twice = cuts.flip_plane(cuts.flip_plane(state, 2), 2)
     assert twice.shading == state.shading
     assert len(cuts.remove_plane(state, 5).shading.clip_planes) == 5
@@ -202,26 +197,19 @@ def test_a_click_on_a_face_of_the_cube_looks_at_it(state: ViewState) -> None:
     for up in ((0.0, 0.0, 1.0), (0.0, -1.0, 0.0)):
         for view in (replace(each, up=up) for each in VIEWS):
             seen = seen_of(replace(state, view=view))
-            shown = projection.cube_faces(seen.camera)
+            shown = cube_faces(seen.camera)
             assert 1 <= len(shown) <= 3
             for face, corners, _ in shown:
-                x, y = projection.cube_middle(seen, 1.0) + projection.HALF * corners.mean(axis=0)
-                assert projection.face_at(seen, (x, y), 1.0) == face
+                x, y = cube_middle(seen, 1.0) + HALF * corners.mean(axis=0)
+                assert face_at(seen, (x, y), 1.0) == face
                 there = seen_of(camera.look_at_face(replace(state, view=view), face))
                 # Now it alone is seen, and whole.
-                assert [each[0] for each in projection.cube_faces(there.camera)] == [face]
-    assert projection.face_at(seen, (400.0, 300.0), 1.0) is None
+                assert [each[0] for each in cube_faces(there.camera)] == [face]
+    assert face_at(seen, (400.0, 300.0), 1.0) is None
 
 
 def test_a_face_is_named_by_where_it_looks() -> None:
-    assert [overlays.cube_label(face, True) for face in range(6)] == [
-        "R",
-        "L",
-        "A",
-        "P",
-        "I",
-        "S",
-    ]
+    assert [overlays.cube_label(face, True) for face in range(6)] == ["R", "L", "A", "P", "I", "S"]
     assert [overlays.cube_label(face, False) for face in (0, 1, 5)] == ["-x", "+x", "+z"]
 
 
@@ -286,12 +274,12 @@ def test_odd_volumes_have_handles_outlines_and_crops(state: ViewState, name: str
             (cuts.shift_plane, 0, 1e6),
             (slices.move_slice, 0, 0.7),
         ):
-            odd = edit(done(BY_KEY["p"], odd), *given)
+            odd = edit(run_command(odd, "p").state, *given)
         odd.shading.kept(volume)
         seen = seen_of(odd)
-        found = handles_of(cuts.with_aids(odd, crop=True), seen, 1.0)
+        found = list_handles(cuts.with_overlays(odd, crop=True), seen, 1.0)
         assert np.isfinite([each.place for each in found]).all()
-        assert len(cuts.box_edges(cuts.crop_of(odd.shading, volume), volume, seen)) == 12
+        assert len(cuts.box_edges(cuts.crop_bounds(odd.shading, volume), volume, seen)) == 12
 
 
 def test_a_scenes_plane_far_off_is_held_near_the_volume(document: Document) -> None:
@@ -324,7 +312,7 @@ def test_what_is_shown_is_fitted(tilted: ViewState, view: View, aspect: float) -
     assert (found.azimuth_deg, found.elevation_deg) == (view.azimuth_deg, view.elevation_deg)
     area = 0, 0, 1000 * aspect, 1000
     box = cuts.box_corners_mm(((29.5, 41.5), (19.5, 30.5), (2.5, 8.5)), volume).reshape(-1, 3)
-    places = Projection(found.camera(volume), area).placed(box)[:, :2]
+    places = Projection(found.camera(volume), area).to_window(box)[:, :2]
     low, high = places.min(axis=0), places.max(axis=0)
     sides = (high - low) / np.array(area[2:])
     assert sides.max() == pytest.approx(0.85, abs=1e-3)

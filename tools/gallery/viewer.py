@@ -77,7 +77,7 @@ def grouped(robot: Robot) -> None:
 
 
 def wished(robot: Robot) -> None:
-    """A colour wished for one material under one light."""
+    """A target colour for one material under one light."""
     click(robot, PALETTE)
     click(robot, "cell 6")  # the inserts under the tungsten lamp
     x, y, width, height = robot.area("picker")
@@ -85,7 +85,7 @@ def wished(robot: Robot) -> None:
 
 
 def regions(robot: Robot) -> None:
-    """The foot, its boundaries told apart by value and gradient."""
+    """The foot, its boundaries separated by value and gradient."""
     click(robot, TRANSFER)
     command(robot, "muscle bone")
     keys(robot, "3", "4")

@@ -33,10 +33,9 @@ from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.casts import CastScheduler
 from volspec.viewer.work.designs import DesignService
 from volspec.viewer.work.documents import Opened, open_path
-from volspec.viewer.work.meter import Meter
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, collect_warnings
-from volspec.viewer.work.pictures import give_back_large
-from volspec.viewer.work.screen import Area, Screen
+from volspec.viewer.work.pictures import return_large_blocks
+from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
 
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
@@ -61,11 +60,11 @@ class Options:
     size: tuple[int, int] = (1280, 720)  # of the window, at 96 dpi
     screenshot: tuple[int, int] | None = None  # pixels of pictures that S writes; None is as shown
     device: str | None = None
-    restore: bool = False  # go on from the last session, if there is one
+    restore: bool = False  # resume the last session, if there is one
 
     @property
     def resumes(self) -> bool:
-        """True if the viewer goes on from a session."""
+        """True if the viewer resumes a session."""
         return self.restore or (self.path or "").lower().endswith(SUFFIX)
 
 
@@ -77,7 +76,7 @@ def view(options: Options) -> None:
     VolspecError
         If no window can be opened, or the path cannot be.
     """
-    give_back_large()
+    return_large_blocks()
     turn = sys.getswitchinterval()
     sys.setswitchinterval(_TURN_S)
     try:
@@ -101,12 +100,17 @@ class _App:
         self._ui = UiContext()
         self._meter, self._notice = Meter(trace), Notice(trace)
         if window.note:
-            self._notice.say(window.note)
-        self._screen = Screen(window.context, Window.wake, self._meter, trace, self._notice)
-        self._designs = DesignService(Window.wake, self._notice, trace)
+            self._notice.show(window.note)
+        self._screen = Screen(window.context, Window.wake, self._meter, self._notice)
+        self._designs = DesignService(Window.wake, self._notice)
         self._file_commands = FileCommands(
-            *(tasks, self._screen.pictures, self._ui, self._notice, trace),
-            *(options.device, options.screenshot, self._designs.file),
+            tasks,
+            self._screen.pictures,
+            self._ui,
+            self._notice,
+            device=options.device,
+            size=options.screenshot,
+            palette=self._designs.file,
         )
         if options.restore:
             self._file_commands.documents.resume_last(options.path)
@@ -140,7 +144,7 @@ class _App:
         """Draw frames until the window closes."""
         try:
             while not self._window.closing:
-                asked, patience = time.perf_counter(), self._patience()
+                waited, patience = time.perf_counter(), self._patience()
                 inputs = self._window.wait(patience)
                 began = time.perf_counter()
                 news = self._take()
@@ -161,7 +165,7 @@ class _App:
                 self._scheduler.tick(ended, self._mouse.held)
                 if self._history is not None:
                     self._file_commands.documents.tick(self._history.present, ended, self._moves)
-                self._meter.answered(began - asked - patience, time.perf_counter() - began)
+                self._meter.note_wait(began - waited - patience, time.perf_counter() - began)
                 self._rest()
         finally:
             faulty = isinstance(sys.exception(), Exception)
@@ -195,19 +199,19 @@ class _App:
             self._relight(self._shown)  # now, so that it is shown a frame earlier
         news, opened = self._file_commands.take(first=self._history is None)
         if self._history is not None:
-            history = self._designs.taken(self._history)
+            history = self._designs.take(self._history)
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
         warned = [self._warned.get() for _ in range(self._warned.qsize())]
         if warned:
-            self._notice.say("; ".join(warned))
+            self._notice.show("; ".join(warned))
             for message in warned:
                 self._trace.note("warning", message=message)
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
-        news |= self._screen.tabled()
-        return self._notice.ended(time.perf_counter()) or news or bool(casts or warned)
+        news |= self._screen.take_tables()
+        return self._notice.expire(time.perf_counter()) or news or bool(casts or warned)
 
     def _open(self, opened: Opened) -> None:
         before = self._present
@@ -239,7 +243,7 @@ class _App:
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
             if self._docks.settled:
-                self._designs.follow(self._history.present)  # a fade's end, not what is shown
+                self._designs.follow(self._history.present)  # the fade's end
                 now = self._during_fade(self._history.present, started)
                 change = self._history.difference
                 if change is None or change.old is not self._shown or change.new is not now:
@@ -250,17 +254,17 @@ class _App:
         else:
             self._mouse.take(inputs)
             self._early += [given for given in inputs if given.name == "drop"]
-        painted = self._screen.painted(area, self._shown)
+        painted = self._screen.painted_picture(area, self._shown)
         if painted is None:
-            overlays.in_place(self._screen.absence(self._shown), self._ui)
+            overlays.write_centred(self._screen.missing_message(self._shown), self._ui)
         if self._notice.text and self._notice.text != self._screen.fault:  # which the picture shows
             overlays.message(self._notice.text, self._ui)
         self._file_commands.draw(self._present)
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
-        if said := self._window.error:
-            self._trace.note("gl-error", message=said)
-        self._meter.frame(started, self._ui.areas)
+        if problem := self._window.error:
+            self._trace.note("gl-error", message=problem)
+        self._meter.note_frame(started, self._ui.areas)
         if self._shown is not None:
             # If a CPU draws it, it does so while the next frame's panels are made.
             self._relight(self._shown)
@@ -308,39 +312,40 @@ class _App:
                 continue
             elif given.key in BY_KEY:
                 state = self._ui.run(state, BY_KEY[given.key])
-        state = self._mouse.applied(state, inputs, area)
+        state = self._mouse.apply(state, inputs, area)
         return self._docks.panels(state, self._ui)
 
     def _do_requests(self) -> None:
         """Run the commands that are no edits of the state."""
-        asked, self._ui.requests = self._ui.requests, []
+        requests, self._ui.requests = self._ui.requests, []
         assert self._history is not None
-        for name in asked:
+        for request in requests:
+            name = request.name
             if name in ("undo", "redo"):
                 self._step_history(self._history, back=name == "undo")
             elif name == "quit":
                 self._window.leave()
-            elif name in self._designs.asks:
-                self._designs.do(name, self._history.present)
+            elif name in self._designs.commands:
+                self._designs.run(name, self._history.present)
             elif name == "focus":
                 self._focus.next(self._docks.open_panels(self._history.present))
             elif name == "menu":
                 self._ui.menu = True
                 self._focus.enter(menu=True)
             elif name == "copy-picture" and not self._screen.ready:
-                self._ui.requests.append(name)  # until it is
+                self._ui.requests.append(request)  # until it is
             else:
-                self._file_commands.do(name, self._history.present)
+                self._file_commands.run(request, self._history.present)
 
     def _step_history(self, history: History, back: bool) -> None:
         """Undo or redo a step."""
-        self._history = history.undone() if back else history.redone()
+        self._history = history.undo() if back else history.redo()
         if self._history is history:
-            said = f"Nothing to {'undo' if back else 'redo'}"
+            message = f"Nothing to {'undo' if back else 'redo'}"
         else:
             assert self._history.difference is not None
-            said = f"{'Undone' if back else 'Redone'}: {self._history.difference.name}"
-        self._notice.say(said, SHORT_SECONDS)
+            message = f"{'Undone' if back else 'Redone'}: {self._history.difference.name}"
+        self._notice.show(message, SHORT_SECONDS)
         self._designs.forget()
 
     def _update(self, change: Difference, now: float) -> None:
@@ -350,7 +355,7 @@ class _App:
             self._scheduler.change(change.new, now, self._moves)
             self._screen.whole = False
         if change.relights:
-            self._screen.stale()
+            self._screen.mark_stale()
 
     def _relight(self, state: ViewState) -> None:
         """Draw the picture of a state for the next frame."""

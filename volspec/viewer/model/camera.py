@@ -2,7 +2,7 @@
 
     mouse, keys -> [camera] -> View
 
-A fitted view shows what the transfer function leaves visible, and no more of the volume.
+A fitted view frames the voxels that the transfer function leaves visible.
 """
 
 from __future__ import annotations
@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 
 from volspec.raycast import RaycastSpec
 from volspec.transfer import SurfaceTable, Transfer
-from volspec.viewer.model.cuts import aid_command, crop_of, world_mm
+from volspec.viewer.model.cuts import crop_bounds, overlay_command, world_mm
 from volspec.viewer.model.edit import Change, Command, bind, edit
-from volspec.viewer.model.projection import face_normal
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import ZOOMS, View, clamp, orbit_deg, radius_mm, vector
+from volspec.viewer.model.view import ZOOMS, View, clamp, face_normal, orbit_deg, radius_mm, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
-# Voxels sampled along each axis: what lies between them is a part of a percent of the picture.
+# Voxels sampled along each axis; the error is less than a percent of the picture.
 _MOST = 64
 # Below this fraction of the greatest opacity is haze.
 _HAZE = 0.02
@@ -61,7 +60,7 @@ def _span_within(along: Array, depth: Array, slope: float) -> tuple[float, float
 
 
 def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> float:
-    """Return the place that centres the points as seen from a distance."""
+    """Return the offset that centres the points in perspective from a distance."""
     place = 0.0
     for _ in range(_ITERATIONS):
         nearest, place = _span_within(along, depth, slope)
@@ -71,12 +70,12 @@ def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> f
 
 
 def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
-    """(N, 3) points around what is visible; the volume's corners if nothing is."""
+    """(N, 3) points around the visible voxels; the volume's corners if nothing is."""
     steps = [-(-size // _MOST) for size in volume.values.shape]
     k, j, i = steps
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
-    visible = _visible(values, volume, transfer)
-    crop = crop_of(shading, volume)
+    visible = _visible_voxels(values, volume, transfer)
+    crop = crop_bounds(shading, volume)
     for axis, (low, high) in enumerate(reversed(crop)):
         at = np.arange(values.shape[axis]) * steps[axis]
         visible[(slice(None),) * axis + ((at < low - 1) | (at > high + 1),)] = False
@@ -85,7 +84,7 @@ def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
     last = values.shape[2] - 1 - visible[..., ::-1].argmax(axis=2)[rows]
     k_rows, j_rows = np.nonzero(rows)
     places = np.concatenate([np.stack([at, j_rows, k_rows], axis=1) for at in (first, last)])
-    # What is visible may reach half way to the next sampled voxel.
+    # A visible voxel may reach half way to the next sampled one.
     halves = np.array(list(np.ndindex(2, 2, 2))) - 0.5
     index = ((places[:, None] + halves) * [i, j, k]).reshape(-1, 3)
     points = world_mm(volume, np.clip(index, *np.transpose(crop)))
@@ -94,7 +93,9 @@ def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
     return points if len(points) else volume.corners_mm
 
 
-def _visible(values: NDArray[np.generic], volume: Volume, transfer: Transfer) -> NDArray[np.bool_]:
+def _visible_voxels(
+    values: NDArray[np.generic], volume: Volume, transfer: Transfer
+) -> NDArray[np.bool_]:
     """(z, y, x) True if a voxel is visible, or a surface passes next to it."""
     table = transfer.bake(min(volume.spacing_mm))
     if isinstance(table, SurfaceTable):
@@ -116,13 +117,13 @@ def _visible(values: NDArray[np.generic], volume: Volume, transfer: Transfer) ->
     return shown[np.clip(at, 0, len(shown) - 1).astype(np.int32)]
 
 
-# A drag over the picture's height turns by these degrees, and multiplies the zoom by e to this.
+# A drag over the picture's height turns by this angle, and multiplies the zoom by e to this power.
 _TURN_DEG, _ZOOM_RATE = 180.0, 2.0
-# A notch of the wheel zooms as a drag over this share of the picture's height, rolls by these
+# A notch of the wheel zooms as a drag over this fraction of the picture's height, rolls by these
 # degrees, or multiplies the field of view by e to this.
 _NOTCH, _NOTCH_DEG, _NOTCH_FOV = 0.06, 5.0, 0.06
-# A key turns by these degrees, pans by this share of the picture's height, or changes the field of
-# view by so many notches.
+# A key turns by these degrees, pans by this fraction of the picture's height, or changes the
+# field of view by so many notches.
 _KEY_DEG, _KEY_PAN, _KEY_FOV = 15.0, 0.05, 3.0
 _FOVS_DEG = (5.0, 120.0)
 _POLE_DEG = 89.9
@@ -132,7 +133,7 @@ _FURTHEST = 4.0
 
 @edit
 def orbit(state: ViewState, across: float, down: float) -> ViewState:
-    """Turn the view by a drag, in shares of the picture's height."""
+    """Turn the view by a drag, in fractions of the picture's height."""
     view = state.view
     # A rolled picture follows the mouse as well.
     roll = math.radians(view.roll_deg)
@@ -145,7 +146,7 @@ def orbit(state: ViewState, across: float, down: float) -> ViewState:
 
 @edit
 def pan(state: ViewState, across: float, down: float) -> ViewState:
-    """Move the view by a drag, in shares of the picture's height."""
+    """Move the view by a drag, in fractions of the picture's height."""
     volume = state.document.volume
     camera = state.view.camera(volume)
     right, up, _ = camera.frame()
@@ -160,7 +161,7 @@ def pan(state: ViewState, across: float, down: float) -> ViewState:
 
 @edit
 def zoom(state: ViewState, _across: float, down: float) -> ViewState:
-    """Zoom by a drag, in shares of the picture's height."""
+    """Zoom by a drag, in fractions of the picture's height."""
     factor = math.exp(clamp(-_ZOOM_RATE * down, -10.0, 10.0))
     return _with_view(state, zoom=clamp(state.view.zoom * factor, *ZOOMS))
 
@@ -209,16 +210,8 @@ def _turn(right_deg: float, down_deg: float) -> Change:
     return bind(orbit, right_deg / _TURN_DEG, down_deg / _TURN_DEG)
 
 
-def _look_from(azimuth_deg: float, elevation_deg: float) -> Change:
-    return bind(_with_view, azimuth_deg=azimuth_deg, elevation_deg=elevation_deg, roll_deg=0.0)
-
-
 def _projection(state: ViewState) -> ViewState:
     return _with_view(state, orthographic=not state.view.orthographic)
-
-
-def _reset(state: ViewState) -> ViewState:
-    return replace(state, view=state.document.view)
 
 
 def _fit(state: ViewState) -> ViewState:
@@ -228,26 +221,31 @@ def _fit(state: ViewState) -> ViewState:
     return replace(state, view=view)
 
 
-# Title, F3D's key, with Ctrl for the other side; azimuth and elevation in degrees.
-_SIDES = (
-    ("Front", "1", 0.0, 0.0),
-    ("Right", "3", 90.0, 0.0),
-    ("Top", "7", 0.0, 90.0),
-    ("Isometric", "9", 45.0, 35.264),
-    ("Back", "ctrl+1", 180.0, 0.0),
-    ("Left", "ctrl+3", -90.0, 0.0),
-    ("Bottom", "ctrl+7", 0.0, -90.0),
-)
+def _side(title: str, key: str, azimuth_deg: float, elevation_deg: float) -> Command:
+    """Return the command that looks from a side, with F3D's key, or Ctrl and the opposite's."""
+    angles = {"azimuth_deg": azimuth_deg, "elevation_deg": elevation_deg, "roll_deg": 0.0}
+    return Command(f"view-{title.lower()}", "View", title, (key,), bind(_with_view, **angles))
+
+
 COMMANDS = (
-    *(
-        Command(f"view-{title.lower()}", "View", title, (key,), _look_from(azimuth, elevation))
-        for title, key, azimuth, elevation in _SIDES
-    ),
+    _side("Front", "1", 0.0, 0.0),
+    _side("Right", "3", 90.0, 0.0),
+    _side("Top", "7", 0.0, 90.0),
+    _side("Isometric", "9", 45.0, 35.264),
+    _side("Back", "ctrl+1", 180.0, 0.0),
+    _side("Left", "ctrl+3", -90.0, 0.0),
+    _side("Bottom", "ctrl+7", 0.0, -90.0),
     Command(
         "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic
     ),
-    Command("fit", "View", "Fit what is shown", ("f",), _fit),
-    Command("reset-view", "View", "The scene's own view", ("enter",), _reset),
+    Command("fit", "View", "Fit the visible part", ("f",), _fit),
+    Command(
+        "reset-view",
+        "View",
+        "The scene's own view",
+        ("enter",),
+        lambda state: replace(state, view=state.document.view),
+    ),
     Command("roll-left", "View", "Roll 90° to the left", ("4",), bind(roll, -90.0)),
     Command("roll-right", "View", "Roll 90° to the right", ("6",), bind(roll, 90.0)),
     Command("turn-up", "View", "Turn 90° upwards", ("8",), _turn(0.0, 90.0)),
@@ -258,9 +256,9 @@ COMMANDS = (
     Command(
         "fov-narrower", "View", "Narrower field of view", ("ctrl+=",), bind(widen_notches, _KEY_FOV)
     ),
-    aid_command("cube", "View", "Orientation cube"),
-    aid_command("scale", "View", "Scale bar"),
-    # In no menu, as it would only grow long.
+    overlay_command("cube", "View", "Orientation cube"),
+    overlay_command("scale", "View", "Scale bar"),
+    # Not in a menu, which would grow too long.
     Command("orbit-left", "", "Orbit to the left", ("left",), _turn(_KEY_DEG, 0.0)),
     Command("orbit-right", "", "Orbit to the right", ("right",), _turn(-_KEY_DEG, 0.0)),
     Command("orbit-up", "", "Orbit upwards", ("up",), _turn(0.0, _KEY_DEG)),

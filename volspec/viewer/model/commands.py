@@ -38,7 +38,7 @@ def rank_matches(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -
 
 
 def _rating(words: Sequence[str], text: str) -> float | None:
-    """Return how well words fit a text, more if better; None if one does not."""
+    """Rate how well words match a text, higher is better; None if one does not match."""
     total = 0.0
     for word in words:
         at = text.find(word)
@@ -70,10 +70,10 @@ def _panel(title: str) -> Command:
     def change(state: ViewState) -> ViewState:
         return with_interface(state, panels=state.interface.panels ^ {title})
 
-    return Command(
-        *(f"panel-{title.lower()}", "Window", f"{title} panel", (), change),
-        lambda state: title in state.interface.panels,
-    )
+    def is_open(state: ViewState) -> bool:
+        return title in state.interface.panels
+
+    return Command(f"panel-{title.lower()}", "Window", f"{title} panel", (), change, is_open)
 
 
 _FILES = (
@@ -86,7 +86,7 @@ _FILES = (
     Command("restore", "File", "Restore the last session", ("ctrl+shift+r",)),
     Command("screenshot", "File", "Save the picture", ("s",)),
     Command("picture", "File", "Save the picture as …", ("ctrl+i",)),
-    Command("cancel", "File", "Give up the picture that is being cast"),
+    Command("cancel", "File", "Cancel the picture that is being cast"),
     Command("clear-recent", "File", "Clear the recent files"),
     Command("quit", "File", "Quit", ("ctrl+q",)),
 )
@@ -126,7 +126,7 @@ _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     replace(_panel("Slices"), keys=("o",)),
     _switch("dark", "Window", "Dark theme", "t"),
-    _switch("probe", "Window", "What is under the mouse", "i"),
+    _switch("probe", "Window", "Values under the mouse", "i"),
     Command("commands", "Window", "Commands …", ("ctrl+p", "f1")),
     Command("focus", "Window", "Next panel by keyboard", ("f6",)),
     Command("menu", "Window", "Menus by keyboard", ("f10",)),
@@ -150,10 +150,10 @@ BY_NAME = {command.name: command for command in COMMANDS}
 BY_KEY = {key: command for command in COMMANDS for key in command.keys}
 
 
-def key_text_of(key: str) -> str:
+def format_key(key: str) -> str:
     """Return a key as it is printed on menus.
 
-    >>> key_text_of("ctrl+shift+z"), key_text_of("enter")
+    >>> format_key("ctrl+shift+z"), format_key("enter")
     ('Ctrl+Shift+Z', 'Enter')
     """
     return "+".join(part.capitalize() for part in key.split("+"))

@@ -19,9 +19,8 @@ from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
-from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Vector, clamp, radius_mm, vector
+from volspec.viewer.model.view import Place, Projection, Vector, clamp, radius_mm, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -33,7 +32,7 @@ _SAME = 1e-3
 LEAST = 1.0
 
 
-def crop_of(shading: RaycastSpec, volume: Volume) -> Crop:
+def crop_bounds(shading: RaycastSpec, volume: Volume) -> Crop:
     """Return the crop's bounds along each axis, in voxels; the whole volume if there is none."""
     last = np.array(volume.shape_xyz) - 1.0
     low, high = np.transpose(shading.crop_voxels or [(0.0, end) for end in last])
@@ -81,7 +80,7 @@ def box_edges(
 
 
 def _facing(crop: Crop, volume: Volume, projection: Projection) -> NDArray[np.bool_]:
-    """(6,) True for each face that is seen from outside; compared in voxel coordinates."""
+    """(6,) True for each face whose outside faces the camera, by voxel coordinates."""
     camera, index_from_world = projection.camera, volume.index_from_world
     if camera.height_mm is None:
         eye = index_from_world[:3, :3] @ camera.position_mm + index_from_world[:3, 3]
@@ -132,7 +131,7 @@ ARM, APART, _GRIP = 64.0, 26.0, 11.0
 class Handle:
     """A handle of the crop box or of a clip plane, in the window.
 
-    ``held`` is the projection of what it moves; it differs from ``place`` if handles would overlap.
+    ``held`` is the projection of the face or axis, unlike ``place`` if handles would overlap.
     ``arm`` is the distance of a tilting handle's end from the plane's middle, in pixels.
     """
 
@@ -143,22 +142,22 @@ class Handle:
     arm: float = 0.0
 
 
-def handles_of(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
+def list_handles(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
     """Return the handles of the crop box and the clip planes in front of the camera.
 
     Only the chosen plane can be tilted, and its handles come first. ``scale`` is the number of the
     window's pixels for each at 96 dpi.
     """
-    aids, shading, volume = state.interface.aids, state.shading, state.document.volume
+    overlays, shading, volume = state.interface.overlays, state.shading, state.document.volume
     found: list[Handle] = []
-    if aids.planes:
+    if overlays.planes:
         for i, plane in enumerate(shading.clip_planes):
             both = _plane_handles(i, plane, volume, projection, scale)
-            found = [*both, *found] if i == aids.plane else [*found, *both[:1]]
-    if aids.crop:
-        bounds = crop_of(shading, volume)
+            found = [*both, *found] if i == overlays.plane else [*found, *both[:1]]
+    if overlays.crop:
+        bounds = crop_bounds(shading, volume)
         for face in range(6):
-            x, y, depth = (float(v) for v in projection.placed(_face_mm(bounds, face, volume)))
+            x, y, depth = (float(v) for v in projection.to_window(_face_mm(bounds, face, volume)))
             if depth > 0:
                 found.append(Handle("crop", face, (x, y), (x, y)))
     return tuple(found)
@@ -173,17 +172,19 @@ def drag_handle(
     elevation of its normal in degrees. ``shading`` and ``handle`` are those at the drag's start.
     """
     if handle.name == "crop":
-        bounds = crop_of(shading, volume)
+        bounds = crop_bounds(shading, volume)
         axis, far = divmod(handle.index, 2)
         column = volume.world_from_index[:3, axis]
         spacing = float(np.linalg.norm(column))
-        by = projection.along(_face_mm(bounds, handle.index, volume), column / spacing, place)
+        by = projection.nearest_on_line(
+            _face_mm(bounds, handle.index, volume), column / spacing, place
+        )
         return bounds[axis][far] + by / spacing, 0.0
     plane = shading.clip_planes[handle.index]
     anchor, normal = anchor_mm(plane, volume), np.asarray(plane.normal)
     if handle.name == "plane-shift":
-        return distance_mm(plane, volume) + projection.along(anchor, normal, place), 0.0
-    middle = projection.placed(anchor)
+        return distance_mm(plane, volume) + projection.nearest_on_line(anchor, normal, place), 0.0
+    middle = projection.to_window(anchor)
     x, y = (place[k] - float(middle[k]) for k in (0, 1))
     right, up, forward = projection.camera.frame()
     # An arcball around the plane's middle; the end of its axis that faces the eye follows.
@@ -207,7 +208,7 @@ def _plane_handles(
     index: int, plane: ClipPlane, volume: Volume, projection: Projection, scale: float
 ) -> list[Handle]:
     """Return a handle at its middle to shift it, and one at the end of its axis to tilt it."""
-    x, y, depth = (float(v) for v in projection.placed(anchor_mm(plane, volume)))
+    x, y, depth = (float(v) for v in projection.to_window(anchor_mm(plane, volume)))
     if depth <= 0:
         return []
     right, up, forward = projection.camera.frame()
@@ -234,7 +235,7 @@ def move_crop(state: ViewState, face: int, at: float) -> ViewState:
     if not 0 <= face < 6:
         return state
     volume, (axis, far) = state.document.volume, divmod(face, 2)
-    crop = list(crop_of(state.shading, volume))
+    crop = list(crop_bounds(state.shading, volume))
     low, high = crop[axis]
     last = volume.shape_xyz[axis] - 1.0
     if far:
@@ -259,8 +260,8 @@ def add_plane(state: ViewState, normal: Vector) -> ViewState:
                 "A clip plane lies here already; move that one first", code="duplicate"
             )
     if len(planes) >= MAX_PLANES:
-        raise InputError(f"{MAX_PLANES} clip planes are the most; remove one first")
-    chosen = with_aids(state, plane=len(planes), planes=True)
+        raise InputError(f"{MAX_PLANES} clip planes are the most; remove one first", code="size")
+    chosen = with_overlays(state, plane=len(planes), planes=True)
     return _with_cuts(chosen, clip_planes=(*planes, new))
 
 
@@ -313,7 +314,7 @@ def choose_plane(state: ViewState, index: int) -> ViewState:
     """Choose the clip plane that has handles."""
     if not 0 <= index < len(state.shading.clip_planes):
         return state
-    return with_aids(state, plane=index)
+    return with_overlays(state, plane=index)
 
 
 def move_handle(state: ViewState, handle: Handle, x: float, y: float) -> ViewState:
@@ -343,18 +344,18 @@ def _with_plane(
     return _with_cuts(state, clip_planes=rows)
 
 
-def with_aids(state: ViewState, **changes: Any) -> ViewState:
+def with_overlays(state: ViewState, **changes: Any) -> ViewState:
     """Return the state with fields of its `Aids` changed."""
-    return with_interface(state, aids=replace(state.interface.aids, **changes))
+    return with_interface(state, overlays=replace(state.interface.overlays, **changes))
 
 
-def aid_command(aid: str, menu: str, title: str, keys: tuple[str, ...] = ()) -> Command:
+def overlay_command(aid: str, menu: str, title: str, keys: tuple[str, ...] = ()) -> Command:
     """Return the command that shows or hides one of the `Aids`."""
 
     def shown(state: ViewState) -> bool:
-        return bool(getattr(state.interface.aids, aid))
+        return bool(getattr(state.interface.overlays, aid))
 
-    return Command(aid, menu, title, keys, lambda s: with_aids(s, **{aid: not shown(s)}), shown)
+    return Command(aid, menu, title, keys, lambda s: with_overlays(s, **{aid: not shown(s)}), shown)
 
 
 def _add_facing(state: ViewState) -> Edited:
@@ -366,11 +367,11 @@ def _add_across(state: ViewState, axis: int) -> Edited:
 
 
 def _on_chosen_plane(change: Callable[[ViewState, int], ViewState]) -> Change:
-    return lambda state: change(state, state.interface.aids.plane)
+    return lambda state: change(state, state.interface.overlays.plane)
 
 
 COMMANDS = (
-    aid_command("crop", "Cut", "Crop box", ("c",)),
+    overlay_command("crop", "Cut", "Crop box", ("c",)),
     Command(
         "reset-crop", "Cut", "Undo the crop", ("ctrl+shift+x",), bind(_with_cuts, crop_voxels=None)
     ),
@@ -382,5 +383,5 @@ COMMANDS = (
     Command("flip-plane", "Cut", "Flip the clip plane", (), _on_chosen_plane(flip_plane)),
     Command("remove-plane", "Cut", "Remove the clip plane", (), _on_chosen_plane(remove_plane)),
     Command("remove-planes", "Cut", "Remove all clip planes", (), bind(_with_cuts, clip_planes=())),
-    aid_command("planes", "Cut", "Clip planes' handles"),
+    overlay_command("planes", "Cut", "Clip planes' handles"),
 )

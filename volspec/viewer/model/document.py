@@ -27,7 +27,7 @@ from volspec.scene.lights import rows_by_name
 from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer
 from volspec.viewer.model import presets
-from volspec.viewer.model.light_rows import Rows, rows_of
+from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
 from volspec.volume import Volume
 
@@ -62,12 +62,12 @@ def joint_histogram(volume: Volume) -> JointHistogram:
     at = [np.arange(min(1, n - 2), max(n - 1, 1), every) for n in values.shape]
     square = np.zeros([len(indices) for indices in at])
     for axis, spacing in enumerate(volume.spacing_mm[::-1]):
-        before, after = (_sampled(values, at, axis, by) for by in (-1, 1))
+        before, after = (_sample_shifted(values, at, axis, by) for by in (-1, 1))
         square += ((after - before) / (2 * spacing)) ** 2
     gradients = np.sqrt(square).ravel()
     top = float(np.quantile(gradients, _SHOWN)) or 1.0
     low, high = volume.range
-    fractions = (_sampled(values, at, 0, 0).ravel() - low) / max(high - low, 1e-30)
+    fractions = (_sample_shifted(values, at, 0, 0).ravel() - low) / max(high - low, 1e-30)
     columns, rows = _JOINT_BINS
     column = np.minimum((fractions * columns).astype(np.intp), columns - 1)
     row = np.minimum((gradients / top * rows).astype(np.intp), rows - 1)
@@ -75,7 +75,7 @@ def joint_histogram(volume: Volume) -> JointHistogram:
     return JointHistogram(counts.reshape(rows, columns).astype(np.float64), top)
 
 
-def _sampled(
+def _sample_shifted(
     values: NDArray[Any], at: list[NDArray[np.intp]], axis: int, by: int
 ) -> NDArray[np.float64]:
     """Return the voxels at indices, which are shifted along one axis and clamped to it."""
@@ -103,7 +103,7 @@ class Document:
     relight: RelightSpec
     histogram: NDArray[np.float64]  # (256,) voxels by value over the volume's range
     file: SceneFile | None = None  # opened, or made for a volume
-    path: Path | None = None  # of the scene or the volume; relative names start from its folder
+    path: Path | None = None  # scene or volume; relative file names start from its folder
     fault: str = ""  # why nothing can be cast on this machine; empty if it can
     joint: JointHistogram = field(init=False)
 
@@ -144,7 +144,7 @@ class Document:
             view=view or _file_view(scene, volume),
             transfer=scene.transfer,
             shading=scene.raycast,
-            lights=rows_of(scene.lights, rows_by_name(scene.file.light)),
+            lights=rows_from_scene(scene.lights, rows_by_name(scene.file.light)),
             relight=scene.relight,
             histogram=histogram(volume),
             file=scene.file,
@@ -154,7 +154,7 @@ class Document:
 
 
 def demo() -> Path:
-    """Return the path of the scene that is opened if none is named."""
+    """Return the path of the bundled scene, which opens by default."""
     return Path(asset("data/scenes/engine.toml")).absolute()
 
 
@@ -178,7 +178,7 @@ def plain_scene(path: str, volume: Volume) -> SceneFile:
 
 
 def histogram(volume: Volume) -> NDArray[np.float64]:
-    """Return (256,) numbers of voxels by value; every n-th along each axis if there are many."""
+    """Count voxels in (256,) bins of value; large volumes are subsampled along each axis."""
     every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
     sampled = volume.values[::every, ::every, ::every]
     low, high = volume.range

@@ -1,9 +1,9 @@
-"""Edits of a state, and the commands by which menus, keys and the command palette ask for them.
+"""Edits of a state, and the commands by which menus, keys and the command palette run them.
 
     input, panels -> [edit] -> state
 
 An edit is a typed function of a state, such as ``lights.set_weight(state, index, weight)``; it is
-total: what makes no sense leaves the state as it is.
+total: arguments that make no sense leave the state as it is.
 """
 
 from __future__ import annotations
@@ -102,6 +102,6 @@ class Command:
     name: str
     menu: str  # one of `volspec.viewer.model.commands.MENUS`; empty if it is in none
     title: str
-    keys: tuple[str, ...] = ()  # as `volspec.viewer.ui.inputs.Input.key`; the first is shown
+    keys: tuple[str, ...] = ()  # as `volspec.viewer.ui.inputs.Input.key`; menus show the first
     change: Change | None = None  # None if the app carries it out by its name
-    on: Callable[[ViewState], bool] | None = None  # returns True if a menu is to show it ticked
+    on: Callable[[ViewState], bool] | None = None  # True if menus tick it

@@ -66,12 +66,12 @@ class Difference:
 
     @property
     def stage(self) -> Stage | None:
-        """Return the first stage whose result is not shared; None if nothing need be drawn."""
+        """Return the first stage that must run again; None if nothing need be drawn."""
         return self._stage_of(self.fields)
 
     @property
     def relights(self) -> bool:
-        """Return True if the picture that is shown must be lit again, also while another is cast.
+        """Return True if the current picture must be relit, also while another is cast.
 
         Reflectances of materials that are channels are read when the picture is lit.
         """
@@ -81,13 +81,13 @@ class Difference:
 
     @property
     def undoable(self) -> bool:
-        """Return True if it is a step of undo: a size or the window's own settings are none."""
+        """Return True if it is a step of undo: the window's size and own settings are not."""
         stage = self._stage_of(self.fields - {"size"})
         return stage not in (None, "frame") or "saved_lights" in self.fields
 
     @property
     def name(self) -> str:
-        """Return what has changed in words for the user."""
+        """Return the user's name of what has changed."""
         for name, fields in _WORDS:
             if not self.fields.isdisjoint(fields):
                 return name
@@ -111,10 +111,10 @@ class History:
     past: tuple[ViewState, ...] = ()
     future: tuple[ViewState, ...] = ()
     gesture: int = -1  # number of the one that made the present state
-    difference: Difference | None = None  # from the state present before, whatever replaced it
+    difference: Difference | None = None  # from the previous present state
 
     def then(self, state: ViewState, gesture: int) -> History:
-        """Go on to a state; a gesture is one step, whatever number of states it goes through."""
+        """Continue with a state; a gesture is one step, whatever number of states it makes."""
         difference = Difference.between(self.present, state)
         if not difference.undoable:
             return replace(self, present=state, difference=difference)
@@ -124,22 +124,22 @@ class History:
         return History(state, past, (), gesture, difference)
 
     def step(self, state: ViewState) -> History:
-        """Go on to a state that no gesture made, as a step of its own."""
+        """Continue with a state that no gesture made, as a step of its own."""
         past = (*self.past, self.present)[-MOST_STEPS:]
         return History(state, past, difference=Difference.between(self.present, state))
 
-    def amended(self, state: ViewState) -> History:
-        """Replace the present state: what followed from its step took some time."""
+    def amend(self, state: ViewState) -> History:
+        """Replace the present state by a late result of its step."""
         return replace(self, present=state, difference=Difference.between(self.present, state))
 
-    def undone(self) -> History:
+    def undo(self) -> History:
         """Go one step back; the window stays as it is."""
         if not self.past:
             return self
         return self._at(self.past[-1], self.past[:-1], (*self.future, self.present))
 
-    def redone(self) -> History:
-        """Go one step forth again."""
+    def redo(self) -> History:
+        """Go one step forward again."""
         if not self.future:
             return self
         return self._at(self.future[-1], (*self.past, self.present), self.future[:-1])

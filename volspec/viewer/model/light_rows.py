@@ -25,9 +25,9 @@ from volspec.viewer.model.view import clamp
 KELVIN = (1000.0, 20000.0)
 MOST_ROWS = 99
 LUX = (0.01, 200_000.0)
-# Of one spectrum relative to the others of its row.
+# The greatest weight of one spectrum of a row.
 MOST_WEIGHT = 2.0
-# Relative to a light's V-weighted mean of 1: laser lines reach some hundreds.
+# The greatest power of a band, for a V-weighted mean of 1: laser lines reach some hundreds.
 MOST_POWER = 1e4
 Place = tuple[float, float]
 
@@ -54,14 +54,15 @@ class LightRow:
     # Each spectrum of the rig in `volspec.light`'s notation; None if it was drawn. Relative names
     # of files start from the document's folder.
     texts: tuple[str | None, ...] = ()
-    before: LightRow | None = None  # the row before its spectrum was drawn
-    named: bool = False  # by hand: the name stays if the spectrum becomes another
+    before: LightRow | None = None  # this row before its spectrum was drawn
+    named: bool = False  # by the user: the name stays if the spectrum changes
 
     def __post_init__(self) -> None:
         count = len(self.rig.lights)
         texts = tuple(self.texts) or (None,) * count
         if len(texts) != count:
-            raise ViewingError(f"light {self.name!r} has {len(texts)} texts for {count} spectra")
+            problem = f"light {self.name!r} has {len(texts)} texts for {count} spectra"
+            raise ViewingError(problem, code="shape", field="LightRow.texts", given=texts)
         object.__setattr__(self, "texts", texts)
 
 
@@ -86,7 +87,9 @@ class Fade:
     seconds: float
 
 
-def rows_of(lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightTable]]) -> Rows:
+def rows_from_scene(
+    lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightTable]]
+) -> Rows:
     """Return a scene's lights as rows, of which the first is on.
 
     Parameters
@@ -98,7 +101,7 @@ def rows_of(lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightTab
     for i, named in enumerate(lights):
         given = [table.spectrum for table in tables.get(named.name, ())]
         texts = tuple(each if isinstance(each, str) else None for each in given)
-        kelvin = kelvin_of(texts[0]) if len(texts) == 1 else None
+        kelvin = kelvin_from_text(texts[0]) if len(texts) == 1 else None
         weight = 1.0 if i == 0 else 0.0
         rows.append(
             LightRow(named.name, named.label, named.rig, weight, kelvin=kelvin, texts=texts)
@@ -106,10 +109,10 @@ def rows_of(lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightTab
     return tuple(rows)
 
 
-def kelvin_of(text: str | None) -> float | None:
+def kelvin_from_text(text: str | None) -> float | None:
     """Return the temperature that ``planck:KELVIN`` names; None for any other light.
 
-    >>> kelvin_of("planck:3200"), kelvin_of("D65")
+    >>> kelvin_from_text("planck:3200"), kelvin_from_text("D65")
     (3200.0, None)
     """
     prefix, _, number = (text or "").partition(":")
@@ -133,7 +136,7 @@ def effective_weights(rows: Rows) -> tuple[float, ...]:
     return tuple(0.0 if row.muted or (solo and not row.solo) else row.weight for row in rows)
 
 
-def rig_of(rows: Rows) -> LightRig | None:
+def light_rig(rows: Rows) -> LightRig | None:
     """Return the mix that lights the picture; None if every light is off.
 
     It has lux if all lights that shine have them.
@@ -143,7 +146,7 @@ def rig_of(rows: Rows) -> LightRig | None:
 
 
 def parts_by_group(rig: LightRig) -> dict[str, LightRig]:
-    """Return what shines from each light group alone, as rigs without groups."""
+    """Split a rig into one rig for each light group that shines, without groups."""
     lux = rig.illuminance_lux
     parts = {}
     for group in dict.fromkeys(rig.groups):
@@ -162,7 +165,7 @@ def parts_by_group(rig: LightRig) -> dict[str, LightRig]:
 
 
 def row_at(rows: Rows, index: int, part: int = 0) -> LightRow | None:
-    """Return the row if it is there and has such a part."""
+    """Return a row; None if the list has no such row, or the row no such part."""
     if not 0 <= index < len(rows) or not 0 <= part < len(rows[index].rig.lights):
         return None
     return rows[index]
@@ -177,7 +180,7 @@ def merge_groups(rig: LightRig, grid: SpectralGrid) -> LightRig:
 
 
 def with_item(items: tuple[T, ...], index: int, item: T) -> tuple[T, ...]:
-    """Return a tuple with another item in one's place."""
+    """Return a tuple with one item replaced."""
     return (*items[:index], item, *items[index + 1 :])
 
 
@@ -187,7 +190,7 @@ def without_item(items: tuple[T, ...], index: int) -> tuple[T, ...]:
 
 
 def with_changes(rows: Rows, index: int, **changes: Any) -> Rows:
-    """Change fields of a row, if there is such a row."""
+    """Change fields of a row; nothing if there is no such row."""
     if not 0 <= index < len(rows):
         return rows
     return with_item(rows, index, replace(rows[index], **changes))
@@ -216,11 +219,11 @@ def unused_name(name: str, taken: Collection[str]) -> str:
     return next(each for each in itertools.chain((name,), numbered) if each not in taken)
 
 
-def spectrum_of(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spectrum, str]:
-    """Return a light in `volspec.light`'s notation, and that notation as it is saved.
+def light_from_text(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[Spectrum, str]:
+    """Return a light from `volspec.light`'s notation, and the notation to save.
 
-    A file's relative name starts from the document's folder. If it is only where the program
-    runs, that is where it starts, and it is saved as an absolute one.
+    A file's relative name starts from the document's folder. If the file is only in the working
+    directory, the notation gets its absolute name.
 
     Raises
     ------
@@ -255,20 +258,20 @@ def facing_lux(rig: LightRig, shares: Mapping[str, float]) -> float | None:
 
 
 def lux_note(rows: Rows, shares: Mapping[str, float], spec: RelightSpec) -> str:
-    """Return a sentence on what counts as the scene's illuminance."""
+    """Return a sentence on the source of the scene's illuminance."""
     viewing_lux = spec.viewing.illuminance_lux
     lit = [row for row, weight in zip(rows, effective_weights(rows), strict=True) if weight > 0]
     without = [row.name for row in lit if row.rig.illuminance_lux is None]
     if lit and not without:
-        rig = rig_of(rows)
+        rig = light_rig(rows)
         total = facing_lux(rig, shares) if rig else None
-        return f"Together {total or 0.0:.4g} lx: what the eye adapts to"
+        return f"Total {total or 0.0:.4g} lx, to which the eye adapts"
     if without and spec.level == "absolute":
         return f"Level “absolute” needs lux, and {without[0]} has none"
     if len(without) < len(lit):
         names = without[0] + (" …" if len(without) > 1 else "")
-        return f"As {names} has no lux, Viewing's {viewing_lux:.4g} lx count for all"
-    return f"No lux given: Viewing's {viewing_lux:.4g} lx count"
+        return f"{names} has no lux, so Viewing's {viewing_lux:.4g} lx apply to all lights"
+    return f"No light has lux, so Viewing's {viewing_lux:.4g} lx apply"
 
 
 def draw_stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.float64]:
@@ -285,7 +288,7 @@ def draw_stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArra
     Returns
     -------
     (N,) float64
-        At least 0; bands that the pen did not come over are unchanged.
+        At least 0; bands that the pen did not pass are unchanged.
 
     Examples
     --------

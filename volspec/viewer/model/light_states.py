@@ -14,36 +14,26 @@ from typing import Any
 from volspec.errors import InputError, VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum
+from volspec.viewer.model import light_rows
 from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
-from volspec.viewer.model.light_rows import (
-    Fade,
-    LightRow,
-    LightState,
-    Rows,
-    at_kelvin,
-    brightest_row,
-    effective_weights,
-    with_item,
-    without_item,
-)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
 MOST_SECONDS = 10.0
 MOST_STATES = 99
-# Settings of the viewing that the eye takes by ratios, and those that go evenly.
+# Settings of the viewing that are interpolated by ratio, and linearly.
 _BY_RATIO = ("illuminance_lux", "exposure")
 _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
 
 
-def recalled_rows(now: Rows, saved: Rows) -> Rows:
-    """Return a saved state's lights; those that it does not know stay in the list, off."""
+def recalled_rows(now: light_rows.Rows, saved: light_rows.Rows) -> light_rows.Rows:
+    """Return a saved state's lights; present lights that it lacks stay in the list, off."""
     known = _matching_rows(now, saved)
     rest = [row for i, row in enumerate(now) if i not in known]
     return (*saved, *(replace(row, weight=0.0, solo=False, muted=False) for row in rest))
 
 
-def _matching_rows(start: Rows, end: Rows) -> list[int | None]:
+def _matching_rows(start: light_rows.Rows, end: light_rows.Rows) -> list[int | None]:
     """Return the index at the start of each light of the end; None if it is new.
 
     Lights match by rig and name, else by the name before their spectrum was drawn, else by rig (a
@@ -51,7 +41,7 @@ def _matching_rows(start: Rows, end: Rows) -> list[int | None]:
     """
     left = dict(enumerate(start))
     found: dict[int, int] = {}
-    tests: tuple[Callable[[LightRow, LightRow], bool], ...] = (
+    tests: tuple[Callable[[light_rows.LightRow, light_rows.LightRow], bool], ...] = (
         lambda old, new: old.rig is new.rig and old.name == new.name,
         lambda old, new: _root(old) == _root(new),
         lambda old, new: old.rig is new.rig,
@@ -69,12 +59,14 @@ def _matching_rows(start: Rows, end: Rows) -> list[int | None]:
 
 
 def interpolate_lights(
-    start: tuple[Rows, RelightSpec], end: tuple[Rows, RelightSpec], share: float
-) -> tuple[Rows, RelightSpec]:
+    start: tuple[light_rows.Rows, RelightSpec],
+    end: tuple[light_rows.Rows, RelightSpec],
+    share: float,
+) -> tuple[light_rows.Rows, RelightSpec]:
     """Interpolate between two settings of lights and viewing.
 
-    Weights, lux, spectra and the viewing's numbers go evenly; temperatures by equal mireds; lux of
-    the viewing and exposure by equal ratios; words change at the start.
+    Weights, lux, spectra and the viewing's numbers change linearly; temperatures by mireds; lux of
+    the viewing and exposure by ratio; words change at the start.
 
     Parameters
     ----------
@@ -86,11 +78,11 @@ def interpolate_lights(
     if share >= 1.0:
         return end
     rows, old = end[0], start[0]
-    weights = [(1 - share) * weight for weight in effective_weights(old)]
+    weights = [(1 - share) * weight for weight in light_rows.effective_weights(old)]
     left = dict(enumerate(old))
-    between: list[tuple[LightRow, float]] = []
+    between: list[tuple[light_rows.LightRow, float]] = []
     matches = _matching_rows(old, rows)
-    for i, row, weight in zip(matches, rows, effective_weights(rows), strict=True):
+    for i, row, weight in zip(matches, rows, light_rows.effective_weights(rows), strict=True):
         if i is None:
             between.append((row, share * weight))
         else:
@@ -101,18 +93,20 @@ def interpolate_lights(
     return mixed, _relight_between(start[1], end[1], share)
 
 
-def _root(row: LightRow) -> str:
+def _root(row: light_rows.LightRow) -> str:
     return row.before.name if row.before else row.name
 
 
-def _row_between(old: LightRow, new: LightRow, share: float) -> LightRow:
+def _row_between(
+    old: light_rows.LightRow, new: light_rows.LightRow, share: float
+) -> light_rows.LightRow:
     a, b = old.rig, new.rig
     if a is b:
         return new
     if old.kelvin and new.kelvin:
         # Equal steps of 1/T look alike.
         kelvin = 1.0 / ((1 - share) / old.kelvin + share / new.kelvin)
-        new = at_kelvin(new, kelvin)
+        new = light_rows.at_kelvin(new, kelvin)
         b = new.rig
     shapes = [[spectrum.values.shape for spectrum in rig.lights] for rig in (a, b)]
     if shapes[0] != shapes[1] or a.groups != b.groups:
@@ -149,7 +143,7 @@ def _relight_between(old: RelightSpec, new: RelightSpec, share: float) -> Religh
     try:
         viewing = replace(b, **changes) if changes else b
         return replace(new, viewing=viewing, backdrop=backdrop)
-    except VolspecError:  # the words of one do not go with numbers of the other
+    except VolspecError:  # words of the end contradict interpolated numbers
         return new
 
 
@@ -170,10 +164,12 @@ def save(state: ViewState) -> ViewState:
     """Save the present lights and viewing as a state."""
     saved = state.saved_lights
     if len(saved) >= MOST_STATES:
-        raise InputError(f"{MOST_STATES} saved states are the most; delete one first")
+        raise InputError(f"{MOST_STATES} saved states are the most; delete one first", code="size")
     taken = {each.name for each in saved}
     name = next(name for i in itertools.count(1) if (name := f"State {i}") not in taken)
-    return replace(state, saved_lights=(*saved, LightState(name, state.lights, state.relight)))
+    return replace(
+        state, saved_lights=(*saved, light_rows.LightState(name, state.lights, state.relight))
+    )
 
 
 @edit
@@ -184,9 +180,9 @@ def save_over(state: ViewState, index: int) -> ViewState:
 
 @edit
 def rename(state: ViewState, index: int, name: str) -> ViewState:
-    """Rename a saved state, if the name is one and free."""
+    """Rename a saved state, unless the name is empty or taken."""
     name = " ".join(name.split())
-    if not name or any(kept.name == name for kept in state.saved_lights):
+    if not name or any(saved.name == name for saved in state.saved_lights):
         return state
     return _change(state, index, name=name)
 
@@ -196,7 +192,7 @@ def delete(state: ViewState, index: int) -> ViewState:
     """Delete a saved state."""
     if not 0 <= index < len(state.saved_lights):
         return state
-    return replace(state, saved_lights=without_item(state.saved_lights, index))
+    return replace(state, saved_lights=light_rows.without_item(state.saved_lights, index))
 
 
 @edit
@@ -205,10 +201,10 @@ def recall(state: ViewState, index: int) -> ViewState:
     if not 0 <= index < len(state.saved_lights):
         return state
     saved = state.saved_lights[index]
-    fade = Fade(state.lights, state.relight, state.interface.fade_s)
+    fade = light_rows.Fade(state.lights, state.relight, state.interface.fade_s)
     rows = recalled_rows(state.lights, saved.lights)
     recalled = replace(state, lights=rows, relight=saved.relight, fade=fade)
-    return with_interface(recalled, light=brightest_row(rows))
+    return with_interface(recalled, light=light_rows.brightest_row(rows))
 
 
 @edit
@@ -218,12 +214,12 @@ def set_fade(state: ViewState, seconds: float) -> ViewState:
 
 
 def _change(state: ViewState, index: int, **changes: Any) -> ViewState:
-    """Change fields of a saved state, if there is such a one."""
+    """Change fields of a saved state; nothing if there is no such state."""
     saved = state.saved_lights
     if not 0 <= index < len(saved):
         return state
     new = replace(saved[index], **changes)
-    return replace(state, saved_lights=with_item(saved, index, new))
+    return replace(state, saved_lights=light_rows.with_item(saved, index, new))
 
 
 COMMANDS = (
@@ -236,7 +232,7 @@ COMMANDS = (
 
 
 def during_fade(state: ViewState, elapsed_s: float) -> ViewState:
-    """Return a state so long after its fade began; the state itself once that is over.
+    """Return the interpolated state at a time after its fade began; itself once that is over.
 
     The state has the fade's end from its first moment, so that a fade is one step of undo.
     """

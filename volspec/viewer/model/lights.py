@@ -1,26 +1,22 @@
-"""Edits and commands of the list of lights: weights, solo, mute, dial, the divide.
+"""Edits and commands of the list of lights: weights, solo, mute, mixes, dial, the divide.
 
 mouse, keys, panels -> [lights] -> state
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import cache
 
-from volspec.errors import InputError, SpectrumError
+from volspec.errors import InputError, SpectrumError, VolspecError
 from volspec.relight import LightRig
+from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
-from volspec.viewer.model import light_states
+from volspec.spectra.lights import light_terms
+from volspec.viewer.model import light_parts, light_states
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
-from volspec.viewer.model.light_mixes import dial_weights, mix_row
-from volspec.viewer.model.light_parts import (
-    change_row,
-    other_names,
-    put_row,
-    reset_spectrum,
-    titles_of,
-)
 from volspec.viewer.model.light_rows import (
     MOST_ROWS,
     LightRow,
@@ -28,16 +24,112 @@ from volspec.viewer.model.light_rows import (
     at_kelvin,
     brightest_row,
     effective_weights,
+    light_from_text,
+    light_rig,
+    merge_groups,
     only_row,
-    rig_of,
     row_at,
-    spectrum_of,
     unused_name,
     with_changes,
     without_item,
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
+
+_DIGITS = 4
+
+
+def mix_row(rows: Rows, grid: SpectralGrid, folder: str = ".") -> LightRow | None:
+    """Return a light that alone gives the present mix; None if every light is off."""
+    rig = light_rig(rows)
+    if rig is None:
+        return None
+    whole = merge_groups(rig, grid)
+    spectra: list[Spectrum] = []
+    texts: list[str | None] = []
+    for group, mixed in zip(whole.groups, whole.lights, strict=True):
+        text = _mix_text(rows, rig.total_lux, group, folder)
+        try:
+            spectrum = light(text, grid, folder=folder) if text else mixed
+        except VolspecError:  # a name that cannot be in a mix
+            text, spectrum = None, mixed
+        spectra.append(spectrum)
+        texts.append(text)
+    label = texts[0] if len(texts) == 1 and texts[0] else "saved mix"
+    return LightRow("Mix", label, replace(whole, lights=tuple(spectra)), texts=tuple(texts))
+
+
+def _mix_text(rows: Rows, total_lux: float | None, group: str, folder: str) -> str | None:
+    """Return the mix that shines from a group in `volspec.light`'s notation.
+
+    Weights are fractions of ``total_lux`` if that is given. None if nothing shines, or a
+    spectrum was drawn.
+    """
+    shares: dict[str, float] = {}
+    for row, weight in zip(rows, effective_weights(rows), strict=True):
+        for j, text in enumerate(row.texts):
+            amount = weight * row.rig.weights[j]
+            if row.rig.groups[j] != group or amount <= 0:
+                continue
+            if text is None:
+                return None
+            if total_lux and row.rig.illuminance_lux:
+                amount *= row.rig.illuminance_lux[j] / total_lux
+            terms = light_terms(text, folder)
+            # With lux, weights are relative to the mix: they need not sum to 1.
+            whole = sum(part for _, part in terms) if total_lux else 1.0
+            for name, part in terms:
+                shares[name] = shares.get(name, 0.0) + amount * part / whole
+    rounded = [(name, f"{share:.{_DIGITS}g}") for name, share in shares.items() if share > 0]
+    return "+".join(name if share == "1" else f"{name}*{share}" for name, share in rounded) or None
+
+
+@cache
+def rim_places(count: int) -> tuple[tuple[float, float], ...]:
+    """Return the lights' places on the dial's rim, clockwise from the top; y runs down."""
+    angles = [2 * math.pi * i / count for i in range(count)]
+    return tuple((math.sin(angle), -math.cos(angle)) for angle in angles)
+
+
+def dial_weights(count: int, x: float, y: float) -> tuple[float, ...]:
+    """Return the weights of a place on the dial, whose rim has radius 1; they sum to 1.
+
+    The polygon of the lights is a fan of triangles around the centre, where all weights are
+    equal; in each triangle weights are linear. Places outside go to its edge.
+
+    >>> dial_weights(4, 0.0, -1.0)
+    (1.0, 0.0, 0.0, 0.0)
+    >>> dial_weights(3, 0.0, 0.0)
+    (0.333..., 0.333..., 0.333...)
+    """
+    if count < 2:
+        return (1.0,) * count
+    rim = rim_places(count)
+    if count == 2:
+        share = clamp((1.0 - y) / 2, 0.0, 1.0)
+        return (share, 1.0 - share)
+    sector = int(math.atan2(x, -y) % (2 * math.pi) / (2 * math.pi / count)) % count
+    after = (sector + 1) % count
+    (ax, ay), (bx, by) = rim[sector], rim[after]
+    area = ax * by - bx * ay
+    first, second = max((x * by - bx * y) / area, 0.0), max((ax * y - x * ay) / area, 0.0)
+    total = first + second
+    if total > 1.0:
+        first, second, total = first / total, second / total, 1.0
+    weights = [(1.0 - total) / count] * count
+    weights[sector] += first
+    weights[after] += second
+    return tuple(weights)
+
+
+def dial_place(weights: Sequence[float]) -> tuple[float, float]:
+    """Return the place of weights on the dial, the inverse of `dial_weights`: a weighted mean."""
+    total = sum(weights)
+    if total <= 0:
+        return 0.0, 0.0
+    rim = rim_places(len(weights))
+    x, y = (sum(w * p[k] for w, p in zip(weights, rim, strict=True)) / total for k in (0, 1))
+    return x, y
 
 
 @edit
@@ -54,21 +146,21 @@ def set_kelvin(state: ViewState, index: int, kelvin: float) -> ViewState:
     if row is None or row.kelvin is None:
         return state
     new = at_kelvin(row, kelvin)
-    return put_row(state, index, new, f"{new.kelvin:g} K")
+    return light_parts.put_row(state, index, new, f"{new.kelvin:g} K")
 
 
 @edit
 def toggle_solo(state: ViewState, index: int) -> ViewState:
     """Turn a light's solo on or off."""
     row = row_at(state.lights, index)
-    return change_row(state, index, solo=not row.solo) if row else state
+    return light_parts.change_row(state, index, solo=not row.solo) if row else state
 
 
 @edit
 def toggle_mute(state: ViewState, index: int) -> ViewState:
-    """Mute a light, or no longer."""
+    """Turn a light's mute on or off."""
     row = row_at(state.lights, index)
-    return change_row(state, index, muted=not row.muted) if row else state
+    return light_parts.change_row(state, index, muted=not row.muted) if row else state
 
 
 @edit
@@ -77,19 +169,19 @@ def rename(state: ViewState, index: int, name: str) -> ViewState:
     row, name = row_at(state.lights, index), " ".join(name.split())
     if row is None or name in ("", row.name):
         return state
-    name = unused_name(name, other_names(state, index))
+    name = unused_name(name, light_parts.other_names(state, index))
     palette = state.palette.with_light_renamed(row.name, name)
-    return replace(change_row(state, index, name=name, named=True), palette=palette)
+    return replace(light_parts.change_row(state, index, name=name, named=True), palette=palette)
 
 
 @refusable
 def add(state: ViewState, text: str) -> ViewState:
     """Add a light in `volspec.light`'s notation, alone and chosen.
 
-    It gets as many lux as shine now, if all other lights have some.
+    It gets the present total of lux, if all other lights have some.
     """
-    spectrum, text = spectrum_of(text, state.document.grid, state.document.folder)
-    name, label, kelvin = titles_of(text)
+    spectrum, text = light_from_text(text, state.document.grid, state.document.folder)
+    name, label, kelvin = light_parts.titles_from_text(text)
     if split_address(text) is not None:
         name = spectrum.name or text
     rig = LightRig((spectrum,), illuminance_lux=_present_lux(state.lights))
@@ -97,11 +189,11 @@ def add(state: ViewState, text: str) -> ViewState:
 
 
 def _present_lux(rows: Rows) -> tuple[float] | None:
-    """Return the lux that shine now; None unless all lights have some."""
+    """Return the present total of lux; None unless all lights have some."""
     if any(row.rig.illuminance_lux is None for row in rows):
         return None
-    rig = rig_of(rows) or rows[0].rig
-    # A surface gets a group's share of that group's light.
+    rig = light_rig(rows) or rows[0].rig
+    # A surface gets only its group's fraction of the light.
     total = max(rig.illuminance_lux or (0.0,)) if any(rig.groups) else rig.total_lux
     return (total,) if total else None
 
@@ -111,7 +203,7 @@ def keep_mix(state: ViewState) -> ViewState:
     """Add the mix of all lights as one more light."""
     row = mix_row(state.lights, state.document.grid, state.document.folder)
     if row is None:
-        raise InputError("No light is on: there is no mix to keep")
+        raise InputError("No light is on: there is no mix to add", code="missing")
     return _add_row(state, row)
 
 
@@ -119,7 +211,7 @@ def _add_row(state: ViewState, row: LightRow) -> ViewState:
     """Add a row at the end, alone, chosen, and under a name of its own."""
     rows = state.lights
     if len(rows) >= MOST_ROWS:
-        raise SpectrumError(f"{MOST_ROWS} lights are the most; remove one first")
+        raise SpectrumError(f"{MOST_ROWS} lights are the most; remove one first", code="size")
     name = unused_name(row.name, {each.name for each in rows})
     return with_last(state, only_row((*rows, replace(row, name=name)), len(rows)))
 
@@ -174,7 +266,7 @@ def _next_light(state: ViewState) -> ViewState:
 
 @edit
 def blend(state: ViewState, x: float, y: float) -> ViewState:
-    """Blend all lights by a place on the dial: the strongest at weight 1, none solo or muted."""
+    """Blend all lights by a place on the dial: the strongest gets weight 1, solo and mute go."""
     weights = dial_weights(len(state.lights), x, y)
     most = max(weights, default=1.0)
     rows = tuple(
@@ -184,48 +276,41 @@ def blend(state: ViewState, x: float, y: float) -> ViewState:
     return replace(state, lights=rows)
 
 
-def _chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
+def _on_chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
     """Return an edit of the chosen light."""
     return lambda state: change(state, state.interface.light)
 
 
 @edit
 def set_divide(state: ViewState, share: float) -> ViewState:
-    """Move the divide between the lights that are compared, in shares of the picture's width."""
+    """Move the divide between the lights that are compared, in fractions of the width."""
     return replace(state, divide=clamp(share, 0.02, 0.98))
 
 
+def _is_comparing(state: ViewState) -> bool:
+    return state.other is not None
+
+
 def _compare(state: ViewState) -> ViewState:
-    """Keep the present lights at the right of a divide, or end that."""
+    """Begin to compare with the present lights, at the right of a divide, or end that."""
     return replace(state, other=None if state.other else state.lights, divide=0.5)
 
 
 def _swap(state: ViewState) -> ViewState:
     """Exchange the lights of both sides of the divide."""
-    if state.other is None:
-        return state
-    return replace(state, lights=state.other, other=state.lights)
+    return replace(state, lights=state.other, other=state.lights) if state.other else state
 
 
 COMMANDS = (
     Command("next-light", "Light", "Next light alone", ("space",), _next_light),
-    Command(
-        "compare",
-        "Light",
-        "Compare: keep these lights at the right",
-        ("b",),
-        _compare,
-        lambda state: state.other is not None,
-    ),
+    Command("compare", "Light", "Compare with these lights", ("b",), _compare, _is_comparing),
     Command("swap", "Light", "Swap the two sides", ("x",), _swap),
-    Command("alone", "Light", "The chosen light alone", (), _chosen(only)),
-    Command("solo", "Light", "Solo the chosen light", (), _chosen(toggle_solo)),
-    Command("mute", "Light", "Mute the chosen light", (), _chosen(toggle_mute)),
-    Command("blend-all", "Light", "All lights alike", (), bind(blend, 0.0, 0.0)),
-    Command("keep-mix", "Light", "Keep this mix as a light", ("k",), keep_mix),
-    Command(
-        "reset-spectrum", "Light", "Undo the drawing of the chosen spectrum", (), reset_spectrum
-    ),
+    Command("alone", "Light", "The chosen light alone", (), _on_chosen(only)),
+    Command("solo", "Light", "Solo the chosen light", (), _on_chosen(toggle_solo)),
+    Command("mute", "Light", "Mute the chosen light", (), _on_chosen(toggle_mute)),
+    Command("blend-all", "Light", "All lights at equal weights", (), bind(blend, 0.0, 0.0)),
+    Command("keep-mix", "Light", "Add this mix as a light", ("k",), keep_mix),
+    Command("reset-spectrum", "Light", "Reset the chosen spectrum", (), light_parts.reset_spectrum),
     Command("rename-light", "Light", "Rename the chosen light", ("f2",)),
     Command("remove-light", "Light", "Remove the chosen light", (), _remove_chosen),
     *light_states.COMMANDS,

@@ -1,4 +1,4 @@
-"""Materials of a transfer function: added by name, colour or file, and removed.
+"""Materials of a transfer function: adding them by name, colour or file, and removing them.
 
     notation -> [materials] -> Transfer -> raycast
 
@@ -31,7 +31,7 @@ from volspec.viewer.model.edit import refusable, tolerant
 from volspec.viewer.model.light_rows import unused_name
 from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import parts_of, with_mix
+from volspec.viewer.model.transfer_parts import list_parts, with_mix
 
 Value = TypeVar("Value")
 # One channel is white's.
@@ -59,7 +59,7 @@ def colour_names() -> tuple[str, ...]:
 
 
 def is_colour(text: str) -> bool:
-    """Return True if a text is meant as a colour.
+    """Return True if a text names a colour.
 
     >>> is_colour("#c08040"), is_colour("Steel Blue"), is_colour("PMC/Banana")
     (True, True, False)
@@ -114,7 +114,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     TransferError
         If there is no room for one more.
     """
-    if not 0 <= index < len(parts_of(transfer)):
+    if not 0 <= index < len(list_parts(transfer)):
         return transfer
     materials = transfer.materials
     others = {each for each, own in materials.items() if not same_spectrum(own, spectrum)}
@@ -122,11 +122,12 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     if name in materials:
         return with_mix(transfer, index, name)
     if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MOST_MATERIALS:
-        names = used_materials(part.mix for part in parts_of(transfer))
+        names = used_materials(part.mix for part in list_parts(transfer))
         if len(names) >= MOST_MATERIALS:
             raise TransferError(
                 f"{quoted(name)}: {MOST_MATERIALS} materials are in use, and no more can be cast; "
-                "give parts of one material another first"
+                "give parts of one material another first",
+                code="size",
             )
         materials = {each: materials[each] for each in names}
     more = _with_materials(transfer, {**materials, name: spectrum})
@@ -144,8 +145,8 @@ def without_material(transfer: Transfer, name: str) -> Transfer:
     if name not in transfer.materials:
         return transfer
     if why := uses_of_material(transfer, name):
-        raise TransferError(f"{quoted(name)}: {why}")
-    for index, part in enumerate(parts_of(transfer)):
+        raise TransferError(f"{quoted(name)}: {why}", code="conflict")
+    for index, part in enumerate(list_parts(transfer)):
         if name in part.mix:  # with weight 0
             transfer = with_mix(transfer, index, _without(part.mix, name))
     if isinstance(transfer, TransferFunction) and transfer.filters:
@@ -193,28 +194,28 @@ def _users(transfer: Transfer) -> Mapping[str, list[str]]:
     """Return the parts with some of each material: their numbers in panels, or their labels."""
     labels = isinstance(transfer, LabelFunction)
     users: dict[str, list[str]] = {}
-    for number, part in enumerate(parts_of(transfer), 1):
+    for number, part in enumerate(list_parts(transfer), 1):
         for name in used_materials([part.mix]):
             users.setdefault(name, []).append(f"{part.values[0]:g}" if labels else f"{number}")
     return users
 
 
 def material_message(old: Transfer, new: Transfer) -> str:
-    """Return what adding a material has changed, in words; empty if it was there already."""
+    """Return a message on what adding a material changed; empty if it was there already."""
     added = [name for name in new.materials if name not in old.materials]
     if not added:
         return ""
-    name, said = added[0], f"Added {added[0]}"
+    name, message = added[0], f"Added {added[0]}"
     if not isinstance(new.basis, MaterialBasis):
         why = "materials are too many" if len(new.materials) > MOST_MATERIALS else "filters need it"
-        said += f": basis {quoted(new.basis.name)} shows it nearly and stays, as {why}"
+        message += f": basis {quoted(new.basis.name)} approximates it and stays, as {why}"
     elif not isinstance(old.basis, MaterialBasis):
-        said += f": materials are the channels now, in place of basis {quoted(old.basis.name)}"
+        message += f": materials are the channels now, instead of basis {quoted(old.basis.name)}"
     if gone := [each for each in old.materials if each not in new.materials]:
-        said += f". Left out, as nothing is made of them: {', '.join(gone)}"
+        message += f". Left out, as nothing is made of them: {', '.join(gone)}"
     if new.materials[name].notes.get("constructed") == "nearest":
-        said += ". No surface has this colour; the nearest is taken"
-    return said
+        message += ". No surface has this colour; the nearest is used"
+    return message
 
 
 @refusable

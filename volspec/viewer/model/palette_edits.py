@@ -16,38 +16,26 @@ from volspec.palette import Cell
 from volspec.palette.model import parse_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import light_rows
+from volspec.viewer.model import light_rows, palette_targets
 from volspec.viewer.model.edit import Command, Edited, edit, tolerant, with_interface
 from volspec.viewer.model.lights import with_last
 from volspec.viewer.model.materials import with_material_basis, with_reflectances
 from volspec.viewer.model.palette_table import (
+    colour_table,
     column_names,
     initial_spectrum,
     new_name,
-    table_of,
     with_designed_light,
     with_free_spectrum,
     with_material_range,
     with_range_material,
     wizard_place,
 )
-from volspec.viewer.model.palette_targets import (
-    DISTANCES,
-    LIGHT,
-    MOST_ROUNDS,
-    REFLECTANCE,
-    SMOOTHNESS,
-    WEIGHTS,
-    DesignTargets,
-    PaletteState,
-    as_kind,
-    clip_codes,
-)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
 
-def _with_targets(state: ViewState, targets: DesignTargets) -> ViewState:
+def _with_targets(state: ViewState, targets: palette_targets.DesignTargets) -> ViewState:
     """Set the targets, and make materials the channels, so that their design needs no cast."""
     return replace(
         state,
@@ -59,7 +47,7 @@ def _with_targets(state: ViewState, targets: DesignTargets) -> ViewState:
 @edit
 def choose_cell(state: ViewState, number: int) -> ViewState:
     """Choose a cell, and light the picture by its light."""
-    table = table_of(state)
+    table = colour_table(state)
     place = table.place(number)
     if place is None:
         return state
@@ -73,8 +61,8 @@ def choose_cell(state: ViewState, number: int) -> ViewState:
 def _with_cell(
     state: ViewState, number: int, change: Callable[[Cell | None], Cell | None]
 ) -> ViewState:
-    """Change a cell's target; its material is opened if none of its spectra is open."""
-    place = table_of(state).place(number)
+    """Change a cell's target; if neither of its spectra is free, its material becomes free."""
+    place = colour_table(state).place(number)
     if place is None:
         return state
     targets = state.palette.targets
@@ -82,8 +70,8 @@ def _with_cell(
     new = change(own)
     if new == own:
         return state
-    row, column = (REFLECTANCE, place[0]), (LIGHT, place[1])
-    if new is not None and not targets.open & {row, column}:
+    row, column = (palette_targets.REFLECTANCE, place[0]), (palette_targets.LIGHT, place[1])
+    if new is not None and not targets.free & {row, column}:
         targets = with_free_spectrum(state, row)
     cells = {at: cell for at, cell in targets.cells.items() if at != place}
     if new is not None:
@@ -107,7 +95,7 @@ def set_target(state: ViewState, number: int, text: str) -> ViewState:
 @tolerant
 def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -> ViewState:
     """Set the kind of a cell's target, compared with another cell or by default the next row's."""
-    table = table_of(state)
+    table = colour_table(state)
     place = table.place(number)
     reference = table.place(other)
     if place is None or place not in table.cells:
@@ -116,14 +104,16 @@ def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -
         row, light = table.rows.index(place[0]), place[1]
         others = [name for name in table.rows if name != place[0]]
         reference = (others[max(row - 1, 0)], light) if others else None
-    shown = clip_codes(table.cells[place].obtained)
-    return _with_cell(state, number, lambda own: as_kind(kind, own, shown, reference))
+    shown = palette_targets.clip_codes(table.cells[place].obtained)
+    return _with_cell(
+        state, number, lambda own: palette_targets.as_kind(kind, own, shown, reference)
+    )
 
 
 @tolerant
 def set_target_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
     """Set the weight of a target; None if it must be met."""
-    own_weight = math.inf if weight is None else clamp(weight, *WEIGHTS)
+    own_weight = math.inf if weight is None else clamp(weight, *palette_targets.WEIGHTS)
     return _with_cell(state, number, lambda own: own and replace(own, weight=own_weight))
 
 
@@ -141,7 +131,7 @@ def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
 @tolerant
 def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
     """Set the ΔE of a distinct cell from another."""
-    own_distance = clamp(distance, *DISTANCES)
+    own_distance = clamp(distance, *palette_targets.DISTANCES)
 
     def change(own: Cell | None) -> Cell | None:
         return replace(own, distance=own_distance) if own and own.kind == "distinct" else own
@@ -151,30 +141,33 @@ def set_target_distance(state: ViewState, number: int, distance: float) -> ViewS
 
 @tolerant
 def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
-    """Open or close a spectrum for designs."""
-    names = {REFLECTANCE: tuple(state.transfer.materials), LIGHT: column_names(state.lights)}
+    """Free a spectrum for designs, or fix it."""
+    names = {
+        palette_targets.REFLECTANCE: tuple(state.transfer.materials),
+        palette_targets.LIGHT: column_names(state.lights),
+    }
     own = names.get(kind, ())
     if not 0 <= index < len(own):
         return state
-    if kind == LIGHT and len(state.lights[index].rig.lights) > 1:
+    if kind == palette_targets.LIGHT and len(state.lights[index].rig.lights) > 1:
         return state
     member, targets = (kind, own[index]), state.palette.targets
-    if member in targets.open:
-        return _with_targets(state, replace(targets, open=targets.open - {member}))
+    if member in targets.free:
+        return _with_targets(state, replace(targets, free=targets.free - {member}))
     return _with_targets(state, with_free_spectrum(state, member))
 
 
 @tolerant
 def toggle_constant(state: ViewState, index: int) -> ViewState:
-    """Ask for one colour of a material under all lights, or no longer."""
+    """Turn on or off that a material keeps one colour under all lights."""
     names = tuple(state.transfer.materials)
     if not 0 <= index < len(names):
         return state
     name, targets = names[index], state.palette.targets
     constant = targets.constant ^ {name}
-    if name in constant:  # its other cells would ask for colours of their own
+    if name in constant:  # targets of its other cells would contradict it
         first = column_names(state.lights)[0]
-        targets = with_free_spectrum(state, (REFLECTANCE, name))
+        targets = with_free_spectrum(state, (palette_targets.REFLECTANCE, name))
         cells = {at: c for at, c in targets.cells.items() if at[0] != name or at[1] == first}
         targets = replace(targets, cells=cells)
     return _with_targets(state, replace(targets, constant=constant))
@@ -182,13 +175,13 @@ def toggle_constant(state: ViewState, index: int) -> ViewState:
 
 @tolerant
 def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
-    """Make a light a sum of this real lamp and others, or no longer."""
+    """Add a real lamp to those that a light is a sum of, or remove it."""
     names = column_names(state.lights)
     if not 0 <= index < len(names) or not lamp:
         return state
     find_light(lamp, state.document.grid)
     name = names[index]
-    targets = with_free_spectrum(state, (LIGHT, name))
+    targets = with_free_spectrum(state, (palette_targets.LIGHT, name))
     now = targets.lamps.get(name, ())
     others = tuple(each for each in now if each != lamp)
     lamps = {**targets.lamps, name: others if lamp in now else (*now, lamp)}
@@ -198,7 +191,7 @@ def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
 @tolerant
 def set_smoothness(state: ViewState, smoothness: float) -> ViewState:
     """Set the smoothness of designed spectra; 0 if it is below the least of `SMOOTHNESS`."""
-    low, high = SMOOTHNESS
+    low, high = palette_targets.SMOOTHNESS
     return _with_criteria(state, smoothness=0.0 if smoothness < low else min(smoothness, high))
 
 
@@ -211,7 +204,7 @@ def set_metric(state: ViewState, name: str) -> ViewState:
 @tolerant
 def set_iterations(state: ViewState, count: float) -> ViewState:
     """Set the most iterations of a design."""
-    return _with_criteria(state, rounds=int(clamp(count, 1, MOST_ROUNDS)))
+    return _with_criteria(state, rounds=int(clamp(count, 1, palette_targets.MOST_ITERATIONS)))
 
 
 def _with_criteria(state: ViewState, **changes: Any) -> ViewState:
@@ -240,17 +233,17 @@ def recast_range(state: ViewState, index: int, material: str) -> ViewState:
 
 
 def _design_from_scratch(state: ViewState) -> Edited:
-    if not state.palette.targets.open:
-        return Edited(state, "Nothing may change yet: wish for a colour in a cell")
+    if not state.palette.targets.free:
+        return Edited(state, "No spectrum may change yet; set a target colour in a cell")
     # A new object: the same targets would not be designed again.
-    board = PaletteState(replace(state.palette.targets), from_scratch=True)
+    board = palette_targets.PaletteState(replace(state.palette.targets), from_scratch=True)
     return Edited(replace(state, palette=board, transfer=with_material_basis(state.transfer)))
 
 
 def _drop_targets(state: ViewState) -> ViewState:
     """Remove the targets; spectra stay."""
-    targets = DesignTargets(criteria=state.palette.targets.criteria)
-    return replace(state, palette=PaletteState(targets, targets))
+    targets = palette_targets.DesignTargets(criteria=state.palette.targets.criteria)
+    return replace(state, palette=palette_targets.PaletteState(targets, targets))
 
 
 def _own_spectra(state: ViewState) -> ViewState:
@@ -272,14 +265,16 @@ def _new_light(state: ViewState) -> Edited:
     if rows is state.lights:
         return Edited(state, f"{light_rows.MOST_ROWS} lights are the most; remove one first")
     targets = state.palette.targets
-    targets = replace(targets, open=targets.open | {(LIGHT, name)})
+    targets = replace(targets, free=targets.free | {(palette_targets.LIGHT, name)})
     return Edited(with_last(_with_targets(state, targets), rows))
 
 
 COMMANDS = (
     Command("palette-light", "Palette", "New light to be designed", (), _new_light),
-    Command("palette-anew", "Palette", "Design the palette from scratch", (), _design_from_scratch),
-    Command("palette-forget", "Palette", "Forget all wishes, keep the spectra", (), _drop_targets),
+    Command(
+        "palette-restart", "Palette", "Design the palette from scratch", (), _design_from_scratch
+    ),
+    Command("palette-forget", "Palette", "Remove all targets, keep the spectra", (), _drop_targets),
     Command("palette-own", "Palette", "The scene's own spectra", (), _own_spectra),
     Command("hide", "Palette", "Hide the chosen material under the chosen light"),
     Command("reveal", "Palette", "Reveal the chosen material under the chosen light"),
@@ -319,7 +314,7 @@ def pick_like(state: ViewState, name: str) -> ViewState:
 
 @edit
 def pick_within(state: ViewState, name: str) -> ViewState:
-    """Pick the material to hide in; an empty name for what surrounds the hidden one."""
+    """Pick the material to hide in; an empty name for the hidden one's surroundings."""
     return _with_pick(state, within=name, black=False)
 
 
@@ -332,12 +327,12 @@ def pick_black(state: ViewState) -> ViewState:
 @edit
 def pick_distance(state: ViewState, distance: float) -> ViewState:
     """Set the ΔE by which a material is revealed."""
-    return _with_pick(state, distance=clamp(distance, *DISTANCES))
+    return _with_pick(state, distance=clamp(distance, *palette_targets.DISTANCES))
 
 
 @edit
 def toggle_merged(state: ViewState, name: str) -> ViewState:
-    """Pick a material to merge with others, or no longer."""
+    """Add a material to those to merge, or remove it."""
     return _with_pick(state, materials=state.interface.pick.materials ^ {name})
 
 

@@ -15,21 +15,10 @@ from volspec.palette import Cell, Palette, PaletteSpectrum
 from volspec.palette.model import Place
 from volspec.spectra import Spectrum
 from volspec.spectra.lights import light_names
+from volspec.viewer.model import palette_table
 from volspec.viewer.model.light_rows import MOST_ROWS
 from volspec.viewer.model.materials import clip_spectrum, with_material_basis, with_reflectances
-from volspec.viewer.model.palette_table import (
-    column_names,
-    initial_spectrum,
-    lit_columns,
-    with_designed_light,
-    with_lights,
-)
-from volspec.viewer.model.palette_targets import (
-    LIGHT,
-    REFLECTANCE,
-    DesignTargets,
-    PaletteState,
-)
+from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, DesignTargets, PaletteState
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_model
 
@@ -49,11 +38,11 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
         If there is no room for its lights.
     """
     grid = state.document.grid
-    rows = _matched(palette.reflectances, state.transfer.materials)
-    names = _matched_by_name(palette.lights, dict(lit_columns(state)))
+    rows = _match_spectra(palette.reflectances, state.transfer.materials)
+    names = _match_by_name(palette.lights, dict(palette_table.lit_columns(state)))
     lights, changes = state.lights, dict[str, Spectrum]()
     for number, member in enumerate(palette.lights):
-        spectrum = member.spectrum or initial_spectrum(grid, number)
+        spectrum = member.spectrum or palette_table.initial_spectrum(grid, number)
         spectrum = clip_spectrum(replace(spectrum, name=member.name).on(grid))
         if member.name in names:
             changes[names[member.name]] = spectrum
@@ -61,10 +50,11 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
         if len(lights) >= MOST_ROWS:
             raise PaletteError(
                 f"palette: no room for light {member.name!r}; {MOST_ROWS} lights are the most, "
-                "remove some first"
+                "remove some first",
+                code="size",
             )
-        lights = with_designed_light(lights, member.name, "of the palette", spectrum)
-        names[member.name] = column_names(lights)[-1]
+        lights = palette_table.with_designed_light(lights, member.name, "of the palette", spectrum)
+        names[member.name] = palette_table.column_names(lights)[-1]
     reflectances = {
         rows[member.name]: clip_spectrum(member.spectrum.on(grid), 1.0)
         for member in palette.reflectances
@@ -80,7 +70,7 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
     return replace(
         state,
         transfer=with_reflectances(with_material_basis(state.transfer), reflectances),
-        lights=with_lights(lights, changes),
+        lights=palette_table.with_lights(lights, changes),
         relight=replace(state.relight, viewing=viewing),
         palette=PaletteState(targets, targets if complete else None, from_scratch=not complete),
     )
@@ -88,7 +78,7 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
 
 def unmatched_reflectances(state: ViewState, palette: Palette) -> tuple[str, ...]:
     """Return the names of a palette's reflectances for which the scene has no material left."""
-    rows = _matched(palette.reflectances, state.transfer.materials)
+    rows = _match_spectra(palette.reflectances, state.transfer.materials)
     return tuple(row.name for row in palette.reflectances if row.name not in rows)
 
 
@@ -114,14 +104,16 @@ def _targets(palette: Palette, rows: dict[str, str], names: dict[str, str]) -> D
     return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria)
 
 
-def _matched(members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]) -> dict[str, str]:
-    """Return the scene's name for each of the palette's, without those that are too many."""
-    found = _matched_by_name(members, there)
+def _match_spectra(
+    members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]
+) -> dict[str, str]:
+    """Return the scene's name for each of the palette's, as long as the scene has any left."""
+    found = _match_by_name(members, there)
     free = [name for name in there if name not in found.values()]
     return found | dict(zip((m.name for m in members if m.name not in found), free, strict=False))
 
 
-def _matched_by_name(
+def _match_by_name(
     members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]
 ) -> dict[str, str]:
     """Return the scene's name for each of the palette's with the same name, or same spectrum."""

@@ -117,7 +117,7 @@ def _interpolate(points: list[Point], value: float) -> Point:
     return value, opacity, {name: weight for name, weight in weights.items() if weight > 0}
 
 
-# Of a freely designed light: the band that the eye sees well, and the most power in a band,
+# Limits of a freely designed light: the band of high visibility, and the most power in a band,
 # relative to its mean.
 _BAND_NM, _MOST_POWER = (420.0, 680.0), 8.0
 _NONE = Cell("black")
@@ -132,8 +132,8 @@ class Table:
     rows: tuple[str, ...]  # names of materials
     columns: tuple[str, ...]  # names of lights
     spectra: Mapping[Member, Spectrum]
-    cells: Mapping[Place, CellReport]  # wanted and obtained colours by row and column
-    complaint: str = ""  # why there are no cells
+    cells: Mapping[Place, CellReport]  # target and obtained colours by row and column
+    complaint: str = ""  # error message if there are no cells
 
     @property
     def errors(self) -> tuple[float, ...]:
@@ -159,7 +159,7 @@ class Table:
         return self.rows.index(place[0]) * len(self.columns) + self.columns.index(place[1])
 
 
-def table_of(state: ViewState) -> Table:
+def colour_table(state: ViewState) -> Table:
     """Return the table of a state, cached while spectra, viewing and targets stay the same."""
     return _table(state.transfer, lit_columns(state), state.relight, state.palette.targets)
 
@@ -195,8 +195,8 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
     rows, names = tuple(transfer.materials), tuple(name for name, _ in lights)
     spectra = {(REFLECTANCE, name): spectrum for name, spectrum in transfer.materials.items()}
     spectra |= {(LIGHT, name): spectrum for name, spectrum in lights}
-    cells = _known(targets.cells, rows, names)
-    # A palette needs an open row; its state is then what is shown now.
+    cells = _existing_cells(targets.cells, rows, names)
+    # A palette needs a free row; its state is then the present one.
     members = tuple(
         PaletteSpectrum(name, transfer.materials[name], free=True, upper=None) for name in rows
     )
@@ -212,11 +212,11 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
 
 
 def unmeasured_viewing(viewing: Viewing) -> Viewing:
-    """Return a viewing without what is measured in each picture: palettes have none."""
+    """Return a viewing without measured adaptation: palettes have no picture to measure."""
     return replace(viewing, adapting="given", fov_deg=None)
 
 
-def _known(
+def _existing_cells(
     cells: Mapping[Place, Cell], rows: tuple[str, ...], names: tuple[str, ...]
 ) -> dict[Place, Cell]:
     """Return the cells whose materials and lights exist: a light may be removed or renamed."""
@@ -227,29 +227,31 @@ def _known(
     return {at: cell for at, cell in cells.items() if exists(at) and exists(cell.other or at)}
 
 
-def palette_of(state: ViewState) -> Palette:
-    """Return the palette to design.
+def palette_from_state(state: ViewState) -> Palette:
+    """Return a state's targets as a palette to design.
 
     Raises
     ------
     PaletteError
-        If nothing is open or wanted, or targets contradict each other.
+        If nothing is free or has a target, or targets contradict each other.
     SpectrumError
         If a lamp is unknown.
     """
     board, transfer, grid = state.palette, state.transfer, state.document.grid
     targets = board.targets
     if transfer.basis.observer_deg != 2:
-        raise PaletteError("palette: the scene sees with the 10° observer; palettes with that of 2")
+        raise PaletteError(
+            "palette: the scene uses the 10° observer; palettes need the 2° one", code="unsupported"
+        )
     reflectances, lights = [], []
     for name, spectrum in transfer.materials.items():
-        is_open = (REFLECTANCE, name) in targets.open
+        is_open = (REFLECTANCE, name) in targets.free
         begin = None if is_open and board.from_scratch else spectrum
         constant = is_open and name in targets.constant
         reflectances.append(PaletteSpectrum(name, begin, is_open, upper=1.0, constant=constant))
     for (name, spectrum), row in zip(lit_columns(state), state.lights, strict=True):
         begin = None if board.from_scratch else spectrum
-        if len(row.rig.lights) > 1 or (LIGHT, name) not in targets.open:
+        if len(row.rig.lights) > 1 or (LIGHT, name) not in targets.free:
             member = PaletteSpectrum(name, spectrum)
         elif lamps := targets.lamps.get(name):
             mixture = tuple(find_light(lamp, grid) for lamp in lamps)
@@ -257,7 +259,7 @@ def palette_of(state: ViewState) -> Palette:
         else:
             member = PaletteSpectrum(name, begin, True, upper=_MOST_POWER, band_nm=_BAND_NM)
         lights.append(member)
-    cells = _known(targets.cells, tuple(transfer.materials), column_names(state.lights))
+    cells = _existing_cells(targets.cells, tuple(transfer.materials), column_names(state.lights))
     viewing = unmeasured_viewing(state.relight.viewing)
     return Palette(tuple(reflectances), tuple(lights), cells, viewing, grid, targets.criteria)
 
@@ -272,16 +274,16 @@ def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:
 
 
 def with_free_spectrum(state: ViewState, member: Member) -> DesignTargets:
-    """Return the targets with a spectrum open; its other cells should keep their colours."""
-    targets, table = state.palette.targets, table_of(state)
-    if member in targets.open:
+    """Return the targets with a spectrum free; its other cells should keep their colours."""
+    targets, table = state.palette.targets, colour_table(state)
+    if member in targets.free:
         return targets
     side = 0 if member[0] == REFLECTANCE else 1
     cells = dict(targets.cells)
     for place, report in table.cells.items():
         if place[side] == member[1] and place not in cells:
             cells[place] = Cell(colour=clip_codes(report.obtained), weight=STAY)
-    return replace(targets, cells=cells, open=targets.open | {member})
+    return replace(targets, cells=cells, free=targets.free | {member})
 
 
 def with_design(state: ViewState, made: Design, targets: DesignTargets) -> ViewState:
@@ -316,7 +318,7 @@ def new_name(state: ViewState) -> str:
 
 
 def column_names(rows: Rows) -> tuple[str, ...]:
-    """Return the names of lights, numbered if two have one."""
+    """Return the names of lights, numbered if several have the same."""
     names: list[str] = []
     for row in rows:
         names.append(light_rows.unused_name(row.name, names))

@@ -26,7 +26,7 @@ STAY = 0.05
 WEIGHTS = (0.05, 20.0)
 DISTANCES = (1.0, 100.0)
 SMOOTHNESS = (1e-4, 1.0)
-MOST_ROUNDS = 20
+MOST_ITERATIONS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +34,7 @@ class DesignTargets:
     """Targets of cells, and the spectra that may change for them."""
 
     cells: Mapping[Place, Cell] = field(default_factory=dict)  # by material and light
-    open: frozenset[Member] = frozenset()  # spectra that are designed; all others are given
+    free: frozenset[Member] = frozenset()  # spectra that are designed; all others are given
     constant: frozenset[str] = frozenset()  # materials that should have one colour in every light
     # Lamps by open light: the light must be a sum of these.
     lamps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -45,7 +45,7 @@ class DesignTargets:
         object.__setattr__(self, "lamps", MappingProxyType(dict(self.lamps)))
 
     def with_light_renamed(self, old: str, new: str) -> DesignTargets:
-        """Return the targets with another name of a light; themselves if none is about it."""
+        """Return the targets with a light renamed; themselves if they do not name it."""
 
         def renamed(place: Place) -> Place:
             return place[0], new if place[1] == old else place[1]
@@ -54,11 +54,11 @@ class DesignTargets:
             renamed(place): replace(cell, other=cell.other and renamed(cell.other))
             for place, cell in self.cells.items()
         }
-        opened = frozenset(renamed(each) if each[0] == LIGHT else each for each in self.open)
+        free = frozenset(renamed(each) if each[0] == LIGHT else each for each in self.free)
         lamps = {new if name == old else name: own for name, own in self.lamps.items()}
-        if (cells, opened, lamps) == (self.cells, self.open, self.lamps):
+        if (cells, free, lamps) == (self.cells, self.free, self.lamps):
             return self
-        return replace(self, cells=cells, open=opened, lamps=lamps)
+        return replace(self, cells=cells, free=free, lamps=lamps)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ class PaletteState:
     from_scratch: bool = False
 
     def with_light_renamed(self, old: str, new: str) -> PaletteState:
-        """Return the palette with another name of a light."""
+        """Return the palette with a light renamed."""
         targets = self.targets.with_light_renamed(old, new)
         designed_for = targets if self.designed_for is self.targets else self.designed_for
         return replace(self, targets=targets, designed_for=designed_for)
@@ -80,7 +80,7 @@ class PaletteState:
     def is_pending(self) -> bool:
         """Return True if there is something to design that has not been designed."""
         targets = self.targets
-        return bool(targets.open and targets.cells) and self.designed_for is not targets
+        return bool(targets.free and targets.cells) and self.designed_for is not targets
 
     def with_targets(self, targets: DesignTargets) -> PaletteState:
         """Return the palette with other targets, not designed yet."""
@@ -93,7 +93,7 @@ class Pick:
 
     place: Place | None = None  # the chosen cell, whose material and light wizards redesign
     materials: frozenset[str] = frozenset()  # to merge
-    within: str = ""  # the material to hide in; empty for what surrounds the hidden one
+    within: str = ""  # the material to hide in; empty for the hidden one's surroundings
     black: bool = False  # hide it in black instead
     like: str = ""  # design a new light like this one of the scene; empty for none
     distance: float = 20.0  # ΔE by which a material is revealed
@@ -105,8 +105,8 @@ class Pick:
 class DesignStatus:
     """Messages about designs and wizards, for the panel."""
 
-    busy: str = ""  # the task in progress; empty for none
-    complaint: str = ""  # why the last design or wizard was refused
+    busy: str = ""  # the task in progress; empty if there is none
+    complaint: str = ""  # error message of the last design or wizard
     advice: tuple[str, ...] = ()  # changes that would help targets that are missed
     reached: tuple[str, ...] = ()  # results of the last wizard
 

@@ -14,18 +14,12 @@ from volspec.palette.model import Place
 from volspec.scene import Scene, SceneFile
 from volspec.spectra import Spectrum
 from volspec.transfer import MAX_CHANNELS
+from volspec.viewer.model import palette_table
 from volspec.viewer.model.materials import (
     can_be_exact,
     clip_spectrum,
     with_material_basis,
     with_reflectances,
-)
-from volspec.viewer.model.palette_table import (
-    column_names,
-    lit_columns,
-    new_name,
-    with_designed_light,
-    wizard_place,
 )
 from volspec.viewer.model.palette_targets import (
     LIGHT,
@@ -55,13 +49,14 @@ def run_wizard(state: ViewState, name: str) -> Redesigned:
     if not can_be_exact(state.transfer):
         raise PaletteError(
             "wizards need materials as channels: at most "
-            f"{MAX_CHANNELS - 1}, and none with a filter; remove those in the scene file"
+            f"{MAX_CHANNELS - 1}, and none with a filter; remove those in the scene file",
+            code="unsupported",
         )
-    scene, pick = scene_of(state), state.interface.pick
-    material, light = wizard_place(state)
-    like = pick.like if pick.like in column_names(state.lights) else None
+    scene, pick = wizard_scene(state), state.interface.pick
+    material, light = palette_table.wizard_place(state)
+    like = pick.like if pick.like in palette_table.column_names(state.lights) else None
     if like is not None:
-        light = new_name(state)
+        light = palette_table.new_name(state)
     if name == "hide":
         within = pick.within if pick.within in scene.materials and not pick.black else None
         return hide(scene, material, under=light, within=within, black=pick.black, like=like)
@@ -85,7 +80,7 @@ def with_wizard_result(state: ViewState, made: Redesigned) -> ViewState:
     if new is not None:
         spectrum = clip_spectrum(made.design.light(new))
         label = f"designed: {', '.join(made.materials)}"
-        lights = with_designed_light(lights, new, label, spectrum)
+        lights = palette_table.with_designed_light(lights, new, label, spectrum)
     targets = _targets(made)
     return replace(state, transfer=transfer, lights=lights, palette=PaletteState(targets, targets))
 
@@ -114,7 +109,7 @@ def _targets(made: Redesigned) -> DesignTargets:
 
 def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
     """Return the ΔE reached, a line for each light; the light that it was for comes first."""
-    about = made.changes.light or wizard_place(begun)[1]
+    about = made.changes.light or palette_table.wizard_place(begun)[1]
     lines = []
     for row in sorted(made.evaluations, key=lambda row: row.light != about):
         apart = [f"{one} – {two} ΔE {value:.1f}" for (one, two), value in row.apart.items()]
@@ -122,7 +117,7 @@ def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def scene_of(state: ViewState) -> Scene:
+def wizard_scene(state: ViewState) -> Scene:
     """Return the state as a scene with materials as channels, and its spectra in memory."""
     grid, transfer = state.document.grid, state.transfer
     known: dict[str, Spectrum] = {}
@@ -130,7 +125,7 @@ def scene_of(state: ViewState) -> Scene:
     for name, spectrum in transfer.materials.items():
         known[f"material {name}"] = spectrum
         materials.append({"name": name, "reflectance": f"material {name}"})
-    for (name, spectrum), row in zip(lit_columns(state), state.lights, strict=True):
+    for (name, spectrum), row in zip(palette_table.lit_columns(state), state.lights, strict=True):
         known[f"light {name}"] = spectrum
         table: dict[str, Any] = {"name": name, "spectrum": f"light {name}"}
         if row.rig.total_lux is not None:

@@ -19,13 +19,13 @@ _PICTURES = ((".tif", ".tiff"), (".png",))
 MOST_ROWS = 200
 
 
-def path_of_drop(paths: Sequence[str]) -> str:
-    """Return the one path that files dropped together mean.
+def dropped_path(paths: Sequence[str]) -> str:
+    """Return the one scene or volume that files dropped together belong to.
 
     Raises
     ------
     InputError
-        If they do not belong together.
+        If they belong to several.
     """
     if len(paths) == 1:
         return paths[0]
@@ -39,7 +39,8 @@ def path_of_drop(paths: Sequence[str]) -> str:
         if any(_all_end(paths, endings) for endings in _PICTURES):
             return os.path.dirname(paths[0])
     raise InputError(
-        f"{len(paths)} files were dropped; drop one scene or volume, or the folder of its slices"
+        f"{len(paths)} files were dropped; drop one scene or volume, or the folder of its slices",
+        code="conflict",
     )
 
 
@@ -52,7 +53,8 @@ def check_name(path: str | os.PathLike[str]) -> None:
     whole = os.path.abspath(path)
     if not _is_text(whole):
         raise InputError(
-            f"{whole}: this name is not UTF-8, no scene or session could hold it; rename it"
+            f"{whole}: this name is not UTF-8, no scene or session could hold it; rename it",
+            code="unsupported",
         )
 
 
@@ -120,7 +122,7 @@ class PathRequest:
     suffixes: tuple[str, ...] = ()
     start: str = ""  # the proposed path
 
-    def named(self, text: str) -> str:
+    def complete(self, text: str) -> str:
         """Return a typed path with ``~`` and the ending filled in; empty if it is empty."""
         path = os.path.expanduser(text.strip())
         ends = not self.save or path.lower().endswith(self.suffixes)

@@ -143,13 +143,13 @@ PRESETS: tuple[Preset, ...] = (
 BY_NAME = {preset.name: preset for preset in PRESETS}
 DEFAULT = "soft-hard"
 
-# Air, half-way to tissue, tissue, dense bone, the greatest of twelve bits.
+# Air, half-way to tissue, tissue, dense bone, the greatest 12-bit value.
 _MARKS_HU = (-1000.0, -450.0, 40.0, 1000.0, 3071.0)
-# Values that reach at least from one to the other are taken for Hounsfield units.
+# Volumes whose range includes these two are taken for Hounsfield units.
 _HU = (-500.0, 500.0)
 # Opacities hold over the volume's diagonal divided by this, so that finer voxels look the same.
 _STEPS = 440.0
-# The fraction of matter below its top.
+# Quantile of the voxels of matter that is its top.
 _TOP = 0.998
 # The least distance of two landmarks, as a fraction of the range.
 _APART = 1 / 24
@@ -214,7 +214,7 @@ def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[flo
     return tuple(float(mark) for mark in np.minimum(marks, high - ramp[::-1]))
 
 
-def transfer_of(
+def fit_preset(
     preset: Preset, volume: Volume, counts: NDArray[np.float64], basis: Basis
 ) -> Transfer:
     """Return a preset's transfer function for a volume, on a basis' grid and for its observer.

@@ -2,7 +2,7 @@
 
     state -> [scene_file] -> SCENE.toml
 
-The light that shines is the first, as the viewer opens a scene under its first light.
+The present mix becomes the first light, under which the viewer opens a scene.
 """
 
 from __future__ import annotations
@@ -43,39 +43,33 @@ from volspec.spectra import Spectrum, light
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer.mixes import Mix
-from volspec.viewer.model.light_rows import (
-    LightRow,
-    effective_weights,
-    merge_groups,
-    rig_of,
-    unused_name,
-)
+from volspec.viewer.model import light_rows
 from volspec.viewer.model.state import ViewState
 
-# A folder from which no file is found by chance, as one might where the program runs.
+# A folder without files: relative names must not be found in the working directory by chance.
 NOWHERE = "/"
 # Name of a light that several others make together.
 _MIX = "mix"
 
 
 def _light_tables(state: ViewState, file: SceneFile) -> list[LightTable]:
-    """Return the light that shines first, then the others as they would be alone."""
+    """Return the present mix first, then the lights as they would be alone."""
     rows = state.lights
-    weights = effective_weights(rows)
+    weights = light_rows.effective_weights(rows)
     lit = [index for index, weight in enumerate(weights) if weight > 0]
-    settings: list[tuple[LightRow, float]] = [(row, 1.0) for row in rows]
+    settings: list[tuple[light_rows.LightRow, float]] = [(row, 1.0) for row in rows]
     if len(lit) == 1:
         settings.insert(0, (settings.pop(lit[0])[0], weights[lit[0]]))
     else:
-        rig = rig_of(rows)
+        rig = light_rows.light_rig(rows)
         assert rig is not None
         label = " + ".join(rows[index].name for index in lit)
         if len(set(rig.groups)) < len(rig.groups):  # a file has one light of each in a setting
-            rig = merge_groups(rig, rig.lights[0].grid)
-        settings.insert(0, (LightRow(_MIX, label, rig), 1.0))
+            rig = light_rows.merge_groups(rig, rig.lights[0].grid)
+        settings.insert(0, (light_rows.LightRow(_MIX, label, rig), 1.0))
     tables: dict[str, list[LightTable]] = {}
     for row, weight in settings:
-        name = unused_name(row.name.strip() or "light", tables)
+        name = light_rows.unused_name(row.name.strip() or "light", tables)
         as_opened = any(row.rig is other.rig for other in state.document.lights)
         in_file = rows_by_name(file.light).get(row.name) if as_opened else None
         if in_file is not None and name == row.name:
@@ -85,7 +79,7 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightTable]:
     return [table for setting in tables.values() for table in setting]
 
 
-def _part_table(name: str, row: LightRow, part: int, weight: float) -> LightTable:
+def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -> LightTable:
     """Return the table of one of a light's spectra."""
     rig, spectrum = row.rig, row.rig.lights[part]
     given = _library_name(row.texts[part], spectrum) or SpectrumTable.of(spectrum)
@@ -113,7 +107,7 @@ def _library_name(text: str | None, spectrum: Spectrum) -> str | None:
 
 
 def _power(spectrum: Spectrum) -> float:
-    """Return the V-weighted mean, which `volspec.light` makes 1."""
+    """Return the V-weighted mean, which `volspec.light` normalises to 1."""
     V = colour_matching_functions(spectrum.grid)[1]
     return float(V @ spectrum.values / V.sum())
 
@@ -127,17 +121,17 @@ def same_spectrum(one: Spectrum, other: Spectrum) -> bool:
 
 
 def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
-    """Write what is shown as a ``.toml``; a basis that the file would not lead to goes next to it.
+    """Write a state as a ``.toml``; a basis that the file cannot reproduce is written next to it.
 
     Raises
     ------
     SceneError
-        If the name is not ``.toml``, the document has no file, or no scene can say what is shown.
+        If the name is not ``.toml``, the document has no file, or no scene file can hold the state.
     InputError
         If nothing can be written there.
     """
     target = require_toml(path)
-    document, file = state.document, scene_of(state)
+    document, file = state.document, scene_from_state(state)
     assert document.path is not None
     # The numbers of the file lead to the same basis, or the basis itself is saved.
     like = Scene(file, document.path)
@@ -150,24 +144,26 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     return write_scene(file, target, like)
 
 
-def scene_of(state: ViewState) -> SceneFile:
-    """Return a scene's file that shows what the state shows.
+def scene_from_state(state: ViewState) -> SceneFile:
+    """Return a scene's file that shows the same as the state.
 
     Names of files start from the open file's folder.
 
     Raises
     ------
     SceneError
-        If the document has no file, or something is shown that no file can say, as no light at
-        all or a backdrop that is a spectrum.
+        If the document has no file, or no file can hold the state: no light is on, or the backdrop
+        is a spectrum.
     """
     document, file = state.document, state.document.file
     if file is None:
-        raise SceneError(f"{document.title}: was not read from a file, so no scene can name it")
-    if rig_of(state.lights) is None:
+        problem = "was not read from a file; save the volume first"
+        raise SceneError(f"{document.title}: {problem}", code="missing")
+    if light_rows.light_rig(state.lights) is None:
         raise SceneError(
             "No light is on, and a scene opens under its first light, so none shows this; "
-            "turn one on"
+            "turn one on",
+            code="missing",
         )
     try:
         return file.model_copy(update=_tables(state, file))
@@ -176,7 +172,7 @@ def scene_of(state: ViewState) -> SceneFile:
 
 
 def _tables(state: ViewState, file: SceneFile) -> dict[str, Any]:
-    """Return the tables that a state says; those of what is as it was opened are the file's."""
+    """Return the tables of a state; those of unchanged parts are the file's."""
     document, shading = state.document, state.shading
     transfer, relight = state.transfer, state.relight
     if [row.group() for row in file.group] == list(shading.groups):
@@ -197,7 +193,7 @@ def _tables(state: ViewState, file: SceneFile) -> dict[str, Any]:
 
 
 def _materials(state: ViewState, file: SceneFile) -> list[MaterialTable]:
-    """Return materials: by their names if they are as they were opened, others as numbers."""
+    """Return materials: by name if unchanged since they were opened, others as numbers."""
     old, new = state.document.transfer, state.transfer
     rows = {row.name: row for row in file.material}
 
@@ -255,7 +251,7 @@ def _shares(mix: Mix) -> str | dict[str, float]:
 
 
 def _basis(state: ViewState, table: BasisTable) -> BasisTable:
-    """Return the file's table, unless the basis has another source that a name can say."""
+    """Return the file's table, unless the basis has another source with a name."""
     basis = state.transfer.basis
     if basis is state.document.transfer.basis and table.name is not None:
         return table
@@ -285,7 +281,7 @@ def _groups(spec: RaycastSpec) -> list[GroupTable]:
 
 
 def viewing_table(spec: RelightSpec) -> ViewingTable:
-    """Return how a picture is viewed as ``[viewing]``.
+    """Return the viewing, backdrop and mode as ``[viewing]``.
 
     Raises
     ------
@@ -293,7 +289,11 @@ def viewing_table(spec: RelightSpec) -> ViewingTable:
         If the backdrop is a spectrum.
     """
     if isinstance(spec.backdrop, Spectrum):
-        raise SceneError("the backdrop is a spectrum; a scene's file takes a number from 0 to 1")
+        raise SceneError(
+            "the backdrop is a spectrum; a scene's file takes a number from 0 to 1",
+            code="unsupported",
+            field="viewing.backdrop",
+        )
     viewing = spec.viewing
     own = {field.name: getattr(viewing, field.name) for field in fields(viewing)}
     own |= {"backdrop": spec.backdrop, "mode": spec.mode, "level": spec.level}

@@ -17,11 +17,11 @@ from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.transfer import MAX_LABEL, LabelFunction, SurfaceTable, Transfer, TransferTable
 from volspec.volume import Volume
 
-# Entries of a table of values other than small integers.
+# Entries of a table, except for volumes of small integers.
 ENTRIES = 4096
 # A voxel is as opaque as a slab of this many reference steps; the rest stays grey.
 SLAB_STEPS = 16
-# Exponent from a display's greys to reflectances, about.
+# Approximate exponent from a display's greys to reflectances.
 _GAMMA = 2.2
 
 
@@ -59,7 +59,7 @@ class Entries:
         return np.rint(np.clip(at, 0, self.count - 1)).astype(np.uint32)
 
 
-def entries_of(volume: Volume, labels: bool) -> Entries:
+def table_entries(volume: Volume, labels: bool) -> Entries:
     """Return a volume's entries: every value if these are few integers, or every label.
 
     Labels in volumes of floats are integers too.
@@ -92,7 +92,7 @@ def table_image(
 
     Values that the transfer function shows have their materials' reflectance, others a grey.
     """
-    entries = entries_of(volume, isinstance(transfer, LabelFunction))
+    entries = table_entries(volume, isinstance(transfer, LabelFunction))
     table = transfer.bake(min(volume.spacing_mm))
     opacity, shares = _look_up(table, entries.values)
     alpha = (1 - (1 - opacity) ** SLAB_STEPS)[:, None]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.viewer.model.cuts import aid_command, with_aids
+from volspec.viewer.model.cuts import overlay_command, with_overlays
 from volspec.viewer.model.edit import Command, bind, edit, with_interface
 from volspec.viewer.model.state import Slices, ViewState
 from volspec.viewer.model.view import clamp
@@ -24,7 +24,7 @@ from volspec.volume import Volume
 _QUANTILES = (0.005, 0.995)
 # The least difference of black and white, as a fraction of the volume's range.
 _NARROWEST = 0.002
-# What the negative and the positive world axes point to in ITK's LPS frame (docs/conventions.md).
+# Directions of the negative and positive world axes in ITK's LPS frame (docs/conventions.md).
 PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
 AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 # A direction gets a second letter from this component on, about 15 degrees.
@@ -41,7 +41,7 @@ class Plane:
     down: tuple[int, int]
 
 
-# As radiologists look: from the feet, the face and the patient's left.
+# Radiological views: from the feet, the face and the patient's left.
 PLANES = (
     Plane("Axial", 2, (0, 1), (1, 1)),
     Plane("Coronal", 1, (0, 1), (2, -1)),
@@ -59,7 +59,7 @@ class Layout:
     flipped: tuple[bool, bool]
 
 
-def layout_of(volume: Volume, plane: Plane) -> Layout:
+def slice_layout(volume: Volume, plane: Plane) -> Layout:
     """Return the layout of a plane's slices in a volume."""
     return _layout(_directions(volume), plane)
 
@@ -87,7 +87,7 @@ def _layout(matrix: tuple[float, ...], plane: Plane) -> Layout:
     return Layout(best[plane.normal], across, down, (back, up))
 
 
-def number_of(volume: Volume, axis: int, share: float) -> int:
+def voxel_number(volume: Volume, axis: int, share: float) -> int:
     """Return the voxel at a fraction of an axis."""
     return round(clamp(share, 0.0, 1.0) * (volume.shape_xyz[axis] - 1))
 
@@ -112,15 +112,15 @@ def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
 
 
 def crossing_place(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, float]:
-    """Return where the other two slices cross this one's picture, 0 to 1 right and down."""
+    """Return the crossing of the other two slices in this one's picture, 0 to 1 right and down."""
     x, y = (
-        (number_of(volume, axis, slices.at[axis]) + 0.5) / volume.shape_xyz[axis]
+        (voxel_number(volume, axis, slices.at[axis]) + 0.5) / volume.shape_xyz[axis]
         for axis in (layout.across, layout.down)
     )
-    return _unflipped(layout, x, y)
+    return _flip(layout, x, y)
 
 
-def _unflipped(layout: Layout, x: float, y: float) -> tuple[float, float]:
+def _flip(layout: Layout, x: float, y: float) -> tuple[float, float]:
     """Convert a place along the voxels' axes to one in the picture, or back."""
     back, up = layout.flipped
     return 1 - x if back else x, 1 - y if up else y
@@ -135,14 +135,14 @@ def crop_extent(
     starts, ends = (
         [(crop[axis][end] + end) / volume.shape_xyz[axis] for axis in axes] for end in (0, 1)
     )
-    (x0, y0), (x1, y1) = _unflipped(layout, *starts), _unflipped(layout, *ends)
+    (x0, y0), (x1, y1) = _flip(layout, *starts), _flip(layout, *ends)
     return min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)
 
 
-def is_patient(volume: Volume, said: bool | None) -> bool:
-    """Return True if directions are a patient's: as set, or if the file gave an orientation."""
-    if said is not None:
-        return said
+def is_patient(volume: Volume, chosen: bool | None) -> bool:
+    """Return True if directions are a patient's: as chosen, or if the file has an orientation."""
+    if chosen is not None:
+        return chosen
     # Without one the first voxel is at the origin, and the axes are along the world's.
     matrix = volume.world_from_index
     return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
@@ -184,12 +184,12 @@ def outline_index(volume: Volume, axis: int, share: float) -> NDArray[np.float64
     last = np.array(volume.shape_xyz) - 1.0
     first, second = (other for other in range(3) if other != axis)
     corners = np.zeros((4, 3))
-    corners[:, axis] = number_of(volume, axis, share)
+    corners[:, axis] = voxel_number(volume, axis, share)
     corners[1:3, first], corners[2:, second] = last[first], last[second]
     return corners
 
 
-def window_of(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, float]:
+def grey_window(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, float]:
     """Return the values shown black and white, 0 to 1 of a volume's range, as set or by default."""
     if slices.greys is not None:
         return slices.greys
@@ -212,7 +212,7 @@ def move_slice(state: ViewState, plane: int, share: float) -> ViewState:
     """Move a plane to a fraction of its axis."""
     if not 0 <= plane < len(PLANES):
         return state
-    axis = layout_of(state.document.volume, PLANES[plane]).normal
+    axis = slice_layout(state.document.volume, PLANES[plane]).normal
     at = list(state.interface.slices.at)
     at[axis] = clamp(share, 0.0, 1.0)
     return with_slices(state, at=tuple(at))
@@ -224,10 +224,10 @@ def step_slice(state: ViewState, plane: int, steps: float) -> ViewState:
     if not 0 <= plane < len(PLANES):
         return state
     volume, which = state.document.volume, PLANES[plane]
-    axis = layout_of(volume, which).normal
+    axis = slice_layout(volume, which).normal
     last = volume.shape_xyz[axis] - 1
     rising = volume.world_from_index[which.normal, axis] >= 0
-    number = number_of(volume, axis, state.interface.slices.at[axis])
+    number = voxel_number(volume, axis, state.interface.slices.at[axis])
     return move_slice(state, plane, (number + (steps if rising else -steps)) / last)
 
 
@@ -237,8 +237,8 @@ def point_at(state: ViewState, plane: int, x: float, y: float) -> ViewState:
     if not 0 <= plane < len(PLANES):
         return state
     volume, at = state.document.volume, list(state.interface.slices.at)
-    layout = layout_of(volume, PLANES[plane])
-    place = _unflipped(layout, clamp(x, 0.0, 1.0), clamp(y, 0.0, 1.0))
+    layout = slice_layout(volume, PLANES[plane])
+    place = _flip(layout, clamp(x, 0.0, 1.0), clamp(y, 0.0, 1.0))
     for axis, share in zip((layout.across, layout.down), place, strict=True):
         count = volume.shape_xyz[axis]
         at[axis] = clamp(round(share * count - 0.5), 0, count - 1) / (count - 1)
@@ -261,11 +261,11 @@ def _toggle_lit(state: ViewState) -> ViewState:
 
 
 def _shows_patient(state: ViewState) -> bool:
-    return is_patient(state.document.volume, state.interface.aids.patient)
+    return is_patient(state.document.volume, state.interface.overlays.patient)
 
 
 def _toggle_patient(state: ViewState) -> ViewState:
-    return with_aids(state, patient=not _shows_patient(state))
+    return with_overlays(state, patient=not _shows_patient(state))
 
 
 _CENTRE = Slices().at
@@ -283,7 +283,7 @@ COMMANDS = (
     Command(
         "slices-greys", "Window", "Slices' greys by the values", (), bind(with_slices, greys=None)
     ),
-    aid_command("outlines", "Window", "Slices' outlines in the picture"),
+    overlay_command("outlines", "Window", "Slices' outlines in the picture"),
     Command(
         "patient", "Window", "Directions by the patient's body", (), _toggle_patient, _shows_patient
     ),

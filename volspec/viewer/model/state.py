@@ -17,7 +17,7 @@ from volspec.viewer.model.view import View
 
 
 @dataclass(frozen=True, slots=True)
-class Aids:
+class Overlays:
     """Overlays of the picture."""
 
     cube: bool = True  # the orientation cube
@@ -52,7 +52,7 @@ class Interface:
     probe: bool = True  # show the values under the mouse
     error_map: bool = False
     panels: frozenset[str] = frozenset({"Lights", "Viewing", "Transfer", "Palette"})  # open
-    aids: Aids = field(default_factory=Aids)
+    overlays: Overlays = field(default_factory=Overlays)
     slices: Slices = field(default_factory=Slices)
     fade_s: float = 1.5  # duration of a fade to a saved light state
     pick: Pick = field(default_factory=Pick)

@@ -54,7 +54,7 @@ class Band:
     gradients: tuple[float, float] = _ANY_GRADIENT
 
 
-def kind_of(transfer: Transfer) -> Kind:
+def transfer_kind(transfer: Transfer) -> Kind:
     """Return the kind of a transfer function."""
     return KINDS[type(transfer)]
 
@@ -77,7 +77,7 @@ def convert(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Transf
 
 
 def conversion_losses(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> str:
-    """Return a message on what `convert` leaves out; empty if nothing."""
+    """Return a message on the parts that `convert` leaves out; empty if there are none."""
     if not _is_convertible(transfer, kind):
         return ""
     lost = []
@@ -94,13 +94,13 @@ def conversion_losses(transfer: Transfer, kind: Kind, span: tuple[float, float])
         room = MOST_PARTS[TransferFunction2D]
         left = min(len(bands), room) if kind == "regions" else len(_surfaces(bands))
         if gone := len(bands) - left:
-            what = _BANDS[kind_of(transfer)]
-            lost.append(f"{gone} of {len(bands)} {what}, which show least")
-    return f"Left out: {'; '.join(lost)}. Ctrl+Z brings all back" if lost else ""
+            name = _BANDS[transfer_kind(transfer)]
+            lost.append(f"{gone} of {len(bands)} {name}, the least visible ones")
+    return f"Left out: {'; '.join(lost)}. Ctrl+Z restores the transfer function" if lost else ""
 
 
 def _is_convertible(transfer: Transfer, kind: Kind) -> bool:
-    own = kind_of(transfer)
+    own = transfer_kind(transfer)
     return kind != own and "labels" not in (kind, own)
 
 
@@ -153,7 +153,7 @@ def _bands_of_curve(curve: TransferFunction, span: tuple[float, float]) -> list[
 def _end(points: Sequence[Point], last: int, following: int, beyond: float) -> float:
     """Return the value at which a run ends, between its last point and the one that follows.
 
-    It takes the whole of a slope to opacity 0, and half of one to another run.
+    A run includes the whole of a slope to opacity 0, and half of one to another run.
     """
     if not 0 <= following < len(points):
         return beyond

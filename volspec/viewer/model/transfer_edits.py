@@ -12,28 +12,9 @@ from typing import Any
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
 from volspec.transfer import TransferFunction2D as Regions
-from volspec.viewer.model import presets, transfer_convert
+from volspec.viewer.model import presets, transfer_convert, transfer_parts
 from volspec.viewer.model.edit import Change, Command, Edited, edit, with_interface
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import (
-    KINDS,
-    Kind,
-    add_label,
-    add_region,
-    add_row,
-    gradient_top,
-    limit_between,
-    map_values,
-    parts_of,
-    rows_of,
-    stretch_values,
-    thicken_opacities,
-    undo_thickening,
-    value_gap,
-    with_look,
-    with_mix,
-    with_parts,
-)
 from volspec.viewer.model.view import clamp
 
 THICKNESSES = (0.02, 50.0)
@@ -44,7 +25,7 @@ _WIDER, _THICKER = 2.0, 3.0
 _NARROWEST = 0.01
 # The greatest fraction of a mix that one material can take.
 _PUREST = 0.999
-# Of a curve's factors over gradients: the most, and their least distance as a fraction of the axis;
+# A curve's factors over gradients: their greatest number, and least distance by the axis' length;
 # a table has too few rows for nearer ones.
 MOST_FACTORS = 16
 _FACTOR_GAP = 1 / 128
@@ -62,13 +43,15 @@ def move_point(state: ViewState, index: int, value: float, opacity: float) -> Vi
     transfer = state.transfer
     if not isinstance(transfer, TransferFunction | Isosurfaces):
         return state
-    rows = list(rows_of(transfer))
+    rows = list(transfer_parts.list_points(transfer))
     if not 0 <= index < len(rows):
         return state
     places = [place for place, _, _ in rows]
-    value = limit_between(places, index, clamp(value, *_span(state)), value_gap(rows))
+    value = transfer_parts.limit_between(
+        places, index, clamp(value, *_span(state)), transfer_parts.value_gap(rows)
+    )
     rows[index] = value, clamp(opacity, 0.0, 1.0), rows[index][2]
-    return replace(state, transfer=with_parts(transfer, rows))
+    return replace(state, transfer=transfer_parts.with_parts(transfer, rows))
 
 
 @edit
@@ -77,15 +60,17 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
     transfer = state.transfer
     if isinstance(transfer, Regions):
         place = clamp(value, *_span(state)), max(opacity, 0.0)
-        new = add_region(transfer, place, _span(state), state.document.joint.top)
+        new = transfer_parts.add_region(transfer, place, _span(state), state.document.joint.top)
     elif isinstance(transfer, LabelFunction):
-        new = add_label(transfer, value, clamp(opacity, 0.0, 1.0))
+        new = transfer_parts.add_label(transfer, value, clamp(opacity, 0.0, 1.0))
     else:
-        new = add_row(transfer, clamp(value, *_span(state)), clamp(opacity, 0.0, 1.0))
+        new = transfer_parts.add_row(
+            transfer, clamp(value, *_span(state)), clamp(opacity, 0.0, 1.0)
+        )
     if new is transfer:
         return state
-    old = {part.values for part in parts_of(transfer)}
-    found = [i for i, part in enumerate(parts_of(new)) if part.values not in old]
+    old = {part.values for part in transfer_parts.list_parts(transfer)}
+    found = [i for i, part in enumerate(transfer_parts.list_parts(new)) if part.values not in old]
     added = replace(state, transfer=new)
     return with_interface(added, part=found[0]) if found else added
 
@@ -94,7 +79,7 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
 def remove_point(state: ViewState, index: int) -> ViewState:
     """Remove a part; a curve keeps at least two, others one."""
     transfer = state.transfer
-    parts = getattr(transfer, KINDS[type(transfer)])
+    parts = getattr(transfer, transfer_parts.KINDS[type(transfer)])
     least = 2 if isinstance(transfer, TransferFunction) else 1
     if len(parts) <= least or not 0 <= index < len(parts):
         return state
@@ -103,20 +88,22 @@ def remove_point(state: ViewState, index: int) -> ViewState:
         left: Any = {each: look for each, look in parts.items() if each != label}
     else:
         left = [*parts[:index], *parts[index + 1 :]]
-    return replace(state, transfer=with_parts(transfer, left))
+    return replace(state, transfer=transfer_parts.with_parts(transfer, left))
 
 
 @edit
 def choose_part(state: ViewState, index: int) -> ViewState:
     """Choose the part whose details are shown."""
-    known = 0 <= index < len(parts_of(state.transfer))
+    known = 0 <= index < len(transfer_parts.list_parts(state.transfer))
     return with_interface(state, part=index) if known else state
 
 
 @edit
 def set_opacity(state: ViewState, index: int, opacity: float) -> ViewState:
     """Set a part's opacity."""
-    transfer = with_look(state.transfer, index, lambda _, mix: (clamp(opacity, 0.0, 1.0), mix))
+    transfer = transfer_parts.with_look(
+        state.transfer, index, lambda _, mix: (clamp(opacity, 0.0, 1.0), mix)
+    )
     return _with_transfer(state, transfer)
 
 
@@ -125,18 +112,18 @@ def set_material(state: ViewState, index: int, name: str) -> ViewState:
     """Make a part of one material."""
     if name not in state.transfer.materials:
         return state
-    return _with_transfer(state, with_mix(state.transfer, index, name))
+    return _with_transfer(state, transfer_parts.with_mix(state.transfer, index, name))
 
 
 @edit
 def set_material_weight(state: ViewState, index: int, name: str, weight: float) -> ViewState:
     """Set the weight of a material in a part's mix; the others make room or fill up."""
-    parts = parts_of(state.transfer)
+    parts = transfer_parts.list_parts(state.transfer)
     if not 0 <= index < len(parts) or name not in state.transfer.materials:
         return state
     old = parts[index].mix
     rest = {each: share for each, share in old.items() if each != name and share > 0}
-    if not rest:  # what is left would be black
+    if not rest:  # a part without materials would be black
         return state
     others, total = sum(rest.values()), sum(old.values())
     # A trace of the others stays, so that their proportions come back.
@@ -144,12 +131,12 @@ def set_material_weight(state: ViewState, index: int, name: str, weight: float) 
     mix = {each: share * (total - weight) / others for each, share in rest.items()}
     if weight > 0:
         mix[name] = weight
-    return _with_transfer(state, with_mix(state.transfer, index, mix))
+    return _with_transfer(state, transfer_parts.with_mix(state.transfer, index, mix))
 
 
 @edit
 def set_region_values(state: ViewState, index: int, low: float, high: float) -> ViewState:
-    """Set the values of a region, no narrower than can be seen."""
+    """Set the values of a region, no narrower than is visible."""
     start, end = _span(state)
     room = end - start
     low, high = (clamp(v, start - room, end + room) for v in sorted((low, high)))
@@ -169,7 +156,7 @@ def set_region_gradients(state: ViewState, index: int, low: float, high: float) 
 
 @edit
 def set_softness(state: ViewState, index: int, softness: float) -> ViewState:
-    """Set how softly a region ends."""
+    """Set the softness of a region's edges."""
     return _with_region(state, index, softness=clamp(softness, 0.0, 1.0))
 
 
@@ -179,7 +166,7 @@ def _with_region(state: ViewState, index: int, **changes: Any) -> ViewState:
         return state
     regions = list(transfer.regions)
     regions[index] = replace(regions[index], **changes)
-    return replace(state, transfer=with_parts(transfer, regions))
+    return replace(state, transfer=transfer_parts.with_parts(transfer, regions))
 
 
 @edit
@@ -208,7 +195,7 @@ def move_gradient_point(state: ViewState, index: int, gradient: float, factor: f
     # The last is above 0, or there would be no axis.
     least = gap if index == len(factors) - 1 else 0.0
     places = [place for place, _ in factors]
-    gradient = limit_between(places, index, clamp(gradient, least, end), gap)
+    gradient = transfer_parts.limit_between(places, index, clamp(gradient, least, end), gap)
     factors[index] = gradient, clamp(factor, 0.0, 1.0)
     return _with_factors(state, factors)
 
@@ -240,7 +227,9 @@ def _factors(state: ViewState) -> tuple[list[tuple[float, float]], float]:
     curve = state.transfer
     if not isinstance(curve, TransferFunction) or not curve.gradient_opacity:
         return [], 0.0
-    return list(curve.gradient_opacity), gradient_top(curve, state.document.joint.top)
+    return list(curve.gradient_opacity), transfer_parts.gradient_top(
+        curve, state.document.joint.top
+    )
 
 
 def _with_factors(state: ViewState, factors: list[tuple[float, float]]) -> ViewState:
@@ -250,20 +239,22 @@ def _with_factors(state: ViewState, factors: list[tuple[float, float]]) -> ViewS
 
 @edit
 def shift(state: ViewState, shift: float) -> ViewState:
-    """Set the shift of all values from where they were at first."""
+    """Set the total shift of all values."""
     low, high = _span(state)
     shift = clamp(shift, low - high, high - low)
     by = shift - state.shift
-    shifted = _with_values(state, lambda old: map_values(old, lambda v: v + by, (low, high)))
+    shifted = _with_values(
+        state, lambda old: transfer_parts.map_values(old, lambda v: v + by, (low, high))
+    )
     return state if shifted is state else replace(shifted, shift=shift)
 
 
 @edit
 def thicken(state: ViewState, thickness: float) -> ViewState:
-    """Set the factor of all densities from what they were at first."""
+    """Set the total factor of all densities."""
     thickness = clamp(thickness, *THICKNESSES)
     thin, own = _unthickened(state)
-    thicker = thicken_opacities(thin, thickness / own)
+    thicker = transfer_parts.thicken_opacities(thin, thickness / own)
     return replace(state, transfer=thicker, thickness=thickness, unthickened=(thin, own, thicker))
 
 
@@ -275,11 +266,11 @@ def _unthickened(state: ViewState) -> tuple[Transfer, float]:
     thin, own, thick = state.unthickened
     if thick is transfer:
         return thin, own
-    return undo_thickening(transfer, thick, thin, state.thickness / own), own
+    return transfer_parts.undo_thickening(transfer, thick, thin, state.thickness / own), own
 
 
 def _with_values(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
-    """Change the values, also in what the transfer function was thickened from."""
+    """Change the values, also of the transfer function before it was thickened."""
     (thin, own), new = _unthickened(state), change(state.transfer)
     if new is state.transfer:
         return state
@@ -292,7 +283,9 @@ def window(state: ViewState, across: float, down: float) -> ViewState:
     low, high = _span(state)
     shifted = shift(state, state.shift + across * (high - low))
     factor = math.exp(clamp(-_WIDER * down, -10.0, 10.0))
-    return _with_values(shifted, lambda old: stretch_values(old, factor, (low, high)))
+    return _with_values(
+        shifted, lambda old: transfer_parts.stretch_values(old, factor, (low, high))
+    )
 
 
 @edit
@@ -312,11 +305,7 @@ def _with_new(state: ViewState, transfer: Transfer) -> ViewState:
     return with_interface(new, part=0)
 
 
-def _reset(state: ViewState) -> ViewState:
-    return _with_new(state, state.document.transfer)
-
-
-_LABELLED = "Labels are names, no values: neither presets nor other kinds fit them"
+_LABELLED = "Labels are names, not values: presets and other kinds do not apply"
 
 
 def _preset(preset: presets.Preset) -> Change:
@@ -325,13 +314,13 @@ def _preset(preset: presets.Preset) -> Change:
             return Edited(state, _LABELLED)
         document = state.document
         basis = document.transfer.basis
-        fitted = presets.transfer_of(preset, document.volume, document.histogram, basis)
+        fitted = presets.fit_preset(preset, document.volume, document.histogram, basis)
         return Edited(_with_new(state, fitted))
 
     return change
 
 
-def _convert_to(kind: Kind) -> Change:
+def _convert_to(kind: transfer_parts.Kind) -> Change:
     def change(state: ViewState) -> Edited:
         new = transfer_convert.convert(state.transfer, kind, _span(state))
         if new is state.transfer:
@@ -343,11 +332,11 @@ def _convert_to(kind: Kind) -> Change:
     return change
 
 
-def _is_kind(kind: Kind) -> Callable[[ViewState], bool]:
-    return lambda state: transfer_convert.kind_of(state.transfer) == kind
+def _is_kind(kind: transfer_parts.Kind) -> Callable[[ViewState], bool]:
+    return lambda state: transfer_convert.transfer_kind(state.transfer) == kind
 
 
-KIND_TITLES: dict[Kind, str] = {
+KIND_TITLES: dict[transfer_parts.Kind, str] = {
     "points": "Curve (1-D)",
     "regions": "Regions (2-D)",
     "surfaces": "Surfaces",
@@ -363,5 +352,11 @@ COMMANDS = (
         )
         for kind, title in KIND_TITLES.items()
     ),
-    Command("reset-transfer", "Transfer", "The scene's own transfer function", (), _reset),
+    Command(
+        "reset-transfer",
+        "Transfer",
+        "The scene's own transfer function",
+        (),
+        lambda state: _with_new(state, state.document.transfer),
+    ),
 )

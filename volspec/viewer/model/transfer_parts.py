@@ -55,7 +55,7 @@ class Part:
     mix: Mapping[str, float]
 
 
-def parts_of(transfer: Transfer) -> tuple[Part, ...]:
+def list_parts(transfer: Transfer) -> tuple[Part, ...]:
     """Return all parts, in their order."""
     if isinstance(transfer, TransferFunction2D):
         regions = transfer.regions
@@ -63,11 +63,11 @@ def parts_of(transfer: Transfer) -> tuple[Part, ...]:
     if isinstance(transfer, LabelFunction):
         labels = transfer.labels.items()
         return tuple(Part((label,), opacity, mix_weights(mix)) for label, (opacity, mix) in labels)
-    rows = rows_of(transfer)
+    rows = list_points(transfer)
     return tuple(Part((value,), opacity, mix_weights(mix)) for value, opacity, mix in rows)
 
 
-def rows_of(transfer: TransferFunction | Isosurfaces) -> Sequence[Point]:
+def list_points(transfer: TransferFunction | Isosurfaces) -> Sequence[Point]:
     """Return the points of a curve, or the surfaces."""
     return transfer.points if isinstance(transfer, TransferFunction) else transfer.surfaces
 
@@ -87,13 +87,13 @@ def with_look(
     transfer: Transfer, index: int, change: Callable[[float, Mix], tuple[float, Mix]]
 ) -> Transfer:
     """Replace opacity and mix of a part by ``change(opacity, mix)``."""
-    if not 0 <= index < len(parts_of(transfer)):
+    if not 0 <= index < len(list_parts(transfer)):
         return transfer
     return _with_looks(transfer, lambda i, *look: change(*look) if i == index else look)
 
 
 def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
-    """Return all opacities as of matter denser by a factor: 1 - (1 - opacity)^factor.
+    """Scale the density of all parts by a factor: opacity becomes 1 - (1 - opacity)^factor.
 
     Opacities rounded to 1 cannot be thinned again: a slider starts from the same transfer function
     each time. A factor of 1 returns it itself.
@@ -114,12 +114,12 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
     Parts whose opacity the edit left alone get that of ``thin`` back, even if thickening has
     rounded it to 1; others are thinned by the factor.
     """
-    before, after = parts_of(thick), parts_of(transfer)
+    before, after = list_parts(thick), list_parts(transfer)
     same = {i: i for i in range(len(after))}
     if len(before) != len(after):  # some were added or removed
         there = {(part.values, part.opacity): i for i, part in enumerate(before)}
         same = {i: there.get((part.values, part.opacity), -1) for i, part in enumerate(after)}
-    opacities = [part.opacity for part in parts_of(thin)]
+    opacities = [part.opacity for part in list_parts(thin)]
 
     def thinner(index: int, opacity: float, mix: Mix) -> tuple[float, Mix]:
         old = same[index]
@@ -132,7 +132,7 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
 
 def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float]) -> Transfer:
     """Multiply the distance of all values from their middle."""
-    values = [value for part in parts_of(transfer) for value in part.values]
+    values = [value for part in list_parts(transfer) for value in part.values]
     low, high = min(values), max(values)
     least, most = (share * (span[1] - span[0]) for share in _WIDTHS)
     width = high - low
@@ -148,7 +148,7 @@ def map_values(
     """Convert all values, unless some would end far beyond the volume's range ``span``."""
     if isinstance(transfer, LabelFunction):
         return transfer
-    old = [value for part in parts_of(transfer) for value in part.values]
+    old = [value for part in list_parts(transfer) for value in part.values]
     room = _BEYOND * (span[1] - span[0])
     low, high = min(span[0] - room, *old), max(span[1] + room, *old)
     if not all(low <= to(value) <= high for value in old):
@@ -156,7 +156,7 @@ def map_values(
     if isinstance(transfer, TransferFunction2D):
         regions = [replace(r, values=(to(r.values[0]), to(r.values[1]))) for r in transfer.regions]
         return with_parts(transfer, regions)
-    rows = rows_of(transfer)
+    rows = list_points(transfer)
     return with_parts(transfer, [(to(value), opacity, mix) for value, opacity, mix in rows])
 
 
@@ -173,7 +173,7 @@ def _with_looks(
     if isinstance(transfer, LabelFunction):
         looks = enumerate(transfer.labels.items())
         return with_parts(transfer, {label: change(i, *look) for i, (label, look) in looks})
-    rows = enumerate(rows_of(transfer))
+    rows = enumerate(list_points(transfer))
     return with_parts(transfer, [(value, *change(i, own, mix)) for i, (value, own, mix) in rows])
 
 
@@ -207,7 +207,7 @@ def add_label(labels: LabelFunction, value: float, opacity: float) -> Transfer:
 
 def add_row(transfer: TransferFunction | Isosurfaces, value: float, opacity: float) -> Transfer:
     """Add a point or a surface, of the material of the nearest."""
-    rows = rows_of(transfer)
+    rows = list_points(transfer)
     if len(rows) >= MOST_PARTS[type(transfer)]:
         return transfer
     nearest, _, mix = min(rows, key=lambda row: abs(row[0] - value))

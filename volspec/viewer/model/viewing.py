@@ -20,7 +20,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model.edit import Command, edit
-from volspec.viewer.model.light_rows import rig_of
+from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -129,15 +129,15 @@ def set_illuminance(state: ViewState, lux: float) -> ViewState:
 
 @edit
 def toggle_own_luminance(state: ViewState) -> ViewState:
-    """Give L_A by itself, or have it follow from the light again."""
+    """Set L_A independently, or let it follow from the light again."""
     viewing = state.relight.viewing
-    own = luminance(rig_of(state.lights), viewing) if viewing.L_A is None else None
+    own = luminance(light_rig(state.lights), viewing) if viewing.L_A is None else None
     return _set(state, L_A=own)
 
 
 @edit
 def set_luminance(state: ViewState, L_A: float) -> ViewState:
-    """Set L_A in cd/m², if it is given by itself."""
+    """Set L_A in cd/m², if it is independent of the light."""
     return state if state.relight.viewing.L_A is None else _set(state, L_A=L_A)
 
 
@@ -157,7 +157,7 @@ def set_adaptation(state: ViewState, D: float) -> ViewState:
 
 @edit
 def toggle_discount(state: ViewState) -> ViewState:
-    """Discount the light's colour, or no longer."""
+    """Turn discounting of the light's colour on or off."""
     return _set(state, discount=not state.relight.viewing.discount, D=None)
 
 
@@ -173,7 +173,7 @@ def set_room(state: ViewState, name: str) -> ViewState:
 
 @edit
 def set_white(state: ViewState, cd_m2: float) -> ViewState:
-    """Set the display's white; what the eye adapts to goes up and down with it."""
+    """Set the display's white; its adapting luminance changes in proportion."""
     now = state.relight.viewing.display
     L_A = None if now.L_A is None else now.L_A * cd_m2 / now.white_cd_m2
     return _set_display(state, white_cd_m2=cd_m2, L_A=L_A)
@@ -187,7 +187,7 @@ def set_exposure(state: ViewState, factor: float) -> ViewState:
 
 @edit
 def set_backdrop(state: ViewState, share: float) -> ViewState:
-    """Set the backdrop's grey; a spectrum of the scene's own stays."""
+    """Set the backdrop's grey, unless it is a spectrum."""
     if isinstance(state.relight.backdrop, Spectrum):
         return state
     return _change(state, backdrop=clamp(share, 0.0, 1.0))
@@ -198,10 +198,11 @@ def _is_marked(state: ViewState) -> bool:
 
 
 def _toggle_mark(state: ViewState) -> ViewState:
-    """Hatch what the display cannot show, or no longer."""
     return _set_display(state, mark=not _is_marked(state))
 
 
 COMMANDS = (
-    Command("mark", "View", "Mark what the display cannot show", ("m",), _toggle_mark, _is_marked),
+    Command(
+        "mark", "View", "Mark colours out of the display's gamut", ("m",), _toggle_mark, _is_marked
+    ),
 )

@@ -1,4 +1,4 @@
-"""The command palette: everything that can be done, found by a few letters of its name.
+"""The command palette: all commands, found by a few letters of their names.
 
     commands, lights, models, displays, files -> [commands] -> state, or a request to the app
 
@@ -22,7 +22,7 @@ from volspec.viewer.model import lights, viewing
 from volspec.viewer.model.commands import COMMANDS, open_viewing, rank_matches
 from volspec.viewer.model.edit import Change, Edited
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import Search, UiContext
+from volspec.viewer.ui.context import Request, Search, UiContext
 from volspec.viewer.ui.overlays import BARE_WINDOW
 from volspec.viewer.ui.viewing import SETTINGS
 from volspec.viewer.ui.widgets import as_one_line, key_text, shown_rows, text_width
@@ -38,9 +38,9 @@ class Entry:
 
     group: str
     title: str
-    key: str = ""  # as people write it; empty for none
+    key: str = ""  # for display; empty if there is none
     change: Change | None = None
-    ask: str = ""  # the request to the app, if there is no change
+    request: Request | None = None  # to the app, if there is no change
     item: str = ""  # the item of the viewing panel that then takes the keyboard
 
     @property
@@ -49,10 +49,10 @@ class Entry:
         return f"{self.group}: {self.title}"
 
 
-def commands_of(
+def list_entries(
     state: ViewState, recent: Sequence[RecentFile], text: str = ""
 ) -> tuple[Entry, ...]:
-    """Return everything that can be done with a state; for a text, the best matches first."""
+    """List all commands of a state; those that match a text, the best first."""
     names = tuple(
         f"{as_one_line(row.name)} alone"
         + ("" if row.label in ("", row.name) else f", {as_one_line(row.label)}")
@@ -76,7 +76,7 @@ def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[En
             command.title.removesuffix(" …"),
             key_text(command),
             command.change,
-            command.name if command.change is None else "",
+            Request(command.name) if command.change is None else None,
         )
         for command in COMMANDS
         if command.name != "commands"
@@ -93,7 +93,11 @@ def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[En
             Entry("Light", name, change=partial(lights.only, index=i))
             for i, name in enumerate(names)
         ),
-        *(Entry("Open", row.label, ask=f"open {row.path}") for row in recent if row.there),
+        *(
+            Entry("Open", row.label, request=Request("open", row.path))
+            for row in recent
+            if row.there
+        ),
         *_choices("Add light", light_names(), lights.add),
     )
 
@@ -108,7 +112,7 @@ def _choices(
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw the palette over the picture's upper part; do what was picked."""
+    """Draw the palette over the picture's upper part; run the entry that was picked."""
     search = ui.commands
     if search is None:
         return None
@@ -145,7 +149,8 @@ def _run(entry: Entry, state: ViewState, ui: UiContext) -> ViewState | None:
         ui.front, ui.item = "Viewing", entry.item
     if entry.change is not None:
         return ui.edited(state, entry.change)
-    ui.requests.append(entry.ask)
+    if entry.request is not None:
+        ui.requests.append(entry.request)
     return None
 
 
@@ -156,12 +161,12 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
         imgui.set_window_focus()
         search.fresh = False
     imgui.set_next_item_width(-1)
-    hint, flags = "What do you want to do?", imgui.InputTextFlags_.enter_returns_true
+    hint, flags = "Search commands", imgui.InputTextFlags_.enter_returns_true
     entered, text = imgui.input_text_with_hint("##search", hint, search.text, flags)
     ui.note("commands")
     if text != search.text:
         search.text, search.at = text, 0
-    rows = commands_of(state, ui.results.recent, search.text)
+    rows = list_entries(state, ui.results.recent, search.text)
     pressed = imgui.is_key_pressed
     step = pressed(imgui.Key.down_arrow) - pressed(imgui.Key.up_arrow)
     step += _ROWS * (pressed(imgui.Key.page_down) - pressed(imgui.Key.page_up))
@@ -173,14 +178,14 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
             if _row(rows[number], number == search.at, bool(step), ui):
                 picked = rows[number]
         if not rows:
-            imgui.text_disabled("There is nothing of that name")
+            imgui.text_disabled("No match")
     imgui.end_child()
     return picked
 
 
 def _row(entry: Entry, chosen: bool, follow: bool, ui: UiContext) -> bool:
     """Draw a row: its group, title and key; return True if it was pressed."""
-    imgui.push_id(entry.text + entry.ask)
+    imgui.push_id(f"{entry.text}{entry.request}")
     left = imgui.get_cursor_pos_x()
     right = left + imgui.get_content_region_avail().x
     pressed = bool(imgui.selectable("##row", chosen, 0, (0, imgui.get_frame_height()))[0])

@@ -2,13 +2,13 @@
 
     app -> [context] -> panels -> app
 
-None of it is part of a picture, and undo does not know it.
+It is not part of the state, and undo does not restore it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
@@ -16,12 +16,19 @@ from volspec.raycast import CoefficientImage
 from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import DesignStatus
-from volspec.viewer.model.projection import Projection
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.error_map import ErrorMapTexture
+from volspec.viewer.model.view import Projection
 from volspec.viewer.work.probe import Reading
+from volspec.viewer.work.screen import ErrorMapTexture
 from volspec.viewer.work.session_store import RecentFile
 from volspec.viewer.work.slice_pictures import SlicePictures
+
+
+class Request(NamedTuple):
+    """A command for the app to run after the panels are drawn."""
+
+    name: str  # of a `Command`, or "message"
+    argument: str = ""  # the message, or the path that "open" opens without a dialog
 
 
 @dataclass(slots=True)
@@ -30,9 +37,9 @@ class Search:
 
     text: str = ""
     at: int = 0  # the row that Enter takes
-    fresh: bool = True  # whether the field is to take the keyboard
+    fresh: bool = True  # give the field the keyboard
     picked: Any = None  # the `volspec.viewer.ui.commands.Entry` to do
-    waits: int = 0  # frames until then, so that it is done without the palette on the screen
+    waits: int = 0  # frames until then, so that the palette is off the screen
 
 
 @dataclass(slots=True)
@@ -50,7 +57,7 @@ class LightsPanelState:
     naming: int = -1  # the saved state that is being renamed; -1 is none
     renaming: int = -1  # the light that is being renamed; -1 is none
     name: str = ""  # the new name
-    focus: bool = False  # whether the name's field waits for the keyboard
+    focus: bool = False  # give the name's field the keyboard
     complaint: str = ""  # error in the typed notation,
     # with its (light, part) and the lights as they were then
     complaint_of: tuple[tuple[int, int], Rows] = ((0, 0), ())
@@ -75,7 +82,7 @@ class LibraryState:
     """State of the library of lights or of materials from frame to frame."""
 
     search: str = ""
-    complaint: str = ""  # why the last choice could not be added
+    complaint: str = ""  # error message if the last choice could not be added
     kelvin: float = 3200.0  # temperature on the slider of lights
 
 
@@ -84,10 +91,10 @@ class Results:
     """Results of the viewer's services by this frame."""
 
     image: CoefficientImage | None = None  # the last cast
-    whole: bool = False  # whether it has the picture's full resolution
+    whole: bool = False  # True if it has the picture's full resolution
     # (left, top, right, bottom) of the picture in the window
     shown_at: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    fault: str = ""  # why there is no picture; empty while one is there or awaited
+    fault: str = ""  # error message if there is no picture; empty while one is awaited
     fps: float = 0.0  # while something moves
     ms: dict[str, float] = field(default_factory=dict)  # last duration of each stage
     under_mouse: Reading | None = None
@@ -102,18 +109,17 @@ class UiContext:
     """The panels' context; the app updates it every frame."""
 
     scale: float = 1.0  # pixels of the window for each at 96 dpi
-    # {name: (x, y, width, height)} of what was drawn: for overlays, and for the trace
+    # {name: (x, y, width, height)} of items: for overlays, and for the trace
     areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
-    # Names of commands that the app does; "open PATH" and "say TEXT" have an argument.
-    requests: list[str] = field(default_factory=list)
+    requests: list[Request] = field(default_factory=list)
     results: Results = field(default_factory=Results)
     commands: Search | None = None  # the command palette; None if it is closed
-    menu: bool = False  # whether the first menu is to open now
-    front: str = ""  # the panel that is to come to the front now,
-    item: str = ""  # and its item that is to take the keyboard
+    menu: bool = False  # open the first menu now
+    front: str = ""  # the panel to bring to the front now,
+    item: str = ""  # and its item to give the keyboard
     lights: LightsPanelState = field(default_factory=LightsPanelState)
     library: LibraryState = field(default_factory=LibraryState)
-    popup: str = ""  # the popup of the palette that is to open now,
+    popup: str = ""  # the popup of the palette to open now,
     member: tuple[str, int] = ("", 0)  # and the (kind, index) of the light or material it is about
     _projected: tuple[Any, Projection] | None = None
 
@@ -121,21 +127,25 @@ class UiContext:
         """Return a size in the window's pixels."""
         return size * self.scale
 
-    def say(self, message: str) -> None:
+    def request(self, name: str, argument: str = "") -> None:
+        """Request a command from the app."""
+        self.requests.append(Request(name, argument))
+
+    def notify(self, message: str) -> None:
         """Show the user a message, if there is one."""
         if message:
-            self.requests.append(f"say {message}")
+            self.request("message", message)
 
     def edited(self, state: ViewState, change: Change) -> ViewState:
-        """Return an edited state; say why it is refused, or what it left out."""
+        """Return an edited state; show the edit's message, if it has one."""
         new, message = after(change, state)
-        self.say(message)
+        self.notify(message)
         return new
 
     def run(self, state: ViewState, command: Command) -> ViewState:
         """Return a state after a command; request it from the app if it is no edit."""
         if command.change is None:
-            self.requests.append(command.name)
+            self.request(command.name)
             return state
         return self.edited(state, command.change)
 

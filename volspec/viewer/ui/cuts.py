@@ -9,20 +9,19 @@ from volspec.raycast import ClipPlane
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model import cuts
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.projection import Place, Projection
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import radius_mm
+from volspec.viewer.model.view import Place, Projection, radius_mm
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour, tip
 
 Colour = tuple[float, float, float, float]
 # A handle's radius; pixels at 96 dpi.
 _SIZE = 5.5
-# Of two handles in one place a press takes the first, which is drawn last.
+# Drawing order: where handles overlap, a press grips the one drawn last.
 _ORDER = ("crop", "plane-shift", "plane-tilt")
 _WHITE, _DIM = (*WHITE, 0.85), (*WHITE, 0.3)
-# Of the slices across x, y and z.
+# Colours of the slices across x, y and z.
 SLICE_COLOURS = ((0.86, 0.42, 0.40), (0.45, 0.75, 0.45), (0.45, 0.62, 0.92))
 
 
@@ -32,8 +31,8 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _crop(state: ViewState, ui: UiContext) -> ViewState:
-    aids, volume = state.interface.aids, state.document.volume
-    pressed, _ = imgui.checkbox("Crop box in the picture", aids.crop)
+    overlays, volume = state.interface.overlays, state.document.volume
+    pressed, _ = imgui.checkbox("Crop box in the picture", overlays.crop)
     ui.note("crop box")
     new = ui.run(state, BY_NAME["crop"]) if pressed else state
     imgui.same_line(imgui.get_content_region_avail().x - ui.px(52))
@@ -41,7 +40,7 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Reset##crop", (ui.px(64), 0)):
         new = ui.run(new, BY_NAME["reset-crop"])
     imgui.end_disabled()
-    crop = cuts.crop_of(state.shading, volume)
+    crop = cuts.crop_bounds(state.shading, volume)
     imgui.push_item_width(-ui.px(24))
     for axis, (name, (low, high)) in enumerate(zip("xyz", crop, strict=True)):
         last = volume.shape_xyz[axis] - 1.0
@@ -59,12 +58,12 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
 def _planes(state: ViewState, ui: UiContext) -> ViewState:
     new, planes = state, state.shading.clip_planes
     imgui.separator_text("Clip planes")
-    pressed, _ = imgui.checkbox("Handles", state.interface.aids.planes)
+    pressed, _ = imgui.checkbox("Handles", state.interface.overlays.planes)
     if pressed:
         new = ui.run(new, BY_NAME["planes"])
     imgui.begin_disabled(len(planes) >= MAX_PLANES)
     for name, title, what in (
-        ("plane-facing", "+ facing", "A plane through the middle; what is before it is cut away"),
+        ("plane-facing", "+ facing", "A plane through the middle; cuts away the front"),
         *((f"plane-{axis}", f"+ {axis}", f"A plane across the voxels' {axis}") for axis in "xyz"),
     ):
         imgui.same_line()
@@ -74,7 +73,7 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
         tip(what)
     imgui.end_disabled()
     if not planes:
-        imgui.text_disabled("None. Drag their handles in the picture.")
+        imgui.text_disabled("No planes yet")
     for i, plane in enumerate(planes):
         new = _row(new, ui, i, plane)
     return new
@@ -84,7 +83,7 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
     """Draw one plane of the list: its distance, and the buttons that flip and remove it."""
     volume = state.document.volume
     imgui.push_id(index)
-    if imgui.radio_button(f"{index + 1}", state.interface.aids.plane == index):
+    if imgui.radio_button(f"{index + 1}", state.interface.overlays.plane == index):
         state = cuts.choose_plane(state, index)
     imgui.same_line()
     x, y, z = plane.normal
@@ -109,32 +108,32 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
 
 def draw_handles(state: ViewState, ui: UiContext) -> None:
     """Draw the box, the planes and the slices' outlines with their handles over the picture."""
-    volume, aids = state.document.volume, state.interface.aids
-    planes = aids.planes and bool(state.shading.clip_planes)
-    outlines = aids.outlines and "Slices" in state.interface.panels
-    if not (aids.crop or planes or outlines):
+    volume, overlays = state.document.volume, state.interface.overlays
+    planes = overlays.planes and bool(state.shading.clip_planes)
+    outlines = overlays.outlines and "Slices" in state.interface.panels
+    if not (overlays.crop or planes or outlines):
         return
     projection = ui.projection(state)
-    crop = cuts.crop_of(state.shading, volume)
+    crop = cuts.crop_bounds(state.shading, volume)
     with over_picture(ui):
         if outlines:
             for axis, share in enumerate(state.interface.slices.at):
                 corners = cuts.world_mm(volume, outline_index(volume, axis, share))
                 _polygon(corners, projection, (*SLICE_COLOURS[axis], 0.9), ui)
-        if aids.crop:
+        if overlays.crop:
             for start, end, hidden in cuts.box_edges(crop, volume, projection):
                 _line(start, end, _DIM if hidden else _WHITE, ui)
         if planes:
             corners = cuts.box_corners_mm(crop, volume)
             for i, plane in enumerate(state.shading.clip_planes):
                 point, normal = np.asarray(plane.point_mm), np.asarray(plane.normal)
-                colour = ACCENT[True] if i == aids.plane else _WHITE
+                colour = ACCENT[True] if i == overlays.plane else _WHITE
                 _polygon(cuts.outline_mm(point, normal, corners), projection, colour, ui)
         _draw_handles(state, projection, ui)
 
 
 def _draw_handles(state: ViewState, projection: Projection, ui: UiContext) -> None:
-    found, hovered = cuts.handles_of(state, projection, ui.scale), None
+    found, hovered = cuts.list_handles(state, projection, ui.scale), None
     if not imgui.get_io().want_capture_mouse:
         mouse = imgui.get_mouse_pos()
         hovered = cuts.nearest_handle(found, (mouse.x, mouse.y), ui.scale)

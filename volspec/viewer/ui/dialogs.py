@@ -73,14 +73,14 @@ class PathDialog:
 
         done, self._text = imgui.input_text_with_hint("##path", hint, self._text, flags, complete)
         ui.note("path")
-        # A file to be written is shown with all of its neighbours.
+        # To save a file, all files of the folder are listed.
         self._list(_list_paths(found.folder, request.suffixes, now) if request.save else found)
-        path = request.named(self._text)
+        path = request.complete(self._text)
         there = bool(path) and request.save and path_exists(path)
         sure = there and path == self._replaces
         if there:
-            said = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
-            wrap_text(said, imgui.Col_.check_mark)  # not to be overlooked
+            warning = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
+            wrap_text(warning, imgui.Col_.check_mark)
         left = _buttons_left(ui)
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
@@ -107,7 +107,7 @@ class PathDialog:
                     self._text = found.folder + row
                     self._focus = True
             if not found.rows:
-                imgui.text_disabled("No such files here")
+                imgui.text_disabled("No matching files")
         imgui.end_child()
 
 
@@ -157,10 +157,10 @@ class PictureDialog:
         channels = state.transfer.basis.size * len(state.shading.groups)
         room = megabytes(shot.size(state.size), channels)
         imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
-        _, name = imgui.input_text_with_hint("Name", "made of the title", shot.name)
-        _, folder = imgui.input_text_with_hint("Folder", "where volspec was started", shot.folder)
+        _, name = imgui.input_text_with_hint("Name", "from the title", shot.name)
+        _, folder = imgui.input_text_with_hint("Folder", "current folder", shot.folder)
         shot = replace(shot, name=name, folder=folder)
-        wrap_text(f"Will be {shot.path(state.document.title)}", _DIM)
+        wrap_text(f"Saves as {shot.path(state.document.title)}", _DIM)
         self.shot = shot
 
 
@@ -191,7 +191,7 @@ def draw_progress(progress: Progress, ui: UiContext) -> bool:
 
 
 def _begin(name: str, opens: bool, ui: UiContext, wide: float) -> bool:
-    """Begin a dialog, if it is open or opens now; the picture is dimmed little, as it is judged."""
+    """Begin a dialog, if it is open or opens now; the picture is dimmed little."""
     if opens:
         imgui.open_popup(name)
     viewport = imgui.get_main_viewport()
@@ -223,11 +223,10 @@ def _buttons(label: str, name: str, ui: UiContext) -> tuple[bool, bool]:
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 _FILES = (
-    *(".toml", SUFFIX, ".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk"),
-    *(".npy", ".tif", ".tiff", ".dcm", ".dicom", ".ima"),
+    f".toml {SUFFIX} .nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy .tif .tiff .dcm .dicom .ima"
 )
 REQUESTS = {
-    "open": PathRequest("open", "Open a scene or a volume", suffixes=_FILES),
+    "open": PathRequest("open", "Open a scene or a volume", suffixes=tuple(_FILES.split())),
     "open-session": PathRequest("resume", "Open a session", suffixes=(SUFFIX,)),
     "export-scene": PathRequest("export-scene", "Export as scene", True, (".toml",)),
     "export-python": PathRequest("export-python", "Export as Python", True, (".py",)),
@@ -244,7 +243,7 @@ class FileDialogs:
         self._dialog: PathDialog | NativeDialog | None = None
 
     def ask(self, request: PathRequest, document: Document) -> None:
-        """Ask for a path; ignored while the system's dialog is open."""
+        """Open a dialog for a path; ignored while the system's dialog is open."""
         if not isinstance(self._dialog, NativeDialog):
             request = replace(request, start=initial_path(request, document))
             self._dialog = (NativeDialog if has_native_dialogs() else PathDialog)(request)
@@ -263,7 +262,7 @@ class FileDialogs:
         if path is None or self._dialog is None:
             return None
         request, self._dialog = self._dialog.request, None
-        return (request, request.named(path)) if path else None
+        return (request, request.complete(path)) if path else None
 
     def close(self) -> None:
         """End the system's dialog, for which the program would wait."""

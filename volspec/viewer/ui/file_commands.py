@@ -12,12 +12,12 @@ from volspec.errors import VolspecError
 from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import Search, UiContext
+from volspec.viewer.ui.context import Request, Search, UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs, PictureDialog, draw_progress
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import PALETTES
 from volspec.viewer.work.documents import DocumentService, Opened
-from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.screenshot import (
     CUSTOM,
@@ -32,7 +32,7 @@ from volspec.viewer.work.session import save_session
 
 
 class FileCommands:
-    """Runs what takes time, and what touches files.
+    """Runs commands that take time or use files.
 
     The ``size`` of saved pictures is (width, height), or None for that in the window; ``palette``
     reads or writes a palette's file, given the request's kind, the path and the state.
@@ -44,14 +44,13 @@ class FileCommands:
         pictures: Pictures,
         ui: UiContext,
         notice: Notice,
-        trace: Trace,
         device: str | None,
         size: tuple[int, int] | None,
         palette: Callable[[str, str, ViewState], None],
     ) -> None:
         self._tasks, self._ui, self._palette = tasks, ui, palette
-        self._notice, self._trace = notice, trace
-        self.documents = DocumentService(tasks, notice, trace, device)
+        self._notice = notice
+        self.documents = DocumentService(tasks, notice, device)
         shot = Shot() if size is None else Shot(CUSTOM, size)
         self._dialogs, self._picture = FileDialogs(), PictureDialog(shot)
         self._progress: Progress | None = None
@@ -74,43 +73,43 @@ class FileCommands:
         """True while files or pictures are read, cast or written."""
         return self._tasks.busy
 
-    def do(self, request: str, state: ViewState) -> None:
-        """Run a command by its name, or open a file (``open PATH``), or show ``say TEXT``."""
-        name, _, text = request.partition(" ")
+    def run(self, request: Request, state: ViewState) -> None:
+        """Run a command, open a file, or show a message."""
+        name, argument = request
         self._state = state
-        if name == "say":
-            self._notice.say(text)
-        elif name == "open" and text:
-            self.documents.open(text)
+        if name == "message":
+            self._notice.show(argument)
+        elif name == "open" and argument:
+            self.documents.open(argument)
         elif name in REQUESTS:
             self._dialogs.ask(REQUESTS[name], state.document)
         else:
             self._commands[name](state)
 
     def take(self, first: bool) -> tuple[bool, Opened | None]:
-        """Take the threads' results; return whether there are any, and what was opened.
+        """Take the threads' results; return True if there are any, and the opened document.
 
-        If nothing is open yet (``first``), this raises as `DocumentService.came`.
+        If nothing is open yet (``first``), this raises as `DocumentService.finish_open`.
         """
         if answer := self._dialogs.take():
-            self._answered(*answer)
+            self._use_path(*answer)
         outcomes = self._tasks.take()
         found = None
         for outcome in outcomes:
             progress = self._progress if outcome.kind == "picture" else None
             if progress is not None:
                 self._progress = None
-            # A picture that was cancelled too late is written all the same.
+            # A picture that was cancelled too late is written.
             if progress is not None and progress.ended and outcome.error:
-                self._notice.say("The picture was given up")
+                self._notice.show("The picture was cancelled")
             elif outcome.kind == "open":
-                found = self.documents.came(outcome, first)
+                found = self.documents.finish_open(outcome, first)
             elif outcome.error:
-                self._notice.fail(outcome.error)
+                self._notice.show_error(outcome.error)
             elif outcome.kind != "session":
                 event = "screenshot" if outcome.kind == "picture" else outcome.kind
-                self._trace.note(event, path=str(outcome.result))
-                self._notice.say(f"Saved {outcome.result}")
+                self._notice.trace.note(event, path=str(outcome.result))
+                self._notice.show(f"Saved {outcome.result}")
         return bool(outcomes), found
 
     def close(self, state: ViewState | None, faulty: bool) -> None:
@@ -123,14 +122,14 @@ class FileCommands:
     def draw(self, state: ViewState | None) -> None:
         """Draw the dialogs and the progress of a picture."""
         if answer := self._dialogs.draw(self._ui):
-            self._answered(*answer)
+            self._use_path(*answer)
         if state is not None and self._picture.draw(state, self._ui):
             self._cast(state)
         if self._progress is not None and draw_progress(self._progress, self._ui):
             self._cancel()
 
-    def _answered(self, request: PathRequest, path: str) -> None:
-        """Use a path that was asked for."""
+    def _use_path(self, request: PathRequest, path: str) -> None:
+        """Use the path that a dialog returned."""
         state = self._state
         if request.kind == "open":
             self.documents.open(path)
@@ -148,12 +147,12 @@ class FileCommands:
 
     def _cast(self, state: ViewState) -> None:
         if self._progress is not None:
-            self._notice.say("A picture is being cast already")
+            self._notice.show("A picture is being cast already")
             return
         shot = self._picture.shot
         width, height = shot.size(state.size)
         progress = self._progress = Progress(f"Casting {width} × {height}")
-        # Waited for at the end, too: a thread in native code must not outlive the interpreter.
+        # `close` waits for it, too: a thread in native code must not outlive the interpreter.
         self._tasks.start("picture", lambda: save_picture(state, shot, progress), writes=True)
 
     def _cancel(self) -> None:
@@ -164,10 +163,10 @@ class FileCommands:
         try:
             done = copy()
         except VolspecError as error:
-            self._notice.fail(str(error))
+            self._notice.show_error(str(error))
         else:
-            self._trace.note("copied", what=done)
-            self._notice.say(done)
+            self._notice.trace.note("copied", what=done)
+            self._notice.show(done)
 
     def _toggle_palette(self) -> None:
         self._ui.commands = None if self._ui.commands else Search()
@@ -176,4 +175,4 @@ class FileCommands:
         if "Lights" in state.interface.panels:
             self._ui.lights.rename(state.interface.light, state.lights)
         else:
-            self._notice.say("Lights are renamed in their list: open the Lights panel")
+            self._notice.show("Lights are renamed in their list: open the Lights panel")

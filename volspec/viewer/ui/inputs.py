@@ -57,7 +57,7 @@ class Input:
 class Inputs:
     """Queue of a window's inputs.
 
-    imgui gets a gesture when it is taken from the queue: what it makes of Enter, say, a dialog that
+    imgui gets a gesture when it is taken from the queue: its reaction, such as a dialog that Enter
     closes, must not come before the key is known to be the dialog's. ``to_imgui`` is imgui's own
     listener for keys.
     """
@@ -145,7 +145,7 @@ class Inputs:
         repeated = action == glfw.REPEAT and name in STEPPING
         if name and (action == glfw.PRESS or repeated):
             ctrl = modifiers & (glfw.MOD_CONTROL | glfw.MOD_SUPER)
-            # Of keys that write, Shift has already made another.
+            # The name of a printable key includes Shift.
             shift = "shift+" if (ctrl or key in _ARROWS) and modifiers & glfw.MOD_SHIFT else ""
             alt = "alt+" if modifiers & glfw.MOD_ALT else ""
             whole = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"

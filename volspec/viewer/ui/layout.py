@@ -1,4 +1,4 @@
-"""The window's layout: panels docked at the right, the picture in what is left."""
+"""The window's layout: panels docked at the right, the picture in the rest."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import replace
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import commands, compare, cuts, menus, overlays, slices, viewing
+from volspec.viewer.ui import commands, cuts, menus, overlays, slices, viewing
 from volspec.viewer.ui import lights_panel as lights
 from volspec.viewer.ui import palette_panel as palette
 from volspec.viewer.ui import transfer_panel as transfer
@@ -30,8 +30,8 @@ _PANELS = (
     ("Palette", palette.draw, "lower"),
 )
 _OVERLAYS = (
-    compare.draw_error_map,
-    compare.draw_divide,
+    overlays.draw_error_map,
+    overlays.draw_divide,
     overlays.draw_probe,
     menus.draw_keys,
     cuts.draw_handles,
@@ -59,9 +59,9 @@ class Docks:
         return self._frames > _LAG
 
     def picture(self, ui: UiContext, panels: bool) -> tuple[int, int, int, int]:
-        """Lay out the docks; return x, y, width and height of what is left for the picture."""
+        """Lay out the docks; return x, y, width and height of the picture's area."""
         space = imgui.dock_space_over_viewport(imgui.get_id("dock"), flags=_DOCKED)
-        if panels:  # imgui gives up a dock that stays empty
+        if panels:  # imgui removes a dock that stays empty
             if self._frames == 0:
                 self._dock(space, ui)
             self._frames += 1
@@ -81,11 +81,11 @@ class Docks:
             if ui.front == title:
                 ui.front = ""
                 imgui.set_next_window_focus()
-            shown, kept = imgui.begin(title, True, imgui.WindowFlags_.no_collapse)
+            shown, stays = imgui.begin(title, True, imgui.WindowFlags_.no_collapse)
             if shown:
                 state = draw(state, ui) or state
             imgui.end()
-            if not kept:
+            if not stays:
                 rest = state.interface.panels - {title}
                 state = replace(state, interface=replace(state.interface, panels=rest))
         if self._frames == 1:

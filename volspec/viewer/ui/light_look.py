@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 _PAPER = 0.96
 
 
-def white_of(rig: LightRig) -> Array:
+def white_from_rig(rig: LightRig) -> Array:
     """Return the XYZ of a perfect diffuser under a light."""
     return white_XYZ(rig.mixed(rig.lights[0].grid))
 
@@ -42,22 +42,22 @@ def as_colour(codes: Array) -> Colour:
 @lru_cache(maxsize=512)
 def raw_colour(rig: LightRig) -> Colour:
     """Return white paper's colour without adaptation; sRGB codes 0 to 1, the largest 1."""
-    linear = np.maximum(linear_from_XYZ(white_of(rig)), 0.0)
+    linear = np.maximum(linear_from_XYZ(white_from_rig(rig)), 0.0)
     return as_colour(encode(linear / max(float(linear.max()), 1e-9)))
 
 
-# Rows are few; a temperature that is dragged makes many.
+# Rows are few, but dragging a temperature makes many rigs.
 @lru_cache(maxsize=256)
 def adapted_colour(rig: LightRig, spec: RelightSpec) -> Colour:
     """Return white paper's colour to an eye adapted to the light, if it can adapt."""
-    white = white_of(rig)
-    passage = adapted_to(rig, spec, white)
+    white = white_from_rig(rig)
+    passage = adapting_transform(rig, spec, white)
     if passage is None:
         return raw_colour(rig)
     return as_colour(encode(linear_from_XYZ(passage.apply(_PAPER * white))))
 
 
-def adapted_to(rig: LightRig, spec: RelightSpec, white: Array) -> Passage | None:
+def adapting_transform(rig: LightRig, spec: RelightSpec, white: Array) -> Passage | None:
     """Return the view transform from XYZ under a light to XYZ of the display.
 
     ``white`` is the XYZ of a perfect diffuser under the light. None if the light has no white
@@ -115,7 +115,7 @@ def fill(
     bottom, step = y + height, width / count
     tops = (bottom - np.minimum(heights, height)).tolist()
     edges = [round(x + i * step) for i in range(count + 1)]
-    # Upright stripes of whole pixels have no slanted edges that antialiasing turns into lines.
+    # Vertical stripes of whole pixels: antialiasing would show slanted edges as lines.
     for i, level in enumerate(tops):
         draw_list.add_rect_filled((edges[i], level), (edges[i + 1], bottom), colours[i])
 
@@ -144,12 +144,12 @@ def column_colours(grid: SpectralGrid, count: int, alpha: float = 1.0) -> tuple[
     """Return the muted colours of a grid's wavelengths, packed for imgui."""
     bands = colour_matching_functions(grid)
     XYZ = np.stack([column_heights(band, count) for band in bands], axis=1)
-    # Grey is added until it is a colour of the display, evenly bright but for the ends.
+    # Add grey until the colour is in the display's gamut; equalise brightness, except at the ends.
     linear = linear_from_XYZ(XYZ / bands.max() * 100.0)
     linear -= np.minimum(linear.min(axis=1, keepdims=True), 0.0)
     strength = linear.max(axis=1, keepdims=True)
     codes, reach = encode(linear / np.maximum(strength, 0.08)), max(count // 24, 1)
-    # Means over neighbours, so that no edge is seen where a primary begins.
+    # A moving average hides the edges where a primary begins.
     padded = np.pad(codes, ((reach, reach), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0)
     return tuple(pack_colour(colour, alpha) for colour in 0.13 + 0.75 * windows.mean(axis=-1))

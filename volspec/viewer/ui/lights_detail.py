@@ -21,9 +21,9 @@ _ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_s
 _LOG = imgui.SliderFlags_.logarithmic
 _ALL = "all"
 _LUX_TIP = (
-    "What this light gives a surface that faces it, at weight 1.\n"
-    "Lux count when every light that shines has them: then the eye adapts to\n"
-    "their sum, and a weight is a share of its light's. A light without lux counts by\n"
+    "Illuminance of a surface that faces this light, at weight 1.\n"
+    "Lux count if every light that is on has them: then the eye adapts to\n"
+    "their sum, and a weight scales its light's lux. A light without lux counts by\n"
     "its spectrum alone, and the eye adapts to the Viewing panel's illuminance."
 )
 
@@ -72,7 +72,13 @@ def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
     imgui.begin_group()
     _paint_knob(state.interface.dark)
     moved, value = imgui_knobs.knob(
-        *("##knob", weight, 0.0, 1.0, _SPEED, "%.2f", imgui_knobs.ImGuiKnobVariant_.wiper),
+        "##knob",
+        weight,
+        v_min=0.0,
+        v_max=1.0,
+        speed=_SPEED,
+        format="%.2f",
+        variant=imgui_knobs.ImGuiKnobVariant_.wiper,
         size=ui.px(_KNOB),
         flags=int(imgui_knobs.ImGuiKnobFlags_.no_title | imgui_knobs.ImGuiKnobFlags_.no_input),
     )
@@ -107,7 +113,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     imgui.same_line(0, ui.px(4))
     if not plain:
         facing = light_rows.facing_lux(rig, state.shading.shares())
-        words = f"{facing:.4g} lx where it all faces" if facing else "Illuminance not given"
+        words = f"{facing:.4g} lx facing all groups" if facing else "Illuminance not given"
         imgui.text_disabled(words)
         return state
     imgui.set_next_item_width(-ui.px(_LABELS))
@@ -151,7 +157,7 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
 
 
 def _complaint(text: str, ui: UiContext, name: str) -> None:
-    """Draw what is wrong with a notation, over what is below its field, until a click."""
+    """Draw the error of a notation below its field, until a click."""
     if imgui.is_mouse_clicked(0):
         ui.lights.complaint = ""
         return
@@ -214,14 +220,14 @@ def _part(
     ui.note(f"part {j}")
     if moved:
         new = light_parts.set_part_weight(new, index, j, weight)
-    tip("Weight beside the other spectra of this light")
+    tip("Weight relative to this light's other spectra")
     if rig.illuminance_lux:
         imgui.table_next_column()
         imgui.set_next_item_width(-1)
         lux = rig.illuminance_lux[j]
         moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_rows.LUX, "%.4g lx")
         ui.note(f"part lux {j}")
-        tip("On a surface that faces it, were all groups to shine like this one")
+        tip("On a surface that faces it, if all groups shone like this one")
         if moved:
             new = light_parts.set_lux(new, index, lux, j)
     imgui.table_next_column()

@@ -10,8 +10,8 @@ from typing import Any
 from imgui_bundle import imgui
 
 from volspec.viewer.model import lights
-from volspec.viewer.model.light_mixes import dial_place, rim_places
 from volspec.viewer.model.light_rows import effective_weights
+from volspec.viewer.model.lights import dial_place, rim_places
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, raw_colour
@@ -22,7 +22,7 @@ Point = tuple[float, float]
 Measure = Callable[[str], float]
 # Names nearer to the vertical than this are above or below the rim, and have its whole width.
 _UPRIGHT = 0.2
-# From here outwards, names are next to the rim: a longer one would reach over its light's dot.
+# From here outwards, names are next to the rim: longer ones would cover their light's dot.
 _ASIDE_FROM = 0.7
 # The least radius, as a fraction of the greatest, that long names may leave.
 _LEAST_FRACTION = 0.6
@@ -71,7 +71,7 @@ def ring_for(
     found = next((i for i, ends in enumerate(reaches) if sum(ends) <= width), _RADII)
     left, right = reaches[found]
     first, last = left - width / 2, width / 2 - right
-    # What is missing is missing at both sides.
+    # Too wide names are cut at both sides alike.
     shift = min(max(0.0, first), last) if first <= last else (first + last) / 2
     middle = x + width / 2 + shift, y + height / 2
     return Ring(within, middle, steps[found], steps[found] + out, line_height, measure)
@@ -101,8 +101,8 @@ def in_two(name: str, measure: Measure) -> tuple[str, ...]:
     return min(ways, key=lambda lines: max(map(measure, lines)), default=(name,))
 
 
-def labels_of(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> list[Label]:
-    """Place as many names as there is room for; whole if that takes no other's place."""
+def place_labels(names: Sequence[str], ranks: Sequence[float], ring: Ring) -> list[Label]:
+    """Place as many names as there is room for; uncut if that hides no other name."""
     x, y = ring.middle
     side = ring.radius * 1.2
     disc = x - side / 2, y - side / 2, side, side
@@ -219,7 +219,7 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
             row = state.lights[hovered]
             imgui.set_tooltip("\n".join(dict.fromkeys(map(as_one_line, (row.name, row.label)))))
         else:
-            tip("Drag to blend the lights; the middle is all of them alike")
+            tip("Drag to blend the lights; the middle weights all equally")
     _draw_rim(new, ui, ring, hovered)
     _draw_names(new, ui, ring, hovered)
     return new
@@ -232,7 +232,7 @@ def width_for(state: ViewState, ui: UiContext, height: float) -> float:
 
 
 def light_at(count: int, x: float, y: float, reach: float) -> int:
-    """Return the light at a place of the dial; -1 if none is within reach."""
+    """Return the light at a place of the dial; -1 if there is none within reach."""
     away = [math.hypot(px - x, py - y) for px, py in rim_places(count)]
     closest = min(range(count), key=lambda i: away[i])
     return closest if away[closest] <= reach else -1
@@ -243,7 +243,7 @@ def _dot(state: ViewState, ui: UiContext) -> float:
 
 
 def _names_to_fit(state: ViewState) -> list[str]:
-    """Return the names that the dial makes room for: none of many, few of which are written."""
+    """Return the names that the dial makes room for; none if there are too many."""
     return [row.name for row in state.lights] if len(state.lights) <= _MANY else []
 
 
@@ -287,7 +287,7 @@ def _labels(state: ViewState, ring: Ring, hovered: int) -> list[Label]:
         i - 1e3 * weight - 1e3 * (i == chosen) - 1e4 * (i == hovered)
         for i, weight in enumerate(weights)
     ]
-    return labels_of([row.name for row in state.lights], ranks, ring)
+    return place_labels([row.name for row in state.lights], ranks, ring)
 
 
 def _draw_names(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> None:

@@ -68,7 +68,7 @@ def matching(search: str) -> list[str]:
 
     def contains(name: str, word: str) -> bool:
         long = len(word) >= _LONG
-        return word in name.casefold() or (long and word in class_of(name).casefold())
+        return word in name.casefold() or (long and word in light_class(name).casefold())
 
     found = [name for name in library_names() if all(contains(name, w) for w in start.split())]
     return sorted(found, key=lambda name: not name.casefold().startswith(start))
@@ -81,10 +81,10 @@ def library_names() -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=512)
-def class_of(name: str) -> str:
-    """Return the kind of light that a name of the library is, in words.
+def light_class(name: str) -> str:
+    """Return the class of a light in the library.
 
-    >>> class_of("FL2"), class_of("D65"), class_of("lamp:candle-1900")
+    >>> light_class("FL2"), light_class("D65"), light_class("lamp:candle-1900")
     ('CIE fluorescent', 'CIE illuminant', 'candle flame')
     """
     if name in _CIE:
@@ -97,7 +97,7 @@ def class_of(name: str) -> str:
 
 @lru_cache(maxsize=64)
 def verdict(text: str, grid: SpectralGrid, folder: str) -> tuple[LightRig | None, str]:
-    """Return the light of a notation, or what is wrong with it; files are read on Enter."""
+    """Return the light of a notation, or its error; files are read only on Enter."""
     if not text or split_address(text) is not None:
         return None, "Enter reads the file" if text else ""
     try:
@@ -134,7 +134,7 @@ def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
     most = width - side - ui.px(16)
     text = imgui.get_color_u32(imgui.Col_.text)
     draw_list.add_text((x + side + ui.px(8), y), text, shorten(name, most))
-    kind = class_of(name) if name in library_names() else "as typed"
+    kind = light_class(name) if name in library_names() else "as typed"
     room = width - side - ui.px(20) - min(text_width(name), most)
     short = shorten(kind, room) if room > ui.px(40) else ""
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)

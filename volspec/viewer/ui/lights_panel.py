@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 
 from volspec.viewer.model import light_states
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.light_rows import rig_of
+from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lights_detail, lights_dial, lights_library, lights_rows
@@ -20,7 +20,7 @@ from volspec.viewer.ui.widgets import as_one_line, key_text, lit_button, shorten
 _SWATCH, _SPARK = 16.0, 46.0
 _MENU = "state menu"
 # The same rig each time, as the caches of its colours need it.
-_rig_of_saved = lru_cache(maxsize=128)(rig_of)
+_rig_of_saved = lru_cache(maxsize=128)(light_rig)
 
 
 def draw_states(state: ViewState, ui: UiContext) -> ViewState:
@@ -29,7 +29,7 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Save state"):
         new = ui.run(new, BY_NAME["save-state"])
     ui.note("save state")
-    tip("All lights and the viewing, to come back to (Alt+S)")
+    tip("Save all lights and the viewing (Alt+S)")
     imgui.same_line()
     imgui.set_next_item_width(-ui.px(40))
     text = "at once" if state.interface.fade_s <= 0 else "%.1f s"
@@ -38,7 +38,7 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     if moved:
         new = light_states.set_fade(new, seconds)
     if not state.saved_lights:
-        imgui.text_disabled("Saved states stand here. Alt+1 … Alt+9 fade to them.")
+        imgui.text_disabled("No saved states yet. Alt+1 … Alt+9 fade to them.")
         return new
     for i in range(len(state.saved_lights)):
         imgui.push_id(i)
@@ -170,15 +170,15 @@ def _buttons(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Add"):
         imgui.open_popup(lights_library.POPUP)
     ui.note("add light")
-    tip("A light from the library, from a file, or a mix")
+    tip("Add a light from the library, a file, or a mix")
     new = lights_library.draw(state, ui)
     one = len(state.lights) < 2
-    new = _button(new, ui, "remove-light", "Remove", "Takes the chosen light off the list", one)
-    dark = rig_of(state.lights) is None
-    new = _button(new, ui, "keep-mix", "Keep mix", "The present mix as a light of its own", dark)
-    new = _button(new, ui, "compare", "A | B", "These lights beside others, with a divide")
+    new = _button(new, ui, "remove-light", "Remove", "Remove the chosen light from the list", one)
+    dark = light_rig(state.lights) is None
+    new = _button(new, ui, "keep-mix", "Add mix", "Add the present mix as a light", dark)
+    new = _button(new, ui, "compare", "A | B", "Compare these lights with others, side by side")
     if state.other is not None:
-        new = _button(new, ui, "swap", "Swap", "The lights of both sides change places")
+        new = _button(new, ui, "swap", "Swap", "Exchange the lights of both sides")
     return new
 
 

@@ -104,7 +104,7 @@ def _name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) ->
     ui.note(f"name {i}")
     lux = row.rig.total_lux
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
-    tip(f"{row_tip(row)}{level}\nDouble-click: this light alone; F2: another name")
+    tip(f"{row_tip(row)}{level}\nDouble-click: this light alone; F2: rename")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
         new = lights.only(new, i)
     return _context_menu(new, ui, i)
@@ -127,7 +127,7 @@ def name_field(state: ViewState, ui: UiContext, label: str, rename: Rename, i: i
 
 
 def row_tip(row: light_rows.LightRow) -> str:
-    """Return a light's name and what it was made from, in lines."""
+    """Return a light's name and its source, in lines."""
     name = as_one_line(row.name)
     if (before := row.before) is not None:
         texts = " + ".join(text or before.name for text in dict.fromkeys(before.texts))
@@ -161,7 +161,7 @@ def _swatch(state: ViewState, ui: UiContext, index: int) -> None:
     fill_box((x + half, top, half, tall), adapted, rounding, corners.round_right)
     border, end = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), (x + 2 * half, top + tall)
     imgui.get_window_draw_list().add_rect((x, top), end, border, rounding)
-    tip("White paper under this light\nleft: as it is, right: to an eye adapted to it")
+    tip("White paper under this light\nleft: unadapted, right: to an adapted eye")
 
 
 def _spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
@@ -175,5 +175,5 @@ def _spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
     imgui.get_window_draw_list().add_rect_filled((x, top), end, background)
     rect = x, top, width, height - ui.px(4)
     spark(rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
-    tip("Its spectrum; a click opens it to be drawn")
+    tip("Spectrum; click to draw it")
     return clicked

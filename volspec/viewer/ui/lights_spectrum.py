@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from volspec.spectra import SpectralGrid
 from volspec.viewer.model import light_parts
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.light_rows import LightRow, rig_of, row_at
+from volspec.viewer.model.light_rows import LightRow, light_rig, row_at
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline, spark
@@ -24,13 +24,13 @@ def draw_mix(state: ViewState, ui: UiContext, width: float, height: float) -> No
     """Draw the mix, filled, and the chosen light as a line."""
     grid = state.document.grid
     rect = _frame(ui, grid, width, height, "mix")
-    if (rig := rig_of(state.lights)) is not None:
+    if (rig := light_rig(state.lights)) is not None:
         spark(rect, rig, grid, headroom=_MIX_TOP)
     if (row := row_at(state.lights, state.interface.light)) is not None:
         values, draw_list = mixed_values(row.rig, grid), imgui.get_window_draw_list()
         text = imgui.get_color_u32(imgui.Col_.text)
         outline(draw_list, rect, values, float(values.max()) * _MIX_TOP, text, ui.px(1.5))
-    tip("Filled: what shines; line: the chosen light. Each to its own peak")
+    tip("Filled: the mix; line: the chosen light. Each is scaled to its own peak")
 
 
 def draw_pen(state: ViewState, ui: UiContext, height: float) -> ViewState:

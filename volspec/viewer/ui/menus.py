@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model.commands import BY_NAME, COMMANDS, MENUS, key_text_of
+from volspec.viewer.model.commands import BY_NAME, COMMANDS, MENUS, format_key
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
@@ -15,12 +15,12 @@ from volspec.viewer.ui.widgets import as_one_line, key_text, shorten, text_width
 
 # Commands with a separator above them.
 _PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
-# Offered below the recent files, and next to a cast's progress.
+# Shown below the recent files, and next to a cast's progress.
 _ELSEWHERE = ("clear-recent", "cancel")
 
 
 def draw_menu(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the menu bar; what is picked changes the state, or is requested from the app."""
+    """Draw the menu bar; return the state after the command that was picked."""
     if not imgui.begin_main_menu_bar():
         return state
     for title in MENUS:
@@ -55,11 +55,11 @@ def _recent(ui: UiContext) -> None:
         return
     for number, row in enumerate(ui.results.recent):
         if imgui.menu_item(f"{whole_label(row.label)}##{number}", "", False, row.there)[0]:
-            ui.requests.append(f"open {row.path}")
+            ui.request("open", row.path)
         ui.note(f"recent {number}")
     imgui.separator()
     if imgui.menu_item("Clear the list", "", False)[0]:
-        ui.requests.append("clear-recent")
+        ui.request("clear-recent")
     imgui.end_menu()
 
 
@@ -143,17 +143,13 @@ _MOUSE = (
     ("Ctrl + left drag", "Shift and spread the values"),
     ("Ctrl + right drag", "Opacity"),
 )
-_PANELS = (
-    ("Tab, arrows", "Next item"),
-    ("Space, Enter", "Use it"),
-    ("Esc", "Back to the picture"),
-)
+_PANELS = (("Tab, arrows", "Next item"), ("Space, Enter", "Use it"), ("Esc", "Back to the picture"))
 
 
 def _menu_part(menu: str) -> Part:
     """Return a menu's commands that have keys."""
     rows = [
-        (", ".join(key_text_of(key) for key in command.keys if key), command.title)
+        (", ".join(format_key(key) for key in command.keys if key), command.title)
         for command in COMMANDS
         if command.menu == menu and any(command.keys) and not command.name.startswith("recall-")
     ]
@@ -194,7 +190,7 @@ def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
 
 
 def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw the sheet of keys; a click, Esc or what opens over it closes it."""
+    """Draw the sheet of keys; a click, Esc or a window over it closes it."""
     if not state.interface.keys:
         return None
     if ui.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:

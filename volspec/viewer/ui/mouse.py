@@ -16,14 +16,14 @@ from typing import Literal, TypeAlias
 from imgui_bundle import imgui
 
 from volspec.viewer.model import camera, cuts, lights, transfer_edits
-from volspec.viewer.model.projection import Place, Projection, face_at
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import Place, Projection, face_at
 from volspec.viewer.ui.inputs import STEPPING, Input
 
 Area = tuple[int, int, int, int]
-# An edit by a drag across and down, in shares of the picture's height; or one that takes places.
+# An edit by a drag across and down, in fractions of the picture's height; or one that takes places.
 Drag: TypeAlias = Callable[[ViewState, float, float], ViewState] | Literal["roll", "divide"]
-# Notches and steps that come sooner after each other belong together.
+# Notches and steps closer together in time are one gesture.
 RUN_S = 0.5
 # The reach of the divide to either side; pixels at 96 dpi, as the next.
 GRIP = 8
@@ -70,7 +70,7 @@ class Gestures:
 
 
 def _run_of(given: Input) -> tuple[str, str] | None:
-    """Return a name that inputs of one run share; None if each is a gesture of its own."""
+    """Return a key that the inputs of one run share; None if each is its own gesture."""
     if given.name == "wheel":
         return "wheel", given.modifiers
     steps = given.key in STEPPING or given.key.rpartition("+")[2] in STEPPING
@@ -82,7 +82,7 @@ class Mouse:
 
     def __init__(self) -> None:
         self.gestures = Gestures()
-        # The mouse's place in shares of the picture; None unless it is over it, and over no panel.
+        # The mouse's place, 0 to 1 of the picture; None unless over it, and not over a panel.
         self.over_picture: Place | None = None
         # Pixels of the window for each at 96 dpi; it differs between monitors.
         self.scale = 1.0
@@ -105,7 +105,7 @@ class Mouse:
         for given in inputs:
             self._follow(given)
 
-    def applied(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
+    def apply(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
         """Return the state after inputs; ``area`` is the picture's in the window."""
         io = imgui.get_io()
         for given in inputs:
@@ -119,7 +119,7 @@ class Mouse:
                 if self._face is not None:  # a click
                     state = camera.look_at_face(state, self._face)
             elif given.name == "move" and self._drag:
-                state = self._dragged(state, before, area)
+                state = self._drag_to(state, before, area)
             elif given.name == "wheel" and free:
                 # With Shift some systems turn the wheel sideways.
                 turn = WHEELS.get(given.modifiers, WHEELS[""])
@@ -131,20 +131,20 @@ class Mouse:
         return state
 
     def _begin(self, state: ViewState, given: Input, area: Area) -> ViewState:
-        """Begin the drag of what a press is on."""
+        """Begin a drag at a press."""
         self._drag, self._pressed = given.button, self._at
         self._edit = DRAGS.get((given.modifiers, given.button)) or DRAGS["", given.button]
         self._handle = self._face = None
         if given.button != "left" or given.modifiers:
             return state
         projected = Projection(state.view.camera(state.document.volume), area)
-        handles = cuts.handles_of(state, projected, self.scale)
+        handles = cuts.list_handles(state, projected, self.scale)
         handle = cuts.nearest_handle(handles, self._at, self.scale)
         if handle is not None:
             if handle.name != "crop":
                 state = cuts.choose_plane(state, handle.index)
             self._handle = handle, state
-        elif state.interface.aids.cube:
+        elif state.interface.overlays.cube:
             self._face = face_at(projected, self._at, self.scale)
         if state.other is not None and self._handle is None and self._face is None:
             x, _, width, _ = area
@@ -152,7 +152,7 @@ class Mouse:
                 self._edit = "divide"
         return state
 
-    def _dragged(self, state: ViewState, before: Place, area: Area) -> ViewState:
+    def _drag_to(self, state: ViewState, before: Place, area: Area) -> ViewState:
         """Return the state after a move of the drag in progress."""
         x, y, width, height = area
         if self._face is not None:
@@ -173,7 +173,7 @@ class Mouse:
             return lights.set_divide(state, (self._at[0] - x) / max(width, 1))
         if self._edit == "roll":
             middle = x + width / 2, y + height / 2
-            return camera.roll(state, _turned_deg(middle, before, self._at))
+            return camera.roll(state, _turn_deg(middle, before, self._at))
         across, down = self._at[0] - before[0], self._at[1] - before[1]
         return self._edit(state, across / max(height, 1), down / max(height, 1))
 
@@ -187,7 +187,7 @@ class Mouse:
             self._at = given.x, given.y
 
 
-def _turned_deg(middle: Place, before: Place, after: Place) -> float:
+def _turn_deg(middle: Place, before: Place, after: Place) -> float:
     """Return the clockwise angle of a move around a place."""
     first, last = (math.atan2(at[1] - middle[1], at[0] - middle[0]) for at in (before, after))
     return math.degrees(math.remainder(last - first, 2 * math.pi))
@@ -229,7 +229,7 @@ class Focus:
         self.on, self._panel = False, ""
 
     def frame(self) -> None:
-        """Begin a frame: enter the panel that was asked for, or leave on Esc or a click."""
+        """Begin a frame: enter the panel that `next` chose, or leave on Esc or a click."""
         if not self.on:
             # Menus and dialogs take arrows and Esc however they were opened.
             _navigate(_popup())
@@ -252,7 +252,7 @@ class Focus:
             self.leave()
 
     def takes(self, key: str) -> bool:
-        """Return True if a key is imgui's; while a menu or a dialog is open, all are."""
+        """Return True if imgui takes a key: all keys while a menu or a dialog is open."""
         plain = not key.startswith("ctrl+") and not (key[0] == "f" and key[1:].isdigit())
         return _popup() or (self.on and plain)
 

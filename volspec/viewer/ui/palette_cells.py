@@ -21,14 +21,14 @@ from volspec.viewer.ui.light_look import Rect, fill, outline
 from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, as_one_line, pack_colour, shorten, tip
 
 ROW_POPUP, COLUMN_POPUP = "palette row", "palette column"
-_MAY_CHANGE = "It may change, to show the colours wanted"
-_SEVERAL = "Several lights in one are not designed; the Lights panel has each of them"
+_MAY_CHANGE = "Ticked: designs may change it to meet the targets"
+_SEVERAL = "A light of several spectra is not designed; edit them in the Lights panel"
 
 
 def draw_spectrum(
     state: ViewState, table: Table, ui: UiContext, which: Member, index: int, wide: float
 ) -> ViewState:
-    """Draw a spectrum at the margin: its name, whether it may change, its curve."""
+    """Draw a spectrum at the margin: its name, the checkbox that frees it, its curve."""
     kind, name = which
     new, is_light = state, kind == LIGHT
     imgui.begin_group()
@@ -46,7 +46,7 @@ def draw_spectrum(
     tip(words, greyed=True)
     single = not is_light or len(state.lights[index].rig.lights) == 1
     imgui.begin_disabled(not single)
-    pressed, _ = imgui.checkbox("##open", which in state.palette.targets.open)
+    pressed, _ = imgui.checkbox("##open", which in state.palette.targets.free)
     imgui.end_disabled()
     ui.note(f"open {kind} {index}")
     tip(_MAY_CHANGE if single else _SEVERAL, greyed=True)
@@ -90,9 +90,9 @@ def levels(spectrum: Spectrum, is_light: bool) -> NDArray[np.float64]:
 
 
 def column_note(row: LightRow) -> str:
-    """Return what a column shows of a light with several spectra or of one light group.
+    """Return a note on a light of several spectra or of one light group; empty for others.
 
-    Each shadow of a group gives another colour: a cell's is the one out of every shadow.
+    Colours depend on shadows of each group: a cell shows the colour out of every shadow.
     """
     if len(row.rig.lights) == 1:
         return f"From {row.rig.groups[0]} alone" if row.rig.groups[0] else ""
@@ -101,7 +101,7 @@ def column_note(row: LightRow) -> str:
         for text, group, weight in zip(row.texts, row.rig.groups, row.rig.weights, strict=True)
         if weight > 0
     ]
-    return f"{' + '.join(parts)}\nThe cells are what all of it shows together, out of shadow"
+    return f"{' + '.join(parts)}\nCells show colours under all of it together, out of shadow"
 
 
 CELL_POPUP = "palette cell"
@@ -227,21 +227,21 @@ def importance(cell: Cell) -> float:
 
 
 def cell_lines(report: CellReport, target: Cell | None) -> str:
-    """Return a cell in words."""
+    """Return a cell's tooltip."""
     where = f"{report.reflectance} under {report.light}"
     if target is None:
-        return f"{where}\nNothing is wanted here; click to wish for a colour"
+        return f"{where}\nNo target; click to set one"
     words = {
-        "colour": "is to stay, as far as it can" if stays(target) else "a colour is wanted",
-        "free": f"one colour with all of “{target.group}”",
-        "black": "is to reflect nothing",
-        "same": f"the colour of {' under '.join(target.other or ())}",
-        "distinct": f"ΔE {target.distance:g} or more from {' under '.join(target.other or ())}",
+        "colour": "keeps its colour if possible" if stays(target) else "target: a colour",
+        "free": f"target: one colour in group “{target.group}”",
+        "black": "target: black",
+        "same": f"target: the colour of {' under '.join(target.other or ())}",
+        "distinct": f"target: ΔE ≥ {target.distance:g} from {' under '.join(target.other or ())}",
     }[target.kind]
     far = "" if report.delta_E_2000 is None else f"\nΔE {report.delta_E_2000:.1f}"
     if report.error is not None:
-        far += ", reached" if report.error <= VISIBLE else ": cannot be told apart below 1"
-    outside = "" if report.in_gamut else "\n! is outside the display"
+        far += ", met" if report.error <= VISIBLE else ", missed; below 1 is not visible"
+    outside = "" if report.in_gamut else "\n! out of the display's gamut"
     return f"{where}\n{words}{far}{outside}"
 
 

@@ -1,4 +1,4 @@
-"""Popups of the palette: a cell's target, and what a light or a material may become."""
+"""Popups of the palette: a cell's target, and options of a light or a material."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from volspec.viewer.ui.widgets import pick, tip
 
 # Kinds of targets in words: the kind, and the tip.
 _KINDS = {
-    "Nothing in particular": ("", "The colour comes as it comes"),
-    "This colour": ("colour", "Picked below"),
+    "No target": ("", "Any colour"),
+    "This colour": ("colour", "Pick it below"),
     "One colour with others": (
         "free",
-        "All cells of a group come to one colour, which is found (metamers)",
+        "All cells of a group get one colour, found by the design (metamers)",
     ),
-    "Nothing: black": ("black", "Reflects nothing of this light: a metameric black"),
-    "The colour of another cell": ("same", "Alike, whatever that colour is"),
-    "Apart from another cell": ("distinct", "At least so far away"),
+    "Black": ("black", "Reflects nothing of this light: a metameric black"),
+    "The colour of another cell": ("same", "Equal to it, whatever its colour is"),
+    "Different from another cell": ("distinct", "At least by this ΔE"),
 }
 _WORDS = {kind: words for words, (kind, _) in _KINDS.items()}
 _LOG = imgui.SliderFlags_.logarithmic
@@ -69,7 +69,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     imgui.push_item_width(ui.px(_WIDTH))
     kind = own.kind if own else ""
     chosen = pick("##kind", _WORDS[kind], _KINDS, lambda each: tip(_KINDS[each][1], at_once=True))
-    ui.note("wish kind")
+    ui.note("target kind")
     if chosen is not None:
         new = palette_edits.set_target_kind(new, number, _KINDS[chosen][0])
     if kind in ("", "colour"):
@@ -82,7 +82,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
             new = palette_edits.set_target(new, number, key)
     elif own is not None:
         new = _other(new, table, number, own, ui)
-    # Always there, so that nothing moves under the mouse with the first target.
+    # Always shown, so that the first target does not move items under the mouse.
     imgui.begin_disabled(own is None)
     new = _weight(new, number, own or Cell("black"), ui)
     imgui.end_disabled()
@@ -93,17 +93,17 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
 
 
 def _other(state: ViewState, table: Table, number: int, own: Cell, ui: UiContext) -> ViewState:
-    """Draw the settings of a target that is no colour: a group, or another cell."""
+    """Draw the settings of a target other than a colour: a group, or another cell."""
     if own.kind == "free":
         entered, name = imgui.input_text("##group", own.group, _ENTER)
-        tip("Cells of one name come to one colour", at_once=True)
+        tip("Cells with this group name get one colour", at_once=True)
         return palette_edits.set_target_group(state, number, name) if entered else state
     new = state
     if own.other is not None:
         places = {" under ".join(place): table.index(place) for place in table.cells}
         others = [words for words, at in places.items() if at != number]
         chosen = pick("##other", " under ".join(own.other), others)
-        ui.note("wish other")
+        ui.note("target other")
         if chosen is not None:
             new = palette_edits.set_target_kind(new, number, own.kind, places[chosen])
     if own.kind == "distinct":
@@ -118,14 +118,14 @@ def _weight(state: ViewState, number: int, own: Cell, ui: UiContext) -> ViewStat
     imgui.begin_disabled(must)
     now = 1.0 if must else own.weight
     moved, weight = imgui.slider_float("##weight", now, *WEIGHTS, "Weight %.2g", _LOG)
-    ui.note("wish weight")
+    ui.note("target weight")
     imgui.end_disabled()
-    tip("How much it counts beside the other wishes")
+    tip("Weight relative to the other targets")
     if moved and not must:
         new = palette_edits.set_target_weight(new, number, weight)
     if own.kind != "distinct":
         pressed, must = imgui.checkbox("Must be met", must)
-        tip("Exactly, or the design is refused")
+        tip("Meet it exactly, or refuse the design")
         if pressed:
             new = palette_edits.set_target_weight(new, number, None if must else 1.0)
     return new
@@ -144,7 +144,7 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     if imgui.menu_item("Show in the picture", "", False)[0]:
         new = lights.show_alone(new, index)
     ui.note("show light")
-    opened = (LIGHT, name) in state.palette.targets.open
+    opened = (LIGHT, name) in state.palette.targets.free
     single = len(state.lights[index].rig.lights) == 1
     if imgui.menu_item("May change", "", opened, single)[0]:
         new = palette_edits.toggle_free(new, LIGHT, index)
@@ -168,7 +168,7 @@ def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     imgui.text(name)
     imgui.text_disabled("reflectance, 0 to 1")
     imgui.separator()
-    opened = (REFLECTANCE, name) in state.palette.targets.open
+    opened = (REFLECTANCE, name) in state.palette.targets.free
     if imgui.menu_item("May change", "", opened)[0]:
         new = palette_edits.toggle_free(new, REFLECTANCE, index)
     constant = name in state.palette.targets.constant
@@ -177,5 +177,5 @@ def _material(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     for action, title in (("hide", "Hide …"), ("reveal", "Reveal …"), ("keep", "Keep its colour")):
         if imgui.menu_item(f"{title}##{action}", "", False)[0]:
             new = palette_edits.pick_material(new, name)
-            ui.requests.append(action)
+            ui.request(action)
     return new

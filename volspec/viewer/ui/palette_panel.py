@@ -13,17 +13,17 @@ from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.materials import can_be_exact
 from volspec.viewer.model.palette_table import Table
-from volspec.viewer.model.palette_targets import DISTANCES, MOST_ROUNDS, SMOOTHNESS
+from volspec.viewer.model.palette_targets import DISTANCES, MOST_ITERATIONS, SMOOTHNESS
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_convert import kind_of
+from volspec.viewer.model.transfer_convert import transfer_kind
 from volspec.viewer.ui import palette_cells, palette_editor
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, pick, tip, wrap_text
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
-_SURROUNDINGS, _BLACK = "what surrounds it", "nothing: black"
+_SURROUNDINGS, _BLACK = "its surroundings", "black"
 _NO_LIGHT = "none: the light stays as it is"
-_METRICS = dict(zip(("as the eye does (CIELAB)", "as numbers (RGB)"), METRICS, strict=True))
+_METRICS = dict(zip(("perceptual (CIELAB)", "display codes (RGB)"), METRICS, strict=True))
 
 
 def _wizards(state: ViewState, ui: UiContext) -> ViewState:
@@ -32,26 +32,26 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     own, new = state.interface.pick, state
     half = (imgui.get_content_region_avail().x - ui.px(_UNDER)) / 2
     chosen = _combo("##material", material, rows, ui, half)
-    new = _picked(new, palette_edits.pick_material, chosen)
+    new = _apply_pick(new, palette_edits.pick_material, chosen)
     imgui.same_line(0, ui.px(7))
     imgui.text_disabled("under")
     imgui.same_line(0, ui.px(7))
-    new = _picked(new, palette_edits.pick_light, _combo("##light", light, lights, ui))
+    new = _apply_pick(new, palette_edits.pick_light, _combo("##light", light, lights, ui))
     like = own.like if own.like in lights else ""
     chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
-    tip("Designs a light along, under which the other materials look as under this one")
-    new = _picked(new, palette_edits.pick_like, "" if chosen == _NO_LIGHT else chosen)
+    tip("Also designs a light, under which the other materials look as under this one")
+    new = _apply_pick(new, palette_edits.pick_like, "" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
     _wizard_button("hide", "Make it look like its surroundings under this light", ui)
     others = tuple(name for name in rows if name != material)
-    # A material may have been taken out since it was picked.
+    # The picked material may have been removed since.
     within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
     chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
     if chosen == _BLACK:
         new = palette_edits.pick_black(new)
     else:
-        new = _picked(new, palette_edits.pick_within, "" if chosen == _SURROUNDINGS else chosen)
-    _wizard_button("reveal", "Make it stand out from all others under this light", ui)
+        new = _apply_pick(new, palette_edits.pick_within, "" if chosen == _SURROUNDINGS else chosen)
+    _wizard_button("reveal", "Make it differ from all others under this light", ui)
     imgui.set_next_item_width(-1)
     moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
     if moved:
@@ -60,17 +60,17 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("its colour, under all lights")
     _wizard_button("merge", "Give materials one colour under this light", ui)
-    return _merged(new, rows)
+    return _merge_list(new, rows)
 
 
-def _picked(
+def _apply_pick(
     state: ViewState, change: Callable[[ViewState, str], ViewState], name: str | None
 ) -> ViewState:
     """Return the state after an edit with the name that was picked, if any."""
     return state if name is None else change(state, name)
 
 
-def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
+def _merge_list(state: ViewState, rows: Sequence[str]) -> ViewState:
     """Draw a list of materials to tick."""
     ticked, new = state.interface.pick.materials, state
     several = [name for name in rows if name in ticked]
@@ -87,7 +87,7 @@ def _merged(state: ViewState, rows: Sequence[str]) -> ViewState:
 def _wizard_button(name: str, text: str, ui: UiContext) -> None:
     """Draw a wizard's button; its settings follow in the line."""
     if imgui.button(name.capitalize(), (ui.px(_BUTTON), 0)):
-        ui.requests.append(name)
+        ui.request(name)
     ui.note(f"wizard {name}")
     tip(text)
     imgui.same_line()
@@ -97,7 +97,7 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the ranges of the transfer function, and a tool that makes another."""
     curve, new = state.transfer, state
     if not isinstance(curve, TransferFunction):
-        has = f"This transfer function has {kind_of(curve)}, not a curve's ranges."
+        has = f"This transfer function has {transfer_kind(curve)}, not a curve's ranges."
         imgui.text_wrapped(f"{has} The Transfer panel edits it")
         return state
     names = tuple(curve.materials)
@@ -122,12 +122,12 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
     if moved:
         new = palette_edits.pick_values(new, first, last)
     imgui.same_line()
-    new = _picked(new, palette_edits.pick_use, _combo("##use", use, names, ui, -ui.px(52)))
+    new = _apply_pick(new, palette_edits.pick_use, _combo("##use", use, names, ui, -ui.px(52)))
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
         new = palette_edits.assign(new, first, last, use)
     ui.note("use")
-    tip("Makes all values of this range this material; opacities stay")
+    tip("Assign the material to this range; opacities stay")
     return new
 
 
@@ -137,11 +137,11 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     smoothness, log = criteria.smoothness, imgui.SliderFlags_.logarithmic
     moved, smoothness = imgui.slider_float("Smooth", smoothness, *SMOOTHNESS, "%.4f", log)
     ui.note("smooth")
-    tip("How much smooth spectra count; much of it misses colours")
+    tip("Weight of smoothness; a high weight misses target colours")
     if moved:
         new = palette_edits.set_smoothness(new, smoothness)
-    moved, rounds = imgui.slider_int("Rounds", criteria.rounds, 1, MOST_ROUNDS)
-    tip("How often lights and materials take turns, and colours are compared anew")
+    moved, rounds = imgui.slider_int("Iterations", criteria.rounds, 1, MOST_ITERATIONS)
+    tip("Passes over lights and materials; each linearises the colours again")
     if moved:
         new = palette_edits.set_iterations(new, float(rounds))
     imgui.pop_item_width()
@@ -149,7 +149,7 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     chosen = _combo("Compare", now, _METRICS, ui)
     if chosen is not None:
         new = palette_edits.set_metric(new, _METRICS[chosen])
-    wrap_text("No spectrum goes below 0, no reflectance above 1.", imgui.Col_.text_disabled)
+    wrap_text("Spectra stay above 0, reflectances below 1.", imgui.Col_.text_disabled)
     return new
 
 
@@ -164,23 +164,23 @@ def _combo(
 
 
 _HELP = (
-    "Rows are materials, columns lights. A cell shows the colour that the material has under that "
-    "light, and in its middle the colour you want there.\n\n"
-    "Click a cell and pick its colour: spectra that are ticked change until the wishes are met. "
-    "A frame and a number say where they cannot be: ΔE, how far off, 1 is just seen.\n\n"
-    "With the first wish the scene is cast once more, by its materials; from then on the picture "
+    "Rows are materials, columns lights. A cell shows the colour of the material under the "
+    "light, and in its middle the target colour.\n\n"
+    "Click a cell and pick a target colour: ticked spectra change until the targets are met. "
+    "A frame and a number mark missed targets: the ΔE, where 1 is just visible.\n\n"
+    "The first target casts the scene once more, with materials as channels; later the picture "
     "follows without a cast, with exact colours."
 )
-_FILTERED = "Materials with filters absorb by wavelength: every design casts the scene anew."
+_FILTERED = "Materials with filters absorb by wavelength: every design casts the scene again."
 _MARKS = (
-    "Small ones only stay as they were, as far as they can.\n"
-    "~ one colour with others   = as another cell   ≠ apart from another   ! outside the display"
+    "Small ones: keep the colour if possible.\n"
+    "~ one colour with others   = as another cell   ≠ different from another   ! out of gamut"
 )
-_MISSED = "Below 1 nobody sees it. No spectrum that may change shows all that is wanted."
+_MISSED = "Below 1 is not visible. No choice of the ticked spectra meets all targets."
 _MOST_LINES = 3
 # Commands of the menu, in three parts.
 _MENU = (
-    ("palette-light", "palette-anew"),
+    ("palette-light", "palette-restart"),
     ("palette-load", "palette-save"),
     ("palette-forget", "palette-own"),
 )
@@ -194,7 +194,7 @@ _SECTIONS = (
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
-    table = palette_table.table_of(state)
+    table = palette_table.colour_table(state)
     new = _head(state, table, ui)
     if table.complaint:
         imgui.text_wrapped(table.complaint)
@@ -212,7 +212,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
 
 
 def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
-    """Draw how close the targets are, and the menu of commands for all of them."""
+    """Draw the summary of the targets, and the menu of commands for all of them."""
     new = state
     imgui.align_text_to_frame_padding()
     imgui.text(ui.results.design.busy or summary(table))
@@ -241,10 +241,10 @@ def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
 
 
 def summary(table: Table) -> str:
-    """Return how close the targets are, in a line."""
+    """Return the errors of all targets in a line."""
     errors = table.errors
     if not errors:
-        return "Click a cell to wish for a colour"
+        return "Click a cell to set a target colour"
     worst = max(errors)
     if missed := sum(error > VISIBLE for error in errors):
         return f"{missed} of {len(errors)} missed: ΔE up to {worst:.1f}"
@@ -254,7 +254,7 @@ def summary(table: Table) -> str:
 
 
 def _legend(state: ViewState, ui: UiContext) -> None:
-    """Draw what the marks mean: a small cell, and words."""
+    """Draw the legend of the marks."""
     side = imgui.get_text_line_height()
     x, y = imgui.get_cursor_screen_pos()
     draw_list = imgui.get_window_draw_list()
@@ -264,8 +264,8 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     draw_list.add_rect_filled((x + inset, y + inset), (x + side - inset, y + side - inset), inner)
     imgui.dummy((side, side))
     imgui.same_line(0, ui.px(6))
-    imgui.text_disabled("reached, around wanted")
-    tip("The larger the square, the more the wish counts.\n" + _MARKS, greyed=True)
+    imgui.text_disabled("reached, around the target")
+    tip("The larger the square, the higher the target's weight.\n" + _MARKS, greyed=True)
     imgui.same_line(0, ui.px(14))
     x, y = imgui.get_cursor_screen_pos()
     accent = pack_colour(ACCENT[state.interface.dark])
@@ -277,7 +277,7 @@ def _legend(state: ViewState, ui: UiContext) -> None:
 
 
 def _status(ui: UiContext) -> None:
-    """Draw why something was refused, what would help, what a wizard reached."""
+    """Draw the last error, advice, and the result of a wizard."""
     news = ui.results.design
     if news.complaint:
         wrap_text(news.complaint, imgui.Col_.check_mark)

@@ -7,8 +7,8 @@ from imgui_bundle import imgui
 
 from volspec.viewer.model import slices
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.cuts import crop_of, world_mm
-from volspec.viewer.model.slices import PLANES, Layout, is_patient, number_of
+from volspec.viewer.model.cuts import crop_bounds, world_mm
+from volspec.viewer.model.slices import PLANES, Layout, is_patient, voxel_number
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS
@@ -23,7 +23,7 @@ _LEAST, _FLATTEST, _MARGIN = 150.0, 10.0, 4.0
 _AROUND = tuple((a, b) for a in (-1.2, 0.0, 1.2) for b in (-1.2, 0.0, 1.2))
 # The least width of a slider with its text at the right; below it the text is above.
 _SHORTEST = 50.0
-# Of a slice's side in lines of text: a shorter one has no letters at its ends.
+# A slice's side shorter than this, in lines of text, has no letters at its ends.
 _CRAMPED = 2.6
 # Lines of the panel without the pictures: one for each slice, and four below.
 _LINES = 7
@@ -34,7 +34,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     if ui.results.slices is None:
         return state
     new, volume = state, state.document.volume
-    layouts = [slices.layout_of(volume, plane) for plane in PLANES]
+    layouts = [slices.slice_layout(volume, plane) for plane in PLANES]
     avail, wide = imgui.get_content_region_avail(), _steady_width()
     below = _LINES * imgui.get_frame_height_with_spacing() + 4 * imgui.get_style().item_spacing.y
     sizes = slice_sizes(
@@ -70,7 +70,7 @@ def slice_sizes(
 def crossing_text(state: ViewState) -> str:
     """Return the value and the place at which the slices cross, as text."""
     volume, at = state.document.volume, state.interface.slices.at
-    i, j, k = (number_of(volume, axis, at[axis]) for axis in range(3))
+    i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
     x, y, z = world_mm(volume, np.array([i, j, k], dtype=np.float64))
     value = float(volume.values[k, j, i])
     return f"{value:.5g}  at  {x:.1f}  {y:.1f}  {z:.1f} mm"
@@ -84,7 +84,7 @@ def _steady_width() -> float:
 
 def _title(state: ViewState, index: int) -> str:
     plane = PLANES[index]
-    patient = is_patient(state.document.volume, state.interface.aids.patient)
+    patient = is_patient(state.document.volume, state.interface.overlays.patient)
     return plane.name if patient else f"Across {'xyz'[plane.normal]}"
 
 
@@ -98,7 +98,7 @@ def _slider(
     """Draw a slider with its text at the right; above it if the first width is too short."""
     volume, plane = state.document.volume, PLANES[index]
     last = volume.shape_xyz[layout.normal] - 1
-    number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
+    number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
     title, (room, wide) = _title(state, index), widths
     fits = room >= ui.px(_SHORTEST)
     if not fits:
@@ -145,10 +145,10 @@ def _picture(
 
 
 def _crosshair(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> None:
-    """Darken what is cropped, and draw the other two slices as lines in their colours."""
+    """Darken the cropped part, and draw the other two slices as lines in their colours."""
     (x, y, width, height), volume = area, state.document.volume
     draw_list, dark = imgui.get_window_draw_list(), pack_colour(BLACK, 0.55)
-    extent = slices.crop_extent(volume, layout, crop_of(state.shading, volume))
+    extent = slices.crop_extent(volume, layout, crop_bounds(state.shading, volume))
     left, right = (x + share * width for share in extent[::2])
     top, bottom = (y + share * height for share in extent[1::2])
     draw_list.add_rect_filled((x, y), (x + width, top), dark)
@@ -169,7 +169,7 @@ def _letters(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> Non
     (x, y, width, height), volume = area, state.document.volume
     draw_list = imgui.get_window_draw_list()
     shade, ink = pack_colour(BLACK, 0.85), pack_colour(WHITE, 0.95)
-    patient = is_patient(volume, state.interface.aids.patient)
+    patient = is_patient(volume, state.interface.overlays.patient)
     letters = slices.edge_letters(volume, layout, patient)
     edges = (0.0, 0.5), (1.0, 0.5), (0.5, 0.0), (0.5, 1.0)
     margin = ui.px(_MARGIN)
@@ -188,7 +188,7 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     settings = state.interface.slices
     pressed, _ = imgui.checkbox("Lit", settings.lit)
     ui.note("lit")
-    tip("Under the same lights as the volume; else plain greys")
+    tip("Under the same lights as the volume; otherwise greys")
     new = ui.run(state, BY_NAME["slices-lit"]) if pressed else state
     wanted = text_width("Auto greys") + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
@@ -200,7 +200,7 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0
-    window = slices.window_of(settings, state.document.histogram)
+    window = slices.grey_window(settings, state.document.histogram)
     black, white = (low + share * span for share in window)
     imgui.set_next_item_width(_steady_width())
     digits = "%.0f" if state.document.volume.values.dtype.kind in "iu" else "%.4g"
@@ -208,7 +208,7 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
         "##greys", black, white, span / 300, low, high, digits, digits
     )
     ui.note("greys")
-    tip("Values shown black and white, where the transfer function shows nothing")
+    tip("Values shown black and white, for voxels that the transfer function hides")
     if moved:
         new = slices.set_greys(new, (black - low) / span, (white - low) / span)
     return new

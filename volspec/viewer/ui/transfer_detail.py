@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 from volspec.viewer.model import materials, presets, transfer_edits
 from volspec.viewer.model.materials import uses_of_material
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import parts_of
+from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui import transfer_library
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import material_colours, part_colours, swatch
@@ -24,7 +24,7 @@ _REMOVE, _NAME = 24, 110
 
 def chosen_part(state: ViewState) -> int:
     """Return the index of the part whose details are shown."""
-    return min(max(state.interface.part, 0), len(parts_of(state.transfer)) - 1)
+    return min(max(state.interface.part, 0), len(list_parts(state.transfer)) - 1)
 
 
 def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0.0) -> float:
@@ -35,7 +35,7 @@ def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0
 
 def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
     """Draw the chosen part's value and opacity and the button that removes it in one line."""
-    index, parts, new = chosen_part(state), parts_of(state.transfer), state
+    index, parts, new = chosen_part(state), list_parts(state.transfer), state
     now, (low, high) = parts[index].values[0], presets.value_span(state.document.volume)
     wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
     imgui.set_next_item_width(wide)
@@ -53,7 +53,7 @@ def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
 
 def draw_opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewState:
     """Draw the slider of a part's opacity."""
-    now = parts_of(state.transfer)[index].opacity
+    now = list_parts(state.transfer)[index].opacity
     imgui.set_next_item_width(wide)
     moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, "opacity %.3f", _FINE)
     ui.note("part opacity")
@@ -78,14 +78,14 @@ def _cross(ui: UiContext) -> bool:
 
 def draw_material(state: ViewState, ui: UiContext, index: int) -> ViewState:
     """Draw the search for a material, and the list: a click takes one alone, sliders mix."""
-    mix = parts_of(state.transfer)[index].mix
+    mix = list_parts(state.transfer)[index].mix
     swatch(ui, part_colours(state)[index])
     imgui.same_line(0, ui.px(4))
     imgui.set_next_item_width(-1.0)
     imgui.set_next_window_size_constraints((ui.px(300), 0), (ui.px(420), ui.px(420)))
     if not imgui.begin_combo("##material", mix_text(mix), imgui.ComboFlags_.height_largest):
         ui.note("material")
-        tip("What it is made of: one material, a mix, or another one of the library")
+        tip("Material: one, a mix, or another one from the library")
         return state
     new = transfer_library.draw(state, ui, index)
     if not ui.library.search.strip():
@@ -114,7 +114,7 @@ def _material_row(
     tip(f"Only {name}")
     imgui.same_line()
     imgui.set_next_item_width(-ui.px(_REMOVE) - imgui.get_style().item_spacing.x)
-    # A material that is alone has none to make room for.
+    # The weight of a single material cannot change.
     imgui.begin_disabled(lone and weight > 0)
     moved, weight = imgui.slider_float("##share", weight, 0.0, 1.0, "%.2f", _CLAMP)
     imgui.end_disabled()
@@ -127,7 +127,7 @@ def _material_row(
     pressed = _cross(ui)
     imgui.end_disabled()
     ui.note(f"take out {name}")
-    free = f"Take {as_one_line(name)} off the list: nothing is made of it"
+    free = f"Remove {as_one_line(name)}: no part is made of it"
     tip(why[:1].upper() + why[1:] or free, greyed=True)
     return materials.remove_material(new, name) if pressed else new
 

@@ -20,7 +20,7 @@ from volspec.viewer.work import css_colours
 
 _HINT = "Another: gold, skin, steelblue, #c08040, FILE.csv"
 _ROWS = 8
-_WAITS = "Colours are being made ready …"
+_COMPUTING = "Computing colours …"
 # Classes by the first word of a name before its slash; metals have none.
 _SETS = {
     "ACES": "camera patch",
@@ -47,18 +47,18 @@ def draw(state: ViewState, ui: UiContext, index: int) -> ViewState:
     if not listed and _spectrum(state, typed) is not None:
         rows = [typed, *rows]
     first = rows[0] if rows else typed
-    waits = _waits(state.transfer.basis, first)
+    waits = _is_pending(state.transfer.basis, first)
     if entered and not waits:  # Enter has taken the keyboard from the field
         imgui.set_keyboard_focus_here(-1)
     wanted = _draw_results(state, rows, ui)
-    if entered or (panel.complaint == _WAITS and not waits):
+    if entered or (panel.complaint == _COMPUTING and not waits):
         wanted = first
     if panel.complaint:
         wrap_text(panel.complaint, imgui.Col_.text)
-    return add_material_of(state, ui, index, wanted) if wanted else state
+    return add_picked_material(state, ui, index, wanted) if wanted else state
 
 
-# Every frame asks for them while something is searched for.
+# Called in every frame while something is searched for.
 @lru_cache(maxsize=8)
 def matching_entries(search: str) -> list[str]:
     """Return the reflectances and colours that match a search, those that begin with it first.
@@ -67,7 +67,7 @@ def matching_entries(search: str) -> list[str]:
     ('gold', ['steelblue', 'lightsteelblue'], [])
     """
     start = search.casefold()
-    rows = rank_matches(library_names(), search, lambda name: f"{name} {class_of(name)}")
+    rows = rank_matches(library_names(), search, lambda name: f"{name} {material_class(name)}")
     names = {name: name.casefold() for name in rows}
     return sorted(rows, key=lambda name: (names[name] != start, not names[name].startswith(start)))
 
@@ -80,11 +80,11 @@ def library_names() -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=1024)
-def class_of(name: str) -> str:
+def material_class(name: str) -> str:
     """Return the class of a name of the library as text.
 
-    >>> class_of("gold"), class_of("PMC/Banana"), class_of("steelblue"), class_of("white")
-    ('metal', 'memory colour', 'CSS colour', 'flat')
+    >>> [material_class(name) for name in ("gold", "PMC/Banana", "steelblue", "white")]
+    ['metal', 'memory colour', 'CSS colour', 'flat']
     """
     start, mark, _ = name.partition("/")
     if mark:
@@ -97,24 +97,24 @@ def class_of(name: str) -> str:
 def _spectrum(state: ViewState, name: str) -> Spectrum | None:
     """Return the reflectance of a name or colour; None if it is neither, or not made yet."""
     basis = state.transfer.basis
-    if _waits(basis, name):
+    if _is_pending(basis, name):
         return None
     of = basis.grid, basis.observer_deg
     made = css_colours.colours(*of).spectra if _is_colour(name) else None
-    return (made or {}).get(name.casefold()) or _looked_up(name, *of)
+    return (made or {}).get(name.casefold()) or _look_up(name, *of)
 
 
 def _is_colour(name: str) -> bool:
     return materials.is_colour(name) and name.casefold() not in reflectance_names()
 
 
-def _waits(basis: Basis, name: str) -> bool:
+def _is_pending(basis: Basis, name: str) -> bool:
     """Return True if a name is a colour's, and colours are still computed in the background."""
     return _is_colour(name) and css_colours.colours(basis.grid, basis.observer_deg).spectra is None
 
 
 @lru_cache(maxsize=1024)
-def _looked_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | None:
+def _look_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | None:
     if split_address(name) is not None:  # a file, read on Enter
         return None
     try:
@@ -134,7 +134,7 @@ def _draw_results(state: ViewState, rows: list[str], ui: UiContext) -> str:
             ui.note(f"found {i}")
         if not rows:
             file = split_address(ui.library.search.strip()) is not None
-            text = "Enter reads the file" if file else "There is nothing of that name"
+            text = "Enter reads the file" if file else "No match"
             wrap_text(text, imgui.Col_.text_disabled)
     imgui.end_child()
     return wanted
@@ -148,7 +148,7 @@ def _draw_result(state: ViewState, name: str, ui: UiContext) -> bool:
         imgui.dummy((imgui.get_frame_height(), imgui.get_frame_height()))
     imgui.same_line(0, ui.px(6))
     imgui.align_text_to_frame_padding()
-    what = class_of(name) if name in library_names() else "as typed"
+    what = material_class(name) if name in library_names() else "as typed"
     room = imgui.get_content_region_avail().x - text_width(what) - ui.px(8)
     left = imgui.get_cursor_pos_x()
     flags = imgui.SelectableFlags_.no_auto_close_popups
@@ -159,16 +159,16 @@ def _draw_result(state: ViewState, name: str, ui: UiContext) -> bool:
     return bool(clicked)
 
 
-def add_material_of(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
-    """Make a part of the material that was picked, or set the complaint."""
+def add_picked_material(state: ViewState, ui: UiContext, index: int, wanted: str) -> ViewState:
+    """Make a part of the material that was picked, or show the error."""
     panel = ui.library
-    if _waits(state.transfer.basis, wanted):
+    if _is_pending(state.transfer.basis, wanted):
         # It is added as soon as it is made; the window goes on drawing while a notice is shown.
-        panel.search, panel.complaint = wanted, _WAITS
-        ui.say(_WAITS)
+        panel.search, panel.complaint = wanted, _COMPUTING
+        ui.notify(_COMPUTING)
         return state
     new, panel.complaint = materials.add_material(state, index, wanted)
     if not panel.complaint:
         panel.search = ""
-    ui.say(materials.material_message(state.transfer, new.transfer))
+    ui.notify(materials.material_message(state.transfer, new.transfer))
     return new

@@ -17,17 +17,17 @@ from volspec.viewer.ui.widgets import ACCENT, pick, tip
 _LEAST = 100
 _HELP: dict[transfer_convert.Kind, str] = {
     "points": "Drag the points. Double-click adds one, a right click removes it.\n"
-    "The upright axis is opacity per step; it is drawn as its square root.",
+    "The vertical axis is opacity per step, on a square-root scale.",
     "regions": "Drag a rectangle, its edges and corners.\n"
-    "A double-click beside them adds one, a right click removes it.\n"
-    "Behind: how often values and gradients come together.",
+    "A double-click outside them adds one, a right click removes it.\n"
+    "Background: the joint histogram of values and gradients.",
     "surfaces": "Drag the surfaces to other values and opacities.\n"
     "Double-click adds one, a right click removes it.",
 }
 _KIND_TIP = (
-    "How a place looks follows from its value, from its value and gradient,\n"
-    "or from surfaces of one value. What another kind has no room for is told, and\n"
-    "Ctrl+Z brings it back"
+    "Material and opacity by value, by value and gradient, or as isosurfaces.\n"
+    "A message lists the parts that another kind cannot hold;\n"
+    "Ctrl+Z restores them"
 )
 _LOG = imgui.SliderFlags_.logarithmic
 
@@ -55,10 +55,10 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     title = presets.preset_title(state.transfer) or "Presets"
     new = _pick(state, ui, "preset", title, {each.title: f"preset-{each.name}" for each in offered})
     ui.note("presets")
-    tip("Begin anew with a named look and its materials; Ctrl+Z brings yours back")
+    tip("Start from a preset and its materials; Ctrl+Z restores yours")
     imgui.same_line()
     imgui.set_next_item_width(room * 0.5 - ui.px(6))
-    kind = transfer_convert.kind_of(state.transfer)
+    kind = transfer_convert.transfer_kind(state.transfer)
     kinds = {title: f"transfer-{each}" for each, title in KIND_TITLES.items()}
     new = _pick(new, ui, "kind", KIND_TITLES[kind], kinds)
     ui.note("kind")
@@ -109,7 +109,7 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     now, words = state.thickness, "opacity × %.3g"
     moved, factor = imgui.slider_float("##thickness", now, *THICKNESSES, words, _LOG)
     ui.note("thickness")
-    tip("Multiplies all opacities, great ones near 1. In the picture: Ctrl+right drag")
+    tip("Scales the density of all parts. In the picture: Ctrl+right drag")
     return transfer_edits.thicken(new, factor) if moved else new
 
 
@@ -138,12 +138,12 @@ def _labels(state: ViewState, ui: UiContext) -> ViewState:
                 new = transfer_detail.draw_material(new, ui, index)
             imgui.table_next_column()
             if new.transfer is function:
-                words = "Remove the label: it is not seen"
+                words = "Remove the label; it becomes transparent"
                 new = transfer_detail.draw_remove(new, ui, index, words)
             imgui.pop_id()
         imgui.end_table()
     if imgui.button("Add label"):
         unlisted = (label for label in range(1, MAX_LABEL + 2) if label not in function.labels)
         new = transfer_edits.add_point(new, next(unlisted), 0.5)
-    tip("The least number that is not listed")
+    tip("Adds the lowest number that is not listed")
     return new

@@ -18,11 +18,11 @@ from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.transfer import Transfer
 from volspec.transfer.mixes import weight_matrix
 from volspec.viewer.model import presets
-from volspec.viewer.model.light_rows import Rows, rig_of
+from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import parts_of
+from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import Colour, adapted_to, as_colour, fill_box
+from volspec.viewer.ui.light_look import Colour, adapting_transform, as_colour, fill_box
 from volspec.viewer.ui.widgets import ACCENT, pack_colour, tip
 
 Array = NDArray[np.float64]
@@ -61,7 +61,7 @@ def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
 
 @lru_cache(maxsize=512)
 def _spectrum_colour(spectrum: Spectrum, basis: Basis, lights: Rows, spec: RelightSpec) -> Colour:
-    XYZ_of_all, codes = _adapted(lights, spec, basis)
+    XYZ_of_all, codes = _colour_functions(lights, spec, basis)
     return as_colour(codes(XYZ_of_all([spectrum]))[0])
 
 
@@ -71,15 +71,15 @@ def _colours(
 ) -> tuple[tuple[Colour, ...], dict[str, Colour]]:
     """Return the colours of the parts and of the materials."""
     names = list(transfer.materials)
-    XYZ_of_all, codes = _adapted(lights, spec, transfer.basis)
+    XYZ_of_all, codes = _colour_functions(lights, spec, transfer.basis)
     XYZ = XYZ_of_all(list(transfer.materials.values()))
-    weights = weight_matrix([part.mix for part in parts_of(transfer)], names)
+    weights = weight_matrix([part.mix for part in list_parts(transfer)], names)
     parts = tuple(as_colour(each) for each in codes(weights @ XYZ))
     return parts, dict(zip(names, map(as_colour, codes(XYZ)), strict=True))
 
 
 @lru_cache(maxsize=64)
-def _adapted(
+def _colour_functions(
     lights: Rows, spec: RelightSpec, basis: Basis
 ) -> tuple[Callable[[list[Spectrum]], Array], Callable[[Array], Array]]:
     """Return functions from reflectances to (P, 3) XYZ under the lights, and on to sRGB codes."""
@@ -87,11 +87,11 @@ def _adapted(
     def codes(XYZ: Array) -> Array:
         return encode(linear_from_XYZ(XYZ))
 
-    rig = rig_of(lights)
+    rig = light_rig(lights)
     if rig is None:
         return lambda spectra: np.zeros((len(spectra), 3)), codes
     light, observer_deg = rig.mixed(basis.grid), basis.observer_deg
-    passage = adapted_to(rig, spec, white_XYZ(light, observer_deg))
+    passage = adapting_transform(rig, spec, white_XYZ(light, observer_deg))
     return (
         lambda spectra: XYZ_from_spectra(light, spectra, observer_deg),
         codes if passage is None else lambda XYZ: codes(passage.apply(XYZ)),
@@ -101,7 +101,7 @@ def _adapted(
 def bars(counts: Array, logarithmic: bool, share: float = 0.98) -> Array:
     """Return the heights of a histogram, 0 to 1.
 
-    Linear ones are cut above what this share of them reaches, as air would dwarf the rest.
+    Linear ones are clipped at this quantile, as air would dwarf the rest.
     """
     if logarithmic:
         heights = np.log1p(counts)
@@ -121,7 +121,7 @@ def draw_histogram(counts: Array, low: float, high: float, logarithmic: bool) ->
 
 @contextmanager
 def low_plot(label: str, height: float, ui: UiContext) -> Iterator[bool]:
-    """Begin a plot with little padding; yields False if nothing of it is to be drawn."""
+    """Begin a plot with little padding; yield False if it is out of view."""
     implot.push_style_var(implot.StyleVar_.plot_padding, (ui.px(_PADDING[0]), ui.px(_PADDING[1])))
     shown = bool(implot.begin_plot(label, (-1, height), FLAGS))
     yield shown
@@ -148,7 +148,7 @@ def set_values_axis(state: ViewState, margin: float) -> None:
 
 
 def note_area(ui: UiContext, name: str) -> None:
-    """Note down where the plot is."""
+    """Record the plot's rectangle."""
     (x, y), (width, height) = implot.get_plot_pos(), implot.get_plot_size()
     ui.areas[name] = int(x), int(y), int(width), int(height)
 
@@ -181,7 +181,7 @@ def draw_handles(
     """Draw handles in the current plot, the chosen one with a ring; return the edited state."""
     new, held, accent = state, False, pack_colour(ACCENT[state.interface.dark])
     for i, handle in enumerate(handles):
-        # Transparent, and asked only for the mouse: `_draw_handle` draws it.
+        # Transparent, only for the mouse: `_draw_handle` draws it.
         moved, x, y, clicked, hovered, down = implot.drag_point(
             i, *handle.place, (0, 0, 0, 0), ui.px(5), 0, False, False, False
         )

@@ -11,7 +11,7 @@ from imgui_bundle import imgui, implot
 from volspec.transfer import Isosurfaces, TransferFunction
 from volspec.viewer.model import presets, transfer_edits
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import Part, gradient_top, parts_of
+from volspec.viewer.model.transfer_parts import Part, gradient_top, list_parts
 from volspec.viewer.ui import transfer_detail, transfer_plot
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
@@ -19,16 +19,16 @@ from volspec.viewer.ui.widgets import pack_colour, tip
 
 # Beyond either end of the axes.
 _MARGIN, _ABOVE = 0.02, 0.12
-# Opacities of a step are small: their square root is drawn, and the axis says so.
+# Opacities of a step are small: the axis has a square-root scale.
 _TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
 _STRIP_PX = 3.0
 # The least height of the plot of opacities, alone and with the gradients' below, and of that one.
 _LEAST, _LEAST_OF_TWO, _GRADIENTS_HEIGHT = 115, 82, 70
 _GRADIENTS_TIP = (
-    "Multiplies opacity by how steeply values change, so that boundaries stand out.\n"
+    "Multiplies opacity by a factor over gradients, to emphasise boundaries.\n"
     "Drag the points; a double-click adds one, a right click removes it"
 )
-_FILTERED = "Not together with filters of materials, which this curve has"
+_FILTERED = "Not available with material filters, which this curve has"
 _EDITS = HandleEdits(
     move=lambda state, i, x, y: transfer_edits.move_point(state, i, x, _opacity_at(y)),
     add=lambda state, x, y: transfer_edits.add_point(state, x, _opacity_at(y)),
@@ -78,7 +78,7 @@ def _opacities(state: ViewState, curve: TransferFunction | None, ui: UiContext) 
     else:
         _stems(state, ui)
     implot.pop_plot_clip_rect()
-    parts, colours = parts_of(state.transfer), transfer_plot.part_colours(state)
+    parts, colours = list_parts(state.transfer), transfer_plot.part_colours(state)
     handles = [
         Handle(_place(part), _words(part), colour)
         for part, colour in zip(parts, colours, strict=True)
@@ -92,7 +92,7 @@ def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
     draw_list = implot.get_plot_draw_list()
     left, width = implot.get_plot_pos().x, implot.get_plot_size().x
     places = np.array([implot.plot_to_pixels(value, 0.0).x for value, _, _ in curve.points])
-    # Upright stripes: the curve between points is straight in opacity, not on this axis.
+    # Vertical stripes: the curve between points is straight in opacity, not on this axis.
     strip = ui.px(_STRIP_PX)
     at = np.concatenate([np.arange(left, left + width + strip, strip), places])
     # At whole pixels, or stripes would blend where they meet.
@@ -112,10 +112,10 @@ def _fill(state: ViewState, curve: TransferFunction, ui: UiContext) -> None:
 
 
 def _stems(state: ViewState, ui: UiContext) -> None:
-    """Draw an upright line for each surface, as high as it is opaque."""
+    """Draw a vertical line for each surface, as high as its opacity."""
     draw_list = implot.get_plot_draw_list()
     colours = transfer_plot.part_colours(state)
-    for part, colour in zip(parts_of(state.transfer), colours, strict=True):
+    for part, colour in zip(list_parts(state.transfer), colours, strict=True):
         foot = implot.plot_to_pixels(part.values[0], 0.0)
         head = implot.plot_to_pixels(*_place(part))
         draw_list.add_line(foot, head, ink(), ui.px(5))
@@ -167,7 +167,7 @@ def _gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> View
 def _factors(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
     joint, factors = state.document.joint, curve.gradient_opacity or ()
     end = gradient_top(curve, joint.top)
-    # While the mouse is down an axis that follows the last point would run away from it.
+    # While the mouse is down, an axis that follows the last point would run away from it.
     when = imgui.Cond_.once if imgui.is_mouse_down(0) else imgui.Cond_.always
     ends = -_MARGIN * end, (1 + _MARGIN) * end
     set_axis(implot.ImAxis_.x1, *ends, implot.AxisFlags_.no_grid_lines, when)

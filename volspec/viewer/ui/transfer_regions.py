@@ -26,7 +26,7 @@ _MARGIN, _ABOVE = 0.14, 1.14
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the plot, and the chosen region below."""
-    # Above the plot: inside it would lie across what is drawn there.
+    # Above the plot: inside it would hide parts of it.
     imgui.text_disabled("gradient per mm, over value")
     new, height = state, transfer_detail.height_above(3, ui)
     if implot.begin_plot("##regions", (-1, height), transfer_plot.FLAGS):

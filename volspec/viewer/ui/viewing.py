@@ -1,4 +1,4 @@
-"""The panel of the viewing: the eye in the scene, the display, the making of the picture."""
+"""The viewing panel: the observer in the scene, the display, exposure and mode."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model import viewing as edits
 from volspec.viewer.model.commands import BY_NAME
-from volspec.viewer.model.light_rows import Rows, rig_of
+from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import white_of
+from volspec.viewer.ui.light_look import white_from_rig
 from volspec.viewer.ui.widgets import pick, tip
 
 SetText = Callable[[ViewState, str], ViewState]
@@ -31,8 +31,16 @@ _LABELS = 92
 _LOG = imgui.SliderFlags_.logarithmic
 _OWN = "own numbers"
 SETTINGS = (
-    *("Illuminance", "Background", "Surround", "Adaptation", "Room", "Space", "White", "Gamut"),
-    *("Exposure", "Backdrop"),
+    "Illuminance",
+    "Background",
+    "Surround",
+    "Adaptation",
+    "Room",
+    "Space",
+    "White",
+    "Gamut",
+    "Exposure",
+    "Backdrop",
 )
 """Labels of the items that `UiContext.item` can focus."""
 
@@ -45,7 +53,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     new = _level(new, ui)
     new = _adaptation(new, ui)
     imgui.text_disabled(white_text(state.lights))
-    tip("Of a perfect diffuser in this light, which the eye takes for white")
+    tip("White of a perfect diffuser in this light")
     imgui.separator_text("Display")
     new = _display(new, ui)
     imgui.separator_text("Picture")
@@ -55,7 +63,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     return None if new is state else new
 
 
-def preset_of(display: Display) -> str:
+def matching_preset(display: Display) -> str:
     """Return the name of the preset that has a display's conditions."""
     for name, each in PRESETS.items():
         if each.display(display.space, display.gamut) == replace(display, mark=False):
@@ -64,15 +72,15 @@ def preset_of(display: Display) -> str:
 
 
 def white_text(lights: Rows) -> str:
-    """Return the adopted white in words.
+    """Return the adopted white as text.
 
     >>> white_text(())
     'Adopted white: none'
     """
-    rig = rig_of(lights)
+    rig = light_rig(lights)
     if rig is None:
         return "Adopted white: none"
-    X, Y, Z = white_of(rig).tolist()
+    X, Y, Z = white_from_rig(rig).tolist()
     total = max(X + Y + Z, 1e-12)
     return f"Adopted white: x {X / total:.4f}, y {Y / total:.4f}"
 
@@ -83,25 +91,25 @@ def _eye(state: ViewState, ui: UiContext) -> ViewState:
     viewing = new.relight.viewing
     measurable = ADAPTING if viewing.model in PER_PIXEL else ADAPTING[:2]
     new = _combo(new, ui, edits.set_adapting, "Adapting", viewing.adapting, measurable)
-    tip("given: the numbers below; picture, pixel: measured in what is seen")
+    tip("given: the numbers below; picture, pixel: measured in the picture, or at each pixel")
     return new
 
 
 def _level(state: ViewState, ui: UiContext) -> ViewState:
     """Draw L_A, from the light or by itself, background and surround."""
-    viewing, rig = state.relight.viewing, rig_of(state.lights)
+    viewing, rig = state.relight.viewing, light_rig(state.lights)
     lux, own = rig.total_lux if rig is not None else None, viewing.L_A is not None
     now, greyed = lux or viewing.illuminance_lux, lux is not None or own
     new = _slider(
         state, ui, edits.set_illuminance, "Illuminance", now, _LUX, "%.4g lx", _LOG, greyed
     )
     ui.note("illuminance")
-    tip("The lights' own lux count" if lux else "What lights without lux of their own give")
+    tip("The lights' own lux count" if lux else "For lights without lux of their own")
     now, text = edits.luminance(rig, new.relight.viewing), "L_A %.4g cd/m²"
     new = _slider(new, ui, edits.set_luminance, "##L_A", now, _LUMINANCE, text, _LOG, not own)
     imgui.same_line()
     pressed, _ = imgui.checkbox("own L_A", own)
-    tip("Luminance that the eye adapts to; else it follows from light and background")
+    tip("Adapting luminance; otherwise it follows from light and background")
     if pressed:
         new = edits.toggle_own_luminance(new)
     limits = 1.0, 100.0
@@ -123,7 +131,7 @@ def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
 
 def _display(state: ViewState, ui: UiContext) -> ViewState:
     display = state.relight.viewing.display
-    new = _combo(state, ui, edits.set_room, "Room", preset_of(display), PRESETS)
+    new = _combo(state, ui, edits.set_room, "Room", matching_preset(display), PRESETS)
     ui.note("room")
     space = display.space.name if isinstance(display.space, ColourSpace) else str(display.space)
     new = _combo(new, ui, edits.set_space, "Space", space, SPACES)
@@ -132,7 +140,7 @@ def _display(state: ViewState, ui: UiContext) -> ViewState:
     surround = _surround_text(display.surround)
     new = _combo(new, ui, edits.set_display_surround, "Surround##display", surround, SURROUNDS)
     new = _combo(new, ui, edits.set_gamut, "Gamut", display.gamut, GAMUTS)
-    pressed, _ = imgui.checkbox("Mark what it cannot show", display.mark)
+    pressed, _ = imgui.checkbox("Mark colours out of gamut", display.mark)
     return ui.run(new, BY_NAME["mark"]) if pressed else new
 
 
@@ -177,7 +185,7 @@ def _slider(
 
 
 def _focus_if_wanted(name: str, ui: UiContext) -> None:
-    """Give the next item the keyboard, and scroll to it, if it was asked for."""
+    """Give the next item the keyboard, and scroll to it, if it was requested."""
     if ui.item == name:
         ui.item = ""
         imgui.set_keyboard_focus_here()

@@ -13,7 +13,7 @@ import imgui_bundle
 from imgui_bundle import imgui
 
 from volspec.export.overview import printable
-from volspec.viewer.model.commands import key_text_of
+from volspec.viewer.model.commands import format_key
 from volspec.viewer.model.edit import Command
 from volspec.viewer.ui.context import LibraryState, UiContext
 
@@ -22,12 +22,12 @@ FONT_SIZE = 15.0
 # active, line, grab, dim text, text); numbers are drawn over a slider's grab.
 _DARK = (0.135, 0.205, 0.255, 0.300, 0.260, 0.400, 0.560, 0.880)
 _LIGHT = (0.925, 0.850, 0.805, 0.760, 0.770, 0.640, 0.400, 0.110)
-# Of what is switched on or held, by whether the theme is dark.
+# Colour of active items, by the theme: True if it is dark.
 ACCENT = {True: (0.88, 0.64, 0.30, 1.0), False: (0.70, 0.43, 0.08, 1.0)}
 # Text on the accent.
 _INK = (0.05, 0.05, 0.05, 1.0)
 WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
-# Letters of a name or title that are looked at; no panel has room for more.
+# The most letters of a name or title; no panel has room for more.
 _MOST_LETTERS = 240
 
 
@@ -105,7 +105,7 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
 
 
 def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
-    """Show a tooltip of the last item to a mouse that waits, or at once; also if it is disabled."""
+    """Show a tooltip of the last item after a delay or at once; ``greyed``: even if disabled."""
     flags = imgui.HoveredFlags_
     when = flags.none if at_once else flags.delay_normal
     if imgui.is_item_hovered(when | flags.allow_when_disabled if greyed else when):
@@ -144,7 +144,7 @@ def as_one_line(text: str) -> str:
 
 
 def whole_label(text: str) -> str:
-    """Return a text that imgui shows whole: it ends labels at ``##``, and has identities after it.
+    """Escape ``##``, at which imgui ends a label and begins its identity.
 
     >>> whole_label("a###b")
     'a# # #b'
@@ -235,4 +235,4 @@ def shown_rows(count: int, height: float = -1.0, always: int | None = None) -> I
 
 def key_text(command: Command) -> str:
     """Return the first key of a command as text; empty if it has none."""
-    return key_text_of(command.keys[0]) if command.keys and command.keys[0] else ""
+    return format_key(command.keys[0]) if command.keys and command.keys[0] else ""

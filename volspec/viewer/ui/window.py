@@ -49,27 +49,29 @@ class Window:
     """
 
     def __init__(self, title: str, size: tuple[int, int]) -> None:
-        said: list[str] = []
+        errors: list[str] = []
         glfw.ERROR_REPORTING = "ignore"
-        glfw.set_error_callback(lambda _, text: said.append(_decode(text)))
+        glfw.set_error_callback(lambda _, text: errors.append(_decode(text)))
         if not glfw.init():
-            why = " ".join(said) or "glfw does not start"
-            raise OpenGLError(f"view: no window can be opened ({why}); {INSTEAD}")
+            why = " ".join(errors) or "glfw does not start"
+            problem = f"view: no window can be opened ({why})"
+            raise OpenGLError(problem, INSTEAD, code="unsupported")
         for hint, value in _HINTS:
             glfw.window_hint(hint, value)
-        size, self.note = _within_screen(size)  # a message, empty if there is room
+        size, self.note = _fit_screen(size)  # a message, empty if there is room
         self._window = glfw.create_window(*size, title, None, None)
         if not self._window:
             glfw.terminate()
-            why = " ".join(said) or "no reason given"
-            raise OpenGLError(f"view: no window with OpenGL 3.3 can be opened ({why}); {INSTEAD}")
+            why = " ".join(errors) or "no reason given"
+            problem = f"view: no window with OpenGL 3.3 can be opened ({why})"
+            raise OpenGLError(problem, INSTEAD, code="unsupported")
         glfw.make_context_current(self._window)
         glfw.swap_interval(1)
         try:
             self.context = window_context()
         except OpenGLError as error:
             glfw.terminate()
-            raise OpenGLError(f"view: {error}; {INSTEAD}") from error
+            raise OpenGLError(f"view: {error}", INSTEAD, code=error.code) from error
         self._start_imgui()
         self._inputs = Inputs(self._window, self._renderer.keyboard_callback)
         glfw.focus_window(self._window)
@@ -125,7 +127,7 @@ class Window:
             else:
                 glfw.poll_events()
         except UnicodeDecodeError as error:
-            # glfw expects UTF-8 names of dropped files; this one is refused when it is opened.
+            # glfw expects UTF-8 names of dropped files; opening this one will fail with a message.
             self._inputs.drop([os.fsdecode(error.object)])
         return self._inputs.take()
 
@@ -143,8 +145,8 @@ class Window:
     @property
     def error(self) -> str:
         """OpenGL's error since the last call; empty if there is none."""
-        said = self.context.error
-        return "" if said == "GL_NO_ERROR" else str(said)
+        error = self.context.error
+        return "" if error == "GL_NO_ERROR" else str(error)
 
     def end(self, background: tuple[float, float, float], picture: Painted | None = None) -> None:
         """Draw the frame over a picture and show it."""
@@ -169,7 +171,13 @@ class Window:
         GL.glBindFramebuffer(GL.GL_READ_FRAMEBUFFER, picture.framebuffer)
         # The picture's first row is its top, the window's is its bottom.
         GL.glBlitFramebuffer(
-            *(0, 0, *picture.size, left, low - top, right, low - bottom),
+            0,
+            0,
+            *picture.size,
+            left,
+            low - top,
+            right,
+            low - bottom,
             GL.GL_COLOR_BUFFER_BIT,
             GL.GL_NEAREST if exact else GL.GL_LINEAR,
         )
@@ -193,7 +201,7 @@ class Window:
         glfw.terminate()
 
 
-def _within_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
+def _fit_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
     """Return a size for which the screen has room, and a message if it is another."""
     monitor = glfw.get_primary_monitor()
     if not monitor:

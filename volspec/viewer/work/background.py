@@ -1,4 +1,4 @@
-"""Background threads: a worker that does only the newest request, and tasks by kind.
+"""Background threads: a worker that answers only the newest request, and tasks by kind.
 
     request -> [background] -> thread -> take
 
@@ -47,7 +47,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
             return self._thread is not None or bool(self._done)
 
     def request(self, job: Job) -> None:
-        """Do this next, instead of the job that waits."""
+        """Set the next job, which replaces the one that waits."""
         with self._changed:
             self._next = job
             self._changed.notify()
@@ -59,7 +59,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
         return [self._done.popleft() for _ in range(len(self._done))]
 
     def close(self, patience_s: float | None = None) -> None:
-        """Begin no more jobs, and wait so long for the present one; None is until it has ended."""
+        """Begin no more jobs; wait this long for the present one, with None until it has ended."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -68,26 +68,26 @@ class LatestWorker(ABC, Generic[Job, Done]):
             thread.join(patience_s)
 
     @abstractmethod
-    def _answers(self, job: Job) -> Iterator[Done]:
+    def _results(self, job: Job) -> Iterator[Done]:
         """Yield a job's results, in the thread; errors are results, too."""
 
-    def _superseded(self) -> bool:
+    def _is_superseded(self) -> bool:
         """Return True if the present job's results are not needed any more."""
         return self._closed or self._next is not None
 
-    def _rests(self, seconds: float) -> bool:
-        """Wait so long for another request; return True if none has come."""
+    def _wait_idle(self, seconds: float) -> bool:
+        """Wait this long for another request; return True if none has come."""
         with self._changed:
-            return not self._changed.wait_for(self._superseded, seconds)
+            return not self._changed.wait_for(self._is_superseded, seconds)
 
     def _run(self) -> None:
         try:
             while (job := self._next_job()) is not None:
-                for done in self._answers(job):
+                for done in self._results(job):
                     self._done.append(done)
                     self._wake()
         except BaseException:
-            # A fault of our own ends this thread; the next job begins another.
+            # An internal error ends this thread; the next job begins another.
             with self._changed:
                 self._thread = None
                 if self._next is not None and not self._closed:
@@ -108,7 +108,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
             return job
 
 
-# At the end, for files that are being written.
+# The longest wait at the end for files that are being written.
 _PATIENCE_S = 5.0
 
 
@@ -122,7 +122,7 @@ class Outcome:
 
 
 class Tasks:
-    """Runs functions in threads; of one kind only the last one's outcome counts.
+    """Runs functions in threads; for each kind only the last one's outcome counts.
 
     A task that another of its kind replaces runs to its end, as reading a file cannot be stopped,
     but nothing waits for it. Threads call ``wake`` when there is something to take.
@@ -156,7 +156,7 @@ class Tasks:
         """
         end = time.monotonic() + _PATIENCE_S
         for runner in self._writing:
-            if error := runner.ended(max(end - time.monotonic(), 0.0)):
+            if error := runner.wait_error(max(end - time.monotonic(), 0.0)):
                 warnings.warn(error, VolspecWarning, stacklevel=2)
 
 
@@ -167,7 +167,7 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
         super().__init__(wake)
         self._kind, self._name = kind, f"volspec-{kind}"
 
-    def ended(self, patience_s: float) -> str:
+    def wait_error(self, patience_s: float) -> str:
         """Wait for the end; return the error's message, if there is one."""
         thread = self._thread
         if thread is not None:
@@ -176,7 +176,7 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
                 return f"{self._kind}: not written when the window closed; the file is as it was"
         return next((outcome.error for outcome in self.take()), "")
 
-    def _answers(self, job: Callable[[], Any]) -> Iterator[Outcome]:
+    def _results(self, job: Callable[[], Any]) -> Iterator[Outcome]:
         try:
             yield Outcome(self._kind, job())
         except MemoryError:
@@ -184,7 +184,7 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
         except (VolspecError, OSError) as error:
             yield Outcome(self._kind, error=one_line(error))
         except Exception as error:
-            # A fault of our own: its outcome must come all the same.
+            # An internal error: the window waits for an outcome in any case.
             traceback.print_exc()
             message = f"{self._kind} failed: {type(error).__name__}: {error}"
             yield Outcome(self._kind, error=message)

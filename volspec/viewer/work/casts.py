@@ -26,17 +26,17 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.volume import Volume
 
-# Of 19: a cast gets a tenth of a core that the window needs, too.
+# Nice value: next to the window's thread on one core, a cast gets a tenth of it.
 _NICE = 10
 
 
 def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
-    """Make the caster of a volume; or return None, and why this machine cannot cast.
+    """Make the caster of a volume; or return None and the reason that this machine cannot cast.
 
     Raises
     ------
     OpenCLError
-        If the device that is named cannot.
+        If a device is named and cannot.
     """
     try:
         # On Linux the device's threads, which outlive this one, have its priority.
@@ -87,7 +87,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
 
     _name = "volspec-cast"
 
-    def _answers(self, job: CastJob) -> Iterator[CastDone]:
+    def _results(self, job: CastJob) -> Iterator[CastDone]:
         for number, divisor in enumerate(job.divisors):
             done = self._cast(job, divisor, spared=number == 0 and divisor > 1)
             yield done
@@ -102,8 +102,12 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         started = time.perf_counter()
         try:
             image = raycast(
-                *(job.document.volume, job.transfer, job.camera, (width, height), job.shading),
-                cancel=(lambda: self._closed) if spared else self._superseded,
+                job.document.volume,
+                job.transfer,
+                job.camera,
+                (width, height),
+                job.shading,
+                cancel=(lambda: self._closed) if spared else self._is_superseded,
                 caster=job.document.caster,
             )
             # In this thread, as it would take 20 to 40 ms of the window's.
@@ -115,8 +119,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         except VolspecError as refused:
             done = replace(done, error=one_line(refused))
         except Exception as failed:  # a device that is lost, say: the thread must outlive it
-            said = f"the cast failed: {one_line(failed)}"
-            done = replace(done, error=f"{said}; open the file again, or see volspec doctor")
+            message = f"the cast failed: {one_line(failed)}"
+            done = replace(done, error=f"{message}; open the file again, or see volspec doctor")
         return replace(done, ms=1e3 * (time.perf_counter() - started))
 
 
@@ -127,7 +131,7 @@ DIVISORS = (1, 2, 3, 4, 6, 8)
 SLOW_MS, QUICK_MS = 75.0, 45.0
 # A whole cast that takes longer gets a pass of half the size before it.
 STEP_MS = 900.0
-# A mouse that is still for so long rests.
+# A drag rests if the mouse is still for this long.
 REST_S = 0.15
 
 
@@ -169,7 +173,7 @@ class CastScheduler:
     def __init__(self, wake: Callable[[], object]) -> None:
         self._worker = CastWorker(wake)
         self._pace = Pace()
-        self._first = True  # whose time is the kernel's build
+        self._first = True  # the first cast, which includes the kernel's build
         self._wanted: ViewState | None = None
         self._changed_at = 0.0
         self._whole_wanted = False

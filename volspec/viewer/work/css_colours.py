@@ -1,4 +1,4 @@
-"""The colours of the web as reflectances, made in the background.
+"""CSS colours as reflectances, made in the background.
 
     names -> [css_colours] -> panels
 
@@ -32,7 +32,7 @@ class Colours:
         try:
             with suppress(VolspecError):
                 made = _reflectances(grid, observer_deg)
-        finally:  # panels must not wait for ever, whatever the fault
+        finally:  # panels must not wait for ever
             self.spectra = made
 
 

@@ -3,8 +3,8 @@
     state -> [designs] -> Design -> History
 
 A target is designed twice: quickly from the present spectra, then well if no other target follows.
-The result belongs to the step that asked for it, so that undo takes both back; a wizard's result is
-a step of its own.
+The result belongs to the step that set the target, so that undo takes both back; a wizard's result
+is a step of its own.
 """
 
 from __future__ import annotations
@@ -17,30 +17,17 @@ from typing import Any
 from volspec.errors import PaletteError, VolspecError, one_line
 from volspec.palette import Design, Palette, design, load_palette, save_palette
 from volspec.palette.advice import VISIBLE, suggestions
-from volspec.viewer.model import palette_files
+from volspec.viewer.model import palette_files, palette_table, palette_wizards
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
-from volspec.viewer.model.palette_table import (
-    column_names,
-    palette_of,
-    table_of,
-    with_design,
-    wizard_place,
-)
 from volspec.viewer.model.palette_targets import DesignStatus, DesignTargets, stays
-from volspec.viewer.model.palette_wizards import (
-    WIZARDS,
-    result_lines,
-    run_wizard,
-    with_wizard_result,
-)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker, Outcome, Tasks
-from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.notify import Notice
 from volspec.wizard import Redesigned
 
-# Rounds of the quick design: from the last one's result they come within ΔE 1 or so. With open
-# lights a round takes several times as long.
+# Iterations of the quick design: from the last one's result they get within ΔE 1 or so. With free
+# lights an iteration takes several times as long.
 QUICK, QUICK_LIGHTS = 2, 1
 # The design in full begins after this time without another target.
 REST_S = 0.12
@@ -63,7 +50,7 @@ class DesignDone:
     ms: float
     made: Design | None  # None if it failed
     whole: bool  # this was the last design of the job
-    error: str  # why it failed
+    error: str  # message if it failed
 
 
 class DesignWorker(LatestWorker[DesignJob, DesignDone]):
@@ -71,14 +58,14 @@ class DesignWorker(LatestWorker[DesignJob, DesignDone]):
 
     _name = "volspec-design"
 
-    def _answers(self, job: DesignJob) -> Iterator[DesignDone]:
+    def _results(self, job: DesignJob) -> Iterator[DesignDone]:
         criteria = job.palette.criteria
         rounds = QUICK_LIGHTS if any(light.free for light in job.palette.lights) else QUICK
         quick = replace(criteria, rounds=min(rounds, criteria.rounds))
         done = _run(job, replace(job.palette, criteria=quick), whole=quick == criteria)
         yield done
         # A design cannot be interrupted once it has begun.
-        if done.made is not None and not done.whole and self._rests(REST_S):
+        if done.made is not None and not done.whole and self._wait_idle(REST_S):
             yield _run(job, replace(done.made.palette, criteria=criteria), whole=True)
 
 
@@ -92,8 +79,8 @@ def _run(job: DesignJob, palette: Palette, whole: bool) -> DesignDone:
     except VolspecError as refused:
         error = one_line(refused)
     except Exception as failed:  # a solver that does not converge: the thread must outlive it
-        said = f"the design failed: {one_line(failed)}"
-        error = f"{said}; change a wish, or design from scratch"
+        message = f"the design failed: {one_line(failed)}"
+        error = f"{message}; change a target, or design from scratch"
     ms = 1e3 * (time.perf_counter() - started)
     return DesignDone(job, ms, made, whole or bool(error), error)
 
@@ -115,14 +102,14 @@ class DesignService:
     Threads call ``wake`` when there is something to take.
     """
 
-    asks = frozenset(WIZARDS)
+    commands = frozenset(palette_wizards.WIZARDS)
 
-    def __init__(self, wake: Callable[[], object], notice: Notice, trace: Trace) -> None:
+    def __init__(self, wake: Callable[[], object], notice: Notice) -> None:
         self._worker, self._tasks = DesignWorker(wake), Tasks(wake)
-        self._notice, self._trace = notice, trace
+        self._notice = notice
         self.status = DesignStatus()
         self._requested: DesignTargets | None = None
-        self._reported: DesignTargets | None = None  # those that the status is about
+        self._reported: DesignTargets | None = None  # targets that the status is about
         self._advising: DesignTargets | None = None
         self._missed: tuple[Design, DesignTargets] | None = None
         self._document: Document | None = None
@@ -151,7 +138,7 @@ class DesignService:
             return
         self._requested = targets
         try:
-            palette = palette_of(state)
+            palette = palette_table.palette_from_state(state)
         except VolspecError as error:
             self._report(complaint=one_line(error), busy="")
             return
@@ -164,7 +151,7 @@ class DesignService:
         self._requested = None
         self._report(busy=self._wizard)
 
-    def taken(self, history: History) -> History:
+    def take(self, history: History) -> History:
         """Return the history with results of threads; itself if there are none."""
         for done in self._worker.take():
             history = self._with_design(history, done)
@@ -173,13 +160,15 @@ class DesignService:
         if self._wizard_waits and not self._worker.busy:
             state, name = history.present, self._wizard_waits
             self._wizard_waits = ""
-            self._tasks.start("wizard", lambda: (state, name, run_wizard(state, name)))
+            self._tasks.start(
+                "wizard", lambda: (state, name, palette_wizards.run_wizard(state, name))
+            )
         return history
 
-    def do(self, name: str, state: ViewState) -> None:
+    def run(self, name: str, state: ViewState) -> None:
         """Request a wizard, which begins when designs in progress are done."""
-        material, light = wizard_place(state)
-        if state.interface.pick.like in column_names(state.lights):
+        material, light = palette_table.wizard_place(state)
+        if state.interface.pick.like in palette_table.column_names(state.lights):
             light = "a new light"
         self._wizard = _DOING[name].format(material, light)
         self._report(busy=self._wizard, complaint="", reached=())
@@ -191,7 +180,7 @@ class DesignService:
         def task() -> tuple[ViewState, str, Palette | str]:
             if name == _LOAD:
                 return state, name, load_palette(path)
-            save_palette(palette_of(state), path)
+            save_palette(palette_table.palette_from_state(state), path)
             return state, name, path
 
         self._tasks.start("palette", task, writes=name == _SAVE)
@@ -211,19 +200,21 @@ class DesignService:
             self._report(busy=self._wizard, complaint=done.error)
         if done.made is None:
             return replace(history)
-        state = with_design(present, done.made, targets)
-        worst = max(table_of(state).errors, default=0.0)
-        self._trace.note("design", "design", done.ms, whole=done.whole, worst=round(worst, 3))
+        state = palette_table.with_design(present, done.made, targets)
+        worst = max(palette_table.colour_table(state).errors, default=0.0)
+        self._notice.trace.note(
+            "design", "design", done.ms, whole=done.whole, worst=round(worst, 3)
+        )
         if finished and worst > VISIBLE:
             self._advise(done.made, targets)
-        return history.amended(state)
+        return history.amend(state)
 
     def _advise(self, made: Design, targets: DesignTargets) -> None:
         """Search for advice, one search at a time: each designs many times."""
         self._missed = made, targets
         if self._advising is None:
             self._advising = targets
-            self._tasks.start("advice", lambda: advice_of(suggestions(made), targets))
+            self._tasks.start("advice", lambda: relevant_advice(suggestions(made), targets))
 
     def _take_advice(self, outcome: Outcome, present: DesignTargets) -> None:
         advising, self._advising = self._advising, None
@@ -242,16 +233,17 @@ class DesignService:
             self._wizard = ""
         self._report(busy=self._wizard, complaint=outcome.error)
         if outcome.error:
-            self._notice.fail(outcome.error)
+            self._notice.show_error(outcome.error)
             return replace(history)
         begun, name, made = outcome.result
         if isinstance(made, str):
-            self._notice.say(f"Saved {made}")
+            self._notice.show(f"Saved {made}")
         elif begun.document is present.document:
             try:
                 if isinstance(made, Palette):
                     if missing := palette_files.unmatched_reflectances(present, made):
-                        self._notice.say(f"No material is left for {', '.join(missing)}")
+                        names = ", ".join(missing)
+                        self._notice.show(f"The scene has no material left for {names}")
                     state = palette_files.with_palette(present, made)
                 else:
                     state = self._with_wizard_result(present, begun, name, made)
@@ -265,23 +257,23 @@ class DesignService:
     def _with_wizard_result(
         self, present: ViewState, begun: ViewState, name: str, made: Redesigned
     ) -> ViewState:
-        # Spectra are equal if they are the same object.
+        # Spectra are compared by identity.
         if dict(begun.transfer.materials) != dict(present.transfer.materials):
-            dropped = f"The wizard “{name}” was dropped: the materials changed meanwhile"
-            self._notice.say(dropped)
-            raise PaletteError(dropped)
-        state = with_wizard_result(present, made)
-        reached = result_lines(made, begun)
+            dropped = f"The wizard “{name}” was discarded: the materials changed meanwhile"
+            self._notice.show(dropped)
+            raise PaletteError(dropped, code="state")
+        state = palette_wizards.with_wizard_result(present, made)
+        reached = palette_wizards.result_lines(made, begun)
         self._reported = state.palette.targets
         self._report(reached=reached, advice=())
-        self._trace.note("wizard", name=name, reached=list(reached))
+        self._notice.trace.note("wizard", name=name, reached=list(reached))
         return state
 
     def _report(self, **news: Any) -> None:
         self.status = replace(self.status, **news)
 
 
-def advice_of(advice: tuple[str, ...], targets: DesignTargets) -> tuple[str, ...]:
-    """Return the advice without that on cells that should only keep their colour."""
+def relevant_advice(advice: tuple[str, ...], targets: DesignTargets) -> tuple[str, ...]:
+    """Return the advice, without lines on cells that should only keep their colour."""
     staying = [f"({', '.join(at)}):" for at, cell in targets.cells.items() if stays(cell)]
-    return tuple(said for said in advice if not any(said.startswith(at) for at in staying))
+    return tuple(line for line in advice if not any(line.startswith(at) for at in staying))

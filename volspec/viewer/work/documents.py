@@ -17,12 +17,12 @@ from volspec.spectra import reflectance_names
 from volspec.viewer.model.camera import fit_view
 from volspec.viewer.model.document import Document, demo, plain_scene
 from volspec.viewer.model.light_rows import brightest_row
-from volspec.viewer.model.paths import check_name, path_of_drop
+from volspec.viewer.model.paths import check_name, dropped_path
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import View
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.casts import make_caster
-from volspec.viewer.work.notify import Notice, Trace
+from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
 from volspec.volume import load_volume
@@ -34,7 +34,7 @@ def open_document(path: str | None, device: str | None = None) -> Document:
     Raises
     ------
     VolspecError
-        If it cannot be read, or the device that is named cannot cast.
+        If it cannot be read, or a device is named and cannot cast.
     """
     if path is not None:
         check_name(path)
@@ -44,9 +44,9 @@ def open_document(path: str | None, device: str | None = None) -> Document:
     else:
         volume = load_volume(path)
         scene = Scene(plain_scene(path, volume), path.partition("?")[0])
-        # No window is known yet: a square that has the picture's height.
+        # The window's aspect is not known yet: fit into a square of the picture's height.
         view = fit_view(View(), volume, scene.transfer, scene.raycast, 1.0)
-    # Presets need the names, and would have to wait.
+    # Loaded ahead, as presets would have to wait for the names.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
     return Document.of(scene, volume, caster, view, fault)
@@ -64,7 +64,7 @@ class Opened:
     session: Path | None = None
 
     def after(self, before: ViewState | None) -> Opened:
-        """Return it in the present window; a session keeps its own interface and chosen light."""
+        """Return it for the present window; a session keeps its own interface and chosen light."""
         if before is None:
             return self
         interface = self.state.interface
@@ -81,34 +81,33 @@ def open_path(path: str | None, device: str | None) -> Opened:
 class DocumentService:
     """Opens files in the background, and saves sessions."""
 
-    def __init__(self, tasks: Tasks, notice: Notice, trace: Trace, device: str | None) -> None:
-        self._tasks, self._device = tasks, device
-        self._notice, self._trace = notice, trace
+    def __init__(self, tasks: Tasks, notice: Notice, device: str | None) -> None:
+        self._tasks, self._notice, self._device = tasks, notice, device
         folder = state_folder()
         self._recent, self._store = RecentFiles(folder), SessionStore(folder)
-        # Opened at the start, one after the other, if the last session cannot be restored.
+        # Opened at the start, in this order, if the last session cannot be restored.
         self._fallbacks: list[str | None] = []
         self._opening = ""  # the message while a file is being opened
         self.recent = self._recent.rows()
 
-    def open(self, path: str | None, say: bool = True) -> None:
+    def open(self, path: str | None, notify: bool = True) -> None:
         """Begin to read a scene, a volume or a session; None is the bundled demo.
 
-        `came` returns it later. If ``say`` is False, the present message stays.
+        `finish_open` returns it later. If ``notify`` is False, the present message stays.
         """
         if path is not None and path.lower().endswith(SUFFIX):
             self.resume(Path(path))
             return
-        if say:
-            self._say_opening(f"Opening {path or 'the demo'} …")
+        if notify:
+            self._show_opening(f"Opening {path or 'the demo'} …")
         self._tasks.start("open", lambda: open_path(path, self._device))
 
     def drop(self, paths: tuple[str, ...]) -> None:
         """Open the scene or the volume that was dropped."""
         try:
-            self.open(path_of_drop(paths))
+            self.open(dropped_path(paths))
         except InputError as error:
-            self._notice.fail(str(error))
+            self._notice.show_error(str(error))
 
     def resume_last(self, path: str | None) -> None:
         """Restore the last session; without one open the file, or the most recent, or the demo."""
@@ -120,7 +119,7 @@ class DocumentService:
         else:
             self._open_fallback("There is no session to restore")
 
-    def came(self, outcome: Outcome, first: bool) -> Opened | None:
+    def finish_open(self, outcome: Outcome, first: bool) -> Opened | None:
         """Return the result of a task ``open``; if it failed, say so and return None.
 
         Raises
@@ -134,22 +133,22 @@ class DocumentService:
         if first:
             self._open_fallback(outcome.error)
         else:
-            self._notice.fail(outcome.error)
+            self._notice.show_error(outcome.error)
         return None
 
     def begin(self, opened: Opened, before: ViewState | None) -> None:
-        """Save the session before, start the one of what is open now, and list its file."""
+        """Save the previous session, start the new document's, and list its file."""
         if before is not None:
-            self.keep(before)
+            self.save(before)
         early = before is None and self._store.ended_early()
         self._store.begin(opened.state, opened.session)
         if self._notice.text == self._opening:
-            self._notice.say("")
+            self._notice.show("")
         if early and opened.session is None and not self._notice.text:
-            self._notice.say(
+            self._notice.show(
                 "The last session ended early; File › Restore the last session brings it back"
             )
-            self._trace.note("ended-early")
+            self._notice.trace.note("ended-early")
         if opened.path is not None:
             self._recent.add(opened.path)
             self.recent = self._recent.rows()
@@ -162,30 +161,30 @@ class DocumentService:
     def close(self, state: ViewState | None, faulty: bool) -> None:
         """Save the session at the end; after a fault it is not marked as ended."""
         if state is not None:
-            self.keep(state)
+            self.save(state)
         if not faulty:
             self._store.end()
 
-    def keep(self, state: ViewState) -> None:
-        """Save the session now; an error is only a message."""
+    def save(self, state: ViewState) -> None:
+        """Save the session now; an error is only shown as a message."""
         try:
             self._store.save(state)
         except (VolspecError, OSError) as error:
-            self._notice.fail(f"The session is not kept: {error}")
+            self._notice.show_error(f"The session was not saved: {error}")
 
     def restore(self, state: ViewState) -> None:
         """Save this session, and restore the one before."""
-        self.keep(state)
+        self.save(state)
         last = self._store.last()
         if last is None:
-            self._notice.say("There is no other session to restore")
+            self._notice.show("There is no other session to restore")
         else:
             self.resume(last)
 
     def reload(self, state: ViewState) -> None:
         """Read the open file again; only the view and the window stay."""
         path = state.document.source
-        self._say_opening("Reading the file again; only the view stays …")
+        self._show_opening("Reading the file again; only the view stays …")
 
         def again() -> Opened:
             found = open_path(path, self._device)
@@ -210,18 +209,19 @@ class DocumentService:
                 raise self._store.broken(path, error) from error
             return Opened(state, None if self._store.holds(path) else str(path), path)
 
-        self._say_opening("Restoring the session …")
+        self._show_opening("Restoring the session …")
         self._tasks.start("open", restored)
 
     def _open_fallback(self, error: str) -> None:
         """Open the next of `_fallbacks`, as nothing is open yet; without one, raise the error."""
         if not self._fallbacks:
-            raise InputError(error)
+            raise InputError(error, code="impossible")
         path = self._fallbacks.pop(0)
-        self._notice.fail(f"{error}; this is {'the demo' if path is None else Path(path).name}")
-        self.open(path, say=False)
+        name = "the demo" if path is None else Path(path).name
+        self._notice.show_error(f"{error}; this is {name}")
+        self.open(path, notify=False)
 
-    def _say_opening(self, message: str) -> None:
+    def _show_opening(self, message: str) -> None:
         """Show a message until the file is open, or another message comes."""
-        self._notice.say(message)
+        self._notice.show(message)
         self._opening = self._notice.text

@@ -51,7 +51,7 @@ class Trace:
 
 
 SECONDS = 8.0
-# For a message about what is visible in the window, too.
+# Duration of a message whose effect is also visible.
 SHORT_SECONDS = 2.0
 
 
@@ -63,16 +63,16 @@ class Notice:
     text: str = ""
     until: float = 0.0
 
-    def say(self, text: str, seconds: float = SECONDS) -> None:
+    def show(self, text: str, seconds: float = SECONDS) -> None:
         """Replace the line."""
         self.text, self.until = one_line(text), time.perf_counter() + seconds
 
-    def fail(self, error: str) -> None:
+    def show_error(self, error: str) -> None:
         """Replace the line by an error, and note it in the trace."""
-        self.say(error)
+        self.show(error)
         self.trace.note("error", message=error)
 
-    def ended(self, now: float) -> bool:
+    def expire(self, now: float) -> bool:
         """Remove a line whose time is over; return True if there was one."""
         if not self.text or now <= self.until:
             return False

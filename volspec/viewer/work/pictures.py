@@ -23,12 +23,12 @@ from volspec.relight.packed import PackedLayers
 from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.model.materials import same_channels
 
-# mallopt(3): blocks of this size or more are always the system's own.
+# mallopt(3): blocks of this size or more get their own mapping.
 _M_MMAP_THRESHOLD = -3
 _LARGE_BYTES = 1_000_000
 
 
-def give_back_large() -> None:
+def return_large_blocks() -> None:
     """Make glibc return large blocks to the system as soon as they are freed.
 
     Otherwise it holds up to twice the memory in use after casts of many sizes. Other C libraries
@@ -83,7 +83,7 @@ class Pictures:
         self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
         self._frame_of: Relighter | None = None
-        self.current = False  # whether the last picture is drawn under the last lights
+        self.current = False  # True if the last picture is drawn under the last lights
         self.tables = HostTables()  # of models that no shader draws; `missing` lists those to add
         self._queries = [context.query(time=True) for _ in range(2)]
         self.image: CoefficientImage | None = None
@@ -105,7 +105,7 @@ class Pictures:
         self._half, self.current = None, False
 
     def repaint(self, basis: Basis) -> None:
-        """Give the picture's materials other reflectances, if they are its channels."""
+        """Replace the reflectances of the picture's materials, if they are its channels."""
         image = self.image
         if image is not None and image.basis is not basis and same_channels(image.basis, basis):
             self.image = replace(image, basis=basis)
@@ -118,7 +118,7 @@ class Pictures:
         relighter = self._relighters.pop(key, None)
         if relighter is None:
             while len(self._relighters) >= MOST_SIZES:
-                # What is shown stays until another picture is drawn.
+                # The relighter of the shown picture stays until another one is drawn.
                 known = self._relighters.items()
                 oldest = next(key for key, each in known if each is not self._frame_of)
                 self._relighters.pop(oldest).close()
@@ -141,7 +141,7 @@ class Pictures:
         return found
 
     def _paint(self, shown: Relighter) -> None:
-        """Give a relighter the picture's reflectances, if they are its channels."""
+        """Set a relighter's reflectances to the picture's, if they are its channels."""
         basis = self.image.basis if self.image else None
         if isinstance(basis, MaterialBasis) and self._painted != (shown, basis):
             shown.set_reflectances(basis.materials)

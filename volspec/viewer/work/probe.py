@@ -45,7 +45,7 @@ def read(
     pixel: tuple[int, int],
     code: tuple[int, int, int],
 ) -> Reading:
-    """Read the values of a pixel (x, y), of which the display has an 8-bit ``code`` (R, G, B).
+    """Read the values of a pixel (x, y), displayed with an 8-bit ``code`` (R, G, B).
 
     Raises
     ------
@@ -56,17 +56,17 @@ def read(
     lit = Illumination.of(image.basis, rig, spec, image.groups)
     XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     rows = [
-        *_place(image, camera, volume, pixel),
+        *_hit_rows(image, camera, volume, pixel),
         ("RGB", "  ".join(map(str, code))),
-        ("XYZ", _numbers(XYZ)),
-        *_attributes(XYZ, lit),
-        *_error(image, rig, spec, pixel),
+        ("XYZ", _format(XYZ)),
+        *_appearance_rows(XYZ, lit),
+        *_error_row(image, rig, spec, pixel),
     ]
     light, reflected = spectra(image, rig, spec, pixel)
     return Reading(tuple(rows), image.basis.grid, light, reflected)
 
 
-def _attributes(XYZ: Array, lit: Illumination) -> Iterator[tuple[str, str]]:
+def _appearance_rows(XYZ: Array, lit: Illumination) -> Iterator[tuple[str, str]]:
     """Yield a colour's attributes in the viewing's model; CIECAM02 if that only adapts."""
     given = replace(lit.viewing, adapting="given")
     name = given.model if given.model in MODELS else "CIECAM02"
@@ -127,17 +127,17 @@ def value_at(volume: Volume, place: Array) -> float | None:
     return float(volume.values[k, j, i])
 
 
-def _place(
+def _hit_rows(
     image: CoefficientImage, camera: Camera, volume: Volume, pixel: tuple[int, int]
 ) -> Iterator[tuple[str, str]]:
     if (place := place_mm(image, camera, pixel)) is None:
         return
     if (value := value_at(volume, place)) is not None:
         yield "Value", f"{value:.6g}"
-    yield "mm", _numbers(place)
+    yield "mm", _format(place)
 
 
-def _error(
+def _error_row(
     image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
 ) -> Iterator[tuple[str, str]]:
     if spec.mode == "exact":
@@ -151,5 +151,5 @@ def _error(
     yield "ΔE00", f"{float(found.delta_e[0, 0]):.2f} to exact"
 
 
-def _numbers(values: Array) -> str:
+def _format(values: Array) -> str:
     return "  ".join(f"{value:.1f}" for value in values)

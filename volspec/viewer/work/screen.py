@@ -1,32 +1,161 @@
-"""The picture on the screen: relit when something has changed, in bands if that takes long.
+"""The picture on the screen, relit when something has changed; its error map and timings.
 
     casts, state -> [screen] -> Painted -> window
 
-LUTs of models that no shader draws are made in the background; the old picture stays meanwhile.
+A slow relight draws one band a frame. LUTs of models that no shader draws are made in the
+background; the old picture stays meanwhile.
 """
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
-from volspec.errors import TableCancelled, VolspecError, one_line
+import numpy as np
+
+from volspec.errors import RelightError, TableCancelled, VolspecError, one_line
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
+from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.tables import HostTables, TableKey, is_tabled
-from volspec.viewer.model.light_rows import rig_of
+from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.background import LatestWorker
+from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import CastDone
-from volspec.viewer.work.error_map import ErrorMapTexture
-from volspec.viewer.work.meter import Meter
 from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.pictures import Painted, Pictures
+from volspec.viewer.work.pictures import Painted, Pictures, Relit
 from volspec.viewer.work.probe import Reading, read
 from volspec.viewer.work.slice_pictures import SlicePictures
 
-# A light must be still for so long before its tables are computed, which may take seconds.
+# Frames further apart are no movement.
+_APART_S = 0.25
+# The window must look for input more often.
+_UNANSWERED_MS = 40.0
+# A whole relight that takes longer leaves no time for the rest of a frame.
+SLOW_MS = 18.0
+_MOST_BANDS = 4
+
+
+class Meter:
+    """Measures frames and relights."""
+
+    def __init__(self, trace: Trace) -> None:
+        self._trace = trace
+        self.ms: dict[str, float] = {}  # last time of each stage
+        self.fps = 0.0  # frames per second, while something moves
+        self._last = 0.0
+        # Frames that a whole picture is to be relit in, so that none takes long; more than one if
+        # that is too slow while a light is dragged.
+        self.bands = 1
+        self._relit: Relit | None = None
+        self._relit_ms = 0.0
+        self._ended: bool | None = None  # True if a whole picture ends here, False for a part
+        self._areas: dict[str, tuple[int, int, int, int]] = {}
+
+    def note_relight(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
+        """Take a picture, or a band of it, that is being relit; its time arrives a frame later.
+
+        The band may be the picture's ``first`` one, or its last (``ends``); a ``whole`` picture
+        has all pixels.
+        """
+        self._relit = relit
+        if first:
+            self._relit_ms = 0.0
+        self._ended = whole if ends else None
+
+    def note_wait(self, late_s: float, busy_s: float) -> None:
+        """Note if the wait for input ended too late, or what followed on it took too long."""
+        if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
+            self._trace.note("unanswered", None, ms)
+
+    def note_frame(self, began: float, areas: dict[str, tuple[int, int, int, int]]) -> None:
+        """Note a frame that is shown, and the (x, y, width, height) of its panels by name."""
+        if self._relit is not None:
+            self._relit_ms += self._relit.ms
+            self._relit = None
+            if self._ended:
+                self.bands = min(max(math.ceil(self._relit_ms / SLOW_MS), 1), _MOST_BANDS)
+            if self._ended is not None:
+                self.ms["relight"] = self._relit_ms
+                self._trace.note("relight", "relight", self._relit_ms, whole=self._ended)
+        now = time.perf_counter()
+        self.ms["frame"] = 1e3 * (now - began)
+        self._trace.note("frame", "frame", self.ms["frame"])
+        if now - self._last < _APART_S:
+            self.fps += 0.1 * (1.0 / (now - self._last) - self.fps)
+        self._last = now
+        if self._areas != areas:
+            self._areas = dict(areas)
+            self._trace.note("layout", areas=self._areas)
+
+
+# Approximate number of pixels compared: takes a fraction of a second, and is fine enough.
+_PIXELS = 60_000
+# The map's opacity over the picture, of 255.
+_ALPHA = 230
+
+
+class ErrorMapTexture:
+    """The error map of the picture; computed again when image or light change."""
+
+    def __init__(self, context: Any, wake: Callable[[], object]) -> None:
+        self._context, self._tasks = context, Tasks(wake)
+        self._of: tuple[Any, ...] | None = None
+        self._texture: Any = None
+        self.map: ErrorMap | None = None
+        self.image: CoefficientImage | None = None  # the map's picture
+        self.problem = ""  # error message if there is no map
+
+    @property
+    def busy(self) -> bool:
+        """True while a map is in progress."""
+        return self._tasks.busy
+
+    def want(self, image: CoefficientImage, lights: Rows, spec: RelightSpec) -> None:
+        """Begin the map of a picture, unless it is the last one begun."""
+        key, rig = (image, lights, spec.mode, spec.backdrop), light_rig(lights)
+        if key == self._of:
+            return
+        self._of = key
+        every = max(1, round((image.alpha.size / _PIXELS) ** 0.5))
+
+        def made() -> tuple[ErrorMap, CoefficientImage]:
+            if rig is None:
+                raise RelightError("No light is on, so no colour has an error", code="missing")
+            return error_map(image, rig, spec.mode, spec.backdrop, every), image
+
+        self._tasks.start("map", made)
+
+    def take(self) -> bool:
+        """Take new maps; return True if there are any."""
+        outcomes = self._tasks.take()
+        for outcome in outcomes:
+            self.problem = outcome.error
+            self.map, self.image = outcome.result or (None, None)
+            self.close()
+            if self.map is not None:
+                alpha = np.where(self.map.alpha > 0, _ALPHA, 0).astype(np.uint8)
+                rgba = np.dstack([self.map.heat(), alpha])
+                size = rgba.shape[1], rgba.shape[0]
+                self._texture = self._context.texture(size, 4, rgba.tobytes())
+        return bool(outcomes)
+
+    @property
+    def texture(self) -> int:
+        """GL's name of the map; 0 if there is none."""
+        return 0 if self._texture is None else int(self._texture.glo)
+
+    def close(self) -> None:
+        """Release the texture."""
+        if self._texture is not None:
+            self._texture.release()
+            self._texture = None
+
+
+# A light must be unchanged for this long before its tables are computed, which may take seconds.
 _REST_S = 0.1
 
 
@@ -39,25 +168,25 @@ class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
         super().__init__(wake)
         self._tables = tables
 
-    def _answers(self, job: tuple[TableKey, ...]) -> Iterator[str]:
-        if not self._rests(_REST_S):
+    def _results(self, job: tuple[TableKey, ...]) -> Iterator[str]:
+        if not self._wait_idle(_REST_S):
             return
         try:
             for key in job:
-                self._tables.texels(key, self._superseded)
+                self._tables.texels(key, self._is_superseded)
         except TableCancelled:
             return
         except MemoryError:
-            yield "no memory for the table"
+            yield "no memory for the colour table"
         except VolspecError as error:
             yield one_line(error)
         else:
             yield ""
 
 
-# The longest that the notice of a table is shown; it goes when the table is there.
+# The longest time that the notice of a table is shown; it goes when the table is ready.
 _TABLE_S = 60.0
-_NOTHING = "Nothing is seen: the opacity is 0 everywhere in view, or the view misses it"
+_NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
 Area = tuple[int, int, int, int]
 
 
@@ -65,24 +194,24 @@ class Screen:
     """Relights the last cast when something has changed."""
 
     def __init__(
-        self, context: Any, wake: Callable[[], object], meter: Meter, trace: Trace, notice: Notice
+        self, context: Any, wake: Callable[[], object], meter: Meter, notice: Notice
     ) -> None:
         self.pictures = Pictures(context)
         self._tabling = TableWorker(wake, self.pictures.tables)
         self._tables: tuple[TableKey, ...] = ()  # those that the picture waits for
         self.slices = SlicePictures(context)
         self.image: CoefficientImage | None = None  # the last cast
-        self.whole = False  # whether it has the picture's full resolution
-        self.fault = ""  # why there is no picture; empty while one is there or awaited
+        self.whole = False  # True if it has the picture's full resolution
+        self.fault = ""  # error message if there is no picture; empty while one is awaited
         self.under_mouse: Reading | None = None
-        self.error_map: ErrorMapTexture | None = None  # once it was asked for
+        self.error_map: ErrorMapTexture | None = None  # once it was requested
         self.shown_at = 0.0, 0.0, 0.0, 0.0  # left, top, right, bottom in the window
-        self._meter, self._trace, self._notice = meter, trace, notice
+        self._meter, self._notice = meter, notice
         self._cast: CastDone | None = None
         self._shape = (0, 0)  # size of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
         self._band = 0  # the next one to draw
-        self._working_out = ""
+        self._table_notice = ""
         self._error_map = ErrorMapTexture(context, wake)
         self._read_of: tuple[Any, ...] | None = None
         self._reading: Reading | None = None
@@ -102,29 +231,29 @@ class Screen:
         how = "cancel" if done.image is None else "cast"
         size = [-(-side // done.divisor) for side in done.job.size]
         if done.error:
-            self._notice.say(done.error)
+            self._notice.show(done.error)
             how = "error"
             if self._cast is None or self._cast.job.document is not done.job.document:
                 # The picture that is shown is another document's.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
-        self._trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
+        self._notice.trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
         if done.image is None or state is None or done.job.document is not state.document:
             return
         try:
             self.pictures.show(done.image, done.packed)
         except VolspecError as error:
-            self._notice.say(str(error))
+            self._notice.show(str(error))
             return
         if done.divisor == 1 and not done.image.alpha.any():
-            self._notice.say(_NOTHING)
-        # What was packed is in a texture now.
+            self._notice.show(_NOTHING)
+        # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None), ""
-        self.stale()
+        self.mark_stale()
         self.image, self.whole = done.image, done.divisor == 1
         self._meter.ms["cast"] = done.ms
 
-    def stale(self) -> None:
+    def mark_stale(self) -> None:
         """Mark the picture as stale: it no longer shows the state's light."""
         # If lights follow each other, as under a key held down, the last bands would never come.
         self._hurries |= self._band > 0
@@ -139,19 +268,19 @@ class Screen:
         """
         self._drawing = False
         if self._coarse and not held:
-            self.stale()
+            self.mark_stale()
         if self._relit or self.pictures.image is None:
             return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
         self.image = self.pictures.image
-        # Fewer pixels would need tables of their own.
+        # Coarse pictures would need tables of their own.
         few = self.whole and self._meter.bands > 1 and not is_tabled(state.relight.viewing.model)
         self._coarse = held and few
         whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands
         first, self._band = self._band % bands, 0
-        rig, other = rig_of(state.lights), rig_of(state.other) if state.other else None
+        rig, other = light_rig(state.lights), light_rig(state.other) if state.other else None
         try:
             if self._tables_missing(rig, state.relight, other):
                 return False
@@ -160,7 +289,7 @@ class Screen:
                 rig, state.relight, other, state.divide, self._coarse, band
             )
         except VolspecError as error:
-            self._notice.say(one_line(error))
+            self._notice.show(one_line(error))
             return False
         self._drawing = relit is not None
         self._relit = not self._drawing or first + 1 == bands
@@ -169,7 +298,7 @@ class Screen:
             self._hurries = False
             if self._cast is not None:
                 self._shape = self._cast.job.size
-        self._meter.relights(relit, first == 0, self._relit, whole)
+        self._meter.note_relight(relit, first == 0, self._relit, whole)
         return True
 
     def _tables_missing(
@@ -178,22 +307,22 @@ class Screen:
         """Return True if the light must wait for tables, which are then computed."""
         missing = self.pictures.missing(rig, spec, other)
         if missing:
-            self._working_out = f"{spec.viewing.model}: working out its table …"
-            self._notice.say(self._working_out, _TABLE_S)
+            self._table_notice = f"{spec.viewing.model}: computing its colour table …"
+            self._notice.show(self._table_notice, _TABLE_S)
             if missing != self._tables:
                 self._tabling.request(missing)
-        elif self._tables and self._notice.text == self._working_out:
-            self._notice.say("")
+        elif self._tables and self._notice.text == self._table_notice:
+            self._notice.show("")
         self._tables = missing
         return bool(missing)
 
-    def tabled(self) -> bool:
+    def take_tables(self) -> bool:
         """Take computed tables; return True if there are any."""
         errors = self._tabling.take()
         for error in errors:
             if error:
                 self._tables = ()
-                self._notice.say(error)
+                self._notice.show(error)
             else:
                 self._relit = False
         return bool(errors)
@@ -208,7 +337,7 @@ class Screen:
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
             return
         lights = state.other if state.other and place[0] > state.divide else state.lights
-        rig = rig_of(lights)
+        rig = light_rig(lights)
         if rig is None:
             return
         if self._drawing:
@@ -224,7 +353,7 @@ class Screen:
             camera, volume = cast.job.camera, cast.job.document.volume
             try:
                 self._reading = read(image, camera, volume, rig, state.relight, pixel, code)
-            except VolspecError:  # shown when it was relit
+            except VolspecError:  # reported when it was relit
                 self._reading = None
         self.under_mouse = self._reading
 
@@ -236,8 +365,8 @@ class Screen:
             self._error_map.want(image, state.lights, state.relight)
         return self._error_map.take()
 
-    def painted(self, area: Area, shown: ViewState | None) -> Painted | None:
-        """Return the picture with its place behind the panels; its aspect ratio is kept."""
+    def painted_picture(self, area: Area, shown: ViewState | None) -> Painted | None:
+        """Return the picture and its place behind the panels; its aspect ratio stays."""
         x, y, width, height = area
         if not self.pictures.framebuffer or self._cast is None or shown is None:
             return None
@@ -247,9 +376,9 @@ class Screen:
         to = self.shown_at = left, y, left + wide, y + height
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
 
-    def absence(self, shown: ViewState | None) -> str:
-        """Return why no picture is painted of a state."""
-        dark = self._cast is not None and shown is not None and rig_of(shown.lights) is None
+    def missing_message(self, shown: ViewState | None) -> str:
+        """Return the message in place of a picture."""
+        dark = self._cast is not None and shown is not None and light_rig(shown.lights) is None
         return "No light is on" if dark else self.fault or "Opening …"
 
     def close(self) -> None:

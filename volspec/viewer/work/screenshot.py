@@ -23,7 +23,7 @@ from volspec.export.frames import file_stem
 from volspec.pipeline import Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.checks import MAX_SIDE
-from volspec.viewer.model.light_rows import rig_of
+from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.probe import Reading
@@ -52,7 +52,7 @@ class Shot:
         return width, height
 
     def path(self, title: str) -> Path:
-        """Return the first path that is no file yet; names of titles always have a number."""
+        """Return the first free path; names made from titles always have a number."""
         named = bool(self.name.strip())
         stem = file_stem(self.name.removesuffix(".png")) if named else ""
         stem = stem or f"volspec-{file_stem(title)}"
@@ -86,25 +86,25 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     path = shot.path(state.document.title)
     if not path.parent.is_dir():
         raise InputError(f"{path.parent}: no such folder; choose another", code="not-found")
-    frame = frame_of(state, shot.size(state.size), progress)
+    frame = render_frame(state, shot.size(state.size), progress)
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}
     write_frame(path, frame, notes, state.relight.viewing.display.space)
     return path
 
 
-def frame_of(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:
-    """Return the picture of a state at a size, (H, W, 3), with both sides of the divide."""
-    rig = rig_of(state.lights)
+def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:
+    """Render a state at a size, (H, W, 3), with both sides of the divide."""
+    rig = light_rig(state.lights)
     if rig is None:
-        raise ViewingError("No light is on, so there is no picture to save")
-    given_up = CastCancelled("the picture was given up")
+        raise ViewingError("No light is on, so there is no picture to save", code="missing")
+    cancelled = CastCancelled("the picture was cancelled")
     try:
         image = _cast(state, size, progress)
     except CastCancelled:
-        raise given_up from None
+        raise cancelled from None
     if progress.ended:
-        raise given_up
-    other = rig_of(state.other) if state.other else None
+        raise cancelled
+    other = light_rig(state.other) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.
     with Relighter(image) as relighter:
         frame: NDArray[np.uint8] = relighter.frame(rig, state.relight)
@@ -132,13 +132,13 @@ def _cast(state: ViewState, size: tuple[int, int], progress: Progress) -> Coeffi
 
 
 class ClipboardError(DeviceError):
-    """There is no clipboard, it refuses what it is given, or there is nothing to copy."""
+    """There is no clipboard, it refuses the data, or there is nothing to copy."""
 
 
 def copy_shown(pictures: Pictures) -> str:
     """Copy the picture that is shown, for as long as the program runs; return a message."""
     if not pictures.framebuffer:
-        raise ClipboardError("There is no picture to copy yet")
+        raise ClipboardError("There is no picture to copy yet", code="missing")
     frame = pictures.pixels()
     height, width, _ = frame.shape
     opaque = np.full((height, width, 1), 255, np.uint8)
@@ -150,7 +150,7 @@ def copy_shown(pictures: Pictures) -> str:
 def copy_values(reading: Reading | None) -> str:
     """Copy the values under the mouse, a name and a value to the line; return a message."""
     if reading is None:
-        raise ClipboardError("Point at something in the picture first")
+        raise ClipboardError("Point at something in the picture first", code="missing")
     _copy("text", lambda clipboard: clipboard.copy(str(reading)))
     return "The values are copied"
 
@@ -161,4 +161,4 @@ def _copy(what: str, copy: Callable[[Any], object]) -> None:
     try:
         copy(copykitten)
     except copykitten.CopykittenError as error:
-        raise ClipboardError(f"The {what} cannot be copied: {error}") from error
+        raise ClipboardError(f"The {what} cannot be copied: {error}", code="unsupported") from error

@@ -27,13 +27,13 @@ from volspec.relight import LightRig
 from volspec.scene.file import SceneFile
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import Transfer
-from volspec.viewer.model.light_rows import rig_of
+from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.scene_file import NOWHERE, same_spectrum
 from volspec.viewer.model.state import ViewState
 
 _WIDTH = 88
 _NUMBERS = 6
-# Left to the machine that runs the script.
+# Fields that the machine running the script chooses.
 _LEFT_OUT = ("tile_ms",)
 
 
@@ -43,13 +43,13 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     VolspecError
-        If the name is not ``.py``, or nothing can be written there, and as `script_of`.
+        If the name is not ``.py``, or nothing can be written there, and as `script_from_state`.
     """
     target = Path(path)
     if target.suffix.lower() != ".py":
-        raise InputError(f"{target}: a script is Python; name it .py")
+        raise InputError(f"{target}: a script is Python; name it .py", code="unsupported")
     basis_file = target.with_suffix(".basis.json")
-    text = script_of(state, basis_file.name)
+    text = script_from_state(state, basis_file.name)
     if f"with_name({python_text(basis_file.name)})" in text:
         state.transfer.basis.save(basis_file)
     with write_whole(target) as temporary:
@@ -57,19 +57,21 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
+def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
     """Return the script, which loads a basis that does not ship from a file next to it.
 
     It needs a document that has a file, and a light.
     """
-    document, rig = state.document, rig_of(state.lights)
+    document, rig = state.document, light_rig(state.lights)
     file, path = document.file, document.path
     if file is None or path is None:
-        raise SceneError(f"{document.title}: was not read from a file; no script could load it")
+        problem = "was not read from a file; save the volume first"
+        raise SceneError(f"{document.title}: {problem}", code="missing")
     if rig is None:
-        raise ViewingError("No light is on, so there is no frame to make a script for; turn one on")
+        problem = "No light is on, so there is no frame to make a script for; turn one on"
+        raise ViewingError(problem, code="missing")
     code = _Code(_spectrum_names(state, file))
-    title = f"{document.title}, as seen in volspec {volspec.__version__}"
+    title = f"{document.title}, from volspec {volspec.__version__}"
     space = state.relight.viewing.display.space
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
     lines = [
@@ -95,7 +97,7 @@ def script_of(state: ViewState, basis_file: str = "basis.json") -> str:
 
 
 def _spectrum_names(state: ViewState, file: SceneFile) -> dict[str, str]:
-    """Return "light" or "reflectance" for each spectrum that has a name."""
+    """Return "light" or "reflectance" by spectrum name."""
     names = {row.spectrum: "light" for row in file.light if isinstance(row.spectrum, str)}
     names |= {text: "light" for light_row in state.lights for text in light_row.texts if text}
     given = (text for material in file.material for text in (material.reflectance, material.filter))
@@ -154,12 +156,12 @@ class _Code:
             return python_text(value)
         if isinstance(value, Mapping):
             rows = [f"{self.of(key)}: {self.of(each, indent + 4)}" for key, each in value.items()]
-            return _wrapped("{", rows, "}", indent)
+            return _wrap("{", rows, "}", indent)
         if isinstance(value, tuple | list):
             rows = [self.of(each, indent + 4) for each in value]
             if isinstance(value, list):
-                return _wrapped("[", rows, "]", indent)
-            return _wrapped("(", rows, ",)" if len(rows) == 1 else ")", indent)
+                return _wrap("[", rows, "]", indent)
+            return _wrap("(", rows, ",)" if len(rows) == 1 else ")", indent)
         if isinstance(value, np.generic):
             value = value.item()
         if isinstance(value, float) and not math.isfinite(value):
@@ -228,10 +230,10 @@ def _single_material(mix: Any) -> Any:
 
 
 def _call(name: str, parts: Sequence[str], indent: int) -> str:
-    return _wrapped(f"{name}(", parts, ")", indent)
+    return _wrap(f"{name}(", parts, ")", indent)
 
 
-def _wrapped(start: str, parts: Sequence[str], end: str, indent: int) -> str:
+def _wrap(start: str, parts: Sequence[str], end: str, indent: int) -> str:
     """Write one line if it fits, or a line for each part, or for some numbers."""
     flat = start + ", ".join(parts) + end
     if "\n" not in flat and len(flat) + indent <= _WIDTH:

@@ -1,8 +1,8 @@
-"""Session files: everything that the viewer's user has made, to be continued later.
+"""Session files: the whole state of the viewer, to be continued later.
 
     state <-> [session] <-> FILE.volspec.json
 
-A session holds the scene's tables as they were opened, so that what "the scene's own" means stays,
+A session holds the scene's tables as they were opened, which commands such as reset restore,
 and every field of the state. Spectra are in it as numbers; the volume's voxels are not.
 """
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ from pydantic import ValidationError
 from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec._tables import explained
-from volspec.errors import InputError, SceneError, one_line
+from volspec.errors import InputError, SceneError, one_line, quoted
 from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
 from volspec.viewer.model.document import Document, histogram
@@ -29,22 +30,25 @@ from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
 
 FORMAT = "volspec-session"
-VERSION = 2
+VERSION = 3
 SUFFIX = ".volspec.json"
-# Fields and classes that had other names in version 1.
-_FIELDS_1 = {
-    "seen": "relight",
-    "kept": "saved_lights",
-    "board": "palette",
-    "thin": "unthickened",
-    "wishes": "targets",
-    "answered": "designed_for",
-    "anew": "from_scratch",
+# By version: the names of fields and of classes that the next version has renamed.
+_FIELDS = {
+    1: {
+        "seen": "relight",
+        "kept": "saved_lights",
+        "board": "palette",
+        "thin": "unthickened",
+        "wishes": "targets",
+        "answered": "designed_for",
+        "anew": "from_scratch",
+    },
+    2: {"aids": "overlays", "open": "free", "beside": "relative_path"},
 }
-_CLASSES_1 = {"Board": "PaletteState", "Wishes": "DesignTargets"}
+_CLASSES = {1: {"Board": "PaletteState", "Wishes": "DesignTargets"}, 2: {"Aids": "Overlays"}}
 # Fields of a document that are read, made or measured again.
 _REMADE = ("volume", "caster", "fault", "histogram", "file", "path")
-# Fields of a state that are made again, or are over: a fade must not run a second time.
+# Fields of a state that are made again, or end with it: a fade must not run a second time.
 _PASSING = ("document", "fade")
 
 
@@ -53,7 +57,9 @@ class SessionError(InputError):
 
 
 class BrokenSession(SessionError):
-    """A session's file does not hold what a session does."""
+    """A session's file is damaged or was edited by hand."""
+
+    code = "damaged"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +70,8 @@ class Session:
     data: dict[str, Any]
 
 
-def session_of(state: ViewState) -> Session:
-    """Return what a session saves of a state.
+def session_from_state(state: ViewState) -> Session:
+    """Return a state's session.
 
     Raises
     ------
@@ -74,7 +80,8 @@ def session_of(state: ViewState) -> Session:
     """
     document = state.document
     if document.file is None or document.path is None:
-        raise SceneError(f"{document.title}: was not read from a file; no session can name it")
+        problem = "was not read from a file; save the volume first"
+        raise SceneError(f"{document.title}: {problem}", code="missing")
     writer = Writer()
     try:
         parts = {
@@ -82,7 +89,7 @@ def session_of(state: ViewState) -> Session:
             "state": writer.field_values(state, but=_PASSING),
         }
     except TypeError as error:
-        raise SessionError(f"{document.title}: {error}") from error
+        raise SessionError(f"{document.title}: {error}", code="unsupported") from error
     data = {
         "format": FORMAT,
         "version": VERSION,
@@ -100,15 +107,17 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     VolspecError
-        If the name does not end in ``.json``, nothing can be written there, or as `session_of`.
+        If the name does not end in ``.json``, nothing can be written there, or as
+        `session_from_state`.
     """
     target = Path(path)
     if target.suffix.lower() != ".json":
-        raise SessionError(f"{target}: sessions are JSON; name it FILE{SUFFIX}")
-    data = session_of(state).data
-    # A session finds its scene after both were moved together.
+        problem = f"{target}: sessions are JSON; name it FILE{SUFFIX}"
+        raise SessionError(problem, code="unsupported")
+    data = session_from_state(state).data
+    # Finds the scene if both are moved together.
     with suppress(ValueError):  # on another drive
-        data["beside"] = os.path.relpath(data["path"], target.absolute().parent)
+        data["relative_path"] = os.path.relpath(data["path"], target.absolute().parent)
     text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -116,50 +125,54 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
 
 
 def read_session(path: str | os.PathLike[str]) -> Session:
-    """Read a session's file, not what it names.
+    """Read a session's file, without its scene and volume.
 
     Raises
     ------
     SessionError
-        If it is missing, no session, or of a later version.
+        If it is missing, not a session, or of a later version.
     """
     name, text = os.fspath(path), read_text(path, SessionError, f"a session (FILE{SUFFIX})")
     try:
         data = parse_json(text)
     except ValueError as error:
-        raise BrokenSession(f"{name}: is no session: {error}") from error
+        raise BrokenSession(f"{name}: not a session: {error}") from error
     if not isinstance(data, dict) or data.get("format") != FORMAT:
-        raise BrokenSession(f"{name}: is no session; its field 'format' is not {FORMAT!r}")
+        problem = f"{name}: not a session; its field 'format' is not {FORMAT!r}"
+        raise BrokenSession(problem, field="format")
     version = data.get("version")
     if type(version) is not int or version < 1:
-        raise BrokenSession.refused(f"{name}: version", version, "expected a number from 1", "type")
+        problem = f"{name}: version is {quoted(version)}; expected a number from 1"
+        raise BrokenSession(problem, code="type", given=version)
     if version > VERSION:
         raise SessionError(
-            f"{name}: is of version {version}, this volspec reads up to {VERSION}; install a later "
-            "one"
+            f"{name}: version {version} is later than {VERSION}; install a later volspec",
+            code="unsupported",
         )
-    if version == 1:  # the scene's file has names of its own
-        data |= {key: _renamed_1(part) for key, part in data.items() if key != "file"}
+    file = data.pop("file", None)  # the scene's tables have names of their own
+    for old in range(version, VERSION):
+        data = _migrate(data, _FIELDS[old], _CLASSES[old])
+    data["file"] = file
     kinds = {"path": str, "file": dict, "document": dict, "state": dict, "objects": list}
     for key, kind in kinds.items():
         if not isinstance(data.get(key), kind):
             raise BrokenSession(f"{name}: field {key!r} is missing or wrong; was it edited?")
-    beside = Path(path).absolute().parent / str(data.get("beside", ""))
+    relative = data.get("relative_path")
+    nearby = Path(path).absolute().parent / str(relative or "")
     # A volume may be a folder.
-    found = beside if data.get("beside") and os.path.exists(beside) else Path(data["path"])
-    return Session(found, data)
+    return Session(nearby if relative and os.path.exists(nearby) else Path(data["path"]), data)
 
 
-def _renamed_1(part: Any) -> Any:
-    """Return a part of a file of version 1 with the names of version 2."""
+def _migrate(part: Any, fields: Mapping[str, str], classes: Mapping[str, str]) -> Any:
+    """Rename the fields and classes in a part of a file."""
     if isinstance(part, list):
-        return [_renamed_1(each) for each in part]
+        return [_migrate(each, fields, classes) for each in part]
     if not isinstance(part, dict) or "method" in part:  # a basis, which names materials
         return part
-    renamed = {_FIELDS_1.get(key, key): _renamed_1(value) for key, value in part.items()}
-    if KIND in renamed:
-        renamed[KIND] = _CLASSES_1.get(str(renamed[KIND]), renamed[KIND])
-    return renamed
+    new = {fields.get(key, key): _migrate(each, fields, classes) for key, each in part.items()}
+    if KIND in new:
+        new[KIND] = classes.get(str(new[KIND]), new[KIND])
+    return new
 
 
 def restore_state(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
@@ -181,9 +194,9 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     except ValidationError as error:
         raise BrokenSession(f"session: file: {explained(error, SceneFile)}") from error
     except (ValueFault, TypeError) as error:
-        raise BrokenSession(f"session: {one_line(error)}; was it edited?") from error
+        raise _broken_by(error) from error
     if not of_state["lights"]:
-        raise BrokenSession("session: lights is empty; was it edited?")
+        raise BrokenSession("is empty; was it edited?", field="session.lights")
     name, mark, query = file.volume.file.partition("?")
     if name == data["path"]:  # of a bare volume, which may have been moved with its session
         moved = file.volume.model_copy(update={"file": f"{session.path}{mark}{query}"})
@@ -203,5 +216,14 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     try:
         state.view.camera(volume)
     except InputError as error:
-        raise BrokenSession(f"session: view: {one_line(error)}; was it edited?") from error
+        raise _broken_by(error, "view") from error
     return state
+
+
+def _broken_by(error: Exception, field: str = "") -> BrokenSession:
+    """Return the error of a value that no session has, from the error that it caused."""
+    if not isinstance(error, InputError):
+        return BrokenSession(f"session: {one_line(error)}; was it edited?")
+    problem, remedy = one_line(error.problem), f"{error.remedy}; was it edited?".removeprefix("; ")
+    field = f"session.{field or error.field}"
+    return BrokenSession(problem, remedy, code=error.code, field=field, given=error.given)

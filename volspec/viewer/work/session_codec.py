@@ -3,7 +3,7 @@
     state <-> [session_codec] <-> JSON
 
 A field that is added to the state is stored without a line here; one that a file lacks takes its
-default. What is compared by identity, as spectra are, is written once and is one object again.
+default. Objects compared by identity, such as spectra, are written once and are one object again.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class ValueFault(InputError):
 
 
 class Writer:
-    """Makes JSON of values; those that are compared by identity are in ``objects``, each once."""
+    """Converts values to JSON; those compared by identity are in ``objects``, each once."""
 
     def __init__(self) -> None:
         self.objects: list[Any] = []
@@ -51,7 +51,7 @@ class Writer:
             return [self.plain(each) for each in value]
         if isinstance(value, Path):
             return str(value)
-        raise TypeError(f"{type(value).__name__} cannot be kept in a session")
+        raise TypeError(f"{type(value).__name__} cannot be saved in a session")
 
     def field_values(self, value: Any, but: Sequence[str] = ()) -> dict[str, Any]:
         """Return a dataclass's fields as JSON, all but some."""
@@ -74,7 +74,7 @@ class Writer:
 
 
 class Reader:
-    """Makes values of JSON, with the objects of a `Writer`."""
+    """Converts JSON to values, with the objects of a `Writer`."""
 
     def __init__(self, objects: Sequence[Any]) -> None:
         self._objects = objects
@@ -111,7 +111,7 @@ class Reader:
         What the file lacks is left to its default. In messages ``prefix`` is before the name.
         """
         if not isinstance(data, dict):
-            raise ValueFault(f"{kind.__name__} is {data!r:.60}")
+            raise ValueFault.refused(kind.__name__, data, "expected fields", "type")
         hints, values = _hints(kind), {}
         for field in fields(kind):
             name, where = field.name, prefix + field.name
@@ -120,7 +120,7 @@ class Reader:
             if name in data:
                 values[name] = self.value(hints[name], data[name], where)
             elif field.default is MISSING and field.default_factory is MISSING:
-                raise ValueFault(f"{where} is missing")
+                raise ValueFault("is missing", code="missing", field=where)
         return values
 
     def _one_of(self, kinds: Sequence[Any], data: Any, where: str) -> Any:
@@ -136,7 +136,7 @@ class Reader:
                 return self.value(kind, data, where)
             except InputError as error:
                 fault = fault or error
-        raise fault or ValueFault(f"{where} is {data!r:.60}")
+        raise fault or ValueFault.refused(where, data, "expected another kind", "type")
 
     def _row(self, origin: Any, inner: Sequence[Any], data: Any, where: str) -> Any:
         _require(isinstance(data, list), data, "a list", where)
@@ -178,7 +178,7 @@ class Reader:
         except ValueFault:
             raise
         except InputError as error:
-            raise ValueFault(f"{where}: {error}") from error
+            raise ValueFault(str(error), code=error.code, field=where) from error
 
 
 def _scalar(hint: Any, data: Any, where: str) -> Any:
@@ -193,7 +193,7 @@ def _scalar(hint: Any, data: Any, where: str) -> Any:
         try:
             return np.array(data, dtype=np.float64)
         except (ValueError, TypeError) as error:
-            raise ValueFault(f"{where} holds more than numbers") from error
+            raise ValueFault.refused(where, data, "expected numbers", "type") from error
     elif hint is float:
         number = isinstance(data, int | float) and not isinstance(data, bool)
         _require(number, data, "a number", where)
@@ -220,7 +220,7 @@ def _kind_of(data: Any) -> str:
 
 def _require(fits: bool, data: Any, wanted: str, where: str) -> None:
     if not fits:
-        raise ValueFault.refused(where, data, f"expected {wanted}")
+        raise ValueFault.refused(where, data, f"expected {wanted}", "type")
 
 
 _hints = cache(get_type_hints)

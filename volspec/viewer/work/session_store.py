@@ -59,7 +59,7 @@ class RecentFile:
 
 
 class RecentFiles:
-    """The list of recent files in a folder; without it if nothing can be read or written there."""
+    """The list of recent files in a folder; empty if the folder cannot be read or written."""
 
     def __init__(self, folder: Path) -> None:
         self._file = folder / "recent.json"
@@ -92,9 +92,9 @@ class RecentFiles:
 
 
 MOST_SESSIONS = 10
-# A session is saved when nothing has changed for so long,
+# A session is saved when nothing has changed for this long,
 REST_S = 2.5
-# and so often if something changes all the time.
+# and at this interval if something changes all the time.
 EVERY_S = 30.0
 
 
@@ -107,11 +107,11 @@ class SessionStore:
         self._document: Document | None = None
         self._own: Path | None = None
         self._saved: ViewState | None = None
-        self._latest: ViewState | None = None  # that `due` was asked about
+        self._latest: ViewState | None = None  # the last state given to `due`
         self._changed_s = self._due = 0.0
         self._lock = threading.Lock()  # a thread saves, and the end may come meanwhile
-        # States are numbered in the order of the requests; the last one written.
-        self._asked = self._written = 0
+        # Numbers of the last requested and the last written state.
+        self._requested = self._written = 0
 
     def begin(self, state: ViewState, own: Path | None = None) -> None:
         """Start the session of a state that was opened; an ``own`` file of this store goes on."""
@@ -141,7 +141,7 @@ class SessionStore:
         return False
 
     def saving(self, state: ViewState, now: float) -> Callable[[], Path | None]:
-        """Return what a thread is to call to `save` a state that is due.
+        """Return a function for a thread that saves a state that is due.
 
         It writes nothing once a later state is written. If it fails, the state is due again later.
         """
@@ -149,7 +149,7 @@ class SessionStore:
         return self._ordered(state)
 
     def ended_early(self) -> bool:
-        """Return True, once, if the last session is of a program that died."""
+        """Return True, once, if the last session belongs to a program that died."""
         left, last = self._running.left(), self.last()
         return last is not None and last.name in left
 
@@ -168,9 +168,9 @@ class SessionStore:
         return self._ordered(state)()
 
     def _ordered(self, state: ViewState) -> Callable[[], Path | None]:
-        """Return what writes a state, unless a later one is written by then."""
-        self._asked += 1
-        return partial(self._write, state, self._asked)
+        """Return a function that writes a state, unless a later one has been written."""
+        self._requested += 1
+        return partial(self._write, state, self._requested)
 
     def _write(self, state: ViewState, number: int) -> Path | None:
         with self._lock:
@@ -210,7 +210,7 @@ class SessionStore:
             path.replace(aside)
         except OSError:
             return error
-        return BrokenSession(f"{error}; it is kept as {aside.name}")
+        return BrokenSession(f"{error}; it was renamed to {aside.name}")
 
     def _changed(self, state: ViewState) -> bool:
         own = state.document is self._document and state.document.file is not None
@@ -218,7 +218,7 @@ class SessionStore:
 
 
 def _without_window(state: ViewState) -> ViewState:
-    """Return what is saved of a state: everything but the window's size."""
+    """Return a state without the window's size, which is not saved."""
     return replace(state, size=(0, 0))
 
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from volspec.errors import VolspecError
 from volspec.pipeline import Relighter
 from volspec.transfer import LabelFunction
-from volspec.viewer.model.light_rows import rig_of
-from volspec.viewer.model.slice_table import Entries, entries_of, greys, table_image
-from volspec.viewer.model.slices import Layout, number_of, slice_values, window_of
+from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.slice_table import Entries, greys, table_entries, table_image
+from volspec.viewer.model.slices import Layout, grey_window, slice_values, voxel_number
 from volspec.viewer.model.state import ViewState
 
 _OPAQUE = np.uint32(0xFF000000)
@@ -50,8 +50,8 @@ class SlicePictures:
         """Return GL's name of a plane's picture, drawn at most ``width_px`` wide."""
         volume = state.document.volume
         shown = self._slices.setdefault(name, _Shown())
-        number = number_of(volume, layout.normal, state.interface.slices.at[layout.normal])
-        entries = entries_of(volume, isinstance(state.transfer, LabelFunction))
+        number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
+        entries = table_entries(volume, isinstance(state.transfer, LabelFunction))
         step = max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
         of_codes = volume, layout, number, step, entries
         if of_codes != shown.of_codes:
@@ -72,14 +72,14 @@ class SlicePictures:
     def _relight(self, state: ViewState, entries: Entries) -> None:
         """Compute the colours of all values under the state's lights, if anything has changed."""
         slices = state.interface.slices
-        window = window_of(slices, state.document.histogram)
+        window = grey_window(slices, state.document.histogram)
         of: tuple[Any, ...] = state.document, entries, window
         if slices.lit:
             of = (*of, state.transfer, state.shading.groups, state.lights, state.relight)
         if of == self._of_colours:
             return
         self._of_colours = of
-        colours = _lit(state, window) if slices.lit else None
+        colours = _relight_table(state, window) if slices.lit else None
         if colours is None:
             shades = greys(entries, state.document.volume.range, window)
             colours = np.rint(255 * shades)[:, None].repeat(3, axis=1)
@@ -93,17 +93,17 @@ class SlicePictures:
         self._slices.clear()
 
 
-def _lit(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | None:
+def _relight_table(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | None:
     """Return the codes of all values under the state's lights, (count, 3); None if that fails."""
-    rig, spec = rig_of(state.lights), state.relight
+    rig, spec = light_rig(state.lights), state.relight
     if rig is None:
         return None
-    # An eye cannot adapt to a table of values.
+    # A table of values is no picture to measure adaptation in.
     given = replace(spec, viewing=replace(spec.viewing, adapting="given"))
     try:
         image = table_image(state.document.volume, state.transfer, state.shading, window)
         # On the host, as it has few pixels and the GPU draws the picture meanwhile.
         with Relighter(image, backend="numpy") as relighter:
             return relighter.frame(rig, given)[0]
-    except VolspecError:  # shown with the volume's picture
+    except VolspecError:  # reported with the volume's picture
         return None

@@ -1,4 +1,4 @@
-"""Slices: the volume's values, where they point, and their colours under the lights."""
+"""Slices: values, orientation, colours under the lights, tables of values."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
 from volspec.spectra import light
 from volspec.transfer import (
+    MAX_LABEL,
     Isosurfaces,
     LabelFunction,
     Region,
@@ -25,7 +26,7 @@ from volspec.viewer.model.slices import (
     PLANES,
     direction_letters,
     edge_letters,
-    layout_of,
+    slice_layout,
     slice_values,
     with_slices,
 )
@@ -44,20 +45,20 @@ def numbered(world: Any = None) -> Volume:
 def test_slices_show_the_volumes_values_as_they_are_looked_at() -> None:
     volume = numbered()
     axial, coronal, sagittal = (
-        slice_values(volume, layout_of(volume, plane), 2) for plane in PLANES
+        slice_values(volume, slice_layout(volume, plane), 2) for plane in PLANES
     )
     # World axes are those of the voxels: rows run to +y, or from +z down.
     np.testing.assert_array_equal(axial, volume.values[2])
     np.testing.assert_array_equal(coronal, volume.values[::-1, 2, :])
     np.testing.assert_array_equal(sagittal, volume.values[::-1, :, 2])
     assert all(np.shares_memory(each, volume.values) for each in (axial, coronal, sagittal))
-    assert slice_values(volume, layout_of(volume, PLANES[0]), 2, step=2).shape == (3, 3)
+    assert slice_values(volume, slice_layout(volume, PLANES[0]), 2, step=2).shape == (3, 3)
 
 
 def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
     """The patient's right is at the left and the face on top, for every order and direction."""
     plain = numbered()
-    expected = slice_values(plain, layout_of(plain, PLANES[0]), 1)
+    expected = slice_values(plain, slice_layout(plain, PLANES[0]), 1)
     for order in ((0, 1, 2), (2, 0, 1), (1, 2, 0), (2, 1, 0)):
         for flips in np.ndindex(2, 2, 2):
             # Voxel axis n runs along world axis order[n], or against it.
@@ -68,7 +69,7 @@ def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:
             for own in range(3):
                 world[order[own], own] = -1.0 if flips[own] else 1.0
             volume = Volume(np.ascontiguousarray(values), world_from_index=world)
-            layout = layout_of(volume, PLANES[0])
+            layout = slice_layout(volume, PLANES[0])
             along = layout.normal
             number = volume.shape_xyz[along] - 2 if flips[along] else 1
             np.testing.assert_array_equal(slice_values(volume, layout, number), expected)
@@ -86,28 +87,28 @@ def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
     sitk.WriteImage(image, str(path))
     volume = load_volume(path)
     assert slices.is_patient(volume, None)
-    found = [edge_letters(volume, layout_of(volume, plane), True) for plane in PLANES]
+    found = [edge_letters(volume, slice_layout(volume, plane), True) for plane in PLANES]
     assert found == [("R", "L", "A", "P"), ("R", "L", "S", "I"), ("A", "P", "S", "I")]
     # The voxel at index 0 is the leftmost, hindmost one: the axial picture's lower right.
-    axial = slice_values(volume, layout_of(volume, PLANES[0]), 0)
+    axial = slice_values(volume, slice_layout(volume, PLANES[0]), 0)
     assert axial[-1, -1] == volume.values[0, 0, 0] and axial[0, 0] == volume.values[0, -1, -1]
 
 
 def test_a_volume_without_orientation_has_axes_for_letters() -> None:
     volume = Volume(np.zeros((3, 4, 5), np.uint8), spacing_mm=(1.0, 2.0, 3.0))
     assert not slices.is_patient(volume, None) and slices.is_patient(volume, True)
-    assert edge_letters(volume, layout_of(volume, PLANES[1]), False) == ("-x", "+x", "+z", "-z")
+    assert edge_letters(volume, slice_layout(volume, PLANES[1]), False) == ("-x", "+x", "+z", "-z")
     assert direction_letters(np.array([0.8, -0.6, 0.1]), True) == "LA"
 
 
 def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
     volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))
     state = replace(state, document=replace(state.document, volume=volume))
-    layout = layout_of(volume, PLANES[0])
+    layout = slice_layout(volume, PLANES[0])
     # The middle of the second column and the last row; x runs against the picture.
     moved = slices.point_at(state, 0, 1.5 / 6, 4.6 / 5)
     at = moved.interface.slices.at
-    numbers = [slices.number_of(volume, axis, at[axis]) for axis in range(3)]
+    numbers = [slices.voxel_number(volume, axis, at[axis]) for axis in range(3)]
     assert numbers == [4, 4, 2]  # z as it was, in the middle
     assert slices.crossing_place(volume, layout, moved.interface.slices) == pytest.approx(
         (0.25, 0.9)
@@ -118,7 +119,7 @@ def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
 
 def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:
     volume = numbered(np.diag([-1.0, 1.0, 2.0, 1.0]))  # x runs against the picture
-    layout = layout_of(volume, PLANES[0])
+    layout = slice_layout(volume, PLANES[0])
     assert slices.crop_extent(volume, layout, ((0.0, 5.0), (0.0, 4.0), (0.0, 3.0))) == (0, 0, 1, 1)
     left, top, right, bottom = slices.crop_extent(
         volume, layout, ((0.0, 2.0), (1.0, 4.0), (0.0, 3.0))
@@ -131,7 +132,7 @@ def test_steps_go_up_whichever_way_the_voxels_run(state: ViewState) -> None:
         volume = numbered(np.diag([1.0, 1.0, sign, 1.0]))
         given = replace(state, document=replace(state.document, volume=volume))
         before, after = (
-            sign * slices.number_of(volume, 2, each.interface.slices.at[2])
+            sign * slices.voxel_number(volume, 2, each.interface.slices.at[2])
             for each in (given, slices.step_slice(given, 0, 1.0))
         )
         assert after == before + 1
@@ -159,7 +160,7 @@ class _Context:
 def test_a_slice_is_written_again_only_where_it_changes(state: ViewState) -> None:
     context = _Context()
     pictures = SlicePictures(context)
-    layouts = [layout_of(state.document.volume, plane) for plane in PLANES]
+    layouts = [slice_layout(state.document.volume, plane) for plane in PLANES]
 
     def written(shown: ViewState) -> list[int]:
         for plane, layout in zip(PLANES, layouts, strict=True):
@@ -184,7 +185,7 @@ def test_slices_are_relit_as_pixels_of_a_picture_are(state: ViewState) -> None:
         rows = (replace(state.lights[0], rig=LightRig((light(name),))),)
         lit = replace(state, lights=rows, transfer=_gold(state, 0.6))
         context = _Context()
-        layout = layout_of(state.document.volume, PLANES[0])
+        layout = slice_layout(state.document.volume, PLANES[0])
         SlicePictures(context).texture(lit, "Axial", layout, 200.0)
         pixels = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)
         gold = state.transfer.basis.analyse(state.transfer.materials["gold"].values)
@@ -204,10 +205,10 @@ def _gold(state: ViewState, opacity: float) -> TransferFunction:
 def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
     plain = with_slices(state, lit=False, greys=(0.0, 1.0))
     context, volume = _Context(), state.document.volume
-    layout = layout_of(volume, PLANES[2])
+    layout = slice_layout(volume, PLANES[2])
     SlicePictures(context).texture(plain, "Sagittal", layout, 200.0)
     low, high = volume.range
-    shown = slice_values(volume, layout, slices.number_of(volume, 0, 0.5))
+    shown = slice_values(volume, layout, slices.voxel_number(volume, 0, 0.5))
     grey = context.textures[0].written[0].view(np.uint8).reshape(8, 8, 4)[..., 1]
     # 4096 entries and rounding to codes: half a code.
     assert np.abs(grey - 255 * (shown - low) / (high - low)).max() <= 0.6
@@ -218,10 +219,10 @@ def test_greys_are_the_values_between_black_and_white(state: ViewState) -> None:
 def test_greys_run_where_most_values_lie_unless_they_are_set() -> None:
     counts = np.zeros(256)
     counts[0], counts[100:151], counts[255] = 1e6, 1e3, 1.0
-    low, high = slices.window_of(Slices(), counts)
+    low, high = slices.grey_window(Slices(), counts)
     assert (low, high) == pytest.approx((100 / 256, 151 / 256), abs=2 / 256)
-    assert slices.window_of(Slices(), np.zeros(256)) == (0.0, 1.0)
-    assert slices.window_of(Slices(greys=(0.2, 0.3)), counts) == (0.2, 0.3)
+    assert slices.grey_window(Slices(), np.zeros(256)) == (0.0, 1.0)
+    assert slices.grey_window(Slices(greys=(0.2, 0.3)), counts) == (0.2, 0.3)
 
 
 def test_every_kind_of_transfer_function_has_a_table(state: ViewState) -> None:
@@ -257,7 +258,7 @@ def test_odd_volumes_have_slices(state: ViewState) -> None:
         context = _Context()
         pictures = SlicePictures(context)
         for plane in PLANES:
-            pictures.texture(odd, plane.name, layout_of(volume, plane), 5.0)
+            pictures.texture(odd, plane.name, slice_layout(volume, plane), 5.0)
         assert len(context.textures) == 3
         assert np.isfinite(float(crossing_text(odd).split()[0]))
 
@@ -266,3 +267,30 @@ def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room() ->
     sizes = slice_sizes([(250.0, 250.0), (250.0, 100.0), (250.0, 2.0)], (240.0, 300.0), 10.0)
     assert sizes[0][0] / 250.0 == pytest.approx(sizes[1][1] / 100.0)
     assert sum(height for _, height in sizes[:2]) <= 300 and sizes[2][1] == 10.0
+
+
+@pytest.mark.parametrize(
+    ("dtype", "top"),
+    [(np.uint16, 300), (np.uint16, 65535), *((np.float32, top) for top in (300, 65535, 2**31))],
+)
+def test_a_table_of_labels_is_bounded_and_tells_those_apart_that_can_be_named(
+    dtype: type, top: int
+) -> None:
+    """Volumes of 32-bit integers are kept as floats: they had 4096 entries, evenly."""
+    volume = Volume(np.array([0, 1, 2, top // 2, top - 1, top, 7, 8], dtype).reshape(2, 2, 2))
+    entries = slice_table.table_entries(volume, labels=True)
+    assert entries.count <= MAX_LABEL + 1 + slice_table.ENTRIES
+    named = volume.values[volume.values <= MAX_LABEL]
+    np.testing.assert_array_equal(entries.values[entries.codes(named)], named)
+    # The others are grey by what they are.
+    shades = slice_table.greys(entries, volume.range, (0.0, 1.0))
+    np.testing.assert_allclose(
+        shades[entries.codes(volume.values)], volume.values / top, atol=1 / slice_table.ENTRIES
+    )
+
+
+def test_slices_tell_labels_above_65535_apart() -> None:
+    """70000 was 4464."""
+    labels = np.array([[0, 4464, 65535, 70000]], np.int32)
+    codes = slice_table.Entries(0.0, 65536, 70000.0, slice_table.ENTRIES).codes(labels)
+    np.testing.assert_array_equal(codes, [[0, 4464, 65535, 65535 + slice_table.ENTRIES]])

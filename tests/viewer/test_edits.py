@@ -1,4 +1,4 @@
-"""The reducer is total, and what it does to views, lights and curves."""
+"""Random edits never raise; edits of views, lights and curves."""
 
 from __future__ import annotations
 
@@ -10,13 +10,17 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.support.viewer import run_command
 from tests.viewer._edits import MODULES, drawn
-from volspec.raycast import Camera
+from volspec.raycast import Ambient, Camera, Headlight, LightGroup
+from volspec.relight import LightRig
+from volspec.spectra import DEFAULT_GRID, light
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import camera, light_mixes, light_rows, lights, transfer_edits
-from volspec.viewer.model.commands import BY_KEY, BY_NAME, COMMANDS
+from volspec.viewer.model import camera, light_rows, lights, transfer_edits
+from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.document import Document, plain_scene
 from volspec.viewer.model.edit import Change, after
+from volspec.viewer.model.light_rows import LightRow
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import View
 from volspec.viewer.work.casts import DIVISORS, Pace
@@ -28,13 +32,26 @@ _COMMANDS = st.sampled_from([each.change for each in COMMANDS if each.change is 
 @settings(
     max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
 )
-@given(edits=st.lists(drawn(WORDS, *MODULES) | _COMMANDS, min_size=100, max_size=100))
-def test_ten_thousand_random_edits_never_raise(state: ViewState, edits: list[Change]) -> None:
+@given(
+    edits=st.lists(drawn(WORDS, *MODULES) | _COMMANDS, min_size=100, max_size=100),
+    grouped=st.booleans(),
+)
+def test_ten_thousand_random_edits_never_raise(
+    state: ViewState, edits: list[Change], grouped: bool
+) -> None:
+    if grouped:  # a light of two groups, over a cast with both
+        groups = LightGroup("gold", (Headlight(),)), LightGroup("A", (Ambient(),))
+        rig = LightRig((light("A"), light("D65")), (1.0, 0.5), None, ("gold", "A"))
+        rows = (*state.lights, LightRow("evening", "", rig, texts=("A", "D65")))
+        state = replace(state, lights=rows, shading=replace(state.shading, groups=groups))
     for edit in edits:
         state = after(edit, state).state
     state.view.camera(state.document.volume)
-    rig = light_rows.rig_of(state.lights)
-    assert rig is None or any(rig.weights)
+    rig_now = light_rows.light_rig(state.lights)
+    assert rig_now is None or any(rig_now.weights)
+    for row in state.lights:
+        assert np.isfinite(row.rig.mixed(DEFAULT_GRID).values).all()
+        assert len(row.texts) == len(row.rig.lights)
     assert state.lights and state.transfer.bake(1.0).opacity.max() <= 1
     assert 0 <= state.interface.light < light_rows.MOST_ROWS
 
@@ -70,9 +87,8 @@ def test_a_point_follows_the_mouse_when_it_is_panned(state: ViewState) -> None:
 
 def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
     for side, towards in (("front", (0, 1, 0)), ("right", (-1, 0, 0)), ("top", (0, 0, -1))):
-        look = BY_NAME[f"view-{side}"].change
-        assert look is not None
-        forward = after(look, state).state.view.camera(state.document.volume).frame()[2]
+        view = run_command(state, f"view-{side}").state.view
+        forward = view.camera(state.document.volume).frame()[2]
         np.testing.assert_allclose(forward, towards, atol=1e-9)
 
 
@@ -84,18 +100,18 @@ def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
 def test_dial_weights_share_one_and_come_back_to_their_place(
     count: int, x: float, y: float
 ) -> None:
-    weights = light_mixes.dial_weights(count, x, y)
+    weights = lights.dial_weights(count, x, y)
     assert min(weights) >= 0 and sum(weights) == pytest.approx(1.0)
     # Weights on the dial are those of its place, which is where they are drawn.
-    again = light_mixes.dial_weights(count, *light_mixes.dial_place(weights))
+    again = lights.dial_weights(count, *lights.dial_place(weights))
     np.testing.assert_allclose(again, weights, atol=1e-9)
 
 
 def test_lights_stand_where_the_dial_takes_them_alone() -> None:
     for count in (2, 3, 5, 8):
-        for i, place in enumerate(light_mixes.rim_places(count)):
+        for i, place in enumerate(lights.rim_places(count)):
             np.testing.assert_allclose(
-                light_mixes.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
+                lights.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
             )
 
 
@@ -107,7 +123,7 @@ def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     solo = lights.toggle_solo(lit, 1)
     assert light_rows.effective_weights(solo.lights) == (0.0, 0.5, 0.0, 0.0)
     assert light_rows.effective_weights(lights.toggle_mute(solo, 1).lights) == (0.0,) * 4
-    assert light_rows.rig_of(lights.toggle_mute(solo, 1).lights) is None
+    assert light_rows.light_rig(lights.toggle_mute(solo, 1).lights) is None
 
 
 def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
@@ -120,25 +136,19 @@ def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState
     assert refused.state is added and "D65" in refused.message
 
 
-def pressed(state: ViewState, key: str) -> ViewState:
-    change = BY_KEY[key].change
-    assert change is not None
-    return after(change, state).state
-
-
 def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
-    kept = pressed(state, "b")
-    changed = pressed(kept, "space")
+    kept = run_command(state, "b").state
+    changed = run_command(kept, "space").state
     assert changed.other == state.lights != changed.lights
     assert lights.set_divide(changed, 7.0).divide == 0.98
-    assert pressed(changed, "b").other is None
+    assert run_command(changed, "b").state.other is None
 
 
 def test_space_goes_round_all_lights(state: ViewState) -> None:
     seen = []
     for _ in state.lights:
         seen.append(light_rows.brightest_row(state.lights))
-        state = pressed(state, "space")
+        state = run_command(state, "space").state
     assert seen == [0, 1, 2, 3] and light_rows.brightest_row(state.lights) == 0
 
 

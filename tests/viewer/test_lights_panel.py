@@ -1,13 +1,88 @@
-"""The light dial: which light is under the mouse, and where names stand around it."""
+"""The lights panel without a window: library, plots of spectra, the dial and its names."""
 
 from __future__ import annotations
 
+from functools import partial
+
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from volspec.viewer.model.light_mixes import rim_places
+from volspec.relight import LightRig
+from volspec.spectra import DEFAULT_GRID, light
+from volspec.viewer.model import light_parts, lights
+from volspec.viewer.model.lights import rim_places
+from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lights_dial
+
+AREA = (0, 20, 900, 600)
+
+
+@given(at=st.floats(0, 900), left=st.floats(20, 400), right=st.floats(20, 400))
+def test_names_of_both_sides_stay_in_the_picture_and_apart(
+    at: float, left: float, right: float
+) -> None:
+    from volspec.viewer.ui.overlays import label_boxes
+
+    a, b = label_boxes(AREA, at, (left, right), 20.0, 16.0, 12.0)
+    for x, y, width, height in (a, b):
+        assert x >= 12 and x + width <= 888 and y >= 20 and height == 20
+    side_by_side = a[0] + a[2] <= b[0] or b[0] + b[2] <= a[0]
+    assert side_by_side or abs(a[1] - b[1]) >= 20
+    # In the upper line they are on their own sides.
+    assert a[1] > 36 or a[0] + a[2] <= at
+    assert b[1] > 36 or b[0] >= at
+
+
+def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
+    from volspec.viewer.ui.lights_library import library_names, light_class, matching, verdict
+
+    rig, wrong = verdict("D65*0.7+planck:2700*0.3", DEFAULT_GRID, ".")
+    assert rig is not None and wrong == ""
+    rig, wrong = verdict("D65*0.7+Q*0.3", DEFAULT_GRID, ".")
+    assert rig is None and "'Q' in the mix" in wrong
+    assert verdict("daylight:62", DEFAULT_GRID, ".")[1].endswith("choose one inside")
+    assert verdict("lamp.csv", DEFAULT_GRID, ".") == (None, "Enter reads the file")
+    assert "lamp:candle-1900" in matching("candle") and matching("sodium")[0] == "HP1"
+    assert matching("d65")[0] == "D65" and matching("no such light") == []
+    found = matching("fl")
+    assert found[0].startswith("FL") and all("fl" in name.casefold() for name in found)
+    assert all(light_class(name) for name in library_names())
+    for name in library_names():
+        assert verdict(name, DEFAULT_GRID, ".")[0] is not None, name
+
+
+def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewState) -> None:
+    for edit in (lights.add, partial(light_parts.respell, index=0, part=0)):
+        new, refusal = edit(state, text="D65*0.7+Q*0.3")
+        assert new is state and "'Q' in the mix" in refusal and "\n" not in refusal
+        assert "there.csv" in edit(state, text="not/there.csv").message
+        assert edit(state, text="FL11").message == ""
+
+
+def test_a_light_without_its_colour_to_the_display_has_one_all_the_same() -> None:
+    """Sodium lies outside of sRGB; a swatch is within it, its strongest channel at 1."""
+    from volspec.viewer.ui.light_look import raw_colour
+
+    for name in ("HP1", "LPS", "D65", "LED-B1"):
+        colour = raw_colour(LightRig((light(name),)))
+        assert min(colour) >= 0.0 and max(colour) == pytest.approx(1.0)
+
+
+def test_columns_of_a_plot_lie_on_the_bands() -> None:
+    from volspec.viewer.ui.light_look import column_heights
+    from volspec.viewer.ui.lights_spectrum import pen_place, wavelength_share
+
+    values = np.arange(31.0)
+    np.testing.assert_allclose(column_heights(values, 31), values)
+    # 15 columns a band: the middle one is the band's.
+    np.testing.assert_allclose(column_heights(values, 31 * 15)[7::15], values)
+    # The pen on a wavelength's tick is on its band: 550 nm is the 16th of 31.
+    share = wavelength_share(550.0, DEFAULT_GRID)
+    place = pen_place((share * 310.0, 0.0), (0.0, 0.0, 310.0, 50.0), 31, 2.0)
+    assert place == pytest.approx((15 / 30, 2.0))
+
 
 LONG = (
     *("Macbeth daylight", "Tungsten halogen", "HP1 high-pressure sodium"),
@@ -53,7 +128,7 @@ def test_the_light_under_the_mouse_is_found_at_the_rim_only() -> None:
 def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
     """As wide and high as the panel has it in a window of 900 by 600 pixels."""
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 250.0, 103.0), (24.0, 24.5), 10.0, 15.0, wide)
-    labels = lights_dial.labels_of(LONG, range(6), ring)
+    labels = lights_dial.place_labels(LONG, range(6), ring)
     written = {label.index: " ".join(label.lines).replace("- ", "-") for label in labels}
     assert written == dict(enumerate(LONG))
     # The sodium lamp, at the right, has moved the dial to the left.
@@ -63,7 +138,7 @@ def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
 def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() -> None:
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 320.0, 200.0), (24.0, 60.0), 10.0, 15.0, wide)
     reach = ring.reach
-    for label in lights_dial.labels_of(LONG, range(6), ring):
+    for label in lights_dial.place_labels(LONG, range(6), ring):
         place = rim_places(6)[label.index]
         at = ring.middle[0] + place[0] * reach
         for start, text in zip(
@@ -78,7 +153,7 @@ def test_names_at_the_left_end_at_the_dial_and_those_at_the_right_begin_there() 
 def test_a_name_that_has_no_room_ends_in_an_ellipsis_and_takes_no_other_s_place() -> None:
     crowded = ("D65", "Osram Dulux, warm white", "x" * 40, *LONG)
     ring = lights_dial.ring_for(crowded, (0.0, 0.0, 180.0, 103.0), (24.0, 24.5), 10.0, 15.0, wide)
-    labels = lights_dial.labels_of(crowded, range(9), ring)
+    labels = lights_dial.place_labels(crowded, range(9), ring)
     plain = lights_dial.non_overlapping(labels, ring.within)
     assert len(plain) == len(labels) and any(label.lines[0].endswith("…") for label in labels)
     assert labels[0].lines == ("D65",)
@@ -95,7 +170,7 @@ def test_the_dial_is_smaller_for_long_names_and_stays_where_they_are_short() -> 
 
 def test_a_name_under_the_mouse_stands_for_its_light() -> None:
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 330.0, 300.0), (24.0, 105.0), 10.0, 15.0, wide)
-    labels = lights_dial.labels_of(LONG, range(6), ring)
+    labels = lights_dial.place_labels(LONG, range(6), ring)
     x, y, width, height = next(label for label in labels if label.index == 2).box
     assert lights_dial.label_at(labels, x + width / 2, y + height / 2) == 2
     assert lights_dial.label_at(labels, *ring.middle) == -1

@@ -1,7 +1,10 @@
-"""Work beside the window: what waits is replaced, what was given up for another is not heard."""
+"""Background threads: requests replaced by newer ones, casts, memory returned to the system."""
 
 from __future__ import annotations
 
+import platform
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -9,19 +12,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
-from tests.viewer.test_files_scene import opened
-from volspec.errors import CastCancelled
+from tests.support.viewer import opened, wait_until
+from volspec.basis import SpectralBasis
+from volspec.errors import CastCancelled, RaycastError
 from volspec.pipeline import Raycaster
+from volspec.raycast import CoefficientImage
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import documents
 from volspec.viewer.work.background import LatestWorker, Tasks
+from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
 from volspec.viewer.work.documents import DocumentService, Opened
-from volspec.viewer.work.notify import Notice, Trace
-from volspec.viewer.work.screenshot import Progress, frame_of
+from volspec.viewer.work.notify import Notice
+from volspec.viewer.work.screenshot import Progress, render_frame
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
 
@@ -36,22 +43,15 @@ class Slow(LatestWorker[str, str]):
         self.go_on = threading.Event()
         self.begun: list[str] = []
 
-    def _answers(self, job: str) -> Iterator[str]:
+    def _results(self, job: str) -> Iterator[str]:
         self.begun.append(job)
         assert self.go_on.wait(20)
         if job == "fault":
             raise ZeroDivisionError
         for letter in job:
             yield letter
-            if self._superseded():
+            if self._is_superseded():
                 return
-
-
-def until(true: Callable[[], object]) -> None:
-    end = time.time() + 20
-    while not true() and time.time() < end:
-        time.sleep(0.002)
-    assert true()
 
 
 def all_of(worker: Slow) -> list[str]:
@@ -62,14 +62,14 @@ def all_of(worker: Slow) -> list[str]:
         taken.extend(worker.take())
         return not worker.busy
 
-    until(ended)
+    wait_until(ended)
     return taken
 
 
 def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
     worker = Slow()
     worker.request("ab")
-    until(lambda: worker.begun)
+    wait_until(lambda: worker.begun)
     for word in ("cd", "ef", "gh"):
         worker.request(word)
     assert worker.busy
@@ -83,7 +83,7 @@ def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
 def test_a_closed_worker_begins_nothing_more() -> None:
     worker = Slow()
     worker.request("ab")
-    until(lambda: worker.begun)
+    wait_until(lambda: worker.begun)
     worker.request("cd")
     started = time.perf_counter()
     worker.close(0.05)
@@ -106,11 +106,11 @@ def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: pytest.MonkeyPatc
     # Neither what waited during the fault.
     worker.go_on.clear()
     worker.request("fault")
-    until(lambda: len(worker.begun) == 3)
+    wait_until(lambda: len(worker.begun) == 3)
     worker.request("b")
     worker.go_on.set()
     assert all_of(worker) == ["b"]
-    until(lambda: len(faults) == 2)
+    wait_until(lambda: len(faults) == 2)
 
 
 @pytest.mark.parametrize("first_ends_first", [True, False])
@@ -130,11 +130,11 @@ def test_of_two_files_the_one_asked_for_last_is_opened(
     resumed = replace(state, document=replace(state.document, title="resumed"))
     monkeypatch.setattr(documents, "restore_state", slow("session", resumed))
     tasks = Tasks(lambda: None)
-    each = DocumentService(tasks, Notice(), Trace(), None)
+    each = DocumentService(tasks, Notice(), None)
     found: list[Opened] = []
 
     def taken() -> bool:
-        came = [each.came(outcome, first=False) for outcome in tasks.take()]
+        came = [each.finish_open(outcome, first=False) for outcome in tasks.take()]
         found.extend(opened for opened in came if opened)
         return bool(found)
 
@@ -146,9 +146,9 @@ def test_of_two_files_the_one_asked_for_last_is_opened(
         time.sleep(0.1)
         assert not taken()
     else:
-        until(taken)
+        wait_until(taken)
     may_end[last].set()
-    until(taken)
+    wait_until(taken)
     time.sleep(0.1)
     assert taken() and [each.state.document.title for each in found] == ["ball"]
 
@@ -159,15 +159,15 @@ def test_only_what_was_said_of_the_opening_goes_with_it(
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     state, notice = opened(tmp_path), Notice()
     monkeypatch.setattr(documents, "open_document", lambda *_: state.document)
-    each = DocumentService(Tasks(lambda: None), notice, Trace(), None)
+    each = DocumentService(Tasks(lambda: None), notice, None)
     each.open("a.toml")
     assert notice.text == "Opening a.toml …"
     each.begin(Opened(state), state)
     assert notice.text == ""
     each.open("a.toml")
-    notice.say("Hunt: working out its table …")
+    notice.show("Hunt: computing its colour table …")
     each.begin(Opened(state), state)
-    assert notice.text == "Hunt: working out its table …"
+    assert notice.text == "Hunt: computing its colour table …"
 
 
 @pytest.mark.parametrize("written", [True, False])
@@ -177,17 +177,17 @@ def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
     def taken(_: ViewState, __: object, progress: Progress) -> Path:
         progress.ended = True
         if not written:
-            raise CastCancelled("the picture was given up")
+            raise CastCancelled("the picture was cancelled")
         return tmp_path / "late.png"
 
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     monkeypatch.setattr(file_commands, "save_picture", taken)
     notice, came = Notice(), threading.Event()
-    rest: tuple[Any, ...] = (UiContext(), notice, Trace(), None, None, lambda *_: None)
+    rest: tuple[Any, ...] = (UiContext(), notice, None, None, lambda *_: None)
     each = file_commands.FileCommands(Tasks(came.set), cast(Any, None), *rest)
-    each.do("screenshot", opened(tmp_path))
+    each.run(Request("screenshot"), opened(tmp_path))
     assert came.wait(20) and each.take(first=False)[0]
-    said = f"Saved {tmp_path / 'late.png'}" if written else "The picture was given up"
+    said = f"Saved {tmp_path / 'late.png'}" if written else "The picture was cancelled"
     assert notice.text == said
 
 
@@ -204,7 +204,7 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
             assert may_end.wait(20)
 
     def picture() -> None:
-        frames.append(frame_of(state, (64, 48), Held("")))
+        frames.append(render_frame(state, (64, 48), Held("")))
 
     frames: list[Any] = []
     saving = threading.Thread(target=picture)
@@ -224,3 +224,147 @@ def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> 
     may_end.set()
     saving.join(20)
     assert frames[0].shape == (48, 64, 3)
+
+
+def job(state: ViewState, *divisors: int, zoom: float = 1.0) -> CastJob:
+    view = replace(state.view, zoom=zoom)
+    camera = view.camera(state.document.volume)
+    document, transfer, shading = state.document, state.transfer, state.shading
+    return CastJob(document, transfer, camera, shading, (80, 60), divisors)
+
+
+class SlowCasts:
+    """Stands in for `volspec.raycast`: asks ``cancel`` for as long as it is held up."""
+
+    def __init__(self) -> None:
+        self.begun: list[tuple[int, int]] = []
+        self.go_on = threading.Event()
+        flat = np.ones((2, 3), np.float32)
+        basis = SpectralBasis.load("general-7")
+        self.image = CoefficientImage(np.ones((2, 3, 7), np.float32), flat, flat, basis)
+
+    def __call__(self, *what: Any, cancel: Any, caster: Any) -> CoefficientImage:
+        self.begun.append(what[3])
+        while not self.go_on.wait(0.002):
+            if cancel():
+                raise CastCancelled("ended")
+        return self.image
+
+    def wait(self, count: int) -> None:
+        end = time.time() + 5
+        while len(self.begun) < count and time.time() < end:
+            time.sleep(0.002)
+        assert len(self.begun) == count
+
+
+@pytest.fixture
+def casts(monkeypatch: pytest.MonkeyPatch) -> SlowCasts:
+    slow = SlowCasts()
+    monkeypatch.setattr("volspec.viewer.work.casts.raycast", slow)
+    return slow
+
+
+def drained(scheduler: CastWorker, count: int) -> list[CastDone]:
+    done: list[CastDone] = []
+    end = time.time() + 5
+    while len(done) < count and time.time() < end:
+        done += scheduler.take()
+        time.sleep(0.002)
+    assert len(done) == count
+    return done
+
+
+def test_a_newer_request_ends_a_whole_cast_and_replaces_what_waits(
+    state: ViewState, casts: SlowCasts
+) -> None:
+    scheduler = CastWorker(lambda: None)
+    scheduler.request(job(state, 1))
+    casts.wait(1)
+    scheduler.request(job(state, 4))
+    casts.wait(2)  # coarse, and let through: the next ones wait
+    scheduler.request(job(state, 2))
+    scheduler.request(last := job(state, 8))
+    time.sleep(0.05)
+    assert len(casts.begun) == 2
+    casts.go_on.set()
+    done = drained(scheduler, 3)
+    assert [each.divisor for each in done] == [1, 4, 8]
+    assert [each.image for each in done] == [None, casts.image, casts.image]
+    # Packed where it was cast: the window's thread only uploads it.
+    assert [each.packed is None for each in done] == [True, False, False]
+    assert done[-1].job is last and casts.begun[-1] == (10, 8)
+    scheduler.close()
+
+
+def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> None:
+    scheduler = CastWorker(lambda: None)
+    scheduler.request(job(state, 8, 1))
+    casts.wait(1)
+    scheduler.close()
+    assert not casts.go_on.is_set() and len(casts.begun) == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (RaycastError("no\nsuch thing"), "no such thing"),
+        (MemoryError(), "no memory for the picture; make the window smaller"),
+        # What a driver may raise when its device is gone.
+        (RuntimeError("clFinish failed: OUT_OF_RESOURCES"), "clFinish failed: OUT_OF_RESOURCES"),
+    ],
+)
+def test_an_error_is_told_and_the_thread_goes_on(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch, error: Exception, told: str
+) -> None:
+    def refuse(*what: Any, **more: Any) -> None:
+        raise error
+
+    monkeypatch.setattr("volspec.viewer.work.casts.raycast", refuse)
+    woken = threading.Event()
+    scheduler = CastWorker(woken.set)
+    for _ in range(2):
+        scheduler.request(job(state, 4, 1))
+        (done,) = drained(scheduler, 1)
+        assert told in done.error
+    assert woken.is_set()
+    scheduler.close()
+
+
+# The first block, freed, would teach glibc to keep blocks of this size in its heap.
+_PICTURES = """
+import re
+from pathlib import Path
+
+def taken():
+    (kilobytes,) = re.findall(r"RssAnon:\\s*(\\d+)", Path("/proc/self/status").read_text())
+    return int(kilobytes) / 1024
+
+from volspec.viewer.work.pictures import return_large_blocks
+if {given}:
+    return_large_blocks()
+import numpy as np
+before, small = taken(), []
+for _ in range(4):
+    picture = np.ones(16 * 2**20, np.uint8)
+    small += [np.ones(100_000, np.uint8) for _ in range(3)]
+    del picture
+print(taken() - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="the C library is not glibc")
+def test_a_picture_s_memory_is_given_back() -> None:
+    kept, back = (
+        float(
+            subprocess.run(
+                [sys.executable, "-c", _PICTURES.format(given=given)],
+                check=True,
+                capture_output=True,
+                text=True,
+            ).stdout
+        )
+        for given in (False, True)
+    )
+    # MiB, of which the small ones take 1.1.
+    assert back < 3
+    assert kept > back + 8

@@ -1,0 +1,426 @@
+"""Cost of changes, steps of undo, gestures, and the chosen light."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.support.errors import raises
+from tests.support.viewer import run_command
+from tests.viewer._edits import MODULES, edits_of, with_arguments
+from volspec.errors import InputError
+from volspec.palette import Cell
+from volspec.raycast import ClipPlane
+from volspec.relight import RelightSpec
+from volspec.spectra import reflectance
+from volspec.viewer.model import (
+    camera,
+    cuts,
+    light_parts,
+    light_rows,
+    light_states,
+    lights,
+    slices,
+    transfer_edits,
+)
+from volspec.viewer.model.commands import COMMANDS
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.edit import after
+from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
+from volspec.viewer.model.light_rows import Fade, LightState, effective_weights
+from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
+from volspec.viewer.model.state import Interface, ViewState
+from volspec.viewer.ui.inputs import Input
+from volspec.viewer.ui.mouse import RUN_S, Gestures
+from volspec.viewer.work.background import Tasks
+from volspec.viewer.work.documents import DocumentService, Opened
+from volspec.viewer.work.notify import Notice
+from volspec.viewer.work.session_store import RecentFiles
+
+
+def test_every_field_of_the_state_has_its_stage() -> None:
+    assert set(STAGES) == {field.name for field in fields(ViewState)}
+    assert {STAGES[name] for name in ("lights", "relight", "other", "divide")} == {"relight"}
+
+
+def test_nothing_to_do_where_nothing_changed_and_everything_at_first(state: ViewState) -> None:
+    assert Difference.between(None, state).stage == "cast"
+    assert Difference.between(state, state).stage is None
+    assert Difference.between(state, replace(state, view=replace(state.view))).stage is None
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> None:
+    others: dict[str, Any] = {
+        "document": replace(state.document),
+        "view": replace(state.view, zoom=2.0),
+        "transfer": replace(state.transfer),
+        "shift": 1.0,
+        "shading": replace(state.shading, ambient=0.9),
+        "size": (80, 60),
+        "lights": state.lights[:-1],
+        "relight": RelightSpec(backdrop=0.5),
+        "other": state.lights,
+        "divide": 0.25,
+        "interface": Interface(dark=False),
+        "saved_lights": (LightState("State 1", state.lights, state.relight),),
+        "fade": Fade(state.lights, state.relight, 1.0),
+        "palette": PaletteState(),
+        "thickness": 2.0,
+        "unthickened": (state.transfer, 1.0, state.transfer),
+    }
+    changed = replace(state, **{name: others[name]})
+    assert Difference.between(state, changed).stage == STAGES[name]
+    # The picture that is shown until the cast is there need not be drawn again.
+    assert Difference.between(state, changed).relights == (STAGES[name] == "relight")
+
+
+def test_other_reflectances_are_lit_anew(state: ViewState) -> None:
+    other = replace(state.transfer, basis=replace(state.transfer.basis))
+    assert (
+        Difference.between(state, replace(state, transfer=other)).relights
+        and Difference.between(None, state).relights
+    )
+
+
+def test_the_first_of_several_stages_is_named(state: ViewState) -> None:
+    both = replace(state, lights=state.lights[:-1], interface=Interface(keys=True))
+    assert Difference.between(state, both).stage == "relight"
+    assert Difference.between(state, replace(both, size=(8, 8))).stage == "cast"
+
+
+# Cost of the edits of a module, and of those that cost something else.
+_COSTS = dict.fromkeys(("camera", "cuts", "transfer_edits", "materials", "palette_edits"), "cast")
+_COSTS |= dict.fromkeys(("lights", "light_parts", "viewing", "light_states.recall"), "relight")
+_COSTS |= dict.fromkeys(("slices", "light_states", "cuts.choose_plane", "lights.choose"), "frame")
+_COSTS["transfer_edits.choose_part"] = "frame"
+# The first target makes the materials channels, which is the one cast; these relight.
+_COSTS |= {
+    f"palette_edits.{name}": "relight"
+    for name in ("choose_cell", "set_smoothness", "set_metric", "set_iterations")
+}
+_COSTS["palette_edits.toggle_merged"] = "frame"
+# The panel is open; L_A follows from the light; a light of one spectrum, a curve without regions
+# and without opacity by gradient, and a cell without a target have nothing to edit.
+_NOTHING = {
+    "commands": "open_viewing",
+    "viewing": "set_luminance",
+    "light_parts": "remove_part split_part",
+    "transfer_edits": "set_region_values set_region_gradients set_softness "
+    "move_gradient_point add_gradient_point remove_gradient_point",
+    "palette_edits": "set_target_weight set_target_group set_target_distance",
+}
+# Texts with which edits do something; others take a material's name.
+_WORDS = {
+    "lights.add": "HP1",
+    "light_parts.respell": "FL2",
+    "materials.remove_material": "silver",
+    "palette_edits.set_target": "#804020",
+    "palette_edits.set_target_kind": "colour",
+    "palette_edits.toggle_free": "light",
+    "palette_edits.toggle_lamp": "A",
+    "palette_edits.set_metric": "RGB",
+    "palette_edits.recast_range": "copper",
+    "palette_edits.pick_light": "A",
+    "viewing.set_model": "CAM16",
+    "viewing.set_adapting": "picture",
+    "viewing.set_surround": "dim",
+    "viewing.set_room": "dim room",
+    "viewing.set_space": "Display P3",
+    "viewing.set_display_surround": "dim",
+    "viewing.set_gamut": "reduce",
+    "viewing.set_mode": "exact",
+    "viewing.set_level": "absolute",
+}
+
+
+@pytest.fixture
+def cut(state: ViewState) -> ViewState:
+    """Something to reset and remove: a crop, two planes, two saved states, a material too many."""
+    planes = (ClipPlane((3.0, 3.0, 3.0), (1.0, 0.0, 0.0)),) * 2
+    shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
+    kept = tuple(LightState(name, state.lights[1:], state.relight) for name in "ab")
+    metals = {**state.transfer.materials, "silver": reflectance("silver")}
+    transfer = replace(state.transfer, materials=metals)
+    return replace(state, shading=shading, saved_lights=kept, transfer=transfer)
+
+
+@pytest.mark.parametrize("name", edits_of(*MODULES))
+def test_edits_cost_what_their_names_say(cut: ViewState, name: str) -> None:
+    module, _, edit = name.partition(".")
+    choice = edit.startswith("pick_")
+    cost = "frame" if choice else _COSTS.get(name, _COSTS.get(module))
+    if edit in _NOTHING.get(module, "").split():
+        cost = None
+    index = 3 if name == "lights.set_kelvin" else 1
+    new = with_arguments(name, (0.3, 0.4) * 2, (index, 0), _WORDS.get(name, "gold"))(cut)
+    assert Difference.between(cut, new).stage == cost
+
+
+# What an action does at most, by its menu; others are in `_ODD`.
+_MENUS = {"View": "cast", "Light": "relight", "Window": "frame"}
+_MENUS |= {"Cut": "cast", "Transfer": "cast", "": "cast"}
+_ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | dict.fromkeys(
+    ("cube", "scale", "crop", "planes", "error-map")
+    + ("axial-down", "axial-up", "coronal-forward", "coronal-backward")
+    + ("sagittal-right", "sagittal-left"),
+    "frame",
+)
+# Points are what it has already.
+_ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
+_ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
+
+
+def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:
+    state = slices.set_greys(slices.move_slice(cut, 1, 0.3), 0.2, 0.4)
+    old = transfer_edits.shift(replace(state, view=replace(state.view, zoom=3.0)), 0.1)
+    states = [LightState(str(i), state.lights[1:], state.relight) for i in range(9)]
+    drawn = light_parts.draw(old, 2, 0, (0.5, 2.0), (0.5, 2.0))
+    old = replace(drawn, other=state.lights, saved_lights=tuple(states))
+    old = replace(old, interface=replace(old.interface, light=2))
+    for action in COMMANDS:
+        if action.change is not None:
+            cost = _ODD.get(action.name, _MENUS.get(action.menu))
+            new = after(action.change, old).state
+            assert Difference.between(old, new).stage == cost, action.name
+
+
+def test_a_drag_is_one_step_of_undo_and_the_window_is_none(state: ViewState) -> None:
+    history = History(state)
+    for weight in (0.2, 0.5, 0.8):
+        history = history.then(lights.set_weight(history.present, 1, weight), 1)
+    history = history.then(run_command(history.present, "dark").state, 2)
+    history = history.then(run_command(history.present, "view-right").state, 3)
+    assert len(history.past) == 2
+
+    back = history.undo().undo()
+    assert back.present.lights == state.lights and back.present.view == state.view
+    assert not back.present.interface.dark
+    assert back.undo() is back
+    forth = back.redo().redo()
+    assert forth.present == history.present and forth.redo() is forth
+
+
+def test_history_is_bounded_and_a_new_step_forgets_the_future(
+    state: ViewState, document: Document
+) -> None:
+    history = History(state)
+    for gesture in range(MOST_STEPS + 20):
+        history = history.then(camera.orbit(history.present, 0.01, 0.0), gesture)
+    assert len(history.past) == MOST_STEPS
+    other = history.undo().then(replace(state, document=replace(document)), 10**6)
+    assert other.future == ()
+
+
+def test_a_state_always_has_a_chosen_light(state: ViewState) -> None:
+    for wrong, right in ((7, 3), (-2, 0)):
+        assert replace(state, interface=Interface(light=wrong)).interface.light == right
+    last = replace(state, interface=Interface(light=3))
+    assert replace(last, lights=state.lights[:2]).interface.light == 1
+    assert run_command(last, "remove-light").state.interface.light == 2
+
+
+def test_undo_of_a_kept_mix_chooses_the_light_that_was_chosen(state: ViewState) -> None:
+    start = lights.choose(state, 1)
+    history = History(start).then(run_command(start, "keep-mix").state, 1)
+    assert history.present.interface.light == 4
+    back = history.undo()
+    assert len(back.present.lights) == 4 and back.present.interface.light == 1
+    assert back.redo().present.interface.light == 4
+    # What is chosen is no step, and a step of the view leaves it.
+    looked = History(start).then(run_command(start, "view-right").state, 1)
+    looked = looked.then(lights.choose(looked.present, 3), 2)
+    assert looked.undo().present.interface.light == 3
+
+
+def test_a_light_shown_alone_is_chosen(state: ViewState) -> None:
+    from volspec.viewer.ui import commands
+
+    for search, chosen in (("light FL2 alone", 2), ("next light alone", 1), ("add light HP1", 4)):
+        row = commands.list_entries(state, (), search)[0]
+        new = after(row.change, state).state
+        assert new.interface.light == chosen
+        assert [i for i, weight in enumerate(effective_weights(new.lights)) if weight] == [chosen]
+
+
+def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: ViewState) -> None:
+    before = replace(state, size=(40, 30), interface=Interface(dark=False, light=3))
+    lit = replace(state, lights=light_rows.only_row(state.lights, 2))
+    new = Opened(lit).after(before).state
+    assert new.interface.light == 2 and not new.interface.dark and new.size == (40, 30)
+    session = Opened(lights.choose(state, 1), session=Path("x")).after(before)
+    assert session.state.interface.light == 1 and session.state.interface.dark
+
+
+def steps(given: Sequence[tuple[float, Input]]) -> int:
+    """How many steps of undo inputs at their times are."""
+    gestures = Gestures()
+    numbers = set()
+    for now, each in given:
+        gestures.take(each, now)
+        numbers.add(gestures.number)
+    return len(numbers)
+
+
+def test_a_run_of_notches_or_steps_is_one_gesture() -> None:
+    def run(each: Input, apart: float) -> int:
+        return steps([(10.0 + i * apart, each) for i in range(6)])
+
+    wheel, roll = Input("wheel", y=1.0), Input("wheel", y=1.0, modifiers="shift")
+    left, plus = Input("key", key="shift+left"), Input("key", key="+")
+    for each in (wheel, left, plus):
+        assert run(each, 0.9 * RUN_S) == 1 and run(each, 1.1 * RUN_S) == 6
+    # Each press of a key that makes no steps is one, however quick; held down it comes once.
+    assert run(Input("key", key="b"), 0.1) == 6
+    assert run(replace(left, repeated=True), 2 * RUN_S) == 1
+    assert steps([(0.0, wheel), (0.1, roll), (0.2, wheel)]) == 3
+    assert steps([(0.0, wheel), (0.1, Input("move")), (0.2, wheel)]) == 1
+    assert steps([(0.0, wheel), (0.1, Input("press", button="left")), (0.2, wheel)]) == 3
+
+
+@pytest.mark.parametrize(
+    ("what", "change"),
+    [
+        ("view", lambda s: run_command(s, "view-right").state),
+        ("lights", lambda s: run_command(s, "next-light").state),
+        ("lights", lambda s: run_command(s, "compare").state),
+        ("light states", lambda s: light_states.save(s).state),
+        ("transfer function", lambda s: transfer_edits.shift(s, 0.1)),
+        ("viewing", lambda s: run_command(s, "mark").state),
+        ("cuts", lambda s: cuts.move_crop(s, 0, 0.3)),
+        ("shading", lambda s: replace(s, shading=replace(s.shading, ambient=0.7))),
+        (
+            "palette",
+            lambda s: replace(s, palette=PaletteState(DesignTargets(constant=frozenset(["gold"])))),
+        ),
+    ],
+)
+def test_what_is_undone_has_a_name(state: ViewState, what: str, change: Any) -> None:
+    assert Difference.between(state, change(state)).name == what
+
+
+def test_lights_have_names_of_their_own_by_hand(state: ViewState) -> None:
+    new = lights.rename(state, 1, "  my\n lamp ")
+    assert new.lights[1].name == "my lamp" and new.lights[1].rig is state.lights[1].rig
+    assert lights.rename(new, 2, "my lamp").lights[2].name == "my lamp (2)"
+    for index, name in ((1, "my lamp"), (1, " "), (9, "x"), (-1, "x")):
+        assert lights.rename(new, index, name) is new
+
+
+def test_a_name_given_by_hand_stays_whatever_the_light_becomes(state: ViewState) -> None:
+    new = lights.choose(lights.rename(state, 3, "lamp"), 3)
+    assert lights.set_kelvin(new, 3, 5000.0).lights[3].name == "lamp"
+    assert light_parts.respell(new, 3, 0, "D50").state.lights[3].name == "lamp"
+    pen = light_parts.draw(new, 3, 0, (0.1, 2.0), (0.5, 2.0))
+    assert pen.lights[3].name == "lamp" == run_command(pen, "reset-spectrum").state.lights[3].name
+    # Also where it was given after the drawing.
+    later = lights.rename(light_parts.draw(state, 1, 0, (0.1, 2.0), (0.5, 2.0)), 1, "mine")
+    assert light_parts.draw(later, 1, 0, (0.6, 2.0), (0.9, 2.0)).lights[1].name == "mine"
+
+
+def test_a_renamed_light_is_the_one_of_the_saved_state(state: ViewState) -> None:
+    kept = light_states.save(state).state
+    back = light_states.recall(lights.rename(kept, 0, "x"), 0)
+    assert back.lights == state.lights
+
+
+def test_the_palette_follows_a_light_to_its_new_name(state: ViewState) -> None:
+    cell = Cell("same", other=("gold", "A"))
+    targets = DesignTargets({("gold", "A"): cell}, frozenset({(LIGHT, "A")}), lamps={"A": ("FL2",)})
+    board = lights.rename(replace(state, palette=PaletteState(targets, targets)), 1, "lamp").palette
+    assert list(board.targets.cells) == [("gold", "lamp")]
+    assert board.targets.cells["gold", "lamp"].other == ("gold", "lamp")
+    assert board.targets.free == {(LIGHT, "lamp")} and dict(board.targets.lamps) == {
+        "lamp": ("FL2",)
+    }
+    assert not board.is_pending
+    other = replace(state, palette=PaletteState(targets))
+    assert lights.rename(other, 2, "lamp").palette == other.palette
+
+
+def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
+    from volspec.viewer.ui.context import LightsPanelState
+
+    panel = LightsPanelState()
+    panel.complain("'Q': no such light", (1, 0), state.lights)
+    assert panel.complaint_at((1, 0), state.lights) == "'Q': no such light"
+    assert panel.complaint_at((0, 0), state.lights) == ""
+    edited = lights.set_weight(state, 2, 0.4).lights
+    assert panel.complaint_at((1, 0), edited) == ""
+
+
+def test_without_a_session_the_last_file_is_opened_and_then_the_demo(
+    state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
+    begun: list[str | None] = []
+    monkeypatch.setattr(
+        DocumentService, "open", lambda _, path, notify=True: begun.append(path), raising=True
+    )
+
+    def resumed(path: str | None) -> tuple[Any, Notice]:
+        begun.clear()
+        notice = Notice()
+        made = DocumentService(Tasks(lambda: None), notice, None)
+        made.resume_last(path)
+        return made, notice
+
+    _, notice = resumed(None)
+    assert begun == [None] and notice.text == "There is no session to restore; this is the demo"
+    scene = tmp_path / "mine.toml"
+    scene.touch()
+    RecentFiles(tmp_path).add(str(scene))
+    made, notice = resumed(None)
+    assert begun == [str(scene)] and notice.text.endswith("; this is mine.toml")
+    made._open_fallback("mine.toml is broken")
+    assert begun == [str(scene), None]
+    with raises(InputError, "impossible"):
+        made._open_fallback("no demo")
+    # What was named comes before what was opened last; what is gone is no file.
+    assert resumed("named.toml") and begun == ["named.toml"]
+    scene.unlink()
+    assert resumed(None) and begun == [None]
+    shutil.rmtree(tmp_path)
+
+
+def test_a_frame_takes_one_gesture_where_a_busy_window_hears_of_several(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A press is where the mouse was then, and a key after a drag is no part of it."""
+    from volspec.viewer.ui import inputs as module
+
+    heard: dict[str, Any] = {}
+    for name in [name for name in dir(module.glfw) if name.endswith("_callback")]:
+        monkeypatch.setattr(
+            module.glfw, name, lambda _, listener, name=name: heard.update({name: listener})
+        )
+    monkeypatch.setattr(module.glfw, "get_cursor_pos", lambda _: (90.0, 90.0))
+    monkeypatch.setattr(module.glfw, "get_key", lambda *_: module.glfw.RELEASE)
+    context = module.imgui.create_context()
+    try:
+        told: list[int] = []
+        inputs = module.Inputs(None, lambda _, key, *__: told.append(key))
+        heard["set_mouse_button_callback"](None, 0, module.glfw.PRESS, 0)
+        heard["set_cursor_pos_callback"](None, 3.0, 4.0)
+        heard["set_mouse_button_callback"](None, 0, module.glfw.RELEASE, 0)
+        for x in (5.0, 6.0):  # the hand that turns it moves the mouse, too
+            heard["set_scroll_callback"](None, 0.0, 1.0)
+            heard["set_cursor_pos_callback"](None, x, 4.0)
+        for key in (module.glfw.KEY_UP, module.glfw.KEY_ENTER):
+            heard["set_key_callback"](None, key, 0, module.glfw.PRESS, 0)
+        drag = [(given.name, given.x, given.y) for given in inputs.take()]
+        assert drag == [("press", 90.0, 90.0), ("move", 3.0, 4.0), ("release", 3.0, 4.0)]
+        assert [given.name for given in inputs.take()] == ["wheel", "move"] * 2
+        assert [given.key for given in inputs.take()] == ["up"] and inputs.waiting
+        # imgui hears of a key with it, not before.
+        assert told == [module.glfw.KEY_UP]
+        assert [given.key for given in inputs.take()] == ["enter"] and not inputs.waiting
+        assert told == [module.glfw.KEY_UP, module.glfw.KEY_ENTER]
+        assert inputs.take() == []
+    finally:
+        module.imgui.destroy_context(context)
