@@ -13,8 +13,7 @@ import pytest
 from PIL import Image
 
 from benchmarks.robot import Robot, Row, along
-from volspec._gpu.devices import devices
-from volspec._gpu.trials import POCL
+from volspec._gpu.devices import POCL, devices
 from volspec.scene import Scene
 from volspec.volume import phantom
 
