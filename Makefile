@@ -58,8 +58,7 @@ gallery: $(VENV)/.installed
 
 trust: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n auto -m slow
-	$(BIN)/python -m benchmarks.basis_table
-	$(BIN)/python -m benchmarks.basis_fit
+	$(BIN)/python -m benchmarks.basis
 	$(BIN)/mypy --platform win32
 	$(BIN)/mypy --platform darwin
 	$(BIN)/python -m tools.installs

@@ -10,11 +10,7 @@ from datetime import UTC, datetime
 
 from benchmarks import (
     cast,
-    channels,
-    edit,
     export,
-    gl_mapper,
-    light,
     limits,
     memory,
     models,
@@ -22,18 +18,18 @@ from benchmarks import (
     picture,
     reading,
     session,
-    shadows,
     viewer,
     webpage,
 )
-from benchmarks.measure import commit, report, save
-from benchmarks.page import PAGE, replaced
+from benchmarks.measure import PAGE, commit, replaced, report, save
 from volspec._gpu.opencl import Compute
 
-# Where VTK draws through GL, the windows that it opens end other contexts: those come last.
-MODULES = (
-    *(memory, reading, channels, edit, shadows, palette, limits, models, picture, export),
-    *(cast, gl_mapper, light, viewer, webpage, session),
+# VTK's GPU mapper opens windows, which end other GL contexts: it comes late.
+FIGURES = (
+    *(memory.figures, reading.figures, cast.channel_figures, cast.edit_figures),
+    *(cast.shadow_figures, palette.figures, limits.figures, models.figures, picture.figures),
+    *(export.figures, cast.figures, cast.vtk_gpu_figures, cast.light_figures),
+    *(viewer.figures, webpage.figures, session.figures),
 )
 
 
@@ -48,7 +44,7 @@ def keep(table: str) -> None:
 
 def main() -> None:
     """Measure everything; the table comes last."""
-    figures = [figure for module in MODULES for figure in module.figures()]
+    figures = [figure for figures_of in FIGURES for figure in figures_of()]
     save(figures)
     table = report(figures)
     print(table)

@@ -1,17 +1,26 @@
-"""How fast is a cast? Against VTK's fixed-point mapper, same data, camera, points and step."""
+"""Times of casts and of light changes, on the same data, camera, points and step as the peer's.
+
+Against VTK's fixed-point mapper and its GPU mapper; sixteen channels against three; a cast after
+an edit of the transfer function; shadows; a change of the light.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import cycle
+from itertools import count, cycle
 
-from benchmarks.measure import Comparison, Figure, compare
-from benchmarks.volumes import BenchScene, bench_scenes
-from benchmarks.vtk_peer import ALPHA_STOP, Points, VtkPeer, fixed_point
-from volspec.pipeline import Raycaster, raycast
-from volspec.raycast import RaycastSpec
-from volspec.spectra import Spectrum
+import numpy as np
+
+from benchmarks.measure import Comparison, Figure, commit, compare, in_turn
+from benchmarks.scenes import BenchScene, bench_scene, bench_scenes
+from benchmarks.vtk_peer import ALPHA_STOP, Points, VtkPeer, fixed_point, gpu_mapper
+from volspec._gpu.sources import asset
+from volspec.basis import SpectralBasis
+from volspec.pipeline import Raycaster, Relighter, raycast
+from volspec.raycast import Ambient, CoefficientImage, Directional, LightGroup, RaycastSpec
+from volspec.scene import Scene
+from volspec.spectra import Spectrum, light_set, reflectance_set
 from volspec.transfer import TransferFunction
 
 SIZE = (512, 512)
@@ -20,25 +29,31 @@ SPECS = {
     "shaded": RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24),
 }
 ASKED = 3
+# Against VTK's GPU mapper on llvmpipe; on a GPU it is another race.
+ASKED_VTK_GPU = {"flat": 6, "shaded": 10}
+MANY_CHANNELS, FEW_CHANNELS, ASKED_CHANNELS = 16, 3, 1.15
+ASKED_EDIT_MS = 10
+ASKED_SHADOWS = 2
+TOWARDS = ((1.0, 1.0, 1.0), (1.0, 1.1, 1.0), (1.1, 1.0, 1.0))
 # Ours ends a ray where the fixed-point mapper does.
 STOPPED = {name: replace(spec, alpha_stop=ALPHA_STOP) for name, spec in SPECS.items()}
 
 
 def grey_points(scene: BenchScene) -> Points:
-    """The scene's opacities for VTK, in one colour: what it casts, not how it looks, is timed."""
+    """Return the scene's opacities for VTK, in one colour: the cast is timed, not its look."""
     return [(value, opacity, (0.7, 0.7, 0.75)) for value, opacity, _ in scene.transfer.points]
 
 
 def peer_of(
     scene: BenchScene, spec: RaycastSpec, mapper: Callable[..., VtkPeer] = fixed_point
 ) -> VtkPeer:
-    """A mapper of VTK's on the scene."""
+    """Return a mapper of VTK's for the scene."""
     reference_mm = scene.transfer.reference_step_mm or min(scene.volume.spacing_mm)
     return mapper(scene.volume, grey_points(scene), reference_mm, scene.camera, SIZE, spec)
 
 
 def recoloured(transfer: TransferFunction) -> TransferFunction:
-    """The same opacities in darker materials."""
+    """Return the function with the same opacities in darker materials."""
     darker = {
         name: Spectrum(each.wavelengths_nm, 0.9 * each.values, each.name)
         for name, each in transfer.materials.items()
@@ -54,7 +69,7 @@ def against(
     peer_name: str = "vtk-fixed-point",
     runs: int = 7,
 ) -> Comparison:
-    """Time a cast beside a mapper of VTK's that redraws with other colours.
+    """Time a cast against a mapper of VTK's that redraws with other colours.
 
     Both sides take in other colours and deliver a picture.
     """
@@ -72,7 +87,7 @@ def against(
 
 
 def figures() -> Iterator[Figure]:
-    """Seven channels, five volumes, flat and shaded."""
+    """Compare with VTK's fixed-point mapper: seven channels, five volumes, flat and shaded."""
     for scene in bench_scenes():
         if not isinstance(scene, BenchScene):
             name, why = scene
@@ -82,3 +97,125 @@ def figures() -> Iterator[Figure]:
         for kind in STOPPED:
             row = against(scene, kind, caster)
             yield Figure(row.name, row.ratio, ASKED, row=row)
+
+
+def vtk_gpu_figures() -> Iterator[Figure]:
+    """Compare with VTK's GPU mapper on the GL of this machine: the engine, flat and shaded."""
+    scene = bench_scene("engine")
+    caster = Raycaster(scene.volume)
+    for kind, asked in ASKED_VTK_GPU.items():
+        row = against(scene, kind, caster, gpu_mapper, "vtk-gpu", runs=3)
+        yield Figure(f"{row.name}/vtk-gpu", row.ratio, asked, row=row)
+
+
+def channel_figures() -> Iterator[Figure]:
+    """Compare sixteen channels with three: the engine in two bases, flat and shaded."""
+    scene = bench_scene("engine")
+    caster = Raycaster(scene.volume)
+    lights, reflectances = light_set("smooth"), reflectance_set("training")
+    # Principal components: the time of a cast does not depend on how a basis was fitted.
+    many, few = (
+        replace(
+            scene.transfer,
+            basis=SpectralBasis.fit(lights, reflectances, size=size, method="pca"),
+        )
+        for size in (MANY_CHANNELS, FEW_CHANNELS)
+    )
+    for kind, spec in STOPPED.items():
+        row = compare(
+            f"channels/engine/{kind}",
+            f"{FEW_CHANNELS}-channels",
+            caster.device,
+            lambda spec=spec: raycast(scene.volume, many, scene.camera, SIZE, spec, caster=caster),
+            lambda spec=spec: raycast(scene.volume, few, scene.camera, SIZE, spec, caster=caster),
+        )
+        yield Figure(f"{row.name}: 16/3", 1 / row.ratio, ASKED_CHANNELS, at_most=True, row=row)
+
+
+def edit_figures() -> Iterator[Figure]:
+    """Compare the first picture after an edit with a cast whose table is ready: the difference."""
+    scene = bench_scene("engine")
+    caster = Raycaster(scene.volume)
+    table = scene.transfer.bake(min(scene.volume.spacing_mm))
+    edits = count()
+
+    def edited() -> TransferFunction:
+        # Opaque enough to cost the same, never the same twice.
+        (value, opacity, mix), *rest = reversed(scene.transfer.points)
+        last = (value, opacity - 1e-4 * (next(edits) % 100 + 1), mix)
+        return replace(scene.transfer, points=[*reversed(rest), last])
+
+    for kind, spec in STOPPED.items():
+        pairs = in_turn(
+            lambda spec=spec: raycast(
+                scene.volume, edited(), scene.camera, SIZE, spec, caster=caster
+            ),
+            lambda spec=spec: caster.cast(table, scene.camera, SIZE, spec),
+            runs=11,
+        )
+        ours_ms, cast_ms = (float(n) for n in np.median(pairs, axis=0))
+        more_ms = float(np.median(pairs[:, 0] - pairs[:, 1]))
+        row = Comparison(
+            f"edit/engine/{kind}",
+            "cast-alone",
+            ours_ms,
+            cast_ms,
+            float(np.median(pairs[:, 1] / pairs[:, 0])),
+            caster.device,
+            commit(),
+        )
+        print(f"{row.name:28s} {ours_ms:.1f} ms, the cast alone {cast_ms:.1f} ms", flush=True)
+        yield Figure(row.name, more_ms, ASKED_EDIT_MS, at_most=True, unit="ms", row=row)
+
+
+def shadow_spec(towards: tuple[float, float, float], shadows: bool) -> RaycastSpec:
+    """Return the shading under one light from over the camera's shoulder."""
+    key = Directional(towards, frame="camera", shadows=shadows)
+    return replace(STOPPED["shaded"], groups=(LightGroup("key", (Ambient(), key)),))
+
+
+def shadow_figures() -> Iterator[Figure]:
+    """Compare one light with shadows and without: the engine.
+
+    Every picture has its light elsewhere, so that each makes a new light volume.
+    """
+    scene = bench_scene("engine")
+    caster = Raycaster(scene.volume)
+
+    def cast(spec: RaycastSpec) -> CoefficientImage:
+        return raycast(scene.volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
+
+    lights = {
+        shadows: cycle([shadow_spec(t, shadows) for t in TOWARDS]) for shadows in (True, False)
+    }
+    row = compare(
+        "shadows/engine",
+        "no-shadows",
+        caster.device,
+        lambda: cast(next(lights[True])),
+        lambda: cast(next(lights[False])),
+    )
+    yield Figure(row.name, 1 / row.ratio, ASKED_SHADOWS, at_most=True, row=row)
+
+
+def light_figures() -> Iterator[Figure]:
+    """Swap the light on the demo's engine: new light in, finished 8-bit frame out.
+
+    Ours is a drag of eight changes, per change; one alone takes a third longer, since the other
+    side has just emptied the caches.
+    """
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    lights = cycle([light.rig for light in scene.lights])
+    bench = bench_scene("engine")
+    with Relighter(scene.render(bench.volume)) as relighter:
+        for kind, spec in SPECS.items():
+            peer = peer_of(bench, spec)
+            row = compare(
+                f"light/engine/{kind}",
+                "vtk-fixed-point",
+                relighter.backend,
+                lambda: relighter.frame(next(lights), scene.relight.viewing),
+                peer.redraw,
+                our_calls=8,
+            )
+            yield Figure(row.name, row.ratio, row=row)

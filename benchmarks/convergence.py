@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.page import PAGE, replaced
-from benchmarks.volumes import bench_scene
+from benchmarks.measure import PAGE, replaced
+from benchmarks.scenes import bench_scene
 from volspec.pipeline import Raycaster
 from volspec.raycast import Camera, RaycastSpec
 from volspec.transfer import TransferTable

@@ -14,9 +14,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from benchmarks.cast import SPECS
-from benchmarks.measure import commit, in_turn
-from benchmarks.page import PAGE, between, replaced
-from benchmarks.volumes import BenchScene, bench_scene
+from benchmarks.measure import PAGE, between, commit, in_turn, replaced
+from benchmarks.scenes import BenchScene, bench_scene
 from volspec._gpu.devices import POCL, all_devices, choose_device, devices
 from volspec.pipeline import Raycaster, raycast
 

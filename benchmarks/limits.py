@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from benchmarks.cast import SIZE, STOPPED
 from benchmarks.measure import Figure, report
-from benchmarks.volumes import BenchScene, bench_scenes
+from benchmarks.scenes import BenchScene, bench_scenes
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
 from volspec.pipeline import Raycaster

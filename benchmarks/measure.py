@@ -1,4 +1,4 @@
-"""Time two callables in turn, keep the ratio, hold it against what was asked."""
+"""Time two callables in turn, compare their ratio with its target, write it to the docs page."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 RESULTS = Path("build/bench.json")
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,3 +142,25 @@ def report(figures: Iterable[Figure]) -> str:
             verdict = f"skipped: {figure.note}"
         lines.append(f"{figure.name:32s}{asked:>14s}{reached:>15s}  {verdict}".rstrip())
     return "\n".join(lines)
+
+
+def between(text: str, name: str) -> str:
+    """Return the text between the markers of a name.
+
+    >>> between("a <!-- t -->b<!-- /t --> c", "t")
+    'b'
+    """
+    start, end = _markers(name)
+    if text.count(start) != 1 or text.count(end) != 1:
+        raise ValueError(f"the page needs one {start} and one {end}")
+    return text.split(start)[1].split(end)[0]
+
+
+def replaced(text: str, name: str, content: str) -> str:
+    """Return the text with other content between the markers."""
+    start, end = _markers(name)
+    return text.replace(start + between(text, name) + end, start + content + end)
+
+
+def _markers(name: str) -> tuple[str, str]:
+    return f"<!-- {name} -->", f"<!-- /{name} -->"

@@ -19,7 +19,7 @@ import pyopencl as cl
 
 from benchmarks.cast import SIZE, STOPPED
 from benchmarks.measure import Figure
-from benchmarks.volumes import bench_scene
+from benchmarks.scenes import bench_scene
 from volspec.pipeline import Raycaster, raycast
 from volspec.volume import Volume
 

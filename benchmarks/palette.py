@@ -1,6 +1,6 @@
 """How fast is a palette redesigned, and how near do its colours come to those that were wanted?
 
-``python -m benchmarks.palette --figures`` draws figures 3 and 4 of [1] anew, and the tables of
+``python -m tools.palette_figures`` draws figures 3 and 4 of [1], and the tables of
 ``docs/gallery/palette-evaluation.md`` (minutes).
 
 References
@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 import os
 import platform
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -21,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-from benchmarks.measure import Figure, compare
+from benchmarks.measure import Figure, compare, report
 from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum, design
 from volspec.palette.optimisation import Phase
 from volspec.palette.quadratic_program import Block, Term
@@ -216,11 +215,4 @@ def figures() -> Iterator[Figure]:
 
 
 if __name__ == "__main__":
-    if "--figures" in sys.argv[1:]:
-        from benchmarks.palette_drawing import draw
-
-        draw()
-    else:
-        from benchmarks.measure import report
-
-        print(report(figures()))
+    print(report(figures()))

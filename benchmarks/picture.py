@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from benchmarks.cast import SIZE
 from benchmarks.measure import Figure
-from benchmarks.volumes import BenchScene, bench_scene
+from benchmarks.scenes import BenchScene, bench_scene
 from benchmarks.vtk_peer import ALPHA_STOP, fixed_point
 from volspec.export import write_frame
 from volspec.pipeline import Raycaster

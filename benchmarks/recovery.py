@@ -1,15 +1,13 @@
-"""How true are reflectances made from colours? ``python -m benchmarks.recovery [--figures]``.
+"""How true are reflectances made from colours? ``python -m benchmarks.recovery``.
 
 A test reflectance's XYZ under D65 is given; the one made from it is seen under A and FL11 beside
 the true one. The ColorChecker, which the base spectra leave out; then Vrhel's natural things and
-the Academy's patches, with their own sets taken out of the base. Then what of sRGB is valid, and
-how much of the colours there are the base spectra span. ``--figures`` draws base-spectra.png and
-reflectance.png of docs/images again. Takes five minutes.
+the Academy's patches, with their own sets taken out of the base. Then the valid share of sRGB.
+``python -m tools.recovery_figures`` draws the pictures of docs/reflectance.md. Takes five minutes.
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -162,26 +160,12 @@ def print_seam() -> None:
         print(f"  {method:12s}" + "".join(f"{c.mean():9.3f} / {c.max():.2f}" for c in cells))
 
 
-def print_coverage() -> None:
-    from benchmarks.recovery_figure import STAGES, solid_share, xy_share
-
-    print("\nspan of the base spectra under D65: of the area within the spectral locus in xy,")
-    print("of the volume of the object-colour solid in XYZ")
-    for title, base in STAGES():
-        print(f"  {title:38s}{len(base):6d} spectra{xy_share(base):8.1%}{solid_share(base):8.1%}")
-
-
 def main() -> None:
-    """Print the table; with ``--figures`` draw the figures of docs/reflectance.md."""
-    if "--figures" in sys.argv[1:]:
-        from benchmarks.recovery_figure import draw
-
-        draw()
+    """Print the tables."""
     print_table()
     print_sRGB()
     print_speed()
     print_seam()
-    print_coverage()
 
 
 if __name__ == "__main__":

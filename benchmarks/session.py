@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.measure import Figure, report
-from benchmarks.robot import MOUSE_S, Robot, Row, missing
+from tests.support.window import MOUSE_S, Robot, Row, missing
 
 SECONDS = 60.0
 SIZE = (1280, 720)

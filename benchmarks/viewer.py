@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.measure import Figure, report
-from benchmarks.robot import Robot, along, missing
+from tests.support.window import Robot, along, missing
 
 # Seconds of each drag.
 DRAG_S = 5.0

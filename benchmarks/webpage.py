@@ -5,33 +5,18 @@ The bundled engine, 512², 7 channels, in Chromium with its software GPU, from a
 
 from __future__ import annotations
 
-import io
-import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from PIL import Image
-
 from benchmarks.measure import Figure, report
+from tests.support.browser import chromium, mean_difference, missing, saved_picture
 from volspec._gpu.sources import asset
-from volspec.appearance import constants as k
-from volspec.appearance.curves import sRGB_CURVE
-from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.export.page import PageSpec, PageView, scene_views, write_page
 from volspec.relight import Relighter
 from volspec.scene import Scene
 
-# No network, no first-run pages, a software GPU: the same everywhere.
-_FLAGS = [
-    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic"),
-    *("--no-first-run", "--disable-background-networking", "--disable-component-update"),
-    "--disable-sync",
-]
 # Views of the whole turn, and how many of them are cast to tell its size.
 TURN, CAST = 36, 6
 # A slider dragged for some seconds; one change before every frame, as a hand makes them.
@@ -45,48 +30,6 @@ _DRAG = """async (seconds) => {
     }
     return 1000 * frames / (performance.now() - start);
 }"""
-
-
-def missing() -> str:
-    """Why there is no browser to drive; empty where there is one."""
-    if shutil.which("chromium") is None:
-        return "no chromium; run tools/system-packages.sh PYTHON test"
-    try:
-        import playwright.sync_api  # noqa: F401
-    except ImportError:
-        return "no playwright; pip install volspec[test]"
-    return ""
-
-
-@contextmanager
-def chromium() -> Iterator[Any]:
-    """The system's Chromium under Playwright, with a user-data folder of its own."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=_FLAGS)
-        try:
-            yield browser
-        finally:
-            browser.close()
-
-
-def saved(page: Any) -> NDArray[np.uint8]:
-    """What a page's PNG button saves."""
-    with page.expect_download() as download:
-        page.click("header .download")
-    data = Path(download.value.path()).read_bytes()
-    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
-
-
-def apart(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
-    """Mean CIEDE2000 of two frames."""
-    assert one.shape == other.shape
-    Lab = [
-        cielab(sRGB_CURVE.decode(each / 255.0) @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)
-        for each in (one, other)
-    ]
-    return float(delta_E_2000(*Lab).mean())
 
 
 def figures() -> Iterator[Figure]:
@@ -128,7 +71,7 @@ def _worst(page: Any, path: Path, scene: Scene, view: PageView) -> float:
             page.click(f"#light-list li:nth-child({i + 1}) .light-name")
             page.wait_for_timeout(200)
             frame = relighter.frame(light.rig, seen)
-            found.append(apart(saved(page), frame))
+            found.append(mean_difference(saved_picture(page), frame))
     return max(found)
 
 

@@ -15,12 +15,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from benchmarks import measure, page, picture
+from benchmarks import measure, picture
 from benchmarks.gpu import Record, recorded
-from benchmarks.measure import Comparison, Figure, in_turn, report, save
-from benchmarks.page import PAGE, between, replaced
+from benchmarks.measure import PAGE, Comparison, Figure, between, in_turn, replaced, report, save
 from benchmarks.picture import psnr
-from benchmarks.volumes import NAMES, RECIPES, bench_scene, stored
+from benchmarks.scenes import NAMES, RECIPES, bench_scene, stored
 from volspec.spectra import reflectance_names
 
 RECORD = Record("A GPU", "1.0", "2030-01-02", "abc1234", ("1 ms", "2 ms", "3 ms", "4 ms"))
@@ -42,7 +41,7 @@ def test_the_engine_is_the_demo_in_seven_channels() -> None:
     assert bench_scene("engine").transfer.basis.size == 7
 
 
-@pytest.mark.parametrize("module", [measure, page, picture], ids=lambda m: m.__name__)
+@pytest.mark.parametrize("module", [measure, picture], ids=lambda m: m.__name__)
 def test_examples_say_what_they_give(module: ModuleType) -> None:
     assert doctest.testmod(module).failed == 0
 

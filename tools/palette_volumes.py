@@ -14,7 +14,7 @@ from pathlib import Path
 from PIL import Image
 
 import volspec as vs
-from benchmarks.volumes import ROOT, stored
+from benchmarks.scenes import ROOT, stored
 from volspec.export import SheetColumn, contact_sheet
 
 IMAGES = ROOT / "docs" / "images"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
 
-from benchmarks.webpage import chromium
+from tests.support.browser import chromium
 from volspec import _cache
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,8 +13,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.webpage import apart, missing
 from tests.notebook.lab import Lab, opened
+from tests.support.browser import mean_difference, missing
 from volspec.appearance import Viewing
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
@@ -86,7 +86,7 @@ def shows(lab: Lab, wanted: NDArray[np.uint8]) -> bool:
     """Whether a picture is seen, once a browser that is slow has drawn all of it."""
     size = wanted.shape[1], wanted.shape[0]
     pictures = (seen(lab, size) for _ in range(20))
-    return any(apart(clear(each), clear(wanted)) <= NEAR for each in pictures)
+    return any(mean_difference(clear(each), clear(wanted)) <= NEAR for each in pictures)
 
 
 def test_one_picture_goes_to_and_fro(
@@ -129,10 +129,10 @@ def test_one_picture_goes_to_and_fro(
     with lab.page.expect_download() as download:
         lab.frame.locator("header .download").click()
     saved = np.asarray(Image.open(download.value.path()).convert("RGB"))
-    assert apart(saved, wanted) <= NEAR
+    assert mean_difference(saved, wanted) <= NEAR
     assert json.loads(lab.run(4))[1:3] == ["none", [40, 20]]
 
-    # The page stands apart from the notebook, and nothing has asked another host for anything.
+    # The page is apart from the notebook, and nothing has asked another host for anything.
     element = lab.page.locator(".jp-OutputArea iframe")
     assert element.get_attribute("sandbox") == "allow-scripts allow-downloads"
     hosts = {urlsplit(url).hostname for url in lab.requests if url.startswith(("http", "ws"))}

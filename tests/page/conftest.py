@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.webpage import chromium, missing, saved
+from tests.support.browser import chromium, missing, saved_picture
 from volspec._gpu.sources import asset
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
@@ -46,7 +46,7 @@ class Opened:
 
     def picture(self) -> NDArray[np.uint8]:
         """What the page saves."""
-        return saved(self.page)
+        return saved_picture(self.page)
 
 
 def open_file(

@@ -14,8 +14,8 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from benchmarks.webpage import apart
 from tests.page.conftest import Opened, open_file
+from tests.support.browser import mean_difference
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.live import CLOSED
 from volspec.appearance.models import ciecam02
@@ -89,7 +89,7 @@ def test_five_lights_give_the_desktops_frames(
     for i, lamp in enumerate(engine_scene.lights):
         page.show(**{"a.weights": only(engine_scene, i)})
         wanted = frame(engine_image, lamp, engine_scene.relight)
-        assert apart(page.picture(), wanted) <= most, lamp.name
+        assert mean_difference(page.picture(), wanted) <= most, lamp.name
     assert page.complaints == []
 
 
@@ -114,7 +114,7 @@ def test_the_screen_shows_the_desktops_frames_under_three_lights(
         # A browser that is slow shows every second row and column first.
         shots = (Image.open(io.BytesIO(page.screenshot())).convert("RGB") for _ in range(20))
         seen = (np.asarray(shot)[np.ix_(y, x)] for shot in shots)
-        assert any(apart(each[rows], wanted[rows]) <= 0.4 for each in seen), i
+        assert any(mean_difference(each[rows], wanted[rows]) <= 0.4 for each in seen), i
 
 
 @pytest.mark.parametrize("model", [*CLOSED, *ADAPTATIONS])
@@ -127,7 +127,7 @@ def test_every_model_gives_the_desktops_frame(
     words = {"a.model": model, "a.L_A": 20, "a.Y_b": 35, "a.surround": 0.1, "a.mode": "exact"}
     engine_page.show(**words, **{"a.weights": weights, "a.backdrop": 0.3})
     wanted = frame(engine_image, engine_scene.lights[1], seen)
-    assert apart(engine_page.picture(), wanted) <= 0.4
+    assert mean_difference(engine_page.picture(), wanted) <= 0.4
 
 
 def test_two_settings_stand_on_the_sides_of_the_divide(
@@ -140,8 +140,8 @@ def test_two_settings_stand_on_the_sides_of_the_divide(
     bare = replace(seen, viewing=replace(seen.viewing, model="none"))
     left = frame(engine_image, engine_scene.lights[0], seen)
     right = frame(engine_image, engine_scene.lights[3], bare)
-    assert apart(got[:, :quarter], left[:, :quarter]) <= 0.4
-    assert apart(got[:, quarter:], right[:, quarter:]) <= 0.4
+    assert mean_difference(got[:, :quarter], left[:, :quarter]) <= 0.4
+    assert mean_difference(got[:, quarter:], right[:, quarter:]) <= 0.4
 
 
 def test_the_error_map_has_the_desktops_figures(
@@ -169,13 +169,13 @@ def test_other_views_are_turned_to(
 ) -> None:
     page = opened(files / "turn.html")
     wanted = frame(engine_image, engine_scene.lights[0], engine_scene.relight)
-    assert apart(page.picture(), wanted) <= 0.4
+    assert mean_difference(page.picture(), wanted) <= 0.4
     page.page.focus("#port")
     page.page.keyboard.press("PageDown")
     page.until("document.getElementById('view-read').textContent === '180\u00b0'")
     # It is drawn once it is unpacked, which nothing of the page tells.
     pictures = (page.picture() for _ in range(20))
-    assert any(apart(picture, wanted[:, ::-1]) <= 0.4 for picture in pictures)
+    assert any(mean_difference(picture, wanted[:, ::-1]) <= 0.4 for picture in pictures)
 
 
 def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
@@ -192,10 +192,10 @@ def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(
     page.until("!document.getElementById('notice').hidden")
     assert page.page.text_content("#notice").startswith("This view cannot be unpacked: ")
     page.until("document.getElementById('view-read').textContent === '0\u00b0'")
-    assert apart(page.picture(), before) == 0
+    assert mean_difference(page.picture(), before) == 0
     # And it can still be relit.
     page.page.click("#light-list li:nth-child(2) .light-name")
-    assert apart(page.picture(), before) > 1
+    assert mean_difference(page.picture(), before) > 1
     # Another that can be unpacked is turned to, and what was said is gone.
     page.page.focus("#port")
     page.page.keyboard.press("PageUp")
@@ -241,7 +241,7 @@ def test_an_address_brings_a_picture_back(
     words = engine_page.page.evaluate("location.hash")
     again = opened(files / "8.html", words)
     assert again.page.input_value("#model") == "CAM16"
-    assert apart(again.picture(), engine_page.picture()) == 0.0
+    assert mean_difference(again.picture(), engine_page.picture()) == 0.0
 
 
 def test_rubbish_in_an_address_is_left_aside(
@@ -250,7 +250,7 @@ def test_rubbish_in_an_address_is_left_aside(
     words = "#a.weights=1,NaN&a.model=constructor&a.exposure=1e99&view=7&probe=-1,x&a.solo=1e3&%%%"
     page = opened(files / "8.html", words)
     wanted = frame(engine_image, engine_scene.lights[0], engine_scene.relight)
-    assert apart(page.picture(), wanted) <= 0.4
+    assert mean_difference(page.picture(), wanted) <= 0.4
     assert page.complaints == []
 
 

@@ -16,7 +16,7 @@ from benchmarks.palette import (
     live,
     with_colours,
 )
-from benchmarks.palette_drawing import REFERENCE, SIZES_OF, SQUARES, distances, said
+from tools.palette_figures import REFERENCE, SIZES_OF, SQUARES, distances, tenths
 from volspec.palette import design
 from volspec.palette.optimisation import Phase
 from volspec.palette.quadratic_program import solve
@@ -115,4 +115,4 @@ def test_other_colours_can_be_wanted_of_the_same_spectra() -> None:
 def test_tables_have_the_reference_sizes_and_say_little_as_nothing() -> None:
     assert {n for known in REFERENCE.values() for n in known} <= set(SQUARES)
     assert set(SQUARES) <= set(SIZES_OF[100]) <= set(SIZES_OF[31])
-    assert said(0.003) == "<0.1" and said(7.39) == "7.4"
+    assert tenths(0.003) == "<0.1" and tenths(7.39) == "7.4"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.robot import missing
+from tests.support.window import missing
 from tests.support.viewer import small_document
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmarks.robot import Robot, Row, along
+from tests.support.window import Robot, Row, along
 from volspec._gpu.devices import POCL, devices
 from volspec.scene import Scene
 from volspec.volume import phantom

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.robot import Robot, along
+from tests.support.window import Robot, along
 
 pytestmark = pytest.mark.usefixtures("screen")
 

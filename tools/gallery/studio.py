@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import volspec as vs
-from benchmarks.chest import chest
-from benchmarks.volumes import ROOT, stored
+from benchmarks.scenes import ROOT, chest, stored
 from volspec.pipeline import Raycaster
 
 Picture = NDArray[np.uint8]

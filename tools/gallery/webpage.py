@@ -15,7 +15,7 @@ from typing import Any
 
 from PIL import Image
 
-from benchmarks.webpage import chromium
+from tests.support.browser import chromium
 from tools.gallery.studio import READERS, ROOT
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.scene import Scene

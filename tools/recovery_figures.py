@@ -1,6 +1,6 @@
 """The base spectra in one picture, after figure 1 of Wang, Xu & Sun (2004), and one mixture.
 
-``python -m benchmarks.recovery --figures`` draws it.
+``python -m tools.recovery_figures`` draws both for docs/reflectance.md, and prints the base's span.
 """
 
 from __future__ import annotations
@@ -150,3 +150,16 @@ def _draw_chromaticities(figure: Any, left: float, title: str, base: BaseSpectra
     share, solid = xy_share(base), solid_share(base)
     facts = f"{share:.0%} of the locus, {solid:.0%} of the colour solid"
     write(figure, left / _WIDTH, 1 - 0.47 / _HEIGHT, facts, fontsize=7.5, color=FAINT)
+
+
+def print_coverage() -> None:
+    """Print the colours that the base spectra span."""
+    print("\nspan of the base spectra under D65: of the area within the spectral locus in xy,")
+    print("of the volume of the object-colour solid in XYZ")
+    for title, base in STAGES():
+        print(f"  {title:38s}{len(base):6d} spectra{xy_share(base):8.1%}{solid_share(base):8.1%}")
+
+
+if __name__ == "__main__":
+    draw()
+    print_coverage()

@@ -1,4 +1,4 @@
-"""The bench's five scenes under daylight: ``python -m benchmarks.sheet``.
+"""The bench's five scenes under daylight: ``python -m tools.benchmark_scenes``.
 
 Writes ``docs/images/benchmarks.png``: unshaded above, shaded below.
 """
@@ -9,8 +9,8 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.cast import SPECS
-from benchmarks.page import PAGE
-from benchmarks.volumes import BenchScene, bench_scenes
+from benchmarks.measure import PAGE
+from benchmarks.scenes import BenchScene, bench_scenes
 from volspec.pipeline import Raycaster, raycast, relight
 from volspec.relight import RelightSpec
 from volspec.spectra import light

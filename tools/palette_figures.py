@@ -1,4 +1,4 @@
-"""Figures 3 and 4 of [1] drawn anew, and their numbers: ``python -m benchmarks.palette --figures``.
+"""Draw figures 3 and 4 of [1] and their numbers: ``python -m tools.palette_figures``.
 
 Writes ``docs/images/palette-3.png`` and ``palette-4.png``, and the tables between the markers of
 ``docs/gallery/palette-evaluation.md``.
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from benchmarks.page import replaced
+from benchmarks.measure import replaced
 from benchmarks.palette import MODELS, SEEDS, Array, Model, colours, drawn, error
 from volspec._figures import FAINT, HAIR, INK, PAPER
 
@@ -80,7 +80,7 @@ def surface_table(surfaces: Mapping[str, Array]) -> str:
     lines = [f"| mean ΔE*ab | {heads} |", "|---" * (len(SIZES) + 1) + "|"]
     for model in MODELS:
         means = dict(zip(SIZES_OF[model.bands], np.diag(surfaces[model.name]), strict=True))
-        cells = [told(means[n]) if n in means else "" for n in SIZES]
+        cells = [two_digits(means[n]) if n in means else "" for n in SIZES]
         lines.append(f"| {model.name} bands | {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -94,7 +94,7 @@ def square_table() -> str:
             cells = []
             for n in SQUARES:
                 each = error(model, n, n, metric, way)
-                cells.append(f"{told(each.mean())} ± {told(each.std(ddof=1))}")
+                cells.append(f"{two_digits(each.mean())} ± {two_digits(each.std(ddof=1))}")
             lines.append(f"| {model.name} | {way} | {metric} | {' | '.join(cells)} |")
         known = REFERENCE[model.name]
         cells = [f"{known[n]:g}" if n in known else "" for n in SQUARES]
@@ -108,7 +108,9 @@ def distance_table(pairs: Mapping[str, Array]) -> str:
     for name, (wanted, obtained) in pairs.items():
         change = np.abs(obtained - wanted)
         correlation = np.corrcoef(wanted, obtained)[0, 1]
-        lines.append(f"| {name} | {correlation:.4f} | {told(change.mean())} | {change.max():.3g} |")
+        lines.append(
+            f"| {name} | {correlation:.4f} | {two_digits(change.mean())} | {change.max():.3g} |"
+        )
     return "\n".join(lines)
 
 
@@ -134,7 +136,7 @@ def surface_figure(surfaces: Mapping[str, Array]) -> Figure:
             height = means[sizes.index(n), sizes.index(n)]
             axes.plot([n], [n], [height], "o", color=INK, markersize=3, zorder=20)
             axes.text(
-                n, n, height + 0.045 * top, said(height), color=INK, fontsize=8, ha="center",
+                n, n, height + 0.045 * top, tenths(height), color=INK, fontsize=8, ha="center",
                 va="bottom", zorder=21, fontweight="bold", path_effects=halo,
             )  # fmt: skip
         axes.set(xlim=(1, 12), ylim=(1, 12), zlim=(0, top))
@@ -173,8 +175,8 @@ def distance_figure(pairs: Mapping[str, Array]) -> Figure:
         )  # fmt: skip
         correlation = np.corrcoef(wanted, obtained)[0, 1]
         change = np.abs(obtained - wanted).mean()
-        told = f"correlation {correlation:.4f}\nmean change {said(change)}"
-        axes.text(0.04 * top, 0.96 * top, told, va="top", fontsize=8, color=INK, linespacing=1.5)
+        text = f"correlation {correlation:.4f}\nmean change {tenths(change)}"
+        axes.text(0.04 * top, 0.96 * top, text, va="top", fontsize=8, color=INK, linespacing=1.5)
         for side in ("top", "right"):
             axes.spines[side].set_visible(False)
         for side in ("bottom", "left"):
@@ -187,19 +189,19 @@ def distance_figure(pairs: Mapping[str, Array]) -> Figure:
     return figure
 
 
-def told(dE: float) -> str:
-    """A table's number: two digits, and no more than three places.
+def two_digits(dE: float) -> str:
+    """Return a table's number: two digits, and no more than three places.
 
-    >>> told(7.386), told(0.00002)
+    >>> two_digits(7.386), two_digits(0.00002)
     ('7.4', '<0.001')
     """
     return f"{dE:.2g}" if dE >= 0.001 else "<0.001"
 
 
-def said(dE: float) -> str:
-    """A number as short as it is sure: tenths, or that it is next to nothing.
+def tenths(dE: float) -> str:
+    """Return a number as short as it is sure: tenths, or a bound.
 
-    >>> said(7.386), said(0.004)
+    >>> tenths(7.386), tenths(0.004)
     ('7.4', '<0.1')
     """
     return f"{dE:.1f}" if dE >= 0.05 else "<0.1"
@@ -228,3 +230,7 @@ def write(figure: Figure, name: str) -> None:
     image = Image.fromarray(np.asarray(pixels.buffer_rgba())[..., :3])
     image.quantize(256, dither=Image.Dither.NONE).save(DOCS / "images" / name, optimize=True)
     print(f"written to docs/images/{name}")
+
+
+if __name__ == "__main__":
+    draw()

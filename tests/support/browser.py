@@ -1,0 +1,67 @@
+"""Drive the web page in the system's Chromium, under Playwright, with its software GPU."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from volspec.appearance import constants as k
+from volspec.appearance.curves import sRGB_CURVE
+from volspec.appearance.models.cielab import cielab, delta_E_2000
+
+# No network, no first-run pages, a software GPU: the same everywhere.
+_FLAGS = [
+    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic"),
+    *("--no-first-run", "--disable-background-networking", "--disable-component-update"),
+    "--disable-sync",
+]
+
+
+def missing() -> str:
+    """Why there is no browser to drive; empty where there is one."""
+    if shutil.which("chromium") is None:
+        return "no chromium; run tools/system-packages.sh PYTHON test"
+    try:
+        import playwright.sync_api  # noqa: F401
+    except ImportError:
+        return "no playwright; pip install volspec[test]"
+    return ""
+
+
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """The system's Chromium under Playwright, with a user-data folder of its own."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=_FLAGS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+def saved_picture(page: Any) -> NDArray[np.uint8]:
+    """What a page's PNG button saves."""
+    with page.expect_download() as download:
+        page.click("header .download")
+    data = Path(download.value.path()).read_bytes()
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))
+
+
+def mean_difference(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
+    """Mean CIEDE2000 of two frames."""
+    assert one.shape == other.shape
+    Lab = [
+        cielab(sRGB_CURVE.decode(each / 255.0) @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)
+        for each in (one, other)
+    ]
+    return float(delta_E_2000(*Lab).mean())
