@@ -242,14 +242,14 @@ def _session_parts() -> dict[str, bytes]:
 
 def _read_kept(path: Path) -> None:
     """Read what the user's own folders keep; damaged files are done without."""
-    from volspec.export.manifest import Folder
+    from volspec.export.manifest import ExportFolder
     from volspec.viewer.work.session_store import RecentFiles
 
     data = path.read_bytes()
     for name in ("recent.json", "export.json"):
         path.with_name(name).write_bytes(data)
     RecentFiles(path.parent).rows()
-    folder = Folder(path.parent, "fingerprint", ("a.png", "b.png"))
+    folder = ExportFolder(path.parent, "fingerprint", ("a.png", "b.png"))
     folder.missing()
     folder.begin(overwrite=True)
 

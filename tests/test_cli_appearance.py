@@ -18,7 +18,7 @@ from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.cli import main
-from volspec.export.icc import icc_profile
+from volspec.export.png import icc_profile
 from volspec.raycast import CoefficientImage
 from volspec.spectra import reflectance_set
 

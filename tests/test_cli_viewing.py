@@ -18,7 +18,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.cli.viewing import PictureOptions
 from volspec.errors import InputError
-from volspec.export.icc import icc_profile
+from volspec.export.png import icc_profile
 from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec, relight
 from volspec.scene.tables import ViewingTable

@@ -14,7 +14,7 @@ from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ViewingError
 from volspec.export.frames import read_frame_text, write_frame
-from volspec.export.icc import icc_profile
+from volspec.export.png import icc_profile
 from volspec.scene.tables import ViewingTable
 
 

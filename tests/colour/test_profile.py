@@ -15,7 +15,7 @@ from volspec.appearance.curves import Transfer
 from volspec.appearance.profile import read_profile
 from volspec.appearance.spaces import SPACES, ColourSpace
 from volspec.errors import SceneError, ViewingError
-from volspec.export.icc import icc_profile
+from volspec.export.png import icc_profile
 from volspec.scene import Scene
 from volspec.scene.tables import ViewingTable
 

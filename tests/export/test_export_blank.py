@@ -12,7 +12,7 @@ import pytest
 from tests.export.conftest import Make
 from volspec.errors import VolspecWarning
 from volspec.export import tiles
-from volspec.export.blank import Blanks
+from volspec.export.frames import BlankFrames
 
 LUX = """
 [viewing]
@@ -56,8 +56,8 @@ def test_many_frames_and_their_strips_are_one_warning(
 def told(pixels: np.ndarray, alpha: np.ndarray) -> list[str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        blanks = Blanks("exposure")
-        blanks.look("f", "A", pixels, alpha.astype(np.float32))
+        blanks = BlankFrames("exposure")
+        blanks.add("f", "A", pixels, alpha.astype(np.float32))
         blanks.warn()
     return [str(each.message) for each in caught]
 

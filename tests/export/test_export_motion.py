@@ -9,9 +9,13 @@ import pytest
 
 from tests.export.conftest import Make
 from volspec.errors import SceneError, ViewingError
-from volspec.export.keyed import times_s
-from volspec.export.motion import between_keys, ratios_between_keys, short_way
-from volspec.export.plan import Plan, mix_of, plan_export, sweep_weights
+from volspec.export.animation import (
+    frame_times_s,
+    interpolate_angles,
+    interpolate_keyframes,
+    interpolate_ratios,
+)
+from volspec.export.plan import Plan, mix_lights, plan_export, sweep_weights
 from volspec.raycast import Camera
 from volspec.relight import LightRig
 from volspec.relight.spec import mixed_rig
@@ -31,7 +35,7 @@ def test_numbers_never_leave_the_two_keys_they_lie_between() -> None:
     for _ in range(20):
         times, values = np.cumsum(rng.uniform(0.1, 2, 6)), rng.normal(size=6)
         at = np.linspace(times[0], times[-1], 500)
-        found = between_keys(times, values, at)
+        found = interpolate_keyframes(times, values, at)
         left = np.clip(np.searchsorted(times, at, side="right") - 1, 0, 4)
         low, high = np.sort([values[left], values[left + 1]], axis=0)
         # 1e-12: rounding of a cubic of numbers near 1.
@@ -40,24 +44,26 @@ def test_numbers_never_leave_the_two_keys_they_lie_between() -> None:
 
 def test_keys_are_met_and_stillness_kept_to_the_last_bit() -> None:
     times, values = [0.0, 0.1, 0.7, 1.0], [0.1, 0.3, 0.3, 7.7]
-    for way in (between_keys, ratios_between_keys):
+    for way in (interpolate_keyframes, interpolate_ratios):
         assert way(times, values, times).tolist() == values
         assert set(way(times, values, np.linspace(0.1, 0.7, 13)).tolist()) == {0.3}
 
 
 def test_motion_has_no_kink_at_a_key() -> None:
     at = 1.0 + np.array([-2e-6, -1e-6, 0, 1e-6, 2e-6])
-    speed = np.diff(between_keys([0, 1, 2, 3], [0, 1, 3, 4], at)) / 1e-6
+    speed = np.diff(interpolate_keyframes([0, 1, 2, 3], [0, 1, 3, 4], at)) / 1e-6
     assert speed.max() - speed.min() < 1e-4  # a polygon's would jump by 1
 
 
 def test_ratios_are_halved_and_doubled_alike() -> None:
-    assert ratios_between_keys([0, 2], [0.25, 4], [1]) == pytest.approx([1])
+    assert interpolate_ratios([0, 2], [0.25, 4], [1]) == pytest.approx([1])
 
 
 def test_angles_go_the_short_way_round() -> None:
-    assert short_way([350, 10, -170]).tolist() == [350, 370, 190]
-    assert np.abs(np.diff(short_way([0, 170, 340, 150, 320]))).max() <= 180
+    angles = [0, 170, 340, 150, 320]
+    times = np.arange(len(angles))
+    assert interpolate_angles([0, 1, 2], [350, 10, -170], [0, 1, 2]).tolist() == [350, 370, 190]
+    assert np.abs(np.diff(interpolate_angles(times, angles, times))).max() <= 180
 
 
 CAMERAS = """
@@ -255,10 +261,10 @@ def test_the_last_frame_is_the_last_keyframe_s(
 ) -> None:
     key = "[[keyframe]]\ntime_s = {}\ncamera = {{ azimuth_deg = {} }}\n".format
     made = scene(key(0, 10) + key(last_s, 50))
-    assert times_s(made.file.keyframe, fps).tolist() == pytest.approx(times)
+    assert frame_times_s(made.file.keyframe, fps).tolist() == pytest.approx(times)
     orbit = Camera.orbit(made.volume(), azimuth_deg=50, elevation_deg=20)
     assert plan(made, fps=fps, lights=["day"]).shots[-1].camera == orbit
-    assert len(times_s(scene(key(0, 0) + key(2, 1)).file.keyframe, 24)) == 49
+    assert len(frame_times_s(scene(key(0, 0) + key(2, 1)).file.keyframe, 24)) == 49
 
 
 def test_a_film_of_one_keyframe_is_one_frame(scene: Make) -> None:
@@ -303,8 +309,8 @@ def test_lights_with_and_without_lux_do_not_mix(scene: Make) -> None:
     day, lamp, _ = scene().lights
     bright = replace(day, rig=replace(day.rig, illuminance_lux=(500.0,)))
     with pytest.raises(SceneError, match="some of these lights have illuminance_lux"):
-        mix_of([bright, lamp], [0.5, 0.5])
-    said, rig = mix_of([day, lamp], [0.25, 0.75])
+        mix_lights([bright, lamp], [0.5, 0.5])
+    said, rig = mix_lights([day, lamp], [0.25, 0.75])
     assert said == "day 0.25, lamp 0.75" and rig.weights == (0.25, 0.75)
 
 

@@ -15,7 +15,7 @@ import pytest
 from tests.export.conftest import Make
 from tests.export.test_files_whole import left_by_a_kill
 from volspec.errors import InputError
-from volspec.export.manifest import alone_in
+from volspec.export.manifest import exclusive_folder
 from volspec.scene import Scene
 
 SETTINGS = {"turntable": {"frames": 4}, "lights": ["day", "lamp"]}
@@ -181,7 +181,7 @@ def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_pat
 
 
 def test_two_exports_do_not_write_into_one_folder(scene: Make, tmp_path: Path) -> None:
-    with alone_in(tmp_path), pytest.raises(InputError, match="another export writes there"):
+    with exclusive_folder(tmp_path), pytest.raises(InputError, match="another export writes there"):
         scene().export(tmp_path)
 
 

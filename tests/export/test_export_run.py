@@ -13,7 +13,7 @@ from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, SceneError, ViewingError, VolspecWarning
 from volspec.export import read_frame_text, tiles
-from volspec.export.primaries import PRIMARIES, XYZ_adapted
+from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.pipeline import Relighter
 from volspec.scene import Scene
 
@@ -155,7 +155,7 @@ def test_display_light_in_exr_is_the_codes_decoded(scene: Make, tmp_path: Path) 
 def test_white_is_white_in_all_primaries(name: str, scene: Make, tmp_path: Path) -> None:
     to = PRIMARIES[name]
     for space in (SPACES["sRGB"], SPACES["DCI-P3"]):
-        white = to.RGB_from_XYZ @ XYZ_adapted(space, to) @ space.white_XYZ
+        white = to.RGB_from_XYZ @ white_adaptation(space, to) @ space.white_XYZ
         assert white == pytest.approx([1, 1, 1], abs=1e-12)
     scene().export(tmp_path, lights=["day"], format="exr", primaries=name, size=(8, 8))
     header, _ = read_exr(tmp_path / "day.exr", ImageError)
@@ -167,7 +167,7 @@ def test_white_is_white_in_all_primaries(name: str, scene: Make, tmp_path: Path)
 def test_rec_709_to_aces_is_the_published_matrix() -> None:
     """Bradford from D65 to ACES' white, as OpenColorIO's configs have it."""
     to, space = PRIMARIES["ACES AP0"], PRIMARIES["Rec. 709"]
-    matrix = to.RGB_from_XYZ @ XYZ_adapted(space, to) @ space.XYZ_from_RGB
+    matrix = to.RGB_from_XYZ @ white_adaptation(space, to) @ space.XYZ_from_RGB
     published = [
         [0.43963298, 0.38298870, 0.17737832],
         [0.08977644, 0.81343943, 0.09678413],
@@ -222,7 +222,7 @@ def test_many_frames_of_many_strips_are_made_in_batches(
     made, settings = scene(), {"size": (8, 160), "sheet": False}
     made.export(tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
-    monkeypatch.setattr("volspec.export.maker._OPEN_FILES", 2)
+    monkeypatch.setattr("volspec.export.exporter._OPEN_FILES", 2)
     done = made.export(tmp_path / "strips", **settings)
     assert (done.made, done.casts) == (3, 2)
     for name in done.files:

@@ -17,11 +17,12 @@ import numpy as np
 import pytest
 from packaging.requirements import Requirement
 
+from tests.support.errors import raises
 from volspec._files import write_whole
 from volspec._gpu import opengl
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, OpenGLError, VolspecWarning
-from volspec.export.manifest import alone_in
+from volspec.export.manifest import exclusive_folder
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
 from volspec.spectra import light
@@ -132,8 +133,11 @@ def test_on_windows_too_one_export_keeps_another_out_of_its_folder(
     monkeypatch.setattr(sys, "platform", "win32")
     folder = tmp_path / "frames"
     for _ in range(2):
-        with alone_in(folder):
-            with pytest.raises(InputError, match="another export writes there"), alone_in(folder):
+        with exclusive_folder(folder):
+            with (
+                raises(InputError, "state"),
+                exclusive_folder(folder),
+            ):
                 pass
             folder.rmdir()
         assert list(tmp_path.iterdir()) == []

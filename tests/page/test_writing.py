@@ -11,7 +11,7 @@ import pytest
 from volspec.cli import main
 from volspec.errors import ImageError, ShapeError, ViewingError, VolspecWarning
 from volspec.export.page import PageSpec, PageView, page_html, write_page
-from volspec.export.page.channels import predicted, residual_bytes
+from volspec.export.page.build import median_prediction, residual_bytes
 from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
@@ -21,7 +21,7 @@ from volspec.spectra import reflectance
 def test_edges_predict_from_the_neighbours_that_there_are() -> None:
     plane = np.array([[5, 7, 9], [6, 1, 4]])
     # West along the first row, north down the first column; else the median of three.
-    assert predicted(plane).tolist() == [[0, 5, 7], [5, 7, 3]]
+    assert median_prediction(plane).tolist() == [[0, 5, 7], [5, 7, 3]]
 
 
 def test_a_plane_like_the_one_before_costs_nothing() -> None:

@@ -9,7 +9,7 @@ import pytest
 import volspec as vs
 from volspec.appearance.spaces import SPACES
 from volspec.errors import PaletteError
-from volspec.export.icc import icc_profile
+from volspec.export.png import icc_profile
 
 TEXT = """
 [viewing.display]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.support.window import missing
 from tests.support.viewer import small_document
+from tests.support.window import missing
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 

@@ -37,8 +37,8 @@ def write_comparison(
     from volspec import __version__
     from volspec._files import require_writable
     from volspec.appearance.spec import MODELS
-    from volspec.export.comparison import Seen, comparison_sheet
     from volspec.export.frames import write_frame
+    from volspec.export.sheet import SheetTile, comparison_sheet
     from volspec.pipeline import Relighter
     from volspec.raycast import CoefficientImage
     from volspec.scene.tables import ViewingTable
@@ -60,13 +60,15 @@ def write_comparison(
     stored = CoefficientImage.load(image)
     lamp = light(white, stored.basis.grid)
     with Relighter(stored) as relighter:
-        seen = [Seen(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks]
+        tiles = [
+            SheetTile(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks
+        ]
     words = [f"{image.stem} under {white}", f"{table.illuminance_lux:g} lx"]
     if table.L_A is not None:
         words[1] = f"L_A {table.L_A:g} cd/m²"
     space = looks[0].display.colours
     words += [each for each in (table.display.preset, space.name) if each != "sRGB"]
-    sheet = comparison_sheet(", ".join(words), seen, columns=4)
+    sheet = comparison_sheet(", ".join(words), tiles, columns=4)
     notes = {"light": white, "Software": f"volspec {__version__}"}
     write_frame(output, sheet, notes, space)
     say(output)

@@ -101,8 +101,7 @@ def relight(
         `S0.400,000000nm`, …, and red, green, blue to look at. No eye is asked, so that of the
         viewing `--exposure` and `--lux` alone count.
     """
-    from volspec.export.blank import Blanks
-    from volspec.export.frames import file_stem, write_frame
+    from volspec.export.frames import BlankFrames, file_stem, write_frame
     from volspec.pipeline import Relighter
     from volspec.scene import viewing_of
 
@@ -137,7 +136,7 @@ def relight(
         _write_spectra(stored, named, replace(spec, mode=mode or "exact"), paths)  # type: ignore[arg-type]
         _tell_of_lux(image, scene, viewing, spec)
         return
-    blanks = Blanks("--exposure")
+    blanks = BlankFrames("--exposure")
     with Relighter(stored) as relighter:
         if changes:
             with in_options():
@@ -147,7 +146,7 @@ def relight(
                 frame = relighter.frame(lamp, spec)
             notes = {"light": text, "Software": f"volspec {__version__}"}
             write_frame(path, frame, notes, spec.viewing.display.space)
-            blanks.look(str(path), text, frame, stored.alpha)
+            blanks.add(str(path), text, frame, stored.alpha)
             say(path)
             # For the warning alone some of a large picture's pixels are enough.
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)

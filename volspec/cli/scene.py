@@ -11,7 +11,7 @@ from volspec.cli.shell import Json, app, counted, print_json, say
 from volspec.errors import one_line
 
 if TYPE_CHECKING:
-    from volspec.export.checking import Checked
+    from volspec.export.plan import Checked
 
 scene = App(name="scene", help="Check scene files; their JSON schema.")
 app.command(scene)
@@ -31,7 +31,7 @@ def check(files: list[Path], /, *, json: Json = False) -> None:
     files
         Scene files.
     """
-    from volspec.export.checking import check_scene
+    from volspec.export.plan import check_scene
 
     found = [check_scene(file) for file in files]
     if json:

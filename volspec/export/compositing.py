@@ -1,13 +1,13 @@
-"""Relighting by a compositor: lights as matrices in the header of a coefficient image.
+"""Relighting in a compositor: lights as matrices in the header of a coefficient image.
 
-basis, light groups, lights -> [compositing] -> the file's header -> Blender, Nuke, a script
+    basis, light groups, lights -> [compositing] -> EXR header -> Blender, Nuke, a script
 
     RGB = Σ_g M_g C_g  (+ (1 - A) backdrop)        linear Rec. 709, white 1, premultiplied by A
     M_g = RGB_from_XYZ · Bradford(white of the light -> D65) · D_g diag(e_g)
 
-D_g diag(e_g) is the matrix of `Illumination`, of whichever mode the picture is shown in. A
-compositor has no eye, so that the light's white is adapted by a matrix, completely, as ICC profiles
-do it; CIECAM02 is no matrix. docs/compositing.md tells users.
+D_g diag(e_g) is the matrix of `Illumination` in the picture's mode. A compositor has no appearance
+model, so that the light's white is adapted completely by a matrix, as in ICC profiles. For users:
+docs/compositing.md.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ from volspec.appearance.surround import ViewingConditions
 from volspec.basis import Basis, SpectralBasis
 from volspec.basis.display import visible_white
 from volspec.errors import ImageError, ViewingError, quoted
-from volspec.export.primaries import PRIMARIES
-from volspec.export.spectral import per_flat_white
+from volspec.export.exr import PRIMARIES
+from volspec.export.spectral import flat_white_scale
 from volspec.raycast import CoefficientImage
 from volspec.raycast.image_file import channel_names
 from volspec.relight import LightRig, RelightSpec
@@ -42,27 +42,27 @@ from volspec.spectra import Spectrum
 Array = NDArray[np.float64]
 
 VERSION = 1
-_JSON, _TEXT = "compositing", "relight"  # of the header's attributes, after "volspec:"
-# As `channel_names` makes them.
+_JSON, _TEXT = "compositing", "relight"  # names of attributes, after "volspec:"
+# Names that `channel_names` makes.
 _CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9_]*\.c[0-9]+\.V")
-_DIGITS = 9  # of numbers in a header; float32 has 7
+_DIGITS = 9  # significant ones in a header; float32 has 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompositorLight:
-    """What one light does, as a compositor counts.
+    """Relighting by one light in a compositor.
 
     Parameters
     ----------
     matrices : {group: (3, M) array}
-        Channels to linear Rec. 709, for each light group that shines.
+        Channels to linear Rec. 709, for each light group that is lit.
     backdrop : (3,) array
         The colour of the diffuser behind.
     numbers : {group: (M,) array}
-        The lights' own channels e_g, ones for flat white light of as much luminance; of a basis of
-        materials, which has none, empty.
+        The lights' channels e_g, 1 for flat white of the same luminance; empty for a basis of
+        materials.
     illuminance_lux : float, optional
-        E_v on what faces every source; None where it carries none.
+        E_v on a surface that faces every source.
     """
 
     matrices: Mapping[str, Array]
@@ -73,14 +73,14 @@ class CompositorLight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
-    """All that a compositor needs beside the channels.
+    """Names of the channels and the lights of a coefficient image, for compositors.
 
     Parameters
     ----------
     channels : {group: tuple of str}
-        Of each light group, as the file calls them.
+        Names in the file, by light group.
     lights : {name: CompositorLight}
-        The first is the preview's.
+        The first lights the preview.
     mode : str
         As `RelightSpec.mode`.
 
@@ -106,12 +106,18 @@ class Recipe:
 
     def __post_init__(self) -> None:
         if not self.lights:
-            raise ImageError("recipe: there is no light; give at least one")
+            raise ImageError(
+                "there is no light", "give at least one", code="missing", field="recipe"
+            )
         for channel in (name for names in self.channels.values() for name in names):
-            # They become part of expressions, which compositors run.
+            # They become part of expressions that compositors evaluate.
             if not (isinstance(channel, str) and _CHANNEL.fullmatch(channel)):
                 raise ImageError(
-                    f"recipe: {quoted(channel)} is no channel of a cast; give names as key.c00.V"
+                    f"{quoted(channel)} is no channel of a cast",
+                    "give names as key.c00.V",
+                    code="unknown",
+                    field="recipe",
+                    given=channel,
                 )
         for name, light in self.lights.items():
             _require_fit(f"light {quoted(name)}", light, self.channels)
@@ -124,7 +130,7 @@ class Recipe:
         lights: Mapping[str, Spectrum | LightRig],
         spec: RelightSpec | None = None,
     ) -> Self:
-        """Work out the lights of an image.
+        """Compute the lights of an image.
 
         Parameters
         ----------
@@ -132,8 +138,8 @@ class Recipe:
             The image's.
         lights : {name: Spectrum or LightRig}
         spec : RelightSpec, optional
-            Mode, backdrop, level and exposure; the eye's conditions count for nothing here. Where a
-            light carries no lux, all are at level ``"relative"``.
+            Mode, backdrop, level and exposure; adaptation is ignored. If a light has no lux, all
+            are at level ``"relative"``.
 
         Raises
         ------
@@ -142,8 +148,11 @@ class Recipe:
         """
         if not (isinstance(lights, Mapping) and lights):
             raise ViewingError(
-                f"recipe: the lights are {quoted(lights)}; give at least one by name, as "
-                "{'day': volspec.light('D65')}"
+                f"the lights are {quoted(lights)}",
+                "give at least one by name, as {'day': volspec.light('D65')}",
+                code="missing",
+                field="recipe",
+                given=lights,
             )
         spec, size = (spec or RelightSpec()).for_lights(lights.values()), basis.size
         names = channel_names(groups, size)
@@ -154,30 +163,33 @@ class Recipe:
             lit = Illumination.of(basis, rig, spec, groups)
             to_RGB = _RGB_from_XYZ(lit.white_XYZ)
             parts = np.split(to_RGB @ lit.XYZ_from_channels, len(groups), axis=1)
-            shining = {g: part for g, part in zip(groups, parts, strict=True) if part.any()}
+            lit_parts = {g: part for g, part in zip(groups, parts, strict=True) if part.any()}
             numbers = _numbers(basis, groups, rig, lit.gain)
             rows[name] = CompositorLight(
-                *(shining, to_RGB @ lit.backdrop_XYZ, numbers, lit.illuminance_lux)
+                lit_parts, to_RGB @ lit.backdrop_XYZ, numbers, lit.illuminance_lux
             )
         return cls(channels, MappingProxyType(rows), spec.mode)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """The recipe in an image's header.
+        """Read the recipe in an image's header.
 
         Raises
         ------
         ImageError
-            If the file cannot be read, is no coefficient image, or says nothing of lights.
+            If the file cannot be read, is no coefficient image, or has no lights.
         """
         name, header = os.fspath(path), read_header(path, ImageError)
         if "volspec:basis" not in header:
-            raise ImageError(f"{name}: not a coefficient image; `volspec render` makes them")
+            raise ImageError(
+                f"{name}: not a coefficient image", "`volspec render` makes them", code="type"
+            )
         text = header.get(f"volspec:{_JSON}")
         if text is None:
             raise ImageError(
-                f"{name}: names no lights for compositors; `volspec compositing {name} --light D65 "
-                "-o NEW.exr` writes one that does"
+                f"{name}: has no lights for compositors",
+                f"`volspec compositing {name} --light D65 -o NEW.exr` writes one that does",
+                code="missing",
             )
         try:
             data = parse_json(text)
@@ -202,7 +214,7 @@ class Recipe:
             ) from None
 
     def texts(self) -> dict[str, str]:
-        """Attributes of the header: all as JSON, and each light's sums to paste."""
+        """Return attributes of the header: everything as JSON, and each light's sums to paste."""
         data = {
             "version": VERSION,
             "colours": "linear Rec. 709, white D65 = 1, premultiplied by A",
@@ -227,7 +239,7 @@ class Recipe:
         return texts
 
     def sums(self, light: str) -> list[dict[str, str]]:
-        """What R, G and B are, group by group, with the names that Nuke gives the channels.
+        """Return the sums of R, G and B by light group, with Nuke's names of the channels.
 
         Parameters
         ----------
@@ -239,13 +251,13 @@ class Recipe:
         ]
 
     def _sum(self, group: str, row: Array) -> str:
-        """``(0.12*key_c00.V-0.03*key_c01.V…)``."""
+        """Return ``(0.12*key_c00.V-0.03*key_c01.V…)``."""
         names = (name.replace(".", "_", 1) for name in self.channels[group])
         terms = (f"{v:+.{_DIGITS}g}*{name}" for v, name in zip(row, names, strict=True))
         return f"({''.join(terms).removeprefix('+')})"
 
     def picture(self, image: CoefficientImage, light: str) -> NDArray[np.float32]:
-        """(H, W, 3): an image under a light, as a compositor makes it of the file.
+        """Return (H, W, 3): an image under a light, as a compositor computes it.
 
         Parameters
         ----------
@@ -259,15 +271,15 @@ class Recipe:
 
 
 def scene_recipe(scene: Scene, lights: Iterable[NamedLight], spec: RelightSpec) -> Recipe:
-    """What relights the casts of a scene.
+    """Return the recipe for casts of a scene.
 
     Parameters
     ----------
     scene : Scene
     lights : sequence of NamedLight
-        Some of the scene's; the first is the preview's.
+        Some of the scene's; the first lights the preview.
     spec : RelightSpec
-        As for `Recipe.of`, whose errors these are.
+        As for `Recipe.of`, which raises the errors.
     """
     rigs = {light.name: light.rig for light in lights}
     return Recipe.of(scene.basis, scene.raycast.shares(), rigs, spec)
@@ -284,7 +296,7 @@ def save_for_compositors(
     path : path
         Ends in ``.exr``.
     recipe : Recipe
-        Of the image's basis and light groups.
+        Made for the image's basis and light groups.
 
     Raises
     ------
@@ -295,25 +307,25 @@ def save_for_compositors(
 
 
 def _RGB_from_XYZ(white_XYZ: Array) -> Array:
-    """(3, 3): XYZ beside a white to linear Rec. 709 beside D65."""
+    """Return (3, 3) from XYZ under a white to linear Rec. 709 under D65."""
     space = PRIMARIES["Rec. 709"]
     whites = visible_white(white_XYZ), space.white_XYZ
-    seen, shown = (ViewingConditions(tuple(white.tolist())) for white in whites)
-    adapted = adaptation("Bradford")(seen, shown).apply(np.eye(3)).T
+    scene, display = (ViewingConditions(tuple(white.tolist())) for white in whites)
+    adapted = adaptation("Bradford")(scene, display).apply(np.eye(3)).T
     return np.asarray(space.RGB_from_XYZ @ adapted)
 
 
 def _numbers(
     basis: Basis, groups: Mapping[str, float], rig: LightRig, gain: float
 ) -> dict[str, Array]:
-    """The channels of what shines from each group."""
+    """Return the channels of the light from each group."""
     if not isinstance(basis, SpectralBasis):
         return {}
-    kappa = per_flat_white(basis, rig.facing(groups).mixed(basis.grid), gain)
-    shining = {group: rig.shining_from(group) for group in groups}
+    kappa = flat_white_scale(basis, rig.facing(groups).mixed(basis.grid), gain)
+    lit_parts = {group: rig.shining_from(group) for group in groups}
     return {
         group: kappa * basis.analyse(own.mixed(basis.grid))
-        for group, own in shining.items()
+        for group, own in lit_parts.items()
         if own is not None
     }
 
@@ -321,23 +333,27 @@ def _numbers(
 def _require_fit(who: str, light: CompositorLight, channels: Mapping[str, tuple[str, ...]]) -> None:
     """Refuse arrays of a light that do not fit the channels."""
     if not light.matrices:
-        raise ImageError(f"{who}: has no matrix; give one of {', '.join(channels)}")
+        raise ImageError(
+            f"{who}: has no matrix", f"give one of {', '.join(channels)}", code="missing"
+        )
     _require_shape(f"{who}: backdrop", light.backdrop, (3,))
     for what, rows, shape in (("matrix", light.matrices, (3,)), ("numbers", light.numbers, ())):
         for group, array in rows.items():
             if group not in channels:
                 raise ImageError(
-                    f"{who}: {what} of group {quoted(group)}; there is {', '.join(channels)}"
+                    f"{who}: {what} of group {quoted(group)}",
+                    f"there is {', '.join(channels)}",
+                    code="unknown",
                 )
-            whose = f"{who}: {what} of group {quoted(group)}"
-            _require_shape(whose, array, (*shape, len(channels[group])))
+            name = f"{who}: {what} of group {quoted(group)}"
+            _require_shape(name, array, (*shape, len(channels[group])))
 
 
 def _require_shape(who: str, array: Array, shape: tuple[int, ...]) -> None:
     if array.shape != shape:
-        raise ImageError(f"{who} has shape {array.shape}; expected {shape}")
+        raise ImageError(f"{who} has shape {array.shape}", f"expected {shape}", code="shape")
     if not np.isfinite(array).all():
-        raise ImageError(f"{who} has numbers that are not finite; give others")
+        raise ImageError(f"{who} has numbers that are not finite", "give others", code="range")
 
 
 def _arrays(data: Mapping[str, Any]) -> dict[str, Array]:

@@ -1,6 +1,6 @@
-"""The demo: a scene cast once and relit under its lights, with what it cost.
+"""The demo: cast a scene once, relight it under its lights, report times and errors.
 
-It does what a user's script would do, through the same pipeline: `Scene`, `Relighter`, frames.
+A user's script would use the same pipeline: `Scene`, `Relighter`, frames.
 """
 
 from __future__ import annotations
@@ -26,12 +26,9 @@ from volspec.export.sheet import SheetColumn, contact_sheet
 from volspec.pipeline import Raycaster, Relighter
 from volspec.scene import Scene
 
-Tell = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 _REPEATS = 5
-_ROWS = (
-    "What an eye adapted to the light sees (CIECAM02)",
-    "The same light without adaptation",
-)
+_ROWS = ("What an eye adapted to the light sees (CIECAM02)", "The same light without adaptation")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +55,7 @@ class LightReport:
 
 @dataclass(frozen=True, slots=True)
 class DemoReport:
-    """What `run_demo` measured."""
+    """Measurements of `run_demo`."""
 
     scene: str
     size: tuple[int, int]
@@ -70,35 +67,37 @@ class DemoReport:
     seconds: float
 
     def to_dict(self) -> dict[str, Any]:
-        """As JSON types, with version and platform."""
+        """Return the fields as JSON types, with version and platform."""
         return {"volspec": __version__, "platform": platform.platform(), **asdict(self)}
 
 
-def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) -> DemoReport:
+def run_demo(
+    scene: Scene, out: Path, progress: Progress, *, device: str | None = None
+) -> DemoReport:
     """Cast a scene, relight it under each of its lights, write everything to a folder.
 
-    Writes ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (where and by how much the
-    basis is off), ``<volume>.exr``, ``<volume>.html`` and ``report.json``.
+    Writes ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (a map of the
+    basis' errors), ``<volume>.exr``, ``<volume>.html`` and ``report.json``.
 
     Parameters
     ----------
     scene : Scene
     out : Path
-    tell : callable
-        Called with a step's name and the finished share of it, 0…1.
+    progress : callable
+        Called with a step's name and its progress, 0…1.
     device : str, optional
         Part of an OpenCL device's name.
     """
     begun = time.perf_counter()
-    tell("read the volume", 0)
+    progress("read the volume", 0)
     volume = scene.volume()
-    tell("read the volume", 1)
-    tell("build the kernel", 0)
+    progress("read the volume", 1)
+    progress("build the kernel", 0)
     caster = Raycaster(volume, device=device)
     scene.render(volume, caster=caster)
-    tell("build the kernel", 1)
+    progress("build the kernel", 1)
     started = time.perf_counter()
-    image = scene.render(volume, caster=caster, progress=lambda share: tell("cast", share))
+    image = scene.render(volume, caster=caster, progress=lambda done: progress("cast", done))
     cast_ms = 1e3 * (time.perf_counter() - started)
     columns, reports, frames, maps = [], [], {}, []
     materials = list(scene.materials.values())
@@ -127,7 +126,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
                 )
             )
             maps.append(relighter.error_map(light.rig, relit.mode, relit.backdrop))
-            tell("relight", (i + 1) / len(scene.lights))
+            progress("relight", (i + 1) / len(scene.lights))
         drawn_by = relighter.backend
     relight_ms = median(r.relight_ms for r in reports)
     title = (
@@ -135,7 +134,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
         f"relit in {relight_ms:.0f} ms a light"
     )
     sheet = contact_sheet(title, _ROWS, columns)
-    # Everything is made; now write it, so that an interruption before leaves nothing behind.
+    # Write at the end, so that an interruption leaves nothing behind.
     recipe = scene_recipe(scene, scene.lights, relit)
     save_for_compositors(image, out / f"{Path(volume.name).stem}.exr", recipe)
     page = PageSpec(scene.file.title or volume.name)
@@ -146,7 +145,7 @@ def run_demo(scene: Scene, out: Path, tell: Tell, *, device: str | None = None) 
         text = {"light": name, "Software": f"volspec {__version__}"}
         write_frame(out / "frames" / f"{file_stem(name)}.png", frame, text, space)
     write_frame(out / "sheet.png", sheet)
-    top = max(found.top for found in maps)  # one scale, so that lights can be compared
+    top = max(found.top for found in maps)  # one scale for all lights
     write_frame(out / "errors.png", np.hstack([found.image(top) for found in maps]))
     result = DemoReport(
         scene=scene.file.title,

@@ -1,11 +1,10 @@
-"""Frames as OpenEXR, row by row: linear half floats, the primaries told, spectra where asked for.
+"""OpenEXR files written row by row: linear half floats with primaries, optionally spectra.
 
-    pixels -> [exr]
+    pixels -> [exr] -> FILE.exr
 
-From Python OpenEXR's own library takes whole pictures (but for an interface that it is to lose);
-this writer takes rows as they come, so that a picture may be larger than memory. Blocks of lines
-know nothing of each other: all cores pack those of a picture that comes in rows. Opacity is
-multiplied into the colours, as compositors expect of this format.
+OpenEXR's own library takes whole pictures from Python; this writer takes rows, so that a picture
+may be larger than memory. Blocks of lines are independent, so that all cores compress them.
+Colours are premultiplied, as compositors expect of this format.
 
 References
 ----------
@@ -22,7 +21,8 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -30,27 +30,59 @@ from numpy.typing import NDArray
 
 from volspec._exr import chromaticities, to_half
 from volspec._files import write_whole
-from volspec.appearance.spaces import ColourSpace
-from volspec.export.encoders import workers
+from volspec.appearance.curves import Transfer
+from volspec.appearance.profile import D50_from_white
+from volspec.appearance.spaces import SPACES, ColourSpace
 from volspec.spectra.spectral_image import spectral_channels, spectral_header
 
 _MAGIC, _VERSION = 20000630, 2
 _HALF, _ZIP, _RISING = 1, 3, 0  # pixel type, compression, order of lines
-# Lines of a block, which ZIP packs at once; and zlib's level, that of OpenEXR's own library.
+# Lines of a ZIP block; and zlib's level, that of OpenEXR's own library.
 _LINES, _LEVEL = 16, 4
-# Of blocks that may wait for cores.
+# Bytes of blocks that may wait for a core.
 _WAITING_BYTES = 2**27
+# More cores than these would wait for the frames.
+_MOST_THREADS = 16
+_LINEAR = Transfer.gamma(1.0)
+_ACES_WHITE_XY = (0.32168, 0.33767)
+# Colour spaces of linear files, by their primaries.
+PRIMARIES: Mapping[str, ColourSpace] = MappingProxyType(
+    {
+        "Rec. 709": replace(SPACES["Rec. 709"], transfer=_LINEAR),
+        # SMPTE ST 2065-1 and the Academy's S-2014-004.
+        "ACES AP0": ColourSpace(
+            "ACES AP0", ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077)), _ACES_WHITE_XY, _LINEAR
+        ),
+        "ACES AP1": ColourSpace(
+            "ACES AP1", ((0.713, 0.293), (0.165, 0.830), (0.128, 0.044)), _ACES_WHITE_XY, _LINEAR
+        ),
+    }
+)
+
+
+def encoding_threads() -> int:
+    """Return the number of threads that encode files."""
+    return min(os.cpu_count() or 1, _MOST_THREADS)
+
+
+def white_adaptation(space: ColourSpace, to: ColourSpace) -> NDArray[np.float64]:
+    """Return (3, 3): XYZ under one space's white to XYZ under another's (Bradford)."""
+    if space.white_xy == to.white_xy:
+        return np.eye(3)
+    return np.asarray(
+        np.linalg.solve(D50_from_white(to.white_XYZ / 100.0), D50_from_white(space.white_XYZ / 100))
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExrBands:
-    """The spectral channels of a picture: radiances in the layout of `spectral_image`.
+    """Spectral channels of a picture: radiances in the layout of `spectral_image`.
 
     Parameters
     ----------
     wavelengths_nm : (N,) array
     units : str
-        What 1 is.
+        The unit of 1.
     """
 
     wavelengths_nm: NDArray[np.float64]
@@ -59,18 +91,18 @@ class ExrBands:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExrHeader:
-    """What an OpenEXR picture says beside its pixels.
+    """Metadata of an OpenEXR picture.
 
     Parameters
     ----------
     size : (width, height)
     space : ColourSpace
-        Its primaries and white are told.
+        Written as its primaries and white.
     text : {name: text}
-        Kept as ``volspec:name``.
+        Written as ``volspec:name``.
     has_alpha : bool
     bands : ExrBands, optional
-        Behind the colours (and opacity) a pixel has a spectrum.
+        Spectral channels after the colours (and opacity).
     """
 
     size: tuple[int, int]
@@ -81,19 +113,19 @@ class ExrHeader:
 
     @property
     def channels(self) -> list[str]:
-        """Names in the order of a pixel's numbers."""
+        """Names in the order of a pixel's values."""
         colours = [*("RGBA" if self.has_alpha else "RGB")]
         if self.bands is None:
             return colours
         return colours + spectral_channels("emissive", self.bands.wavelengths_nm)
 
-    def packed(self) -> bytes:
-        """The header as it stands in the file."""
+    def to_bytes(self) -> bytes:
+        """Return the header as bytes."""
         width, height = self.size
         window = struct.pack("<4i", 0, 0, width - 1, height - 1)
         channel = struct.pack("<iB3xii", _HALF, 0, 1, 1)
         channels = b"".join(name.encode() + b"\0" + channel for name in sorted(self.channels))
-        told = chromaticities(self.space.primaries_xy, self.space.white_xy)
+        white_and_primaries = chromaticities(self.space.primaries_xy, self.space.white_xy)
         texts = {f"volspec:{name}": text for name, text in self.text.items()}
         if self.bands is not None:
             texts |= spectral_header("emissive", self.bands.units)
@@ -106,7 +138,7 @@ class ExrHeader:
             ("pixelAspectRatio", "float", struct.pack("<f", 1.0)),
             ("screenWindowCenter", "v2f", struct.pack("<2f", 0.0, 0.0)),
             ("screenWindowWidth", "float", struct.pack("<f", 1.0)),
-            ("chromaticities", "chromaticities", struct.pack("<8f", *told)),
+            ("chromaticities", "chromaticities", struct.pack("<8f", *white_and_primaries)),
             *((name, "string", text.encode()) for name, text in texts.items()),
         ]
         rows = (
@@ -125,13 +157,13 @@ class ExrWriter:
         Open for writing, at its beginning.
     header : ExrHeader
     threads : int
-        That pack blocks; with 1 the caller's own does.
+        Compress blocks; with 1, the caller's own does.
     """
 
     def __init__(self, file: BinaryIO, header: ExrHeader, threads: int = 1) -> None:
         width, height = header.size
         names = header.channels
-        # A file has its channels in the order of their names.
+        # Channels are sorted by name in the file.
         self._order = sorted(range(len(names)), key=names.__getitem__)
         self._block = np.empty((_LINES, len(names), width), "<f2")
         self._filled = 0
@@ -139,35 +171,35 @@ class ExrWriter:
         self._room = max(1, min(2 * threads, _WAITING_BYTES // self._block.nbytes))
         self._file = file
         self._offsets: list[int] = []
-        file.write(header.packed())
+        file.write(header.to_bytes())
         self._table = file.tell()
         file.write(bytes(8 * -(-height // _LINES)))
 
     def rows(self, pixels: NDArray[Any]) -> None:
-        """Add rows; (R, W, C) linear."""
+        """Append rows; (R, W, C) linear."""
         if self._threads == 1:
             for plain in self._blocks(pixels):
-                self._write(_packed(plain))
+                self._write(_compressed(plain))
             return
         waiting: deque[Future[bytes]] = deque()
-        # Only while rows are added: of many files that are open at once one has threads.
+        # Only while rows are added: of many open files only one has threads.
         with ThreadPoolExecutor(self._threads) as pool:
             for plain in self._blocks(pixels):
                 if len(waiting) == self._room:
                     self._write(waiting.popleft().result())
-                waiting.append(pool.submit(_packed, plain))
+                waiting.append(pool.submit(_compressed, plain))
             while waiting:
                 self._write(waiting.popleft().result())
 
     def close(self) -> None:
-        """Write what is left, and where blocks begin; the file stays open."""
+        """Write the last block and the table of offsets; the file stays open."""
         if self._filled:
-            self._write(_packed(self._block[: self._filled].tobytes()))
+            self._write(_compressed(self._block[: self._filled].tobytes()))
         self._file.seek(self._table)
         self._file.write(struct.pack(f"<{len(self._offsets)}Q", *self._offsets))
 
     def _blocks(self, pixels: NDArray[Any]) -> Iterator[bytes]:
-        """The blocks that rows fill, as they stand in a file before they are packed."""
+        """Yield the blocks that rows fill, before compression."""
         at = 0
         while at < len(pixels):
             count = min(_LINES - self._filled, len(pixels) - at)
@@ -184,25 +216,25 @@ class ExrWriter:
         self._file.write(struct.pack("<ii", y, len(packed)) + packed)
 
 
-def _packed(plain: bytes) -> bytes:
-    """A block's data; as it is where ZIP makes it no smaller."""
-    packed = zlib.compress(_predicted(plain), _LEVEL)
+def _compressed(plain: bytes) -> bytes:
+    """Compress a block; left as it is if ZIP makes it no smaller."""
+    packed = zlib.compress(_differences(plain), _LEVEL)
     return packed if len(packed) < len(plain) else plain
 
 
-def _predicted(plain: bytes) -> NDArray[np.uint8]:
-    """All low bytes, then all high ones, each as the step from the one before, plus 128."""
+def _differences(plain: bytes) -> NDArray[np.uint8]:
+    """Return all low bytes, then all high ones, each as its difference to the last plus 128."""
     pairs = np.frombuffer(plain, np.uint8).reshape(-1, 2)
-    parted = pairs.T.ravel()
-    steps = parted.copy()
-    steps[1:] -= parted[:-1]
+    planes = pairs.T.ravel()
+    steps = planes.copy()
+    steps[1:] -= planes[:-1]
     steps[1:] += 128
     return steps
 
 
 @contextmanager
 def exr_file(path: str | os.PathLike[str], header: ExrHeader) -> Iterator[ExrWriter]:
-    """An OpenEXR picture that takes its rows one after the other; it appears when all are there.
+    """Open an OpenEXR file for rows; it appears after the body.
 
     Raises
     ------
@@ -210,13 +242,13 @@ def exr_file(path: str | os.PathLike[str], header: ExrHeader) -> Iterator[ExrWri
         If the folder cannot be written to.
     """
     with write_whole(path) as temporary, temporary.open("wb") as file:
-        writer = ExrWriter(file, header, workers())
+        writer = ExrWriter(file, header, encoding_threads())
         yield writer
         writer.close()
 
 
 def exr_bytes(pixels: NDArray[Any], header: ExrHeader) -> bytes:
-    """The file of a whole picture; (H, W, C) linear. One thread packs it: `Encoders` has many."""
+    """Encode a whole picture, (H, W, C) linear, in one thread: `Encoders` has many."""
     file = io.BytesIO()
     writer = ExrWriter(file, header)
     writer.rows(pixels)

@@ -1,9 +1,9 @@
-"""Films from finished frames: MP4, WebM or GIF, their colours told, whole or not at all.
+"""Films from finished frames: MP4, WebM or GIF, tagged with their colour space.
 
     frames on disk -> [film]
 
-Players guess what a film's numbers mean unless it says so: matrix, range, primaries and curve are
-converted to and tagged as what they are.
+Players guess an untagged film's colours: matrix, range, primaries and curve are converted
+explicitly, and tagged.
 
 References
 ----------
@@ -31,37 +31,45 @@ from volspec.export.frames import read_frame
 from volspec.scene.export import ExportTable
 
 SUFFIXES = (".mp4", ".webm", ".gif")
-# ffmpeg's names of a space's primaries and curve; others cannot be told to a player.
+# ffmpeg's names of a space's primaries and curve; films of others cannot be tagged.
 _TAGS = {
     "sRGB": ("bt709", "iec61966-2-1"),
     "Display P3": ("smpte432", "iec61966-2-1"),
     "Rec. 709": ("bt709", "bt709"),
 }
-# Bytes must not follow from the machine's cores, nor from its clock.
+# Bytes must not depend on the machine's cores, nor on its clock.
 _THREADS = "4"
-_BITEXACT = ("-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact")
+_BITEXACT = ["-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
 _CODECS = {
-    ".mp4": (
-        *("-c:v", "libx264", "-preset", "medium", "-crf", "16", "-pix_fmt", "yuv420p"),
-        *("-movflags", "+faststart"),
-    ),
-    ".webm": ("-c:v", "libvpx-vp9", "-crf", "22", "-b:v", "0", "-pix_fmt", "yuv420p"),
-    ".gif": ("-loop", "0"),
+    ".mp4": [
+        "-c:v",
+        "libx264",
+        "-preset",
+        "medium",
+        "-crf",
+        "16",
+        "-pix_fmt",
+        "yuv420p",
+        "-movflags",
+        "+faststart",
+    ],
+    ".webm": ["-c:v", "libvpx-vp9", "-crf", "22", "-b:v", "0", "-pix_fmt", "yuv420p"],
+    ".gif": ["-loop", "0"],
 }
-# GIF counts hundredths of a second, and players slow down what is shorter than two.
+# GIF counts hundredths of a second, and players slow down frames shorter than two.
 _GIF_TICKS, _LEAST_TICKS = 100, 2
-# What names another ffmpeg than imageio-ffmpeg's, and how long it may take to say its version.
-_VARIABLE, _PATIENCE_S = "IMAGEIO_FFMPEG_EXE", 20.0
+# Variable that names another ffmpeg than imageio-ffmpeg's; time limit of `ffmpeg -version`.
+_VARIABLE, _TIMEOUT_S = "IMAGEIO_FFMPEG_EXE", 20.0
 Progress = Callable[[float], object]
 
 
 def check_film(path: Path, table: ExportTable, space: ColourSpace) -> None:
-    """Refuse a film that cannot be made, before its frames are.
+    """Refuse an impossible film before its frames are made.
 
     Raises
     ------
     InputError
-        If the frames are of no film.
+        If the frames' format or colour space has no film.
     DeviceError
         If there is no ffmpeg.
     """
@@ -69,16 +77,20 @@ def check_film(path: Path, table: ExportTable, space: ColourSpace) -> None:
         file = f"{table.bits}-bit PNG" if table.format == "png" else f'format = "{table.format}"'
         what = "transparent ones" if table.transparent else file
         raise InputError(
-            f"{path}: films have opaque 8-bit frames, [export] asks for {what}; name a folder to "
-            "have those"
+            f"{path}: films have opaque 8-bit frames, [export] asks for {what}",
+            "name a folder to have those",
+            code="conflict",
         )
     if path.suffix.lower() != ".gif" and not _is_tagged(space):
         raise InputError(
-            f"{path}: display space {space.name!r} cannot be told to a player; take "
-            f"{', '.join(_TAGS)}, or name a folder"
+            f"{path}: no tag of films names the display space {space.name!r}",
+            f"take {', '.join(_TAGS)}, or name a folder",
+            code="unsupported",
         )
     if path.suffix.lower() == ".gif" and space != SPACES["sRGB"]:
-        raise InputError(f"{path}: GIF is sRGB, the display is {space.name!r}; take .mp4")
+        raise InputError(
+            f"{path}: GIF is sRGB, the display is {space.name!r}", "take .mp4", code="unsupported"
+        )
     ffmpeg()
 
 
@@ -87,12 +99,12 @@ def _is_tagged(space: ColourSpace) -> bool:
 
 
 def ffmpeg() -> str:
-    """The program that encodes films.
+    """Return the path of ffmpeg.
 
     Raises
     ------
     DeviceError
-        If there is none, or what ``IMAGEIO_FFMPEG_EXE`` names is none.
+        If there is none, or ``IMAGEIO_FFMPEG_EXE`` names something else.
     """
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
@@ -100,35 +112,37 @@ def ffmpeg() -> str:
         found = str(get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
         raise DeviceError(
-            "export: films need ffmpeg, which is not here; pip install 'volspec[video]'",
+            "export: films need ffmpeg, which is not installed",
+            "pip install 'volspec[video]'",
             code="unsupported",
         ) from error
     if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):
         raise DeviceError(
-            f"export: films need ffmpeg, and {_VARIABLE} is {quoted(found)}, which is none that "
-            "runs; mend or unset the variable"
+            f"export: films need ffmpeg, and {_VARIABLE} is {quoted(found)}, which runs none",
+            "mend or unset the variable",
+            code="unsupported",
         )
     return found
 
 
 def _is_ffmpeg(program: str) -> bool:
-    """Whether a program says so; what a variable names, imageio-ffmpeg takes unseen."""
+    """Return True if a program says so: imageio-ffmpeg takes the variable unchecked."""
     command = [program, "-version"]
     try:
-        said = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_PATIENCE_S, check=True
+        done = subprocess.run(
+            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=True
         )
     except (OSError, ValueError, subprocess.SubprocessError):
         return False
-    return said.stdout.startswith(b"ffmpeg")
+    return done.stdout.startswith(b"ffmpeg")
 
 
 def write_film(
     path: Path, frames: Sequence[Path], fps: float, space: ColourSpace, progress: Progress
 ) -> None:
-    """Encode frames at a constant rate; the film appears when it is done.
+    """Encode frames at a constant rate; the film appears when it is complete.
 
-    Sides that are odd get one row or column more, as MP4 and WebM keep colours for pairs.
+    Odd sides get one more row or column: MP4 and WebM share colours between pairs of pixels.
 
     Parameters
     ----------
@@ -139,9 +153,9 @@ def write_film(
     fps : float
         Frames a second.
     space : ColourSpace
-        What their codes are of.
+        Colour space of their codes.
     progress : callable
-        Called with the finished share, 0…1.
+        Called with the progress, 0…1.
 
     Raises
     ------
@@ -161,16 +175,19 @@ def write_film(
             VolspecWarning,
             stacklevel=3,
         )
-    with write_whole(path) as temporary, tempfile.TemporaryFile() as said:
+    with write_whole(path) as temporary, tempfile.TemporaryFile() as log:
         command = [
-            *(ffmpeg(), "-y", "-nostdin", "-loglevel", "error", "-threads", _THREADS),
-            *("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{padded[0]}x{padded[1]}"),
-            *("-framerate", f"{_rate(path, suffix, fps):.6f}", "-i", "-", "-an"),
+            ffmpeg(),
+            *f"-y -nostdin -loglevel error -threads {_THREADS}".split(),
+            *f"-f rawvideo -pix_fmt rgb24 -s {padded[0]}x{padded[1]}".split(),
+            *f"-framerate {_rate(path, suffix, fps):.6f} -i - -an".split(),
             *_filters(suffix, space),
             *_CODECS[suffix],
-            *("-threads", _THREADS, *_BITEXACT, str(temporary)),
+            *f"-threads {_THREADS}".split(),
+            *_BITEXACT,
+            str(temporary),
         ]
-        coder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said)
+        coder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)
         assert coder.stdin is not None
         try:
             _feed(coder.stdin, frames, padded, progress)
@@ -182,18 +199,19 @@ def write_film(
                 coder.stdin.close()
             coder.wait()
         if coder.returncode != 0:
-            said.seek(0)
-            lines = said.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
+            log.seek(0)
+            lines = log.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
             raise InputError(
-                f"{path}: ffmpeg could not write it: {lines[-1]}; the frames stay, repeat the "
-                "command"
+                f"{path}: ffmpeg could not write it: {lines[-1]}",
+                "the frames stay, repeat the command",
+                code="unwritable",
             )
 
 
 def _feed(
     pipe: IO[bytes], frames: Sequence[Path], size: tuple[int, int], progress: Progress
 ) -> None:
-    """Frames to ffmpeg; where it has ended early, its exit code tells."""
+    """Write frames to ffmpeg; if it has ended early, its exit code says so."""
     with suppress(BrokenPipeError):
         for i, frame in enumerate(frames, start=1):
             pixels = _pixels(frame)
@@ -208,18 +226,18 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
 
 
 def _rate(path: Path, suffix: str, fps: float) -> float:
-    """What the format can keep."""
+    """Return the nearest rate that the format has."""
     if suffix != ".gif":
         return fps
     ticks = max(_LEAST_TICKS, round(_GIF_TICKS / fps))
-    kept = _GIF_TICKS / ticks
-    if abs(kept - fps) > 1e-6 * fps:
+    rate = _GIF_TICKS / ticks
+    if abs(rate - fps) > 1e-6 * fps:
         warnings.warn(
-            f"{path}: GIF counts hundredths of a second; {fps:g} frames a second become {kept:.4g}",
+            f"{path}: GIF counts hundredths of a second; {fps:g} frames a second become {rate:.4g}",
             VolspecWarning,
             stacklevel=4,
         )
-    return kept
+    return rate
 
 
 def _filters(suffix: str, space: ColourSpace) -> list[str]:

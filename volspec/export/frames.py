@@ -1,12 +1,14 @@
-"""Frames as PNG files: their colour space, what made them as text, whole or not at all."""
+"""Frames as PNG files with colour space and metadata; their names; a warning of blank ones."""
 
 from __future__ import annotations
 
 import io
 import os
 import unicodedata
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,16 +17,27 @@ from numpy.typing import NDArray
 
 from volspec._files import write_whole
 from volspec.appearance.spaces import ColourSpace, space_of
-from volspec.errors import ImageError, InputError, one_line
+from volspec.errors import ImageError, InputError, VolspecWarning, one_line
 from volspec.export.png import PngWriter
 
 if TYPE_CHECKING:
     from PIL import Image
 
-# Names that Windows keeps for devices, whatever follows the dot.
+# Names that Windows reserves for devices, whatever follows the dot.
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{d}{i}" for d in ("com", "lpt") for i in range(1, 10))}
-# Of a stem in UTF-8; file systems take 255 with the suffix.
+# Length of a stem in UTF-8; file systems allow 255 with the suffix.
 _STEM_BYTES = 120
+# A frame is blank if this fraction of its covered area, weighted by opacity, is.
+_BLANK_FRACTION = 0.999
+# Rows and columns of a frame that are sampled, at least.
+_SAMPLED = 128
+# Linear light that 8-bit codes round to black, and to white.
+_BLACK, _WHITE = 1.5e-4, 0.995
+_PROBLEMS = {"black": "is all black", "clipped": "is clipped all over"}
+_REMEDIES = {
+    "black": "too little light, or materials that reflect none of it: raise",
+    "clipped": "too much light: lower",
+}
 
 
 def write_frame(
@@ -40,12 +53,12 @@ def write_frame(
     path : str or path
         Ends in ``.png``.
     frame : (H, W, 3) or (H, W, 4) uint8 or uint16
-        With opacity, which is not multiplied in, as fourth.
+        With straight alpha as fourth.
     text : {keyword: text}, optional
-        Kept in the file (light, scene, software).
+        Metadata (light, scene, software).
     space : str, path or ColourSpace
-        What its codes are of: ``viewing.display.space``. sRGB is told by PNG's own chunk, any
-        other by an ICC profile, Display P3 by code points, too.
+        Colour space of its codes: ``viewing.display.space``. sRGB is written as PNG's own chunk,
+        any other as an ICC profile, Display P3 as code points, too.
 
     Raises
     ------
@@ -76,20 +89,20 @@ def write_frame(
 
 
 def require_png(path: str | os.PathLike[str]) -> None:
-    """Refuse a name that no frame has.
+    """Refuse a name without ``.png``.
 
     Raises
     ------
     ImageError
     """
     if Path(path).suffix.lower() != ".png":
-        raise ImageError(f"{os.fspath(path)}: frames are PNG files; name it .png")
+        raise ImageError(f"{os.fspath(path)}: frames are PNG files", "name it .png", code="type")
 
 
 def png_bytes(
     frame: NDArray[np.uint8] | NDArray[np.uint16], text: Mapping[str, str], space: ColourSpace
 ) -> bytes:
-    """The file of a frame; as `write_frame`."""
+    """Encode a frame as a PNG file; parameters as `write_frame`."""
     height, width, channels = frame.shape
     file = io.BytesIO()
     writer = PngWriter(file, (width, height), channels, 8 * frame.dtype.itemsize, space, text)
@@ -107,7 +120,7 @@ def png_file(
     text: Mapping[str, str],
     space: ColourSpace,
 ) -> Iterator[PngWriter]:
-    """A PNG that takes its rows one after the other; it appears when all are there.
+    """Open a PNG file for rows; it appears after the body.
 
     Parameters and errors are those of `write_frame` and `PngWriter`.
     """
@@ -119,17 +132,17 @@ def png_file(
 
 
 def to_uint16(codes: NDArray[Any]) -> NDArray[np.uint16]:
-    """Codes 0 to 1, rounded; NaN is black."""
+    """Round codes 0 to 1; NaN is black."""
     return np.rint(np.clip(np.nan_to_num(codes, nan=0.0), 0.0, 1.0) * 65535.0).astype(np.uint16)
 
 
 def read_frame(path: Path) -> Image.Image:
-    """Return a frame's picture.
+    """Read a frame's picture.
 
     Raises
     ------
     InputError
-        If it is damaged.
+        If the file is damaged.
     """
     from PIL import Image
 
@@ -137,7 +150,7 @@ def read_frame(path: Path) -> Image.Image:
         with Image.open(path) as file:
             file.load()
             return file.copy()
-    except Exception as error:  # Pillow's are of any class
+    except Exception as error:  # Pillow raises any class
         raise InputError(
             f"{path}: cannot be read ({one_line(error)}); delete it and repeat the command",
             code="damaged",
@@ -145,7 +158,7 @@ def read_frame(path: Path) -> Image.Image:
 
 
 def read_frame_text(path: str | os.PathLike[str]) -> dict[str, str]:
-    """The texts that `write_frame` kept in a file."""
+    """Read the metadata that `write_frame` wrote."""
     from PIL import Image
 
     with Image.open(path) as image:
@@ -153,33 +166,104 @@ def read_frame_text(path: str | os.PathLike[str]) -> dict[str, str]:
 
 
 def file_stem(name: str) -> str:
-    """A file name for a light's name: letters, digits, ``+ - . _`` stay, the rest becomes ``-``.
+    """Return a file stem for a light's name: all but letters, digits and ``+ - . _`` become ``-``.
 
-    Letters and their accents are composed, long names cut, and what Windows keeps for devices
-    gets a ``_``.
+    Accents are composed, long names cut, and names that Windows reserves for devices get a ``_``.
 
     >>> file_stem("D65*0.5+A*0.5"), file_stem("../x"), file_stem("con.x")
     ('D65-0.5+A-0.5', 'x', '_con.x')
     """
     composed = unicodedata.normalize("NFC", name)
-    kept = "".join(c if c.isalnum() or c in "+-._" else "-" for c in composed)
-    short = kept.encode()[:_STEM_BYTES].decode(errors="ignore")
+    allowed = "".join(c if c.isalnum() or c in "+-._" else "-" for c in composed)
+    short = allowed.encode()[:_STEM_BYTES].decode(errors="ignore")
     stem = short.strip("-.") or "light"
     return f"_{stem}" if stem.partition(".")[0].casefold() in _DEVICES else stem
 
 
 def distinct_stems(names: Sequence[str], taken: Sequence[str] = ("sheet",)) -> list[str]:
-    """File names for several: where two would be one, in any case, the later gets a number.
+    """Return a stem for each name; of two that differ by case at most, the later gets a number.
 
     >>> distinct_stems(["a b", "A*B", "sheet"])
     ['a-b', 'A-B-2', 'sheet-2']
     """
     used = {name.casefold() for name in taken}
-    found = []
+    stems = []
     for name in names:
         stem, number = file_stem(name), 2
         while (tried := stem if number == 2 else f"{stem}-{number - 1}").casefold() in used:
             number += 1
         used.add(tried.casefold())
-        found.append(tried)
-    return found
+        stems.append(tried)
+    return stems
+
+
+@dataclass(slots=True)
+class _Coverage:
+    """Sampled opacity of a frame, and the black and clipped parts of it."""
+
+    light: str
+    covered: float = 0.0
+    blank: dict[str, float] = field(default_factory=lambda: dict.fromkeys(_PROBLEMS, 0.0))
+
+
+class BlankFrames:
+    """Finds frames that are all black, or clipped all over, and warns of them.
+
+    Parameters
+    ----------
+    remedy : str
+        The settings of the brightness, for the message.
+    """
+
+    def __init__(self, remedy: str) -> None:
+        self._remedy = remedy
+        self._frames: dict[str, _Coverage] = {}
+
+    def add(
+        self, name: str, light: str, pixels: NDArray[Any], alpha: NDArray[np.float32], side: int = 0
+    ) -> None:
+        """Sample a frame, or the next rows of one.
+
+        Parameters
+        ----------
+        name : str
+            Name of the frame; rows of one name are one frame.
+        light : str
+            Its light, for the message.
+        pixels : (H, W, 3 or 4) uint8, uint16 or float
+            Display codes; or linear light of 0 to 1, premultiplied by the opacity that is fourth.
+        alpha : (H, W)
+            Opacity as cast: a backdrop alone counts as blank.
+        side : int
+            The shorter side of the whole frame, if these are some of its rows.
+        """
+        every = max(1, (side or min(alpha.shape)) // _SAMPLED)
+        colours, cover = pixels[::every, ::every, :3], alpha[::every, ::every]
+        if pixels.dtype.kind == "u":
+            dark, bright = colours == 0, colours == np.iinfo(pixels.dtype).max
+        else:
+            scale = cover[..., None] if pixels.shape[2] == 4 else 1.0
+            dark, bright = colours <= _BLACK * scale, colours >= _WHITE * scale
+        black = dark.all(axis=-1)
+        found = self._frames.setdefault(name, _Coverage(light))
+        found.covered += float(cover.sum())
+        found.blank["black"] += float(cover[black].sum())
+        found.blank["clipped"] += float(cover[(dark | bright).all(axis=-1) & ~black].sum())
+
+    def warn(self) -> None:
+        """Issue one warning for all black frames, and one for all clipped ones."""
+        for way, problem in _PROBLEMS.items():
+            lights = {
+                name: found.light
+                for name, found in self._frames.items()
+                if found.covered > 0.0 and found.blank[way] >= _BLANK_FRACTION * found.covered
+            }
+            if not lights:
+                continue
+            name, light = next(iter(lights.items()))
+            rest = f", and {len(lights) - 1} more" if len(lights) > 1 else ""
+            warnings.warn(
+                f"{name} {problem} under {light}{rest}; {_REMEDIES[way]} {self._remedy}",
+                VolspecWarning,
+                stacklevel=2,
+            )

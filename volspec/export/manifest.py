@@ -1,10 +1,10 @@
-"""What an export has promised to write, kept in its folder, so that it can go on later.
+"""Manifest of an export in its folder, by which it resumes.
 
-    plan -> [manifest] -> run
+    plan -> [manifest] -> exporter
 
-A frame appears whole or not at all, and only beside the manifest of its own export. So a frame
-that is there is done, unless it has lost the size that it had, and a folder of another scene is
-told by its fingerprint.
+Frames are written completely or not at all, and only next to the manifest of their own export. So
+an existing frame is done unless its size has changed, and the fingerprint tells another scene's
+folder apart.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ NAME = "export.json"
 
 
 def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
-    """Equal for exports that give equal frames, on one device.
+    """Return a hash that is equal for exports of equal frames, on one device.
 
     Parameters
     ----------
     scene : Scene
-        Its spectra count by their values, wherever they were read.
+        Spectra are hashed by value, whatever their files.
     volume : Volume
-        Counts by its values and place.
+        Hashed by value and position.
     settings : {str: JSON}
-        What else the frames follow from.
+        The other settings of the frames.
     """
     digest = hashlib.blake2b(digest_size=16)
     filters = getattr(scene.transfer, "filters", None) or {}
@@ -53,26 +53,26 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
     for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
         digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())
     file = plain(scene.file)
-    file["volume"].pop("file")  # its values count, not where they are
+    file["volume"].pop("file")  # its values count, not its path
     file.pop("export", None)  # settings
-    said = {
+    facts = {
         "volspec": __version__,
         "volume": [volume.name, str(values.dtype), values.shape],
         "file": file,
         "lights": [[light.rig.weights, light.rig.illuminance_lux] for light in scene.lights],
         "viewing": scene.viewing.model_dump(),
-        # One that is trained follows from all the others.
+        # A trained one follows from all the others.
         "basis": scene.basis.to_dict() if scene.file.basis.file else scene.basis.name,
         "raycast": repr(scene.raycast),
         "transfer": repr(scene.transfer),
         **settings,
     }
-    digest.update(json.dumps(said, sort_keys=True, default=str).encode())
+    digest.update(json.dumps(facts, sort_keys=True, default=str).encode())
     return digest.hexdigest()
 
 
 @dataclass(frozen=True, slots=True)
-class Folder:
+class ExportFolder:
     """An export's folder.
 
     Parameters
@@ -80,7 +80,7 @@ class Folder:
     path : Path
     fingerprint : str
     files : tuple of str
-        All that it will hold, but the manifest.
+        All its files but the manifest.
     """
 
     path: Path
@@ -88,37 +88,38 @@ class Folder:
     files: tuple[str, ...]
 
     def begin(self, overwrite: bool = False, own: bool = False) -> None:
-        """Begin or go on in the folder, which is there: it then holds nothing of another export.
+        """Start or resume in the existing folder; afterwards it holds nothing of another export.
 
         Parameters
         ----------
         overwrite : bool
-            Replace what is there.
+            Replace the files of another export.
         own : bool
-            The folder is nobody's but the exporter's: an export of another scene may go.
+            The folder is the exporter's own: an export of another scene may be deleted.
 
         Raises
         ------
         InputError
-            If it holds an export of another scene, or files that would be overwritten, and that
-            is not wanted; or cannot be written to.
+            If it holds an export of another scene, or files that would be overwritten without
+            ``overwrite``; or cannot be written to.
         """
         old = self._old()
         if old is not None and old.get("fingerprint") == self.fingerprint:
             self._clear_unfinished(self.files)
             for name in self.missing():
                 self._remove(name)
-            self.keep_sizes()
+            self.record_sizes()
             return
         if old is not None and not (overwrite or own):
             raise InputError(
-                f"{self.path}: holds the export of another scene or other settings; choose "
-                "another folder, or add --overwrite to have its frames replaced"
+                f"{self.path}: holds the export of another scene or other settings",
+                "choose another folder, or add --overwrite to have its frames replaced",
+                code="conflict",
             )
         there = next((name for name in self.files if (self.path / name).exists()), None)
         if old is None and there is not None and not overwrite:
             damaged = (self.path / NAME).exists()
-            why = f"{NAME} beside it cannot be read" if damaged else "not from an export"
+            why = f"its {NAME} cannot be read" if damaged else "not from an export"
             raise InputError(
                 f"{self.path / there}: is there already, and {why}; choose another folder, or add "
                 "--overwrite",
@@ -131,10 +132,10 @@ class Folder:
             self._remove(name)
         self._write({})
 
-    def keep_sizes(self) -> None:
-        """Note the sizes of the files that are there, by which `missing` tells damaged ones.
+    def record_sizes(self) -> None:
+        """Record the sizes of existing files, by which `missing` finds damaged ones.
 
-        A full disk is no error: files without a size are taken as they are.
+        A full disk is no error: files without a recorded size count as complete.
         """
         missing = self.missing()
         there = (name for name in self.files if name not in missing)
@@ -142,13 +143,15 @@ class Folder:
             self._write({name: (self.path / name).stat().st_size for name in there})
 
     def missing(self) -> set[str]:
-        """What is still to be written; also what is empty or of another size than it was."""
+        """Return the files to write: absent, empty, or of another size than recorded."""
         sizes = (self._old() or {}).get("sizes")
-        kept = sizes if isinstance(sizes, dict) else {}
-        return {name for name in self.files if not _is_there(self.path / name, kept.get(name))}
+        recorded = sizes if isinstance(sizes, dict) else {}
+        return {
+            name for name in self.files if not _is_complete(self.path / name, recorded.get(name))
+        }
 
     def remove(self) -> None:
-        """Delete all of it; the folder too, where nothing else stands in it."""
+        """Delete the files, and the folder if nothing else is in it."""
         for name in (*self.files, NAME):
             self._remove(name)
         with suppress(OSError):
@@ -173,7 +176,7 @@ class Folder:
         return found if isinstance(found, dict) and "fingerprint" in found else None
 
     def _remove(self, name: str) -> None:
-        """Delete a frame of before."""
+        """Delete a frame of the last export."""
         path = self._inside(name)
         if path is not None and path.suffix in (".png", ".exr", ".json"):
             with suppress(FileNotFoundError):
@@ -188,7 +191,7 @@ class Folder:
             clear_unfinished(folder)
 
     def _inside(self, name: str) -> Path | None:
-        """Return a file's path; None if its name leads out of the folder, or is no file's."""
+        """Return a file's path; None if its name leads out of the folder, or is invalid."""
         try:
             os.fsencode(name)
             path = (self.path / name).resolve()
@@ -197,37 +200,39 @@ class Folder:
         return path if path.is_relative_to(self.path.resolve()) else None
 
 
-def _is_there(path: Path, kept: object) -> bool:
-    """Whether a file is there; with the size that was kept of it, if one was."""
+def _is_complete(path: Path, recorded: object) -> bool:
+    """Return True if a file exists with its recorded size, if there is one."""
     size = path.stat().st_size if path.is_file() else 0
-    return size > 0 and kept in (None, size)
+    return size > 0 and recorded in (None, size)
 
 
 @contextmanager
-def alone_in(path: Path) -> Iterator[None]:
-    """Make a folder and keep other exports out of it.
+def exclusive_folder(path: Path) -> Iterator[None]:
+    """Make a folder and lock it against other exports.
 
     Raises
     ------
     InputError
-        If it cannot be made, or an export is at work in it.
+        If it cannot be made, or another export writes to it.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:
-        raise InputError(f"{path}: is a file; give the name of a folder") from None
+        raise InputError(f"{path}: is a file", "give the name of a folder", code="type") from None
     except OSError as error:
         raise InputError(
             f"{path}: cannot be made: {error.strerror}; choose another folder", code="unwritable"
         ) from error
     place, flags = path.resolve(), os.O_RDONLY
-    if sys.platform == "win32":  # where folders cannot be opened
+    if sys.platform == "win32":  # folders cannot be opened there
         place, flags = place.with_name(f".{place.name}.lock"), os.O_RDWR | os.O_CREAT
     handle = os.open(place, flags)
     try:
         if lock_file_handle(handle) is False:
             raise InputError(
-                f"{path}: another export writes there; wait for it, or choose another folder"
+                f"{path}: another export writes there",
+                "wait for it, or choose another folder",
+                code="state",
             )
         yield
     finally:
@@ -237,6 +242,6 @@ def alone_in(path: Path) -> Iterator[None]:
                 place.unlink()
 
 
-def files_of(stems: Sequence[str], suffix: str, sheet: bool) -> tuple[str, ...]:
-    """The names of an export's files."""
+def file_names(stems: Sequence[str], suffix: str, sheet: bool) -> tuple[str, ...]:
+    """Return the names of an export's files."""
     return (*(f"{stem}{suffix}" for stem in stems), *(("sheet.png",) if sheet else ()))

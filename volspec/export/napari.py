@@ -1,8 +1,8 @@
-"""napari: coefficient images and scenes open as pictures whose lights are weighed in a dock.
+"""napari plugin: coefficient images and scenes as pictures, with the lights' weights in a dock.
 
-    IMAGE.exr or SCENE.toml -> [napari] -> an RGB layer, relit at every move of a slider
+    IMAGE.exr or SCENE.toml -> [napari] -> an RGB layer, relit as sliders move
 
-``volspec/napari.yaml`` tells napari of the two functions here.
+``volspec/napari.yaml`` declares `reader` and `light_weights`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from volspec.export.notebook.lights import DEFAULT_LIGHTS
+from volspec.export.notebook.settings import DEFAULT_LIGHTS
 from volspec.pipeline import Relighter, relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
@@ -24,30 +24,30 @@ from volspec.spectra import light
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Relit:
-    """A picture's coefficients and its lights by name; what a layer keeps as ``metadata``."""
+    """Coefficient image and lights by name; ``metadata`` of a layer."""
 
     image: CoefficientImage
     lights: Mapping[str, LightRig]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Relit:
-        """Itself, as nothing in it changes: napari copies what it keeps of layers."""
+        """Return itself: it is immutable, and napari copies metadata deeply."""
         return self
 
     def frame(self, weights: Mapping[str, float], relighter: Relighter | None = None) -> Pixels:
-        """(H, W, 3) uint8 under the weighed lights, seen as the image's scene says."""
+        """Relight to (H, W, 3) uint8 with weighted lights and the viewing of the image's scene."""
         mix = mixed_rig(tuple(self.lights.values()), [weights[name] for name in self.lights])
-        seen = viewing_of(self.image).spec().for_lights(self.lights.values())
-        return relighter.frame(mix, seen) if relighter else relight(self.image, mix, seen)
+        spec = viewing_of(self.image).spec().for_lights(self.lights.values())
+        return relighter.frame(mix, spec) if relighter else relight(self.image, mix, spec)
 
 
 def reader(path: str | list[str]) -> Callable[[str], list[Any]] | None:
-    """What reads a file, where it is one image or scene."""
-    one = isinstance(path, str) and Path(path).suffix.lower() in (".exr", ".toml")
-    return read_layers if one else None
+    """Return the function that reads a path, if that is one image or scene."""
+    is_ours = isinstance(path, str) and Path(path).suffix.lower() in (".exr", ".toml")
+    return read_layers if is_ours else None
 
 
 def read_layers(path: str) -> list[Any]:
-    """The picture under its first light, as napari's (data, settings, kind); a scene is cast."""
+    """Return the picture under its first light, as napari's (data, settings, kind)."""
     if path.lower().endswith(".toml"):
         scene = Scene.load(path)
         lit = Relit(scene.render(), {named.name: named.rig for named in scene.lights})
@@ -55,14 +55,14 @@ def read_layers(path: str) -> list[Any]:
         lights = {name: LightRig((light(name),)) for name in DEFAULT_LIGHTS}
         lit = Relit(CoefficientImage.load(path), lights)
     weights = {name: float(k == 0) for k, name in enumerate(lit.lights)}
-    kept = {"volspec": lit, "weights": weights}
-    settings = {"name": Path(path).stem, "rgb": True, "metadata": kept}
+    metadata = {"volspec": lit, "weights": weights}
+    settings = {"name": Path(path).stem, "rgb": True, "metadata": metadata}
     return [(lit.frame(weights), settings, "image")]
 
 
 def light_weights() -> Any:
-    """A dock with a slider for each light of the active layer."""
-    # By name, since volspec needs neither: napari is there where this is called.
+    """Return a dock with a slider for each light of the active layer."""
+    # Imported by name: volspec needs neither, and napari is the caller.
     widgets: Any = import_module("magicgui.widgets")
     layers = import_module("napari").current_viewer().layers
     dock = widgets.Container()
@@ -86,14 +86,14 @@ def light_weights() -> Any:
             for name, weight in layer.metadata["weights"].items()
         }
 
-        def weigh() -> None:
+        def update() -> None:
             weights = {name: slider.value for name, slider in sliders.items()}
-            if any(weights.values()):  # all off: the last picture stays
+            if any(weights.values()):  # all off: leave the last picture
                 layer.data = lit.frame(weights, relighter)
                 layer.metadata["weights"] = weights
 
         for slider in sliders.values():
-            slider.changed.connect(weigh)
+            slider.changed.connect(update)
             dock.append(slider)
 
     layers.selection.events.active.connect(show)

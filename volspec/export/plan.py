@@ -1,22 +1,33 @@
-"""Which frames an export makes: cameras in time × lights, and which of them share a cast.
+"""The frames of an export, cameras in time × lights, grouped by the cast that they share.
 
-Scene, [export], [[keyframe]] -> [plan] -> run
+    Scene, [export], [[keyframe]] -> [plan] -> exporter, volspec scene check
+
+A scene is checked by planning its export.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.live import passage_of
 from volspec.errors import SceneError
+from volspec.export.animation import (
+    FrameState,
+    frame_states,
+    frame_times_s,
+    interpolate_keyframes,
+    keyframe_faults,
+    located_in,
+    turntable_cameras,
+)
 from volspec.export.frames import distinct_stems
-from volspec.export.keyed import Moment, keyed, named, times_s
-from volspec.export.motion import between_keys
-from volspec.export.moved import turned
 from volspec.raycast import Camera
 from volspec.raycast.packed import check_reach
 from volspec.relight import LightRig, RelightSpec
@@ -24,13 +35,16 @@ from volspec.relight.illumination import Illumination
 from volspec.relight.spec import mixed_rig
 from volspec.scene import NamedLight, Scene
 from volspec.scene.export import ExportTable
+from volspec.scene.file import SceneFile
 from volspec.scene.lux import require_lux
+from volspec.scene.reading import SceneFaults, scene_data, scene_file
+from volspec.scene.resolve import Resolver
 from volspec.transfer import Transfer
 from volspec.volume import Volume
 
-# What coefficient images are called, as frames are by their light.
+# Stem of coefficient images; other frames are named by their light.
 _CAST = "cast"
-# A fade of a sweep, where nothing else says how many frames it has.
+# Frames from one light to the next in a sweep without a number of frames.
 _FRAMES_A_FADE = 24
 
 
@@ -41,20 +55,20 @@ class Shot:
     Parameters
     ----------
     stem : str
-        Its file in the folder, without the suffix; ``/`` parts folders.
-    moment : int
-        Which place in time, from 0; shots of several lights share it.
+        The file's path in the folder, without the suffix.
+    time_index : int
+        Shots of several lights share it.
     camera : Camera
     transfer : Transfer
-        The same object wherever it is equal.
+        Equal ones are one object.
     light : str
-        In words, for the file's notes.
+        A description for the file's notes.
     rig : LightRig
     spec : RelightSpec
     """
 
     stem: str
-    moment: int
+    time_index: int
     camera: Camera
     transfer: Transfer
     light: str
@@ -63,7 +77,7 @@ class Shot:
 
     @property
     def cast(self) -> tuple[Camera, int]:
-        """Equal for shots of which one cast is enough."""
+        """Key of the cast: shots with equal keys share one."""
         return self.camera, id(self.transfer)
 
 
@@ -75,14 +89,14 @@ class Plan:
     ----------
     shots : tuple of Shot
     lights : tuple of NamedLight
-        Those that have frames of their own; empty where each frame has a mix.
+        Those with frames of their own; empty if each frame mixes several.
     """
 
     shots: tuple[Shot, ...]
     lights: tuple[NamedLight, ...]
 
     def casts(self) -> list[list[Shot]]:
-        """The shots by what they are cast from, in the order of their first."""
+        """Return the shots grouped by cast, in the order of their first."""
         found: dict[tuple[Camera, int], list[Shot]] = {}
         for shot in self.shots:
             found.setdefault(shot.cast, []).append(shot)
@@ -90,7 +104,7 @@ class Plan:
 
 
 def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
-    """What ``[export]`` asks for.
+    """Plan the frames of ``[export]``.
 
     Parameters
     ----------
@@ -98,53 +112,53 @@ def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
     volume : Volume
         The scene's.
     table : ExportTable
-        The scene's, or one that fits it as well.
+        The scene's, or another that fits it.
 
     Raises
     ------
     SceneError
-        If a camera, transfer function, viewing or light cannot be had; the message names the time.
-        If a light lacks the lux that the scene's level needs.
+        If a camera, transfer function, viewing or light is impossible at a time, which the message
+        names; if a light lacks the lux that the scene's level needs.
     """
-    lights = lights_of(scene, table)
-    require_lux(_shining(scene, table, lights), scene.relight, scene.path)
-    moments = _moments(scene, volume, table, len(lights))
-    mixes = _mixes(scene, table, lights, len(moments))
-    digits = max(4, len(str(len(moments) - 1)))
-    numbers = [f"{i:0{digits}d}" for i in range(len(moments))]
+    lights = export_lights(scene, table)
+    require_lux(_visible_lights(scene, table, lights), scene.relight, scene.path)
+    states = _states(scene, volume, table, len(lights))
+    mixes = _mixes(scene, table, lights, len(states))
+    digits = max(4, len(str(len(states) - 1)))
+    numbers = [f"{i:0{digits}d}" for i in range(len(states))]
     if mixes is not None:
-        each = zip(numbers, moments, mixes, strict=True)
-        shots = [_shot(stem, i, moment, *mix) for i, (stem, moment, mix) in enumerate(each)]
-        _require_shown(scene, table, shots)
+        each = zip(numbers, states, mixes, strict=True)
+        shots = [_shot(stem, i, state, *mix) for i, (stem, state, mix) in enumerate(each)]
+        _require_lit(scene, table, shots)
         return Plan(tuple(shots), ())
-    # Coefficients are without light: one row of files, shown under the first.
+    # Coefficients have no light: one row of files, previewed under the first.
     cast_only = table.format == "coefficients"
     rows = lights[:1] if cast_only else lights
     stems = [_CAST] if cast_only else distinct_stems([light.name for light in lights])
     shots = [
-        _shot(stem if len(moments) == 1 else f"{stem}/{number}", i, moment, light.name, light.rig)
+        _shot(stem if len(states) == 1 else f"{stem}/{number}", i, state, light.name, light.rig)
         for light, stem in zip(rows, stems, strict=True)
-        for i, (number, moment) in enumerate(zip(numbers, moments, strict=True))
+        for i, (number, state) in enumerate(zip(numbers, states, strict=True))
     ]
     if not cast_only:
-        _require_shown(scene, table, shots)
+        _require_lit(scene, table, shots)
     return Plan(tuple(shots), () if cast_only else tuple(lights))
 
 
-def _shot(stem: str, number: int, moment: Moment, light: str, rig: LightRig) -> Shot:
-    return Shot(stem, number, moment.camera, moment.transfer, light, rig, moment.spec)
+def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) -> Shot:
+    return Shot(stem, number, state.camera, state.transfer, light, rig, state.spec)
 
 
-def lights_of(scene: Scene, table: ExportTable) -> list[NamedLight]:
-    """The scene's lights that ``[export]`` names, in its order; all where it names none."""
+def export_lights(scene: Scene, table: ExportTable) -> list[NamedLight]:
+    """Return the scene's lights that ``[export]`` names, in its order; by default all."""
     by_name = {light.name: light for light in scene.lights}
     return [by_name[name] for name in table.lights or by_name]
 
 
-def _shining(
+def _visible_lights(
     scene: Scene, table: ExportTable, lights: Sequence[NamedLight]
 ) -> Sequence[NamedLight]:
-    """The lights that some frame shows; coefficient images are relit at a level of their own."""
+    """Return the lights of any frame; coefficient images are relit at a level of their own."""
     if table.format == "coefficients":
         return ()
     if (weights := _weights(scene)) is None:
@@ -154,25 +168,25 @@ def _shining(
 
 
 def _weights(scene: Scene) -> list[dict[str, float]] | None:
-    """What the keyframes weigh lights by; None where they do not."""
+    """Return the keyframes' weights of lights; None if they have none."""
     keys = scene.file.keyframe
     if not keys or keys[0].lights is None:
         return None
     return [key.lights or {} for key in keys]
 
 
-def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[Moment]:
-    # Of a spectrum all bands are kept: the factor model would smooth those of a lamp.
+def _states(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[FrameState]:
+    # A spectrum holds all bands: the factor model would smooth a lamp's.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
-    still = Moment(scene.camera(volume), scene.transfer, spec)
-    with named(scene):
+    still = FrameState(scene.camera(volume), scene.transfer, spec)
+    with located_in(scene):
         check_reach(volume, still.camera, scene.raycast)
     if table.turntable is not None:
-        cameras = turned(scene, volume, table.turntable)
+        cameras = turntable_cameras(scene, volume, table.turntable)
         return [replace(still, camera=camera) for camera in cameras]
     keys = scene.file.keyframe
     if keys:
-        return keyed(scene, volume, spec, times_s(keys, table.fps))
+        return frame_states(scene, volume, spec, frame_times_s(keys, table.fps))
     if table.sweep is not None:
         fades = lights if table.sweep.closed else lights - 1
         frames = table.sweep.frames or _FRAMES_A_FADE * fades + (not table.sweep.closed)
@@ -183,7 +197,7 @@ def _moments(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> l
 def _mixes(
     scene: Scene, table: ExportTable, lights: Sequence[NamedLight], count: int
 ) -> list[tuple[str, LightRig]] | None:
-    """The light of each moment, in words too; None where every light has its own frames."""
+    """Return each state's light and its description; None if every light has its own frames."""
     if table.format == "coefficients":
         return None
     if (weighted := _weights(scene)) is not None:
@@ -192,37 +206,37 @@ def _mixes(
         rows = [[weights.get(name, 0.0) for name in names] for weights in weighted]
         by_name = {light.name: light for light in scene.lights}
         mixed = [by_name[name] for name in names]
-        at_s = times_s(scene.file.keyframe, table.fps)
+        at_s = frame_times_s(scene.file.keyframe, table.fps)
         mixes = []
-        for time, row in zip(at_s.tolist(), between_keys(times, rows, at_s), strict=True):
-            with named(scene, f"[[keyframe]] lights: at {time:g} s"):
-                mixes.append(mix_of(mixed, row))
+        for time, row in zip(at_s.tolist(), interpolate_keyframes(times, rows, at_s), strict=True):
+            with located_in(scene, f"[[keyframe]] lights: at {time:g} s"):
+                mixes.append(mix_lights(mixed, row))
         return mixes
     if table.sweep is None:
         return None
-    with named(scene, "[export] sweep"):
+    with located_in(scene, "[export] sweep"):
         weights = sweep_weights(len(lights), count, table.sweep.closed)
-        return [mix_of(lights, row) for row in weights]
+        return [mix_lights(lights, row) for row in weights]
 
 
-def _require_shown(scene: Scene, table: ExportTable, shots: Sequence[Shot]) -> None:
-    """Refuse, before the cast, a light or an eye that no frame could be made with."""
+def _require_lit(scene: Scene, table: ExportTable, shots: Sequence[Shot]) -> None:
+    """Refuse, before the cast, a light or a viewing that no frame can be made with."""
     keys, shares = scene.file.keyframe, scene.raycast.shares()
-    at_s = times_s(keys, table.fps) if keys else np.zeros(0)
-    # Numbers never leave the keys they lie between: the frames next to these are enough.
-    asked = {int(np.abs(at_s - key.time_s).argmin()) for key in keys}
-    # What holds still is one object.
-    shown = [shot for shot in shots if not keys or shot.moment in asked]
+    at_s = frame_times_s(keys, table.fps) if keys else np.zeros(0)
+    # Values never go beyond the keyframes: the frames next to those are enough.
+    checked = {int(np.abs(at_s - key.time_s).argmin()) for key in keys}
+    # Equal specs are one object.
+    shown = [shot for shot in shots if not keys or shot.time_index in checked]
     for shot in {(id(shot.rig), id(shot.spec)): shot for shot in reversed(shown)}.values():
-        when = f" at {at_s[shot.moment]:g} s" if keys else ""
-        with named(scene, f"[[light]] {shot.light}{when}"):
+        when = f" at {at_s[shot.time_index]:g} s" if keys else ""
+        with located_in(scene, f"[[light]] {shot.light}{when}"):
             lit = Illumination.of(scene.basis, shot.rig, shot.spec, shares)
             if table.has_eye and shot.spec.viewing.adapting == "given":
                 passage_of(lit.viewing, lit.white_XYZ)
 
 
 def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:
-    """Weights of lights that fade into each other one after the other, by frame.
+    """Return weights, by frame, of lights that fade into each other one after the other.
 
     Returns
     -------
@@ -243,21 +257,106 @@ def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.
     return rows
 
 
-def mix_of(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str, LightRig]:
-    """Several lights of a scene as one, and what it is in words; dark ones are left out.
+def mix_lights(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str, LightRig]:
+    """Mix lights of a scene, and describe the mix; those of weight 0 are left out.
 
     Raises
     ------
     SceneError
-        If some of them have lux and some have not.
+        If some of them have lux and some do not.
     """
     lit = [(light, float(w)) for light, w in zip(lights, weights, strict=True) if w > 0.0]
     if len(lit) == 1 and lit[0][1] == 1.0:
         return lit[0][0].name, lit[0][0].rig
-    said = ", ".join(f"{light.name} {weight:.3g}" for light, weight in lit)
+    words = ", ".join(f"{light.name} {weight:.3g}" for light, weight in lit)
     if len({light.rig.illuminance_lux is None for light, _ in lit}) > 1:
         raise SceneError(
-            f"{said}: some of these lights have illuminance_lux and some have not; give it "
-            "to all or to none"
+            f"{words}: some of these lights have illuminance_lux and some have not",
+            "give it to all or to none",
+            code="conflict",
         )
-    return said, mixed_rig([light.rig for light, _ in lit], [weight for _, weight in lit])
+    return words, mixed_rig([light.rig for light, _ in lit], [weight for _, weight in lit])
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """The contents of a scene, or its faults.
+
+    Parameters
+    ----------
+    path : str
+    errors : tuple of str
+        A line each: file, field, value, remedy. Empty if the scene loads and can be shown.
+    materials, lights : int
+        Numbers of; a setting of several lights counts once.
+    volume : (width, height, depth), optional
+        Voxels.
+    basis : str
+        Its name.
+    reason : str
+        The reason for casting with it.
+    """
+
+    path: str
+    errors: tuple[str, ...] = ()
+    materials: int = 0
+    lights: int = 0
+    volume: tuple[int, int, int] | None = None
+    basis: str = ""
+    reason: str = ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON types."""
+        return {"path": self.path, "ok": not self.errors, **asdict(self)}
+
+
+def check_scene(path: str | os.PathLike[str]) -> Checked:
+    """Look up everything that a scene names, its volume too, and plan its export, without a cast.
+
+    Reports all faults that can be found together; in a file whose tables are wrong, only theirs.
+    """
+    name = os.fspath(path)
+    try:
+        file = scene_file(scene_data(path), path)
+    except SceneFaults as error:
+        return Checked(name, tuple(error.lines))
+    except SceneError as error:
+        return Checked(name, (str(error),))
+    errors = _unresolved(file, Path(path))
+    scene, volume = None, None
+    try:
+        volume = Resolver(file, Path(path)).volume()
+    except SceneError as error:
+        errors.append(str(error))
+    if volume is not None and not errors:
+        try:
+            scene = Scene(file, path)
+            scene.camera(volume)
+            require_lux(scene.lights, scene.relight, path)
+            errors += keyframe_faults(scene, volume)
+            if not errors:
+                plan_export(scene, volume, scene.file.export)
+        except SceneError as error:
+            errors.append(str(error))
+    if scene is None or volume is None or errors:
+        return Checked(name, tuple(errors))
+    return Checked(
+        name,
+        materials=len(scene.materials),
+        lights=len(scene.lights),
+        volume=volume.shape_xyz,
+        basis=scene.basis.name,
+        reason=scene.basis_reason,
+    )
+
+
+def _unresolved(file: SceneFile, path: Path) -> list[str]:
+    """Return unknown names and numbers out of range, row by row."""
+    errors: list[str] = []
+    names = Resolver(file, path, faults=errors)
+    grid = names.grid(names.shipped_basis())
+    names.reflectances("reflectance", grid)
+    names.reflectances("filter", grid)
+    names.lights(grid, names.raycast())
+    names.viewing()
+    return errors

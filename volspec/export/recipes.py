@@ -1,6 +1,6 @@
-"""Relighting recipes as compositors take them: a script for Blender, a group of nodes for Nuke.
+"""Relighting recipes for compositors: a script for Blender, a group of nodes for Nuke.
 
-the file's header -> [recipes] -> FILE.py | FILE.nk
+EXR header -> [recipes] -> FILE.py | FILE.nk
 """
 
 from __future__ import annotations
@@ -20,27 +20,30 @@ SUFFIXES = (".py", ".nk")
 
 
 def write_recipe(path: Path, image: Path) -> None:
-    """Write what relights an image in Blender (``.py``) or Nuke (``.nk``).
+    """Write a recipe that relights an image in Blender (``.py``) or Nuke (``.nk``).
 
     Parameters
     ----------
     path : Path
-        Where to.
     image : Path
         A coefficient image with lights in its header.
 
     Raises
     ------
     ImageError
-        If the image has none or is truncated, or the suffix is another; for Nuke, if the image's
-        path cannot be written.
+        If the image has no lights or is truncated, or the suffix is another; for Nuke, if the
+        image's path cannot be written.
     InputError
         If the file cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
-        raise ImageError(f"{path}: name it .py for Blender or .nk for Nuke")
+        raise ImageError(
+            f"{path}: no recipe of a known compositor",
+            "name it .py for Blender or .nk for Nuke",
+            code="unknown",
+        )
     recipe, place = Recipe.load(image), image.resolve()
-    read_exr(image, ImageError, again="render the scene again")  # its header is no pledge
+    read_exr(image, ImageError, again="render the scene again")  # the header alone may be intact
     is_nuke = path.suffix.lower() == ".nk"
     text = nuke_group(recipe, place) if is_nuke else blender_script(place)
     with write_whole(path) as temporary:
@@ -48,7 +51,7 @@ def write_recipe(path: Path, image: Path) -> None:
 
 
 def blender_script(image: Path) -> str:
-    """The shipped script with the path of an image in it."""
+    """Return the shipped script with the path of an image in it."""
     text = asset("data/compositing/blender.py").read_text(encoding="utf-8")
     return text.replace('IMAGE = "IMAGE.exr"', f"IMAGE = {python_text(str(image))}")
 
@@ -64,7 +67,7 @@ def python_text(text: str) -> str:
 
 
 def nuke_group(recipe: Recipe, image: Path) -> str:
-    """Nodes to paste: the image, and a group with a knob for each light's weight.
+    """Return nodes to paste: the image, and a group with a knob for each light's weight.
 
     Parameters
     ----------
@@ -74,7 +77,7 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
     Returns
     -------
     str
-        In the format of Nuke's scripts. The sums are those of an Expression node.
+        In the format of Nuke's scripts; an Expression node sums the lights.
     """
     weights = list(_weights(recipe))
     knobs = [
@@ -124,16 +127,16 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
 
 
 def _weights(recipe: Recipe) -> Iterator[tuple[str, str]]:
-    """(light, group) of every weight."""
+    """Yield (light, group) of every weight."""
     for name, light in recipe.lights.items():
         for group in light.matrices:
             yield name, group
 
 
 def _label(recipe: Recipe, light: str, group: str) -> str:
-    """Return what a knob is called: Nuke runs what stands in brackets, however it is quoted."""
+    """Return a knob's label without brackets, which Nuke evaluates, however quoted."""
     text = f"{light}: {group}" if len(recipe.channels) > 1 else light
-    # Braces count even within quotes.
+    # Braces count even inside quotes.
     return visible(" ".join(text.split())).translate(str.maketrans("{}[]\\", "()()/"))
 
 
@@ -141,8 +144,10 @@ def _nuke_path(image: Path) -> str:
     text = image.as_posix()
     if set(text) & set("[]") or visible(text) != text:
         raise ImageError(
-            f"{image}: Nuke would run what stands in brackets, and takes no control characters or "
-            "bytes that are not UTF-8; rename the file or its folder"
+            f"{image}: Nuke would evaluate brackets in a path, and takes no control characters or "
+            "bytes that are not UTF-8",
+            "rename the file or its folder",
+            code="unsupported",
         )
     return text
 

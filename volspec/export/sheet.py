@@ -1,10 +1,14 @@
-"""Contact sheets: one column a light, its spectrum above, one row a way of seeing."""
+"""Contact sheets: frames in a grid, under captions or under the spectra of their lights.
+
+frames -> [sheet] -> a picture
+"""
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +20,20 @@ from volspec.spectra import Spectrum
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw
 
-# Of every sheet: the ground, names, and notes.
-PAPER, INK, FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
-_GAP, _MARGIN, _PLOT, _CAPTION = 12, 36, 84, 44
+# Background, names, and notes of every sheet.
+_PAPER, _INK, _FAINT = (24, 24, 26), (236, 236, 236), (150, 150, 154)
+_MARGIN = 36
+_PLOT = 84
+_UNPRINTABLE = ("Cf", "Cc", "Cs")  # Unicode categories
 _PLOTTED_NM = (400.0, 700.0)
-# Tiles that a picture is high at most: taller ones are narrower.
+# Greatest height of a picture in widths of its tile: taller ones become narrower.
 _TALLEST = 3
-_OVERSAMPLING = 3  # lines of the spectra are drawn larger and scaled down: smooth edges
+_OVERSAMPLING = 3  # spectra are drawn larger and scaled down: smooth edges
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetColumn:
-    """A light and its frames, one a row of the sheet.
+    """A light and its frames, one for each row of the sheet.
 
     Parameters
     ----------
@@ -44,20 +50,65 @@ class SheetColumn:
     frames: Sequence[NDArray[np.uint8]]
 
 
+class SheetTile(NamedTuple):
+    """A frame with its caption."""
+
+    name: str
+    note: str
+    """A few words under the name."""
+    frame: NDArray[np.uint8]
+    """(H, W, 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Grid:
+    """Layout of a sheet: tiles in rows under a title, each below a caption.
+
+    `head` is free above the first row.
+    """
+
+    tile: int
+    picture: tuple[int, int]
+    gap: int
+    row_gap: int
+    caption: int
+    top: int
+    head: int = 0
+
+    def place(self, column: int, row: int) -> tuple[int, int]:
+        """Return the corner of a tile's caption; its picture is below."""
+        row_height = self.caption + self.picture[1] + self.row_gap
+        return _MARGIN + column * (self.tile + self.gap), self.top + self.head + row * row_height
+
+    def blank(self, columns: int, rows: int) -> Image.Image:
+        from PIL import Image
+
+        right, bottom = self.place(columns, rows)
+        size = right - self.gap + _MARGIN, bottom - self.row_gap + _MARGIN
+        return Image.new("RGB", size, _PAPER)
+
+    def paste(self, sheet: Image.Image, frame: NDArray[np.uint8], column: int, row: int) -> None:
+        from PIL import Image
+
+        x, y = self.place(column, row)
+        picture = Image.fromarray(frame).resize(self.picture, Image.Resampling.LANCZOS)
+        sheet.paste(picture, (x, y + self.caption))
+
+
 def contact_sheet(
     title: str, rows: Sequence[str], columns: Sequence[SheetColumn], tile: int = 400
 ) -> NDArray[np.uint8]:
-    """Lay out the frames of several lights.
+    """Lay out the frames of several lights, a column each under its spectrum.
 
     Parameters
     ----------
     title : str
     rows : sequence of str
-        What the frames of each row show.
+        Captions of the rows.
     columns : sequence of SheetColumn
         Each with one frame a row.
     tile : int
-        Width of a frame on the sheet, pixels; of a very tall one that of its room.
+        Width of a frame on the sheet, pixels; very tall frames are narrower.
 
     Returns
     -------
@@ -66,49 +117,76 @@ def contact_sheet(
     Raises
     ------
     ShapeError
-        If a column has another number of frames than there are rows.
+        If a column has not one frame for each row.
     """
-    from PIL import Image, ImageDraw, ImageFont
+    from PIL import ImageDraw, ImageFont
 
     for column in columns:
         if len(column.frames) != len(rows):
             raise ShapeError(
-                f"contact sheet: {column.name} has {len(column.frames)} frames for {len(rows)} rows"
+                f"{column.name} has {len(column.frames)} frames for {len(rows)} rows",
+                "give as many",
+                field="contact_sheet.columns",
             )
     height, width = columns[0].frames[0].shape[:2]
-    wide, tall = fitted((width, height), tile)
-    title_font, name_font, small_font = (ImageFont.load_default(size) for size in (30, 24, 17))
-    top = _MARGIN + 48
-    head = _PLOT + 66
-    row_height = _CAPTION + tall
-    sheet = Image.new(
-        "RGB",
-        (
-            2 * _MARGIN + len(columns) * tile + (len(columns) - 1) * _GAP,
-            top + head + len(rows) * row_height + _MARGIN,
-        ),
-        PAPER,
-    )
+    grid = _Grid(tile, fitted_size((width, height), tile), 12, 0, 44, _MARGIN + 48, _PLOT + 66)
+    sheet = grid.blank(len(columns), len(rows))
     draw = ImageDraw.Draw(sheet)
-    draw.text((_MARGIN, _MARGIN - 6), title, INK, title_font)
+    title_font, name_font, small_font = (ImageFont.load_default(size) for size in (30, 24, 17))
+    draw.text((_MARGIN, _MARGIN - 6), title, _INK, title_font)
     for j, row in enumerate(rows):
-        draw.text((_MARGIN, top + head + j * row_height + 14), row, INK, small_font)
+        draw.text((_MARGIN, grid.place(0, j)[1] + 14), row, _INK, small_font)
     for i, column in enumerate(columns):
-        x = _MARGIN + i * (tile + _GAP)
-        sheet.paste(spectrum_plot(column.light, tile, _PLOT), (x, top))
-        draw.text((x, top + _PLOT + 8), column.name, INK, name_font)
+        x, y = grid.place(i, 0)[0], grid.top
+        sheet.paste(spectrum_plot(column.light, tile, _PLOT), (x, y))
+        draw.text((x, y + _PLOT + 8), column.name, _INK, name_font)
         name_width = draw.textlength(column.name, name_font)
-        draw.text((x + name_width + 12, top + _PLOT + 14), column.label, FAINT, small_font)
+        draw.text((x + name_width + 12, y + _PLOT + 14), column.label, _FAINT, small_font)
         for j, frame in enumerate(column.frames):
-            picture = Image.fromarray(frame).resize((wide, tall), Image.Resampling.LANCZOS)
-            sheet.paste(picture, (x, top + head + j * row_height + _CAPTION))
+            grid.paste(sheet, frame, i, j)
     return np.asarray(sheet)
 
 
-def fitted(size: tuple[int, int], tile: int) -> tuple[int, int]:
-    """Width and height of a picture on a sheet: a tile wide, but only so many tiles high.
+def comparison_sheet(
+    title: str, tiles: Sequence[SheetTile], columns: int = 5, tile: int = 320
+) -> NDArray[np.uint8]:
+    """Lay out captioned frames in rows.
 
-    >>> fitted((800, 600), 400), fitted((1, 4000), 400), fitted((4000, 1), 400)
+    Parameters
+    ----------
+    title : str
+    tiles : sequence of SheetTile
+        Frames of one size.
+    columns : int
+    tile : int
+        Width of a frame on the sheet, pixels; very tall frames are narrower.
+
+    Returns
+    -------
+    (H, W, 3) uint8
+    """
+    from PIL import ImageDraw, ImageFont
+
+    height, width = tiles[0].frame.shape[:2]
+    grid = _Grid(tile, fitted_size((width, height), tile), 14, 14, 62, _MARGIN + 46)
+    columns = min(columns, len(tiles))
+    sheet = grid.blank(columns, -(-len(tiles) // columns))
+    draw = ImageDraw.Draw(sheet)
+    title_font, name_font, small_font = (ImageFont.load_default(size) for size in (28, 22, 15))
+    draw.text((_MARGIN, _MARGIN - 8), title, _INK, title_font)
+    for i, each in enumerate(tiles):
+        row, column = divmod(i, columns)
+        x, y = grid.place(column, row)
+        draw.text((x, y + 6), each.name, _INK, name_font)
+        draw.text((x, y + 34), each.note, _FAINT, small_font)
+        grid.paste(sheet, each.frame, column, row)
+    return np.asarray(sheet)
+
+
+def fitted_size(size: tuple[int, int], tile: int) -> tuple[int, int]:
+    """Return the size of a picture on a sheet: a tile wide, and at most three tiles high.
+
+    >>> fitted_size((800, 600), 400), fitted_size((1, 4000), 400), fitted_size((4000, 1), 400)
     ((400, 300), (1, 1200), (400, 1))
     """
     width, height = size
@@ -117,7 +195,7 @@ def fitted(size: tuple[int, int], tile: int) -> tuple[int, int]:
 
 
 def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
-    """A light's spectrum, filled with the colours of its wavelengths, highest band full height."""
+    """Plot a light's spectrum, filled with the colours of its wavelengths, its peak at the top."""
     from PIL import Image, ImageDraw
 
     values = light.values / max(light.values.max(), 1e-12)
@@ -126,10 +204,21 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
     level = np.interp(at, light.wavelengths_nm, values, left=0, right=0)
     colour = spectrum_colours(at)
     rows = np.arange(size[1], 0, -1)[:, None] / size[1]
-    filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(PAPER) / 255)
+    filled = np.where((rows <= level[None, :])[..., None], colour[None], np.array(_PAPER) / 255)
     picture = Image.fromarray((filled * 255).round().astype(np.uint8))
     curve = [(x, (1 - y) * (size[1] - 1)) for x, y in enumerate(level)]
     draw: ImageDraw.ImageDraw = ImageDraw.Draw(picture)
-    draw.line(curve, INK, _OVERSAMPLING * 2, joint="curve")
-    draw.line([(0, size[1] - 1), (size[0], size[1] - 1)], FAINT, _OVERSAMPLING)
+    draw.line(curve, _INK, _OVERSAMPLING * 2, joint="curve")
+    draw.line([(0, size[1] - 1), (size[0], size[1] - 1)], _FAINT, _OVERSAMPLING)
     return picture.resize((width, height), Image.Resampling.LANCZOS)
+
+
+def printable(text: str, most: int = 60) -> str:
+    """Return one line without control characters and marks of direction, cut if it is long.
+
+    >>> printable("a\\u202eb\\nc"), printable("x" * 9, 4)
+    ('ab c', 'xxx…')
+    """
+    letters = (c for c in " ".join(text.split()) if unicodedata.category(c) not in _UNPRINTABLE)
+    line = "".join(letters)
+    return line if len(line) <= most else f"{line[: most - 1]}…"

@@ -1,15 +1,15 @@
-"""Relit pictures as spectra: what reaches the eye from each pixel, band by band.
+"""Relit pictures as spectra: the light of each pixel, band by band.
 
-coefficient image, light -> [spectral] -> exr
+    coefficient image, light -> [spectral] -> exr
 
     S = Σ_g W_g C_g + (1 - A) S_backdrop             W_g = κ diag(E_g) B         exact
                                                      W_g = κ B diag(A E_g)       componentwise
                                                      W_g = κ B R(A E_g)          linear-model
 
-κ is such that a perfect diffuser under flat white light of the same luminance has 1 in every band:
-Y = Σ S V / Σ V is 1 for white, as in an EXR frame. In the exact product bands keep what the light
-itself is, spikes and all; the others give it as smooth as the basis holds it. The colours of an
-exact spectrum are those of the exact light matrix where the basis holds flat white (B 1 = 1).
+κ makes a perfect diffuser under flat white light of the same luminance 1 in every band: Y = Σ S V /
+Σ V is 1 for white, as in an EXR frame. The exact product preserves the light's spikes; the others
+are as smooth as the basis. The colours of an exact spectrum are those of the exact light matrix if
+the basis spans flat white (B 1 = 1).
 """
 
 from __future__ import annotations
@@ -25,8 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec._exr import to_half
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import ImageError
-from volspec.export.exr import ExrBands, ExrHeader, exr_file
-from volspec.export.primaries import PRIMARIES
+from volspec.export.exr import PRIMARIES, ExrBands, ExrHeader, exr_file
 from volspec.export.tiles import row_strips
 from volspec.raycast import CoefficientImage
 from volspec.raycast.image_file import ONE_GROUP
@@ -42,7 +41,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectralIllumination:
-    """What one light does to coefficients, as `Illumination`, in N bands.
+    """Relighting by one light in N bands; as `Illumination` in XYZ.
 
     Parameters
     ----------
@@ -50,9 +49,9 @@ class SpectralIllumination:
     backdrop : (N,) array
     grid : SpectralGrid
     observer_deg : int
-        Whose eye sees the colours.
+        Standard observer of the colours.
     radiance_of_one : float
-        What 1 in a band is, W / (m² sr nm): white has the lights' lux, else the viewing's.
+        W / (m² sr nm) of 1 in a band: white has the lights' lux, else the viewing's.
 
     Examples
     --------
@@ -77,14 +76,14 @@ class SpectralIllumination:
         spec: RelightSpec,
         groups: Mapping[str, float] = ONE_GROUP,
     ) -> Self:
-        """Work out what a light does to the coefficients of a basis.
+        """Return the matrices of a light for the coefficients of a basis.
 
         Parameters and errors are those of `Illumination.of`.
         """
         lit = Illumination.of(basis, light, spec, groups)
         rig = LightRig.of(light)
         mixed = rig.facing(groups).mixed(basis.grid)
-        kappa = per_flat_white(basis, mixed, lit.gain)
+        kappa = flat_white_scale(basis, mixed, lit.gain)
         parts = []
         for group in groups:
             own = rig.shining_from(group)
@@ -105,7 +104,7 @@ class SpectralIllumination:
         )
 
     def pixels(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
-        """(..., 3 + N): linear Rec. 709 of the spectra, white 1 and nothing adapted, then these."""
+        """Return (..., 3 + N): linear Rec. 709, white 1, without adaptation, and the spectra."""
         bare = 1.0 - np.asarray(alpha, np.float64)
         C = np.asarray(coefficients, np.float64)
         spectra = C @ self.bands_from_channels.T + bare[..., None] * self.backdrop
@@ -114,25 +113,25 @@ class SpectralIllumination:
         return np.concatenate([spectra @ to_RGB.T, spectra], axis=-1)
 
     def strips(self, image: CoefficientImage) -> Iterator[NDArray[np.float16]]:
-        """`pixels` of an image as half floats, in strips of rows: few are float64 at a time."""
+        """Yield `pixels` of an image as half floats in strips of rows, to save memory."""
         for rows in row_strips(image.size, 3 + self.grid.size):
             yield to_half(self.pixels(image.coefficients[rows], image.alpha[rows]))
 
     @property
     def bands(self) -> ExrBands:
-        """What a file calls the bands, and what 1 is in them."""
+        """Names of the bands in a file, and their unit."""
         units = f"{self.radiance_of_one:.7g} W.m^-2.sr^-1.nm^-1"
         return ExrBands(self.grid.wavelengths_nm, units)
 
 
-def per_flat_white(basis: Basis, light: Spectrum, gain: float) -> float:
-    """κ: times the light, 1 in every band is flat white of its luminance; times the gain."""
+def flat_white_scale(basis: Basis, light: Spectrum, gain: float) -> float:
+    """Return κ, by which flat white of the light's luminance is 1 in every band, times the gain."""
     V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
     return float(gain * V.sum() / (V @ light.values))
 
 
 def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
-    """(N, M): channels to the bands of the colour signal."""
+    """Return (N, M) from channels to bands of the colour signal."""
     B = basis.synthesise(np.eye(basis.size)).T
     if not isinstance(basis, SpectralBasis) or mode == "exact":
         return light.values[:, None] * B
@@ -148,11 +147,10 @@ def write_spectral_frame(
     spec: RelightSpec,
     text: Mapping[str, str],
 ) -> None:
-    """Write a relit picture with a spectrum in every pixel, whole or not at all.
+    """Write a relit picture with a spectrum in every pixel.
 
-    Bands are half floats ``S0.400,000000nm``, … in the layout of Fichet et al. (2021), whose
-    ``emissiveUnits`` say what 1 is; R, G and B are for picture viewers. Worked out and written in
-    strips of rows.
+    Bands are half floats ``S0.400,000000nm``, … in the layout of Fichet et al. (2021), with the
+    unit in ``emissiveUnits``; R, G and B are for picture viewers. Computed in strips of rows.
 
     Parameters
     ----------
@@ -161,9 +159,9 @@ def write_spectral_frame(
     image : CoefficientImage
     light : Spectrum or LightRig
     spec : RelightSpec
-        Mode, backdrop, level and exposure; the eye's conditions count for nothing here.
+        Mode, backdrop, level and exposure; adaptation is ignored.
     text : {name: text}
-        Goes into the header.
+        Metadata.
 
     Raises
     ------
@@ -175,7 +173,9 @@ def write_spectral_frame(
         As `Illumination.of`.
     """
     if os.path.splitext(path)[1].lower() != ".exr":
-        raise ImageError(f"{os.fspath(path)}: spectral frames are OpenEXR; name it .exr")
+        raise ImageError(
+            f"{os.fspath(path)}: spectral frames are OpenEXR files", "name it .exr", code="type"
+        )
     lit = SpectralIllumination.of(image.basis, light, spec, image.groups)
     header = ExrHeader(image.size, PRIMARIES["Rec. 709"], text, bands=lit.bands)
     with exr_file(path, header) as file:

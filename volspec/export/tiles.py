@@ -2,9 +2,9 @@
 
     volume, transfer, camera -> [tiles] -> strips of coefficient images
 
-A pixel's coefficients are the mean of its rays', before any light: they are linear in what is
-seen, so that the mean is the light that a pixel's area sends, under every light. A mean of frames
-would be of codes, in which a bright edge counts for less than it sends.
+A pixel's coefficients are the mean over its rays, before relighting: they are linear in the scene,
+so that the mean is right under every light. A mean of frames would be one of display codes, in
+which a bright edge counts for too little.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ from volspec.raycast.camera import RayField
 from volspec.raycast.checks import MAX_SIDE
 from volspec.transfer import Transfer
 
-# What one cast may take, bytes; and a strip that is relit, with its copy for the device.
+# Bytes of one cast; and of a strip that is relit, with its copy on the device.
 CAST_BYTES = 2**28
 STRIP_BYTES = 2**29
-# Numbers of a strip of rows that is worked out as float64.
+# Numbers of a strip of rows in float64.
 STRIP_NUMBERS = 2**23
-# The largest side that is relit at once: textures of every OpenGL 4.1 have it.
+# The largest side that is relit at once: every OpenGL 4.1 has textures of it.
 STRIP_SIDE = 8192
-# Rows of a strip and columns of a window are whole packets of rays and whole bars of hatching.
+# Rows of a strip and columns of a window are multiples of ray packets and hatching bars.
 _ALIGNED = 64
 
 
 @dataclass(frozen=True, slots=True)
 class WindowCamera(Camera):
-    """A camera whose picture is a window of a larger one.
+    """Camera of a window in a larger picture.
 
     Parameters
     ----------
     whole : (width, height)
         Rays of the larger picture.
     corner : (x, y)
-        The window's first in it.
+        The window's first ray in it.
     """
 
     whole: tuple[int, int] = (1, 1)
     corner: tuple[int, int] = (0, 0)
 
     def ray_field(self, width: int, height: int) -> RayField:
-        """The rays of the window, whatever its size."""
+        """Return the rays of the window, whatever its size."""
         field = Camera.ray_field(self, *self.whole)
         x, y = field.middle
         return replace(field, middle=(x - self.corner[0], y - self.corner[1]))
@@ -59,7 +59,7 @@ class WindowCamera(Camera):
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Part of a picture: pixels from (x, y) on."""
+    """Part of a picture: its corner and size in pixels."""
 
     x: int
     y: int
@@ -69,7 +69,7 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Canvas:
-    """A picture's size, its rays a pixel, and how it is cut.
+    """Size of a picture, its rays a pixel, and its division into windows.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class Canvas:
     samples : int
         n × n rays a pixel.
     channels : int
-        Of all light groups together.
+        Number in all light groups together.
     """
 
     size: tuple[int, int]
@@ -86,7 +86,7 @@ class Canvas:
     channels: int
 
     def strips(self) -> list[list[Window]]:
-        """From top to bottom: windows side by side, each to be relit at once."""
+        """Return strips from top to bottom: adjacent windows, each relit at once."""
         width, height = self.size
         columns = _cuts(width, STRIP_SIDE)
         widest = max(end - start for start, end in columns)
@@ -95,7 +95,7 @@ class Canvas:
         return [[Window(x, y, right - x, bottom - y) for x, right in columns] for y, bottom in rows]
 
     def windows(self, part: Window) -> list[Window]:
-        """What is cast at once of a strip's window."""
+        """Divide a strip's window into those cast at once."""
         n = self.samples
         columns = _cuts(part.width, MAX_SIDE // n)
         widest = max(end - start for start, end in columns)
@@ -109,7 +109,7 @@ class Canvas:
 
 
 def _cuts(length: int, most: int) -> list[tuple[int, int]]:
-    """Nearly equal pieces, each but the last of whole packets."""
+    """Cut a length into nearly equal pieces, all but the last of whole packets."""
     if length <= most:
         return [(0, length)]
     count = -(-length // (most // _ALIGNED * _ALIGNED))
@@ -118,13 +118,13 @@ def _cuts(length: int, most: int) -> list[tuple[int, int]]:
 
 
 def row_strips(size: tuple[int, int], numbers: int) -> Iterator[slice]:
-    """Rows from top to bottom, few enough to be float64 at once.
+    """Yield slices of rows from top to bottom, small enough for float64.
 
     Parameters
     ----------
     size : (width, height)
     numbers : int
-        Of a pixel.
+        A pixel's.
     """
     width, height = size
     step = max(1, STRIP_NUMBERS // (width * numbers))
@@ -133,15 +133,15 @@ def row_strips(size: tuple[int, int], numbers: int) -> Iterator[slice]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Caster:
-    """Casts parts of pictures of one volume.
+class TileCaster:
+    """Casts pictures of one volume in parts.
 
     Parameters
     ----------
     caster : Raycaster
     spec : RaycastSpec
     notes : {str: str}
-        Kept in the images.
+        Metadata of the images.
     """
 
     caster: Raycaster
@@ -151,39 +151,31 @@ class Caster:
     def strips(
         self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
     ) -> Iterator[list[CoefficientImage]]:
-        """The picture from top to bottom, in images side by side; mostly one."""
+        """Yield the picture from top to bottom as rows of adjacent images; mostly one."""
         strips = canvas.strips()
-        total, done, seen = canvas.size[0] * canvas.size[1], 0, False
+        total, done, is_empty = canvas.size[0] * canvas.size[1], 0, True
         for strip in strips:
             images = []
             for part in strip:
-                before, share = done / total, part.width * part.height / total
-
-                def told(part_done: float, before: float = before, share: float = share) -> None:
-                    progress(before + share * part_done)
-
-                images.append(self._part(transfer, camera, canvas, part, told))
-                done += part.width * part.height
-                seen = seen or bool(images[-1].alpha.any())
+                area = part.width * part.height
+                part_progress = _part_of(progress, done / total, area / total)
+                images.append(self._part(transfer, camera, canvas, part, part_progress))
+                done += area
+                is_empty = is_empty and not images[-1].alpha.any()
             yield images
-        if not seen and (len(strips) > 1 or len(strips[0]) > 1):
-            self._tell_empty()
+        if is_empty and (len(strips) > 1 or len(strips[0]) > 1):
+            self._warn_empty()
 
     def whole(
         self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
     ) -> CoefficientImage:
-        """The picture as one image, in memory, whatever its size."""
+        """Cast the picture as one image in memory, whatever its size."""
         return self._part(transfer, camera, canvas, Window(0, 0, *canvas.size), progress)
 
     def _part(
-        self,
-        transfer: Transfer,
-        camera: Camera,
-        canvas: Canvas,
-        part: Window,
-        progress: Progress,
+        self, transfer: Transfer, camera: Camera, canvas: Canvas, part: Window, progress: Progress
     ) -> CoefficientImage:
-        """One window of the picture; where it needs several casts, put together."""
+        """Cast one window of the picture, in several casts if it is large."""
         whole = Window(0, 0, *canvas.size)
         windows = canvas.windows(part)
         if canvas.samples == 1 and windows == [whole]:
@@ -191,24 +183,24 @@ class Caster:
         n, image = canvas.samples, None
         coefficients = np.empty((part.height, part.width, canvas.channels), np.float32)
         alpha = np.empty((part.height, part.width), np.float32)
-        # Of several rays a mean of depths is nowhere.
+        # A mean of several rays' depths lies nowhere.
         depth, first = np.full_like(alpha, np.inf), None if n > 1 else np.empty_like(alpha)
         for i, window in enumerate(windows):
-            seen_from = WindowCamera(
-                *(camera.position_mm, camera.target_mm, camera.up),
-                *(camera.fov_deg, camera.height_mm),
+            window_camera = WindowCamera(
+                camera.position_mm,
+                camera.target_mm,
+                camera.up,
+                camera.fov_deg,
+                camera.height_mm,
                 whole=(n * canvas.size[0], n * canvas.size[1]),
                 corner=(n * window.x, n * window.y),
             )
-
-            def told(done: float, i: int = i) -> None:
-                progress((i + done) / len(windows))
-
+            part_progress = _part_of(progress, i / len(windows), 1 / len(windows))
             with warnings.catch_warnings():
-                if part != whole or len(windows) > 1:  # a window may well be empty
+                if part != whole or len(windows) > 1:  # a single window may be empty
                     warnings.filterwarnings("ignore", ".*the picture is empty", VolspecWarning)
                 size = n * window.width, n * window.height
-                image = self.cast(transfer, seen_from, size, told)
+                image = self.cast(transfer, window_camera, size, part_progress)
             y, x = window.y - part.y, window.x - part.x
             there = np.s_[y : y + window.height, x : x + window.width]
             coefficients[there] = _mean(np.asarray(image.coefficients, np.float32), n)
@@ -217,7 +209,7 @@ class Caster:
                 depth[there], first[there] = image.depth_mm, image.first_mm
         assert image is not None
         if part == whole and len(windows) > 1 and not alpha.any():
-            self._tell_empty()
+            self._warn_empty()
         return replace(
             image,
             coefficients=coefficients.astype(image.coefficients.dtype, copy=False),
@@ -227,8 +219,8 @@ class Caster:
             notes={**image.notes, "camera": repr(camera)},
         )
 
-    def _tell_empty(self) -> None:
-        """Say of a picture in parts what `volspec.raycast` says of a whole one."""
+    def _warn_empty(self) -> None:
+        """Warn as `volspec.raycast` does of a picture in one part."""
         warnings.warn(
             f"{self.caster.volume.name}: the picture is empty; look at the transfer function's "
             "opacities, the camera, crop and clip planes",
@@ -243,17 +235,26 @@ class Caster:
         size: tuple[int, int],
         progress: Progress | None = None,
     ) -> CoefficientImage:
-        """One cast, in a piece."""
+        """Cast a picture in one part."""
         return raycast(
-            *(self.caster.volume, transfer, camera, size, self.spec),
+            self.caster.volume,
+            transfer,
+            camera,
+            size,
+            self.spec,
             caster=self.caster,
             progress=progress,
             notes=self.notes,
         )
 
 
+def _part_of(progress: Progress, start: float, fraction: float) -> Progress:
+    """Return the progress of a part of a picture."""
+    return lambda done: progress(start + fraction * done)
+
+
 def _mean(pixels: NDArray[np.float32], n: int) -> NDArray[np.float32]:
-    """(n·H, n·W, C) -> (H, W, C): each pixel's own area, a box."""
+    """Average (n·H, n·W, C) to (H, W, C) with a box filter."""
     if n == 1:
         return pixels
     height, width, channels = pixels.shape

@@ -237,7 +237,7 @@ class Scene:
         output : path
             A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
         size, overwrite, device, tell, volume, caster
-            As `volspec.export.run.export_scene`.
+            As `volspec.export.exporter.export_scene`.
         **changes
             Keys of ``[export]`` in place of the file's, such as ``turntable={"frames": 36}``.
 
@@ -254,7 +254,7 @@ class Scene:
         """
         scene = self.exporting(**changes) if changes else self
         # The exporter knows scenes, so that it can only be asked for by name.
-        run = import_module("volspec.export.run")
+        run = import_module("volspec.export.exporter")
         made: Exported = run.export_scene(
             *(scene, output),
             size=size,

@@ -1,8 +1,8 @@
-"""A relightable picture in a notebook's cell: the web page, tied to Python both ways.
+"""Notebook widget: the relightable web page in a cell, linked to Python both ways.
 
     coefficient image, lights -> [notebook] -> cell <-> kernel
 
-The machinery, anywidget, is an extra; nothing here needs it but `notebook` itself.
+anywidget is an extra; only `notebook` itself needs it.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 from volspec.appearance import Viewing
 from volspec.errors import DeviceError, ImageError, quoted
-from volspec.export.notebook.lights import Given, named_lights
-from volspec.export.notebook.settings import opened
+from volspec.export.notebook.settings import LightLike, initial_spec, named_lights
 from volspec.raycast import CoefficientImage
 from volspec.scene.lights import NamedLight
 
@@ -25,21 +24,21 @@ __all__ = ["notebook"]
 
 def notebook(
     image: CoefficientImage,
-    lights: Mapping[str, Given] | Sequence[Given | NamedLight] | None = None,
+    lights: Mapping[str, LightLike] | Sequence[LightLike | NamedLight] | None = None,
     viewing: Viewing | None = None,
 ) -> RelightWidget:
-    """A coefficient image as a widget whose lights and viewing can be changed from either side.
+    """Show a coefficient image as a widget; lights and viewing change from either side.
 
-    An image that is the last line of a cell shows itself so.
+    An image on the last line of a cell is shown so.
 
     Parameters
     ----------
     image : CoefficientImage
     lights : sequence of str, Spectrum or NamedLight, or {name: str, Spectrum or LightRig}, optional
-        What can be switched on; the first is. Texts are in `volspec.light`'s notation, a scene's
-        are `Scene.lights`. The default is daylight, tungsten, a fluorescent tube and sodium.
+        The first is switched on. Texts are in `volspec.light`'s notation; a scene's lights are
+        `Scene.lights`. The default is daylight, tungsten, a fluorescent tube and sodium.
     viewing : Viewing, optional
-        How it is looked at first; left out, as the scene that the image was cast from says.
+        The first viewing; by default that of the image's scene.
 
     Returns
     -------
@@ -52,11 +51,14 @@ def notebook(
     ImageError
         If it is no coefficient image, or there is no light.
     SpectrumError, ViewingError
-        If a light is unknown or does not fit the image, or the page cannot draw the viewing.
+        If a light is unknown or does not fit the image, or the page does not support the viewing.
     """
     if not isinstance(image, CoefficientImage):
         raise ImageError(
-            f"notebook: got {quoted(image)}; expected a CoefficientImage, as volspec.raycast gives"
+            f"notebook: got {quoted(image)}",
+            "expected a CoefficientImage, as volspec.raycast gives",
+            code="type",
+            given=image,
         )
     try:
         from volspec.export.notebook.widget import RelightWidget
@@ -64,8 +66,9 @@ def notebook(
         if error.name not in ("anywidget", "ipywidgets", "traitlets"):
             raise
         raise DeviceError(
-            f"notebook: {error.name} is not here; pip install 'volspec[notebook]'",
+            f"notebook: {error.name} is not installed",
+            "pip install 'volspec[notebook]'",
             code="unsupported",
         ) from error
     named = named_lights(lights, image)
-    return RelightWidget(image, named, opened(image, named, viewing))
+    return RelightWidget(image, named, initial_spec(image, named, viewing))

@@ -1,11 +1,13 @@
-"""A widget's settings: which of them its page can draw, and the words it knows them by.
+"""Lights and viewing of a widget, and their conversion to the state of its page.
 
+texts, spectra, rigs -> NamedLight -> LightRig
 Viewing, RelightSpec <-> [settings] <-> the looks of web/state.js
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,23 +17,26 @@ from volspec.appearance.live import CLOSED
 from volspec.appearance.models import MODELS
 from volspec.appearance.screen import Screen
 from volspec.appearance.spec import SURROUND_RATIOS
-from volspec.errors import ViewingError
+from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
 from volspec.export.page import payload
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
+from volspec.relight.spec import mixed_rig
 from volspec.scene import viewing_of
 from volspec.scene.lights import NamedLight
+from volspec.spectra import Spectrum, light
 
-# Of a look in web/state.js, what a Viewing holds.
-_LOOK = (
-    *("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure"),
-    *("gamut", "mark"),
-)
+LightLike = str | Spectrum | LightRig
+
+# Lights offered for an image that names none.
+DEFAULT_LIGHTS = ("D65", "A", "FL11", "HP1")
+# Keys of a look in web/state.js that a Viewing holds.
+_LOOK = ("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure", "gamut", "mark")
 
 
 @dataclass(frozen=True, slots=True)
-class Probed:
-    """What a pixel of the picture is.
+class PixelReading:
+    """Colour of a pixel.
 
     Parameters
     ----------
@@ -40,10 +45,10 @@ class Probed:
     opacity : float
         0 to 1.
     XYZ : (X, Y, Z)
-        In the scene; Y = 100 for a perfect diffuser.
+        Tristimulus values in the scene; Y = 100 for a perfect diffuser.
     J, C, h : float or None
-        Lightness, chroma, hue in degrees: the viewing's model, CIECAM02 where it only adapts; None
-        where it does not define them.
+        Lightness, chroma, hue in degrees by the viewing's model, or by CIECAM02 if that only
+        adapts; None if undefined there.
     """
 
     x: int
@@ -55,36 +60,139 @@ class Probed:
     h: float | None
 
 
-def opened(
-    image: CoefficientImage, lights: Sequence[NamedLight], viewing: Viewing | None
-) -> RelightSpec:
-    """How a widget looks first: as given, else as the image's scene says.
-
-    What a scene asks of its viewing and no page can draw is replaced, with a warning.
+def named_lights(
+    given: Mapping[str, LightLike] | Sequence[LightLike | NamedLight] | None,
+    image: CoefficientImage,
+) -> tuple[NamedLight, ...]:
+    """Name the lights of a widget.
 
     Raises
     ------
     ImageError
-        If the image's note of its viewing cannot be read.
-    ViewingError
-        If the page cannot draw the viewing that is given.
+        If there is no light, or two have one name.
+    SpectrumError, ViewingError
+        If one is unknown, has no name or does not fit the image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from volspec.basis import SpectralBasis
+    >>> one, basis = np.ones((1, 1), np.float32), SpectralBasis.load("general-7")
+    >>> image = CoefficientImage(np.ones((1, 1, 7), np.float32), one, one, basis)
+    >>> [lamp.name for lamp in named_lights({"day": "D65", "candle": "planck:1900"}, image)]
+    ['day', 'candle']
     """
-    noted = viewing_of(image).spec().for_lights(lamp.rig for lamp in lights)
+    if given is None:
+        given = DEFAULT_LIGHTS
+    pairs: Iterable[tuple[str | None, LightLike | NamedLight]]
+    if isinstance(given, Mapping):
+        pairs = given.items()
+    elif isinstance(given, Sequence) and not isinstance(given, str):
+        pairs = ((None, each) for each in given)
+    else:
+        raise ImageError(
+            f"notebook: lights are {quoted(given)}",
+            "give several in a list, as ['D65', 'A'], or by name in a dict",
+            code="type",
+            given=given,
+        )
+    named = tuple(_named(name, each, image) for name, each in pairs)
+    if not named:
+        raise ImageError("notebook: there is no light", "give at least one", code="missing")
+    names = [lamp.name for lamp in named]
+    if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
+        raise ImageError(
+            f"notebook: two lights are {twice[0]!r}", "give them names, as a dict", code="duplicate"
+        )
+    require_lit(named, image)
+    return named
+
+
+def require_lit(lights: Iterable[NamedLight], image: CoefficientImage) -> None:
+    """Refuse lights that do not fit an image.
+
+    Raises
+    ------
+    SpectrumError
+        If one does not cover the basis' grid.
+    ViewingError
+        If one shines from a group that the image lacks.
+    """
+    for lamp in lights:
+        with _naming_light(lamp.name):
+            Illumination.of(image.basis, lamp.rig, RelightSpec(), image.groups)
+
+
+def weighted_rig(lights: Sequence[NamedLight], weights: Sequence[float]) -> LightRig | None:
+    """Mix the lights; None if every weight is 0. The mix has lux if all its lights have."""
+    if not any(weights):
+        return None
+    return mixed_rig([lamp.rig for lamp in lights], weights)
+
+
+def _named(name: str | None, given: LightLike | NamedLight, image: CoefficientImage) -> NamedLight:
+    if isinstance(given, NamedLight):
+        return given if name is None else replace(given, name=name)
+    grid = image.basis.grid
+    label = given if isinstance(given, str) else ""
+    if isinstance(given, str):
+        given = light(given, grid)
+        name = label if name is None else name
+    if isinstance(given, Spectrum):
+        name, rig = given.name if name is None else name, LightRig((given,))
+    elif isinstance(given, LightRig):
+        rig = given
+    else:
+        raise SpectrumError.refused(
+            "notebook: a light", given, "give a name, as 'D65', a Spectrum or a LightRig", "type"
+        )
+    if not (isinstance(name, str) and name.strip()):
+        raise SpectrumError(
+            "notebook: a light has no name", "give lights as {name: light}", code="missing"
+        )
+    with _naming_light(name):
+        return NamedLight(name, label or name, rig.facing(image.groups).mixed(grid), rig)
+
+
+@contextmanager
+def _naming_light(name: str) -> Iterator[None]:
+    """Put a light's name before the message of its error."""
+    try:
+        yield
+    except (SpectrumError, ViewingError) as error:
+        raise type(error)(f"notebook: light {quoted(name)}: {error}", code=error.code) from error
+
+
+def initial_spec(
+    image: CoefficientImage, lights: Sequence[NamedLight], viewing: Viewing | None
+) -> RelightSpec:
+    """Return a widget's first settings: as given, else as in the image's scene.
+
+    Settings of the scene that the page does not support are replaced, with a warning.
+
+    Raises
+    ------
+    ImageError
+        If the image's metadata of its viewing is damaged.
+    ViewingError
+        If the page does not support the viewing that is given.
+    """
+    stored = viewing_of(image).spec().for_lights(lamp.rig for lamp in lights)
     if viewing is not None:
-        return replace(noted, viewing=checked_viewing(viewing))
-    look = payload.look_numbers(noted, lights)
-    plain = noted.viewing.display.space == "sRGB"
-    display = noted.viewing.display if plain else Display()
-    return replace(noted, viewing=viewing_from(look, display))
+        return replace(stored, viewing=checked_viewing(viewing))
+    look = payload.look_numbers(stored, lights)
+    plain = stored.viewing.display.space == "sRGB"
+    display = stored.viewing.display if plain else Display()
+    return replace(stored, viewing=viewing_from_look(look, display))
 
 
 def checked_viewing(viewing: object) -> Viewing:
-    """A viewing that the page can draw.
+    """Refuse a viewing that the page does not support.
 
     Raises
     ------
     ViewingError
-        If it cannot, or it is none.
+        If it does not, or the object is no viewing.
     """
     if not isinstance(viewing, Viewing):
         raise ViewingError.refused(
@@ -92,32 +200,37 @@ def checked_viewing(viewing: object) -> Viewing:
         )
     if viewing.model not in CLOSED and viewing.model not in ADAPTATIONS:
         raise ViewingError(
-            f"notebook: model {viewing.model!r} has no closed form, which the page needs; take "
-            f"{', '.join(CLOSED)}, or volspec.relight",
-            code="state",
+            f"notebook: model {viewing.model!r} has no closed form, which the page needs",
+            f"take {', '.join(CLOSED)}, or volspec.relight",
+            code="unsupported",
+            given=viewing.model,
         )
     if viewing.adapting != "given":
         raise ViewingError(
-            f"notebook: adapting is {viewing.adapting!r}, but the page measures nothing in its "
-            "picture; take 'given', or volspec.relight"
+            f"notebook: adapting is {viewing.adapting!r}, but the page measures no picture",
+            "take 'given', or volspec.relight",
+            code="unsupported",
+            given=viewing.adapting,
         )
     if viewing.display.space != "sRGB":
         raise ViewingError(
-            f"notebook: the display is {viewing.display.colours.name!r}, but the page is made for "
-            "sRGB; take that, or volspec.relight"
+            f"notebook: the display is {viewing.display.colours.name!r}, but the page is for sRGB",
+            "take that, or volspec.relight",
+            code="unsupported",
+            given=viewing.display.space,
         )
-    Screen.of(viewing.display, viewing.model)  # refuses to reduce what has no colour left
+    Screen.of(viewing.display, viewing.model)  # refuses a gamut that cannot be reduced to
     return viewing
 
 
-def look_of(viewing: Viewing, lights: Sequence[NamedLight]) -> dict[str, Any]:
-    """A viewing as the page's state has it."""
+def look_from_viewing(viewing: Viewing, lights: Sequence[NamedLight]) -> dict[str, Any]:
+    """Convert a viewing to the page's state."""
     look = payload.look_numbers(RelightSpec(viewing), lights)
     return {name: look[name] for name in _LOOK}
 
 
-def viewing_from(look: Mapping[str, Any], display: Display) -> Viewing:
-    """What the page's state says, before a display in its room.
+def viewing_from_look(look: Mapping[str, Any], display: Display) -> Viewing:
+    """Convert the page's state to a viewing, on a display with its own surround.
 
     Raises
     ------
@@ -136,19 +249,21 @@ def viewing_from(look: Mapping[str, Any], display: Display) -> Viewing:
     )
 
 
-def read_at(
-    image: CoefficientImage, rig: LightRig, seen: RelightSpec, pixel: tuple[int, int]
-) -> Probed:
-    """Look at a pixel, as the page's probe does."""
+def read_pixel(
+    image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
+) -> PixelReading:
+    """Read a pixel, as the page's probe does."""
     x, y = pixel
-    lit = Illumination.of(image.basis, rig, seen, image.groups)
+    lit = Illumination.of(image.basis, rig, spec, image.groups)
     opacity = float(image.alpha[y, x])
     XYZ = lit.scene_XYZ(image.coefficients[y, x], opacity)
     viewing = lit.viewing
     model = MODELS[viewing.model if viewing.model in MODELS else "CIECAM02"]
-    look = model.forward(XYZ, viewing.conditions(lit.white_XYZ))
+    found = model.forward(XYZ, viewing.conditions(lit.white_XYZ))
     J, C, h = (
-        (float(look.J), float(look.C), float(look.h)) if bool(look.defined) else (None, None, None)
+        (float(found.J), float(found.C), float(found.h))
+        if bool(found.defined)
+        else (None, None, None)
     )
     X, Y, Z = XYZ.tolist()
-    return Probed(x, y, opacity, (X, Y, Z), J, C, h)
+    return PixelReading(x, y, opacity, (X, Y, Z), J, C, h)

@@ -1,15 +1,16 @@
-"""The widget: traits that follow the page, and a page that follows the traits.
+"""The notebook widget: traits synchronised with a page in both directions.
 
     image, lights, RelightSpec -> [widget] <-> host.js <-> page's web/widget.js
 
-What is set in Python is shown at once; what is moved in the page arrives here about ten times a
-second, when the kernel is free. Only `notebook` imports this module: it needs anywidget.
+Traits set in Python are shown at once; changes in the page arrive about ten times a second, when
+the kernel is free. Only `notebook` imports this module: it needs anywidget.
 """
 
 from __future__ import annotations
 
 import base64
 import io
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
@@ -23,8 +24,14 @@ import traitlets
 from volspec.appearance import Viewing
 from volspec.appearance.surround import is_finite
 from volspec.errors import ImageError, ViewingError, nearest, quoted
-from volspec.export.notebook.lights import require_lit, rig_of
-from volspec.export.notebook.settings import checked_viewing, look_of, read_at, viewing_from
+from volspec.export.notebook.settings import (
+    checked_viewing,
+    look_from_viewing,
+    read_pixel,
+    require_lit,
+    viewing_from_look,
+    weighted_rig,
+)
 from volspec.export.page import PageSpec, PageView, page_html, payload
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
@@ -39,7 +46,7 @@ _SETTINGS = ("image", "weights", "viewing", "mode", "backdrop", "level", "probe"
 
 
 class _Checked(traitlets.TraitType):
-    """A trait whose values a method of the widget checks, at once and in this package's words."""
+    """Trait with values checked at once by a method of the widget, in this package's words."""
 
     def __init__(self, check: str, **kind: Any) -> None:
         super().__init__(**kind)
@@ -50,25 +57,25 @@ class _Checked(traitlets.TraitType):
 
 
 class RelightWidget(anywidget.AnyWidget):
-    """A coefficient image in a cell; `volspec.notebook` makes it.
+    """A coefficient image in a cell; made by `volspec.notebook`.
 
-    Every attribute but the lights can be set, and observed with ``observe`` as any trait. A value
-    that cannot be is refused, and everything stays as it was. Where the page compares two
-    settings, they are those of its side A.
+    Every attribute but the lights can be set, and observed with ``observe`` as any trait. An
+    invalid value is refused without any change. While the page compares two settings, the
+    attributes are those of its side A.
 
     Parameters
     ----------
     image : CoefficientImage
-        What is shown; another may have another size, basis and groups.
+        Another may have another size, basis and groups.
     lights : sequence of NamedLight
-        What can be switched on; the first is.
-    seen : RelightSpec
-        How it looks first, and again after the page's Reset.
+        The first is switched on.
+    relight_spec : RelightSpec
+        The first settings, and those after the page's Reset.
 
     Attributes
     ----------
     weights : {name: float}
-        How much of each light shines, 0 to 1; those that an assignment leaves out are off.
+        Weight of each light, 0 to 1; those that an assignment leaves out are off.
     viewing : Viewing
     mode, level : str
         As `RelightSpec`.
@@ -76,15 +83,16 @@ class RelightWidget(anywidget.AnyWidget):
         A reflectance, 0 to 1.
     probe : (x, y) or None
         The pixel that is read; row 0 is the top.
-    probed : volspec.export.notebook.settings.Probed or None
-        What it is; None where no pixel is read, or no light shines. Not to be set.
+    probed : volspec.export.notebook.settings.PixelReading or None
+        Its colour; None if no pixel is read, or every light is off. Read only.
 
     Raises
     ------
     ImageError
-        If an image is none, or a probe lies outside of it.
+        If the image is of another type, or a probe lies outside of it.
     ViewingError
-        If a light's name is unknown, a weight is out of range, or the page cannot draw a viewing.
+        If a light's name is unknown, a weight is out of range, or the page does not support a
+        viewing.
     """
 
     _esm = Path(__file__).parent / "host.js"
@@ -99,8 +107,8 @@ class RelightWidget(anywidget.AnyWidget):
     )
     viewing = _Checked("_checked_viewing").tag(
         sync=True,
-        to_json=lambda viewing, widget: look_of(viewing, widget.lights),
-        from_json=lambda look, widget: viewing_from(look, widget.viewing.display),
+        to_json=lambda viewing, widget: look_from_viewing(viewing, widget.lights),
+        from_json=lambda look, widget: viewing_from_look(look, widget.viewing.display),
     )
     mode = _Checked("_checked_mode").tag(sync=True)
     backdrop = _Checked("_checked_backdrop").tag(sync=True)
@@ -109,37 +117,43 @@ class RelightWidget(anywidget.AnyWidget):
     probed = traitlets.Any(read_only=True, default_value=None)
 
     def __init__(
-        self, image: CoefficientImage, lights: Sequence[NamedLight], seen: RelightSpec
+        self, image: CoefficientImage, lights: Sequence[NamedLight], relight_spec: RelightSpec
     ) -> None:
         self._lights = tuple(lights)
-        self._opens = seen
+        self._initial = relight_spec
         super().__init__(
             image=image,
             weights={self._names[0]: 1.0},
-            viewing=seen.viewing,
-            mode=seen.mode,
-            backdrop=seen.backdrop,
-            level=seen.level,
+            viewing=relight_spec.viewing,
+            mode=relight_spec.mode,
+            backdrop=relight_spec.backdrop,
+            level=relight_spec.level,
             layout=ipywidgets.Layout(height=_HEIGHT),
         )
 
     @property
     def lights(self) -> tuple[NamedLight, ...]:
-        """What can be switched on."""
+        """Lights that can be switched on."""
         return self._lights
 
     @property
     def rig(self) -> LightRig | None:
-        """What shines; None where every light is off."""
-        return rig_of(self._lights, tuple(self.weights.values()))
+        """Mix of the lights; None if every light is off."""
+        return weighted_rig(self._lights, tuple(self.weights.values()))
+
+    @property
+    def relight_spec(self) -> RelightSpec:
+        """Settings of the picture besides its light."""
+        return RelightSpec(self.viewing, self.mode, self.backdrop, self.level)
 
     @property
     def seen(self) -> RelightSpec:
-        """How the picture is made, beside its light."""
-        return RelightSpec(self.viewing, self.mode, self.backdrop, self.level)
+        """Old name of `relight_spec`, for one version."""
+        warnings.warn("RelightWidget.seen is now relight_spec", DeprecationWarning, stacklevel=2)
+        return self.relight_spec
 
     def frame(self, dtype: Any = np.uint8) -> Pixels:
-        """The desktop's picture for the same settings; black where every light is off.
+        """Relight on the desktop with the same settings; black if every light is off.
 
         Parameters
         ----------
@@ -159,14 +173,14 @@ class RelightWidget(anywidget.AnyWidget):
         rig, (width, height) = self.rig, self.image.size
         if rig is None:
             return np.zeros((height, width, 3), pixel_type(dtype))
-        return relight(self.image, rig, self.seen, dtype)
+        return relight(self.image, rig, self.relight_spec, dtype)
 
     def __repr__(self) -> str:
         width, height = self.image.size
         return f"RelightWidget({width}x{height}, {', '.join(self._names)})"
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
-        """The widget; and a still picture for readers that run none, as a saved notebook's."""
+        """Add a still picture for readers without widgets, such as of a saved notebook."""
         from PIL import Image
 
         bundle = super()._repr_mimebundle_(**kwargs)
@@ -180,24 +194,24 @@ class RelightWidget(anywidget.AnyWidget):
         return tuple(lamp.name for lamp in self._lights)
 
     @traitlets.observe("image")
-    def _show(self, _: object) -> None:
-        """Another picture is another page; what is set stays."""
+    def _update_page(self, _: object) -> None:
+        """Build a page for another picture; settings stay."""
         title = self.image.notes.get("scene") or PageSpec().title
-        self._page = page_html([PageView(self.image)], self._lights, self._opens, PageSpec(title))
+        self._page = page_html([PageView(self.image)], self._lights, self._initial, PageSpec(title))
 
     @traitlets.observe("viewing")
-    def _move(self, _: object) -> None:
-        """The display's room is the page's own; only Python changes it."""
+    def _update_room(self, _: object) -> None:
+        """Send the display's surround, which only Python changes."""
         self._room = payload.page_viewing(self.viewing)
 
     @traitlets.observe(*_SETTINGS)
-    def _read(self, _: object) -> None:
+    def _update_probed(self, _: object) -> None:
         if self.probe is not None and not _inside(self.probe, self.image):
-            self.probe = None  # which comes here again
+            self.probe = None  # calls this again
             return
         rig, found = self.rig, None
         if self.probe is not None and rig is not None:
-            found = read_at(self.image, rig, self.seen, self.probe)
+            found = read_pixel(self.image, rig, self.relight_spec, self.probe)
         self.set_trait("probed", found)
 
     def _checked_image(self, image: object) -> CoefficientImage:
@@ -209,8 +223,10 @@ class RelightWidget(anywidget.AnyWidget):
     def _checked_weights(self, weights: object) -> Mapping[str, float]:
         if not isinstance(weights, Mapping):
             raise ViewingError(
-                f"notebook: weights are {quoted(weights)}; give them by name, as "
-                f"{{{self._names[0]!r}: 1.0}}"
+                f"notebook: weights are {quoted(weights)}",
+                f"give them by name, as {{{self._names[0]!r}: 1.0}}",
+                code="type",
+                given=weights,
             )
         for name, weight in weights.items():
             if name not in self._names:
@@ -233,7 +249,12 @@ class RelightWidget(anywidget.AnyWidget):
 
     def _checked_backdrop(self, backdrop: Any) -> float:
         if isinstance(backdrop, Spectrum):
-            raise ViewingError("notebook: the backdrop is a spectrum; give a reflectance 0 to 1")
+            raise ViewingError(
+                "notebook: the backdrop is a spectrum",
+                "give a reflectance 0 to 1",
+                code="unsupported",
+                given=backdrop,
+            )
         RelightSpec(backdrop=backdrop)
         return float(backdrop)
 
@@ -242,8 +263,10 @@ class RelightWidget(anywidget.AnyWidget):
         dark = [lamp.name for lamp in self._lights if lamp.rig.illuminance_lux is None]
         if level == "absolute" and dark:
             raise ViewingError(
-                f"notebook: level 'absolute' needs the lux of every light; {dark[0]!r} has none, "
-                "give it as LightRig(..., illuminance_lux=...)"
+                f"notebook: level 'absolute' needs the lux of every light, {dark[0]!r} has none",
+                "give it as LightRig(..., illuminance_lux=...)",
+                code="missing",
+                given=level,
             )
         return level
 
@@ -253,7 +276,7 @@ class RelightWidget(anywidget.AnyWidget):
         if not (isinstance(probe, Sequence) and len(probe) == 2 and _inside(probe, self.image)):
             width, height = self.image.size
             raise ImageError.refused(
-                "notebook.probe", probe, f"give (x, y) inside of {width}x{height}, or None"
+                "notebook.probe", probe, f"give (x, y) inside of {width}x{height}, or None", "range"
             )
         return int(probe[0]), int(probe[1])
 

@@ -1,9 +1,9 @@
-"""Put a page together: channels, numbers, shaders, scripts and styles in one HTML file.
+"""Build a page: channels, numbers, shaders, scripts and styles in one HTML file.
 
-    views, lights, RelightSpec -> [build] -> PAGE.html
+    scene -> views, lights, RelightSpec -> [build] -> PAGE.html
 
-The page asks the network for nothing, and its own policy forbids it: scripts and styles are known
-by their hashes, pictures are data. What users wrote reaches it escaped, as text.
+Its content security policy forbids the network: scripts and styles are allowed by their hashes,
+pictures are data. Users' texts are escaped.
 """
 
 from __future__ import annotations
@@ -14,30 +14,60 @@ import html
 import io
 import json
 import os
-from collections.abc import Iterable, Sequence
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from volspec import __version__
 from volspec._files import write_whole
 from volspec.errors import ImageError, ShapeError
+from volspec.export.animation import turntable_cameras
 from volspec.export.page import payload
-from volspec.export.page.channels import carried
-from volspec.pipeline import Relighter
+from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
+from volspec.raycast.bands import Progress
 from volspec.relight import RelightSpec
+from volspec.relight.packed import bounded
+from volspec.scene import Scene
+from volspec.scene.export import TurntableTable
 from volspec.scene.lights import NamedLight
 
+Codes = NDArray[np.int64]
+
 BITS = (8, 12)
+MOST_VIEWS = 360
 _WEB = Path(__file__).parent / "web"
-# In the order in which they are joined; each uses what stands before it.
-_SCRIPTS = (
-    *("algebra", "illumination", "conditions", "passages", "looks", "channels", "relight"),
-    *("lighting", "state", "elements", "spectrum", "dial", "lights", "viewing", "errors"),
-    *("probe", "stage", "share", "widget", "main"),
-)
+# Joined in this order: each uses those before it. illumination, conditions and passages are the
+# third copy of light matrices and CIECAM, after NumPy and GLSL: a page computes them offline, for
+# any weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares them.
+_SCRIPTS = [
+    "algebra",
+    "illumination",
+    "conditions",
+    "passages",
+    "looks",
+    "channels",
+    "relight",
+    "lighting",
+    "state",
+    "elements",
+    "spectrum",
+    "dial",
+    "lights",
+    "viewing",
+    "errors",
+    "probe",
+    "stage",
+    "share",
+    "widget",
+    "main",
+]
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "
     "img-src data: blob:; base-uri 'none'; form-action 'none'; "
@@ -47,20 +77,20 @@ _POLICY = (
 
 @dataclass(frozen=True, slots=True)
 class PageSpec:
-    """What a page is called and how fine its channels are.
+    """Title of a page, and precision of its channels.
 
     Parameters
     ----------
     title : str
     caption : str
-        A few words below the title; plain text.
+        Plain text below the title.
     bits : int
         Of each channel's codes: 8, or up to 12 for twice the size.
 
     Raises
     ------
     ImageError
-        If a word is no text or the bits are others.
+        If the title or caption is no text, or bits are out of range.
     """
 
     title: str = "Relightable picture"
@@ -84,7 +114,7 @@ class PageView:
     ----------
     image : CoefficientImage
     azimuth_deg : float
-        How far around it was cast, from the first.
+        Angle from the first view's camera.
     """
 
     image: CoefficientImage
@@ -95,16 +125,16 @@ def write_page(
     path: str | os.PathLike[str],
     views: Iterable[PageView],
     lights: Sequence[NamedLight],
-    seen: RelightSpec | None = None,
+    relight_spec: RelightSpec | None = None,
     spec: PageSpec | None = None,
 ) -> int:
-    """Write a page, whole or not at all.
+    """Write a page.
 
     Parameters
     ----------
     path : str or path
         Ends in ``.html``.
-    views, lights, seen, spec
+    views, lights, relight_spec, spec
         As `page_html`.
 
     Returns
@@ -122,8 +152,8 @@ def write_page(
         As `page_html`.
     """
     if Path(path).suffix.lower() not in (".html", ".htm"):
-        raise ImageError(f"{os.fspath(path)}: pages are HTML files; name it .html")
-    data = page_html(views, lights, seen, spec).encode("utf-8")
+        raise ImageError(f"{os.fspath(path)}: pages are HTML files", "name it .html", code="type")
+    data = page_html(views, lights, relight_spec, spec).encode("utf-8")
     with write_whole(path) as temporary:
         temporary.write_bytes(data)
     return len(data)
@@ -132,19 +162,19 @@ def write_page(
 def page_html(
     views: Iterable[PageView],
     lights: Sequence[NamedLight],
-    seen: RelightSpec | None = None,
+    relight_spec: RelightSpec | None = None,
     spec: PageSpec | None = None,
 ) -> str:
-    """A page as text, to be kept as UTF-8.
+    """Build a page as text, to be written as UTF-8.
 
     Parameters
     ----------
     views : iterable of PageView
-        Of one size, basis and light groups; the first is shown. Taken one at a time.
+        All of one size, basis and light groups; the first is shown. Consumed one at a time.
     lights : sequence of NamedLight
-        What can be switched on; the first is.
-    seen : RelightSpec, optional
-        How the page looks when it is opened.
+        The first is switched on.
+    relight_spec : RelightSpec, optional
+        Settings of the page when it is opened.
     spec : PageSpec, optional
 
     Raises
@@ -156,17 +186,19 @@ def page_html(
     ViewingError
         If the backdrop is a spectrum.
     """
-    seen, spec = seen or RelightSpec(), spec or PageSpec()
+    relight_spec, spec = relight_spec or RelightSpec(), spec or PageSpec()
     if not lights:
         raise ImageError("page: there is no light; give at least one")
     first: CoefficientImage | None = None
-    blocks, told = [], []
+    blocks, packed_views = [], []
     for i, view in enumerate(views):
         first = first or view.image
         _require_alike(view.image, first, i)
-        packed = carried(view.image, spec.bits)
+        packed = pack_view(view.image, spec.bits)
         blocks.append(f'<script type="text/plain" id="view-{i}">{packed.text}</script>')
-        told.append({"azimuth_deg": view.azimuth_deg, "low": packed.low, "high": packed.high})
+        packed_views.append(
+            {"azimuth_deg": view.azimuth_deg, "low": packed.low, "high": packed.high}
+        )
     if first is None:
         raise ImageError("page: there is no view; give at least one")
     width, height = first.size
@@ -174,23 +206,143 @@ def page_html(
     numbers = {
         "title": spec.title,
         "channels": {"width": width, "height": height, "count": channels + 1, "bits": spec.bits},
-        "views": told,
+        "views": packed_views,
         "groups": dict(first.groups),
         "basis": payload.basis_numbers(first.basis),
         "lights": [payload.light_numbers(light, first.basis.grid) for light in lights],
-        "look": payload.look_numbers(seen, lights),
-        **payload.page_viewing(seen.viewing),
+        "look": payload.look_numbers(relight_spec, lights),
+        **payload.page_viewing(relight_spec.viewing),
         "models": payload.models(),
         "heat": payload.heat_colours(),
         "constants": payload.constants(),
         "shader": payload.shaders(channels, height),
     }
-    still = _still(first, lights[0], seen)
+    still = _still(first, lights[0], relight_spec)
     return _assembled(spec, numbers, still, "\n".join(blocks), (width, height))
 
 
+def scene_views(
+    scene: Scene,
+    count: int = 1,
+    *,
+    size: tuple[int, int] | None = None,
+    device: str | None = None,
+    progress: Progress | None = None,
+) -> Iterator[PageView]:
+    """Cast a scene from cameras around it.
+
+    Parameters
+    ----------
+    scene : Scene
+    count : int
+        Cameras on a circle around the scene's ``up``; the first is the scene's own.
+    size : (width, height), optional
+        Replaces the scene's.
+    device : str, optional
+        Part of an OpenCL device's name.
+    progress : callable, optional
+        Called with the progress, 0…1.
+
+    Yields
+    ------
+    PageView
+    """
+    volume = scene.volume()
+    caster = Raycaster(volume, device=device)
+    pixels = size or (scene.file.output.width, scene.file.output.height)
+    for i, camera in enumerate(turntable_cameras(scene, volume, TurntableTable(frames=count))):
+        image = raycast(
+            volume,
+            scene.transfer,
+            camera,
+            pixels,
+            scene.raycast,
+            caster=caster,
+            progress=None if progress is None else _part(progress, i, count),
+        )
+        yield PageView(image, 360.0 * i / count)
+
+
+def _part(progress: Progress, i: int, count: int) -> Progress:
+    """Return the progress of one view of several."""
+    return lambda done: progress((i + done) / count)
+
+
+@dataclass(frozen=True, slots=True)
+class PackedView:
+    """Channels of a view in a page.
+
+    Parameters
+    ----------
+    text : str
+        Base64 of the deflated residuals: plane after plane, above 8 bits high bytes before low.
+    low, high : tuple of float
+        Roots of the least and the greatest value of each plane; opacity is the last.
+    """
+
+    text: str
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+
+def pack_view(image: CoefficientImage, bits: int) -> PackedView:
+    """Quantise an image's channels and opacity to few bits, predict, and deflate.
+
+    A channel's value v is the signed square of a root, root = low + code (high - low) / (2^bits -
+    1): steps are finest near black, where differences are most visible. A plane of codes is
+    written as its difference to the channel before, since channels of one spectrum resemble each
+    other; and that as its difference to the prediction from the left and above (the median of
+    west, north and west + north - corner). Measured on the engine: docs/page.md.
+
+    Parameters
+    ----------
+    image : CoefficientImage
+    bits : int
+        Of each code, 8 to 12.
+    """
+    alpha = bounded(np.asarray(image.alpha, np.float32))
+    coefficients = bounded(np.asarray(image.coefficients, np.float32))
+    planes = np.concatenate([coefficients, alpha[..., None]], axis=-1).astype(np.float64)
+    roots = np.copysign(np.sqrt(np.abs(planes)), planes)
+    low, high = roots.min(axis=(0, 1)), roots.max(axis=(0, 1))
+    steps = np.where(high > low, (high - low) / (2**bits - 1), 1.0)
+    codes = np.rint((roots - low) / steps).astype(np.int64)
+    packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, zlib.Z_FILTERED)
+    data = packer.compress(residual_bytes(codes, bits)) + packer.flush()
+    return PackedView(
+        base64.b64encode(data).decode("ascii"), tuple(low.tolist()), tuple(high.tolist())
+    )
+
+
+def residual_bytes(codes: Codes, bits: int) -> bytes:
+    """Return the residuals of (H, W, N) codes to their predictions, modulo 2^bits."""
+    parts = []
+    before = np.zeros(codes.shape[:2], np.int64)
+    for plane in np.moveaxis(codes, -1, 0):
+        difference = plane - before
+        residuals = (difference - median_prediction(difference)) % 2**bits
+        before = plane
+        if bits > 8:
+            parts.append((residuals >> 8).astype(np.uint8).tobytes())
+        parts.append((residuals & 255).astype(np.uint8).tobytes())
+    return b"".join(parts)
+
+
+def median_prediction(plane: Codes) -> Codes:
+    """Predict (H, W) codes by the median of west, north and west + north - corner."""
+    west, north, corner = (np.zeros_like(plane) for _ in range(3))
+    north[1:] = plane[:-1]
+    west[:, 1:] = plane[:, :-1]
+    west[1:, 0] = north[1:, 0]
+    north[0] = west[0]
+    corner[1:, 1:] = plane[:-1, :-1]
+    corner[1:, 0], corner[0] = north[1:, 0], west[0]
+    high, low = np.maximum(west, north), np.minimum(west, north)
+    return np.where(corner >= high, low, np.where(corner <= low, high, west + north - corner))
+
+
 def script() -> str:
-    """The page's scripts as one."""
+    """Join the page's scripts."""
     parts = (f"// {name}.js\n{_read(f'{name}.js')}" for name in _SCRIPTS)
     return "'use strict';\n(() => {\n" + "\n".join(parts) + "})();\n"
 
@@ -222,30 +374,30 @@ def _require_alike(image: CoefficientImage, first: CoefficientImage, number: int
     )
     if not alike:
         raise ShapeError(
-            f"page: view {number + 1} is {image!r}, the first {first!r}; cast all views of one "
-            "size, basis and light groups"
+            f"page: view {number + 1} is {image!r}, the first {first!r}",
+            "cast all views of one size, basis and light groups",
         )
 
 
-def _still(image: CoefficientImage, light: NamedLight, seen: RelightSpec) -> str:
-    """The picture under the first light as a data address, for browsers without WebGL 2."""
+def _still(image: CoefficientImage, light: NamedLight, relight_spec: RelightSpec) -> str:
+    """Return the picture under the first light as a data URL, for browsers without WebGL 2."""
     from PIL import Image
 
     with Relighter(image) as relighter:
-        frame = relighter.frame(light.rig, seen)
+        frame = relighter.frame(light.rig, relight_spec)
     buffer = io.BytesIO()
     Image.fromarray(frame).save(buffer, "JPEG", quality=88)
     return f"data:image/jpeg;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
 
 
 def _text(words: str) -> str:
-    """Words for HTML: what is no ASCII as character references, so that no mark of it acts here."""
-    kept = "".join(c if c.isprintable() or ord(c) > 127 else " " for c in words)
-    return html.escape(kept).encode("ascii", "xmlcharrefreplace").decode("ascii")
+    """Escape text for HTML, all but ASCII as character references."""
+    printable = "".join(c if c.isprintable() or ord(c) > 127 else " " for c in words)
+    return html.escape(printable).encode("ascii", "xmlcharrefreplace").decode("ascii")
 
 
 def _json(numbers: dict[str, Any]) -> str:
-    """JSON that no HTML parser ends early: ASCII without <, > and &."""
+    """Encode as JSON that no HTML parser ends early: ASCII without <, > and &."""
     plain = json.dumps(numbers, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     for mark in "<>&":
         plain = plain.replace(mark, f"\\u{ord(mark):04x}")

@@ -1,9 +1,9 @@
-"""What a page is told beside its channels: lights, basis, viewing, constants, shaders; all JSON.
+"""Data of a page besides its channels: lights, basis, viewing, constants, shaders; all JSON.
 
     lights, basis, RelightSpec -> [payload] -> web/*.js
 
-Spectra stay spectra: the page mixes them and works out matrices and white as the desktop does, so
-that any weights, model and surround can be had. Two models without a closed form are left out.
+The page has spectra, and computes mixes, matrices and white as the desktop does, for any weights,
+model and surround. Two models without a closed form are left out.
 """
 
 from __future__ import annotations
@@ -42,17 +42,31 @@ from volspec.spectra.spectrum import light_power
 
 _GLSL = "300 es"
 _HEATS = 129
-# Of volspec.appearance.constants, what web/*.js computes with.
-_CONSTANTS = (
-    *("CAT02_FROM_XYZ", "CAT16_FROM_XYZ", "HPE_FROM_XYZ", "HPE_FROM_CAT02", "RESPONSE_POLE"),
-    *("RESPONSE_HALF", "RESPONSE_POWER", "RESPONSE_NOISE", "RESPONSE_LIMIT", "ACHROMATIC"),
-    *("ACHROMATIC_NOISE", "OPPONENT_A", "OPPONENT_B", "CHROMA_SUM", "CHROMA_POWER"),
-    *("CHROMA_FLOOR", "ECCENTRICITY_SCALE", "ECCENTRICITY_OFFSET"),
-)
+# Constants of volspec.appearance.constants that web/*.js uses.
+_CONSTANTS = [
+    "CAT02_FROM_XYZ",
+    "CAT16_FROM_XYZ",
+    "HPE_FROM_XYZ",
+    "HPE_FROM_CAT02",
+    "RESPONSE_POLE",
+    "RESPONSE_HALF",
+    "RESPONSE_POWER",
+    "RESPONSE_NOISE",
+    "RESPONSE_LIMIT",
+    "ACHROMATIC",
+    "ACHROMATIC_NOISE",
+    "OPPONENT_A",
+    "OPPONENT_B",
+    "CHROMA_SUM",
+    "CHROMA_POWER",
+    "CHROMA_FLOOR",
+    "ECCENTRICITY_SCALE",
+    "ECCENTRICITY_OFFSET",
+]
 
 
 def constants() -> dict[str, Any]:
-    """The numbers of adaptations and models, by the names that web/*.js reads."""
+    """Return the constants of adaptations and models, by their names in web/*.js."""
     numbers = {name: _plain(getattr(k, name)) for name in _CONSTANTS}
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
     return numbers | {
@@ -72,7 +86,7 @@ def constants() -> dict[str, Any]:
 
 
 def basis_numbers(basis: Basis) -> dict[str, Any]:
-    """What takes spectra to channels and channels to XYZ; matrices as rows."""
+    """Return the matrices from spectra to channels and from channels to XYZ, as rows."""
     Q = colour_matching_functions(basis.grid, basis.observer_deg)
     materials = isinstance(basis, MaterialBasis)
     synthesis = basis.synthesise(np.eye(basis.size)).T
@@ -88,7 +102,7 @@ def basis_numbers(basis: Basis) -> dict[str, Any]:
 
 
 def light_numbers(light: NamedLight, grid: SpectralGrid) -> dict[str, Any]:
-    """A light setting: name, label and what shines."""
+    """Return a light setting: name, label and spectra."""
     rig = light.rig
     parts = []
     for j, spectrum in enumerate(rig.lights):
@@ -99,7 +113,7 @@ def light_numbers(light: NamedLight, grid: SpectralGrid) -> dict[str, Any]:
                 "power": _plain(power),
                 "weight": rig.weights[j],
                 "lux": lux,
-                # What the power itself would give, were it W / (m² nm).
+                # Illuminance of the power in W / (m² nm).
                 "unit_lux": illuminance_lux(Spectrum(grid.wavelengths_nm, power)),
                 "group": rig.groups[j],
             }
@@ -107,25 +121,31 @@ def light_numbers(light: NamedLight, grid: SpectralGrid) -> dict[str, Any]:
     return {"name": light.name, "label": light.label, "parts": parts}
 
 
-def look_numbers(seen: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, Any]:
-    """How the page looks when it is opened.
+def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, Any]:
+    """Return the settings of the page when it is opened.
 
     Raises
     ------
     ViewingError
-        If the backdrop is a spectrum, which pages do not have.
+        If the backdrop is a spectrum, which pages do not support.
     """
-    viewing = seen.viewing
-    if isinstance(seen.backdrop, Spectrum):
-        raise ViewingError("page: the backdrop is a spectrum; give a reflectance 0 to 1")
+    viewing = spec.viewing
+    if isinstance(spec.backdrop, Spectrum):
+        raise ViewingError(
+            "the backdrop is a spectrum",
+            "give a reflectance 0 to 1",
+            code="unsupported",
+            field="page",
+            given=spec.backdrop,
+        )
     model = viewing.model
     if model not in CLOSED and model not in ADAPTATIONS:
         model = "CIECAM02"
-        _say(f"{viewing.model} has no closed form, which a page needs; it opens with {model}")
+        _warn(f"{viewing.model} has no closed form, which a page needs; it opens with {model}")
     if viewing.adapting != "given":
-        _say("a page measures no Y_b and L_A in its picture; it opens with those given")
+        _warn("a page measures no Y_b and L_A in its picture; it opens with those given")
     if viewing.display.space != "sRGB":
-        _say("a page is made for sRGB, whatever the scene's display")
+        _warn("a page is made for sRGB, whatever the scene's display")
     return {
         "weights": [1.0] + [0.0] * (len(lights) - 1),
         "solo": -1,
@@ -137,24 +157,24 @@ def look_numbers(seen: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, A
         "D": viewing.D,
         "discount": viewing.discount,
         "exposure": viewing.exposure,
-        "backdrop": float(seen.backdrop),
-        "mode": seen.mode,
-        "level": seen.level,
+        "backdrop": float(spec.backdrop),
+        "mode": spec.mode,
+        "level": spec.level,
         "gamut": viewing.display.gamut,
         "mark": viewing.display.mark,
     }
 
 
 def page_viewing(viewing: Viewing) -> dict[str, Any]:
-    """The display and the room it stands in, and how its gamut is met; sRGB."""
+    """Return the sRGB display's conditions and its gamut mapping."""
     display = viewing.display
-    seen = _srgb(display).conditions
+    conditions = _srgb(display).conditions
     return {
         "display": {
-            "white": list(seen.white_XYZ),
-            "L_A": seen.L_A,
-            "Y_b": seen.Y_b,
-            "surround": _ratio(seen.surround),
+            "white": list(conditions.white_XYZ),
+            "L_A": conditions.L_A,
+            "Y_b": conditions.Y_b,
+            "surround": _ratio(conditions.surround),
             "D": None,
             "discount": False,
         },
@@ -163,14 +183,14 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
 
 
 def shaders(channels: int, height: int) -> dict[str, str]:
-    """shaders/relight.frag and its vertex shader for WebGL 2, but for what forms compile in.
+    """Assemble shaders/relight.frag and its vertex shader for WebGL 2, without variants.
 
     Parameters
     ----------
     channels : int
-        L·M, without the opacity.
+        L·M, without opacity.
     height : int
-        The picture's, pixels.
+        Pixels of the picture.
     """
     fixed: dict[str, ArrayLike] = {
         "LAYERS": layer_count(channels),
@@ -184,19 +204,19 @@ def shaders(channels: int, height: int) -> dict[str, str]:
 
 
 def heat_colours() -> list[list[int]]:
-    """The error map's colours from 0 to its top, at equal steps."""
-    shares = np.linspace(0.0, 1.0, _HEATS, dtype=np.float32)
-    scale = ErrorMap(shares[None, :] ** 2, np.ones((1, _HEATS), np.float32))
+    """Return the error map's colours at equal steps from 0 to its maximum."""
+    fractions = np.linspace(0.0, 1.0, _HEATS, dtype=np.float32)
+    scale = ErrorMap(fractions[None, :] ** 2, np.ones((1, _HEATS), np.float32))
     return [list(map(int, colour)) for colour in scale.heat(1.0)[0]]
 
 
 def models() -> dict[str, list[str]]:
-    """What the page offers, in two lists."""
+    """Return the models, adaptations and modes of the page."""
     return {"appearance": list(CLOSED), "adaptation": list(ADAPTATIONS), "modes": list(MODES)}
 
 
 def _gamut(display: Display, model: str) -> dict[str, Any] | None:
-    """Uniforms of shaders/include/gamut.glsl; None where no grey can be shown."""
+    """Return uniforms of shaders/include/gamut.glsl; None if no grey can be shown."""
     try:
         screen = Screen.of(_srgb(display, gamut="reduce"), model)
     except ViewingError:
@@ -220,9 +240,9 @@ def _css(colours: ArrayLike) -> list[str]:
 
 
 def _plain(values: ArrayLike) -> Any:
-    """Lists of numbers, every digit kept."""
+    """Return nested lists of numbers in full precision."""
     return np.asarray(values, dtype=np.float64).tolist()
 
 
-def _say(what: str) -> None:
-    warnings.warn(f"page: {what}", VolspecWarning, stacklevel=4)
+def _warn(message: str) -> None:
+    warnings.warn(f"page: {message}", VolspecWarning, stacklevel=4)

@@ -1,0 +1,507 @@
+"""Camera, viewing and transfer function of every frame, from a turntable or from keyframes.
+
+    Scene, [export], [[keyframe]] -> [animation] -> plan
+
+Interpolation is smooth and never goes beyond the keyframes on either side [1].
+
+References
+----------
+[1] Fritsch & Butland (1984), "A method for constructing local monotone piecewise cubic
+    interpolants", SIAM J. Sci. Stat. Comput. 5(2), 300-304; scipy's PchipInterpolator.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import CameraError, InputError, SceneError, TransferError, ViewingError
+from volspec.raycast import Camera
+from volspec.raycast.checks import Vector, unit
+from volspec.raycast.reach import check_reach
+from volspec.relight import RelightSpec
+from volspec.scene import Scene
+from volspec.scene.export import KeyframeTable, TurntableTable
+from volspec.scene.keyparts import KeyCameraTable
+from volspec.scene.wording import in_keys
+from volspec.transfer import Isosurfaces, Transfer, TransferFunction, TransferFunction2D
+from volspec.volume import Volume
+
+Array = NDArray[np.float64]
+Keys = Sequence[KeyframeTable]
+# (times of the keyframes, their values, times of the frames) -> values of the frames.
+Interpolate = Callable[[ArrayLike, ArrayLike, ArrayLike], Array]
+Row = TypeVar("Row")
+Made = TypeVar("Made")
+
+# Decimals of a number of frames that are no rounding error: 2 s at 24 a second are 48 frames.
+_DIGITS = 6
+# Below this fraction of the distance a camera lies on the axis, where the azimuth is undefined.
+_ON_AXIS = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameState:
+    """Camera, transfer function and viewing of a frame, whatever its light."""
+
+    camera: Camera
+    transfer: Transfer
+    spec: RelightSpec
+
+
+def frame_times_s(keys: Keys, fps: float) -> Array:
+    """Return the time of each frame, from the first keyframe to the last, which always has one.
+
+    If they are no whole number of frames apart, the last step is the shorter.
+    """
+    first, last = keys[0].time_s, keys[-1].time_s
+    steps = math.ceil(round((last - first) * fps, _DIGITS))
+    return np.append(first + np.arange(steps) / fps, last)
+
+
+def interpolate_keyframes(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -> Array:
+    """Interpolate values by a monotone cubic; constant before the first and after the last.
+
+    A Catmull-Rom spline would overshoot between keyframes of equal value.
+
+    Parameters
+    ----------
+    times_s : (K,) array_like
+        Rising.
+    values : (K, ...) array_like
+    at_s : (F,) array_like
+
+    Returns
+    -------
+    (F, ...) float64
+
+    Examples
+    --------
+    >>> interpolate_keyframes([0, 1, 2], [0, 10, 10], [0, 1, 1.5, 2, 9]).tolist()
+    [0.0, 10.0, 10.0, 10.0, 10.0]
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    keys = np.asarray(values, dtype=np.float64)
+    times, at = np.asarray(times_s, dtype=np.float64), np.asarray(at_s, dtype=np.float64)
+    if len(times) == 1:
+        return np.repeat(keys, len(at), axis=0)
+    found: Array = PchipInterpolator(times, keys)(np.clip(at, times[0], times[-1]))
+    # The keyframes themselves to the last bit: equal cameras are cast once.
+    found = np.clip(found, keys.min(axis=0), keys.max(axis=0))
+    for time, key in zip(times, keys, strict=True):
+        found[at == time] = key
+    return found
+
+
+def interpolate_ratios(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -> Array:
+    """Interpolate logarithms: zoom and exposure change evenly by their ratio; all above 0.
+
+    >>> interpolate_ratios([0, 1], [1, 4], [0.5]).round(9).tolist()
+    [2.0]
+    """
+    keys = np.asarray(values, dtype=np.float64)
+    logs = np.log(keys)
+    found_logs = interpolate_keyframes(times_s, logs, at_s)
+    found = np.exp(found_logs)
+    for log, key in zip(logs, keys, strict=True):
+        found[found_logs == log] = key
+    return found
+
+
+def interpolate_angles(times_s: ArrayLike, angles_deg: ArrayLike, at_s: ArrayLike) -> Array:
+    """Interpolate angles, from each keyframe to the next by less than half a turn.
+
+    >>> interpolate_angles([0, 1], [350, 10], [0.5]).tolist()
+    [360.0]
+    """
+    unwrapped = np.unwrap(np.asarray(angles_deg, dtype=np.float64), period=360.0)
+    return interpolate_keyframes(times_s, unwrapped, at_s)
+
+
+# Azimuth and elevation are interpolated separately: the horizon stays level.
+_ORBIT: Mapping[str, Interpolate] = {
+    "azimuth_deg": interpolate_angles,
+    "elevation_deg": interpolate_keyframes,
+    "fov_deg": interpolate_keyframes,
+    "zoom": interpolate_ratios,
+    "target_mm": interpolate_keyframes,
+}
+_PLACE: Mapping[str, Interpolate] = {
+    "up": interpolate_keyframes,
+    "fov_deg": interpolate_keyframes,
+    "target_mm": interpolate_keyframes,
+}
+_VIEWING: Mapping[str, Interpolate] = {
+    "exposure": interpolate_ratios,
+    "L_A": interpolate_ratios,
+    "Y_b": interpolate_keyframes,
+    "D": interpolate_keyframes,
+}
+
+
+def _interpolated_tracks(
+    keys: Sequence[tuple[float, Any]], by_name: Mapping[str, Interpolate], at_s: Array
+) -> dict[str, Array]:
+    """Interpolate every attribute that some keyframe's table gives: {name: (F, ...)}."""
+    found = {}
+    for name, interpolate in by_name.items():
+        given = [
+            (time, getattr(table, name))
+            for time, table in keys
+            if table is not None and getattr(table, name) is not None
+        ]
+        if given:
+            times, values = zip(*given, strict=True)
+            found[name] = interpolate(times, values, at_s)
+    return found
+
+
+def _rows(tracks: Mapping[str, Array], count: int) -> list[dict[str, Any]]:
+    """Return the values of each frame, as plain floats and tuples of them."""
+    return [
+        {
+            name: tuple(track[i].tolist()) if track.ndim > 1 else float(track[i])
+            for name, track in tracks.items()
+        }
+        for i in range(count)
+    ]
+
+
+def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -> list[FrameState]:
+    """Interpolate a scene's keyframes.
+
+    Raises
+    ------
+    SceneError
+        If a frame's values are out of range; the message names file and time.
+    """
+    # The keyframes' own faults first: no time between them is the cause of those.
+    for line in keyframe_faults(scene, volume):
+        raise SceneError(line)
+    keys = scene.file.keyframe
+    with located_in(scene, "[[keyframe]] camera"):
+        cameras = _reaching_cameras(scene, volume, keys, at_s)
+    with located_in(scene, "[[keyframe]] viewing"):
+        specs = _relight_specs(spec, keys, at_s)
+    with located_in(scene, "[[keyframe]] transfer"):
+        transfers = keyframe_transfers(scene, keys, at_s)
+    return [FrameState(*each) for each in zip(cameras, transfers, specs, strict=True)]
+
+
+def keyframe_faults(scene: Scene, volume: Volume) -> list[str]:
+    """Return the faults at the keyframes' own times, a line each: file, key, time, remedy."""
+
+    def baked(keys: Keys, at_s: Array) -> object:
+        transfers = keyframe_transfers(scene, keys, at_s)
+        return _at_times(at_s, keys, transfers, lambda each: each.bake(min(volume.spacing_mm)))
+
+    parts: dict[str, Callable[[Keys, Array], object]] = {
+        "camera": lambda keys, at_s: _reaching_cameras(scene, volume, keys, at_s),
+        "viewing": lambda keys, at_s: _relight_specs(scene.relight, keys, at_s),
+        "transfer": baked,
+    }
+    keys, lines = scene.file.keyframe, []
+
+    def faults(name: str, of: Keys, at: KeyframeTable) -> list[str]:
+        try:
+            with located_in(scene, f"[[keyframe]] {name}"):
+                parts[name](of, np.array([at.time_s]))
+        except SceneError as error:
+            return [str(error)]
+        return []
+
+    for name in parts:
+        giving = [key for key in keys if getattr(key, name) is not None]
+        together = [line for key in giving for line in faults(name, keys, key)]
+        # Report a fault at the keyframe that sets the value, not at those that inherit it.
+        alone = [line for key in giving for line in faults(name, [key], key)]
+        lines += (alone or together) if together else []
+    return list(dict.fromkeys(lines))
+
+
+def _reaching_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> list[Camera]:
+    """Return the cameras, all near enough to be cast from."""
+    cameras = keyframe_cameras(scene, volume, keys, at_s)
+    _at_times(at_s, keys, cameras, lambda camera: check_reach(volume, camera, scene.raycast))
+    return cameras
+
+
+def _relight_specs(spec: RelightSpec, keys: Keys, at_s: Array) -> list[RelightSpec]:
+    tracks = _interpolated_tracks([(key.time_s, key.viewing) for key in keys], _VIEWING, at_s)
+
+    def make(row: dict[str, Any]) -> RelightSpec:
+        return replace(spec, viewing=replace(spec.viewing, **row)) if row else spec
+
+    return _at_times(at_s, keys, _rows(tracks, len(at_s)), make)
+
+
+@contextmanager
+def located_in(scene: Scene, place: str = "") -> Iterator[None]:
+    """Put the file's name and a place in it before the message of an error raised inside."""
+    try:
+        yield
+    except InputError as error:
+        where = f"{scene.path}: {place}: " if place else f"{scene.path}: "
+        raise SceneError(where + in_keys(str(error)), code=error.code) from error
+
+
+def _at_times(
+    at_s: Array, keys: Keys, rows: Sequence[Row], make: Callable[[Row], Made]
+) -> list[Made]:
+    """Make an object of each frame's values.
+
+    Raises
+    ------
+    CameraError, TransferError, ViewingError
+        If its values are out of range; the message names the time.
+    """
+    made = []
+    own = {key.time_s for key in keys}
+    for time, row in zip(at_s.tolist(), rows, strict=True):
+        try:
+            made.append(make(row))
+        except (CameraError, TransferError, ViewingError) as error:
+            # Values between good ones are good; a way between two positions may not be.
+            is_between = isinstance(error, CameraError) and time not in own
+            remedy = ", or give a keyframe between" if is_between else ""
+            message = str(error).removeprefix("camera: ")
+            raise type(error)(f"at {time:g} s: {message}{remedy}", code=error.code) from error
+    return made
+
+
+def turntable_cameras(scene: Scene, volume: Volume, table: TurntableTable) -> list[Camera]:
+    """Return the cameras of a turntable; the first is the scene's own.
+
+    Whole turns end one step before the first, others at their last degree.
+    """
+    camera = scene.camera(volume)
+    is_whole = math.fmod(table.degrees, 360.0) == 0.0
+    steps = table.frames if is_whole else max(table.frames - 1, 1)
+    # Further turns repeat the angles of the first, and so its casts.
+    angles = [math.fmod(table.degrees * i / steps, 360.0) for i in range(table.frames)]
+    axis = scene.file.camera.up if table.axis is None else table.axis
+    return [rotate_camera(camera, axis, angle) for angle in angles]
+
+
+def rotate_camera(camera: Camera, axis: Vector, degrees: float) -> Camera:
+    """Rotate a camera around its target, right-handed: as a rising azimuth for its ``up``."""
+    from scipy.spatial.transform import Rotation
+
+    if degrees == 0.0:
+        return camera
+    direction = np.asarray(axis, dtype=np.float64)
+    turn = Rotation.from_rotvec(np.radians(degrees) * direction / np.linalg.norm(direction))
+    target = np.asarray(camera.target_mm)
+    position = target + turn.apply(np.asarray(camera.position_mm) - target)
+    up = turn.apply(np.asarray(camera.up))
+    return replace(camera, position_mm=_triple(position), up=_triple(up))
+
+
+def _triple(vector: Array) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in vector)
+    return x, y, z
+
+
+def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> list[Camera]:
+    """Return the camera of every frame, from orbits or from positions.
+
+    Raises
+    ------
+    CameraError
+        If a frame's values make no camera; the message names the time.
+    """
+    cameras = [(key.time_s, key.camera) for key in keys]
+    table = scene.file.camera
+    given = {name for _, key in cameras if key is not None for name in key.given}
+    if not given:
+        return [scene.camera(volume)] * len(at_s)
+    if table.position_mm is None and not given & {"position_mm", "up"}:
+        common = table.model_dump(exclude={"position_mm"})
+        rows = _rows(_interpolated_tracks(cameras, _ORBIT, at_s), len(at_s))
+        return _at_times(at_s, keys, rows, lambda row: Camera.orbit(volume, **{**common, **row}))
+    _check_ups(cameras)
+    still = scene.camera(volume)
+    tracks = _interpolated_tracks(cameras, _PLACE, at_s)
+    # The up of an orbit's camera leans with it; of positions it is the axis.
+    tracks.setdefault("up", np.asarray([table.up] * len(at_s)))
+    places = [
+        (time, key.position_mm)
+        for time, key in cameras
+        if key is not None and key.position_mm is not None
+    ]
+    if places:
+        targets = tracks.get("target_mm", np.asarray([still.target_mm] * len(at_s)))
+        offsets = _interpolated_offsets(cameras, places, table.up, still.target_mm, at_s)
+        tracks["position_mm"] = targets + offsets
+    rows = _rows(tracks, len(at_s))
+    return _at_times(at_s, keys, rows, lambda row: replace(still, **row))
+
+
+def _check_ups(cameras: Sequence[tuple[float, KeyCameraTable | None]]) -> None:
+    """Refuse an up that turns to its opposite: there is no shortest way."""
+    ups = [(time, unit(key.up)) for time, key in cameras if key is not None and key.up is not None]
+    for (before, one), (time, other) in pairwise(ups):
+        if np.linalg.norm(np.add(one, other)) < _ON_AXIS:
+            raise CameraError(
+                f"up at {time:g} s is opposite to that at {before:g} s",
+                "give a keyframe between them, with an up on the way",
+                code="impossible",
+            )
+
+
+def _interpolated_offsets(
+    cameras: Sequence[tuple[float, KeyCameraTable | None]],
+    places: Sequence[tuple[float, tuple[float, float, float]]],
+    up: Vector,
+    still_mm: Vector,
+    at_s: Array,
+) -> Array:
+    """Return (F, 3) from target to camera, interpolated as an orbit's angles and distance.
+
+    Interpolated positions would lead through the volume on the way around it.
+    """
+    times = np.array([time for time, _ in places])
+    targets = _interpolated_tracks(cameras, {"target_mm": interpolate_keyframes}, times)
+    away = np.array([place for _, place in places]) - targets.get("target_mm", still_mm)
+    distance = np.linalg.norm(away, axis=1)
+    if not distance.all():
+        at = times[distance == 0][0]
+        raise CameraError(
+            f"position_mm at {at:g} s is target_mm", "move one of them", code="impossible"
+        )
+    axes = _axes(up)
+    front, side, axis = (away / distance[:, None] @ axes.T).T
+    off_axis = np.hypot(front, side) > _ON_AXIS
+    azimuth = np.zeros(len(at_s))
+    if off_axis.any():
+        angles = np.degrees(np.arctan2(side, front))[off_axis]
+        azimuth = np.radians(interpolate_angles(times[off_axis], angles, at_s))
+    elevation = interpolate_keyframes(times, np.arcsin(np.clip(axis, -1.0, 1.0)), at_s)
+    level = np.cos(elevation)
+    parts = [level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)]
+    return interpolate_ratios(times, distance, at_s)[:, None] * np.stack(parts, axis=1) @ axes
+
+
+def _axes(up: Vector) -> Array:
+    """Return (3, 3) rows: two directions perpendicular to ``up``, and ``up``."""
+    axis = np.asarray(up) / np.linalg.norm(up)
+    front = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
+    front /= np.linalg.norm(front)
+    return np.stack([front, np.cross(axis, front), axis])
+
+
+def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
+    """Return the transfer function of every frame; equal ones are one object.
+
+    Raises
+    ------
+    SceneError
+        If keyframes give points to a scene without or of another number, or shift labels.
+    TransferError
+        If a frame's values make no transfer function; the message names the time.
+    """
+    shifts = [(key.time_s, key.transfer.shift) for key in keys if key.transfer is not None]
+    given = [(time, shift) for time, shift in shifts if shift is not None]
+    by = np.zeros(len(at_s))
+    if given:
+        times, values = zip(*given, strict=True)
+        by = interpolate_keyframes(times, values, at_s)
+    points = _interpolated_points(scene, keys, at_s)
+    made: dict[bytes, Transfer] = {}
+
+    def at(i: int) -> Transfer:
+        key = np.append(np.zeros(0) if points is None else points[i].ravel(), by[i]).tobytes()
+        if key not in made:
+            function = scene.transfer if points is None else _with_points(scene, points[i])
+            made[key] = function if by[i] == 0.0 else shift_values(function, float(by[i]))
+        return made[key]
+
+    return _at_times(at_s, keys, range(len(at_s)), at)
+
+
+def shift_values(transfer: Transfer, by: float) -> Transfer:
+    """Shift a transfer function along the axis of values.
+
+    Raises
+    ------
+    SceneError
+        If it maps labels, which have no order.
+    """
+    if isinstance(transfer, TransferFunction):
+        points = [(value + by, opacity, mix) for value, opacity, mix in transfer.points]
+        return replace(transfer, points=points)
+    if isinstance(transfer, Isosurfaces):
+        surfaces = [(value + by, opacity, mix) for value, opacity, mix in transfer.surfaces]
+        return replace(transfer, surfaces=surfaces)
+    if isinstance(transfer, TransferFunction2D):
+        regions = [
+            replace(region, values=(region.values[0] + by, region.values[1] + by))
+            for region in transfer.regions
+        ]
+        return replace(transfer, regions=regions)
+    raise SceneError("shift: labels have no values to shift", "leave it out", code="conflict")
+
+
+def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
+    """Return (F, P, 2 + K): value, opacity and weights of the K materials; None without points."""
+    given = [
+        (key.time_s, key.transfer.points)
+        for key in keys
+        if key.transfer is not None and key.transfer.points is not None
+    ]
+    if not given:
+        return None
+    count, names = len(_scene_points(scene)), list(scene.materials)
+    for time, rows in given:
+        if len(rows) != count:
+            raise SceneError(
+                f"points: {len(rows)} at {time:g} s, [transfer] has {count}",
+                "give as many",
+                code="shape",
+            )
+    for time, rows in given:
+        for row in rows:
+            if unknown := [name for name in row.shares if name not in names]:
+                raise SceneError(
+                    f"points: material {unknown[0]!r} at {time:g} s is unknown",
+                    f"there is {', '.join(names)}",
+                    code="unknown",
+                )
+    numbers = [
+        [[row.value, row.opacity, *(row.shares.get(name, 0.0) for name in names)] for row in rows]
+        for _, rows in given
+    ]
+    found = interpolate_keyframes([time for time, _ in given], numbers, at_s)
+    # Each moves at its own pace: none may overtake the next.
+    found[..., 0] = np.maximum.accumulate(found[..., 0], axis=1)
+    found[..., 2:] /= np.maximum(found[..., 2:].sum(axis=-1, keepdims=True), 1.0)
+    return found
+
+
+def _scene_points(scene: Scene) -> Sequence[Any]:
+    if isinstance(scene.transfer, TransferFunction):
+        return scene.transfer.points
+    if isinstance(scene.transfer, Isosurfaces):
+        return scene.transfer.surfaces
+    raise SceneError(
+        "points: [transfer] has neither points nor surfaces", "leave them out", code="conflict"
+    )
+
+
+def _with_points(scene: Scene, numbers: Array) -> Transfer:
+    rows = [
+        (value, opacity, dict(zip(scene.materials, mix, strict=True)))
+        for value, opacity, *mix in numbers.tolist()
+    ]
+    if isinstance(scene.transfer, Isosurfaces):
+        return replace(scene.transfer, surfaces=rows)
+    assert isinstance(scene.transfer, TransferFunction)
+    return replace(scene.transfer, points=rows)

@@ -1,0 +1,336 @@
+"""Export every frame of a scene: cast as rarely as possible, complete files only, resumable.
+
+Scene -> plan -> tiles -> frame_source -> [exporter] -> a folder of frames, or a film
+"""
+
+from __future__ import annotations
+
+import operator
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from volspec._files import require_writable, require_writable_folder
+from volspec._tables.written import plain
+from volspec.errors import InputError, ViewingError
+from volspec.export.exr import ExrWriter
+from volspec.export.film import SUFFIXES, check_film, write_film
+from volspec.export.frame_files import FrameFiles
+from volspec.export.frame_source import (
+    Array,
+    FrameSource,
+    RelighterPool,
+    check_adapting,
+    measured_shot,
+)
+from volspec.export.frames import BlankFrames
+from volspec.export.manifest import ExportFolder, exclusive_folder, file_names, fingerprint
+from volspec.export.overview import write_overview
+from volspec.export.plan import Plan, Shot, plan_export
+from volspec.export.png import PngWriter
+from volspec.export.tiles import Canvas, TileCaster
+from volspec.pipeline import Raycaster
+from volspec.raycast import CoefficientImage
+from volspec.scene import Scene
+from volspec.scene.export import Exported
+from volspec.scene.wording import in_keys
+from volspec.volume import Volume
+
+Progress = Callable[[str, float], object]
+
+# Suffixes that no folder has: other films, and single pictures.
+_NOT_FOLDERS = frozenset(
+    [
+        ".mov",
+        ".avi",
+        ".mkv",
+        ".m4v",
+        ".ogv",
+        ".png",
+        ".apng",
+        ".exr",
+        ".jpg",
+        ".jpeg",
+        ".webp",
+        ".tif",
+        ".tiff",
+    ]
+)
+# Larger pictures than this are a slip: 64 Ki pixels a side.
+MAX_SIDE = 1 << 16
+# Relit frames that take about as long as a cast; weighs the progress only.
+_FRAMES_A_CAST = 10
+# Files that may be open at once while they grow strip by strip.
+_OPEN_FILES = 64
+# The settings of a frame's brightness.
+_BRIGHTNESS = "the light's illuminance_lux, or exposure in [viewing]"
+# Side of the picture in which adaptation is measured if the whole is never in memory.
+_MEASURED_SIDE = 512
+
+
+def export_scene(
+    scene: Scene,
+    output: str | os.PathLike[str],
+    *,
+    size: tuple[int, int] | None = None,
+    overwrite: bool = False,
+    device: str | None = None,
+    tell: Progress | None = None,
+    volume: Volume | None = None,
+    caster: Raycaster | None = None,
+) -> Exported:
+    """Export the frames of a scene's ``[export]``.
+
+    If the folder holds some of them already, only the others are made: an export that was killed
+    resumes, and writes the same bytes.
+
+    Parameters
+    ----------
+    scene : Scene
+    output : path
+        A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
+    size : (width, height), optional
+        Replaces the scene's; up to 65536.
+    overwrite : bool
+        Replace the export of another scene in the folder.
+    device : str, optional
+        Part of an OpenCL device's name.
+    tell : callable, optional
+        Called with a step's name and its progress, 0…1.
+    volume : Volume, optional
+        The scene's, if it is loaded already.
+    caster : Raycaster, optional
+        Has that volume on a device already; ``device`` is then the caster's.
+
+    Raises
+    ------
+    InputError
+        If the output cannot be written to, or is of another scene; if a number is out of range.
+    DeviceError
+        If there is no device, or a film needs ffmpeg and there is none.
+    """
+    progress = tell or (lambda step, fraction: None)
+    target, table = Path(output), scene.file.export
+    is_film = target.suffix.lower() in SUFFIXES
+    if is_film:
+        check_film(target, table, scene.relight.viewing.display.colours)
+    elif target.is_file() or (target.suffix.lower() in _NOT_FOLDERS and not target.is_dir()):
+        what = "is a file" if target.is_file() else "is no name of a folder"
+        raise InputError(
+            f"{target}: {what}",
+            f"give a folder, for frames, or a film ({', '.join(SUFFIXES)})",
+            code="type",
+        )
+    (require_writable if is_film else require_writable_folder)(target)
+    pixels = _checked_size(size or (scene.file.output.width, scene.file.output.height))
+    progress("read the volume", 0.0)
+    volume = caster.volume if caster else volume or scene.volume()
+    progress("read the volume", 1.0)
+    plan = plan_export(scene, volume, table)
+    settings = {"size": pixels, "export": plain(table), "film": is_film}
+    # The frames of a film are in a folder next to it until it is done.
+    path = target.with_name(f"{target.name}.frames") if is_film else target
+    has_sheet = table.sheet and not is_film
+    files = file_names([shot.stem for shot in plan.shots], table.suffix, has_sheet)
+    with exclusive_folder(path):
+        folder = ExportFolder(path, fingerprint(scene, volume, settings), files)
+        folder.begin(overwrite, own=is_film)
+        maker = FrameMaker(FrameFiles(scene, folder, table, pixels))
+        try:
+            made, casts = maker.make(
+                plan, lambda: caster or Raycaster(volume, device=device), progress
+            )
+        except ViewingError as error:
+            message = in_keys(str(error).removeprefix("export: "))
+            raise ViewingError(f"{scene.path}: [viewing] {message}", code=error.code) from error
+        finally:
+            folder.record_sizes()
+        frames = [path / name for name in files[: len(plan.shots)]]
+        if is_film:
+            progress("encode", 0.0)
+            colours = scene.relight.viewing.display.colours
+            write_film(target, frames, table.fps, colours, lambda done: progress("encode", done))
+            folder.remove()
+        elif has_sheet and "sheet.png" in folder.missing():
+            write_overview(path / "sheet.png", scene, plan, frames, table.primaries)
+            folder.record_sizes()
+    return Exported(target, (target.name,) if is_film else files, len(frames), made, casts)
+
+
+def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
+    try:
+        width, height = (operator.index(n) for n in size)
+    except (TypeError, ValueError):
+        raise InputError.refused(
+            "export.size", size, "give (width, height) in whole pixels", "type"
+        ) from None
+    if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
+        raise InputError(
+            f"the picture is {width}x{height}",
+            f"give 1x1 to {MAX_SIDE} a side",
+            code="range",
+            field="export.size",
+            given=size,
+        )
+    return width, height
+
+
+class _ProgressMeter:
+    """Progress of casts and frames together."""
+
+    def __init__(self, casts: Sequence[Sequence[Shot]], progress: Progress) -> None:
+        self._progress = progress
+        self._total = sum(_FRAMES_A_CAST + len(shots) for shots in casts)
+        self._done = 0
+        self.casting(0.0)
+
+    def casting(self, fraction: float) -> None:
+        self._progress("export", (self._done + fraction * _FRAMES_A_CAST) / self._total)
+
+    def add(self, frames: int) -> None:
+        """Count work that takes as long as so many frames."""
+        self._done += frames
+        self.casting(0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameMaker:
+    """Makes the frames that a folder lacks: one cast for all lights, large ones in strips.
+
+    Parameters
+    ----------
+    files : FrameFiles
+    """
+
+    files: FrameFiles
+    _canvas: Canvas = field(init=False)
+
+    def __post_init__(self) -> None:
+        scene = self.files.scene
+        channels = len(scene.raycast.groups) * scene.basis.size
+        canvas = Canvas(self.files.size, self.files.table.samples, channels)
+        object.__setattr__(self, "_canvas", canvas)
+
+    def make(
+        self, plan: Plan, open_caster: Callable[[], Raycaster], progress: Progress
+    ) -> tuple[int, int]:
+        """Make the missing frames; return their number and that of their casts.
+
+        Parameters
+        ----------
+        plan : Plan
+        open_caster : callable
+            Called only if something is missing.
+        progress : callable
+            Called with a step's name and its progress, 0…1.
+
+        Raises
+        ------
+        ViewingError
+            If a frame is to adapt to a picture that is never in memory as a whole.
+        InputError
+            If a file cannot be written.
+        """
+        casts = self._missing(plan)
+        if not casts:
+            return 0, 0
+        scene, table = self.files.scene, self.files.table
+        check_adapting(table, scene.relight.viewing.adapting, self._parts)
+        notes = {"scene": scene.file.title, "viewing": scene.viewing.model_dump_json()}
+        only_cast = table.format == "coefficients"
+        if self._parts > 1 and not only_cast:
+            casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
+        meter = _ProgressMeter(casts, progress)
+        caster = TileCaster(open_caster(), scene.raycast, notes)
+        if only_cast:
+            self._cast(casts, caster, meter)
+        else:
+            self._relight(casts, caster, meter)
+        return sum(len(shots) for shots in casts), len(casts)
+
+    def _missing(self, plan: Plan) -> list[list[Shot]]:
+        """Return the shots to make, grouped by cast."""
+        missing = self.files.folder.missing()
+        casts = (
+            [shot for shot in shots if self.files.name(shot) in missing] for shots in plan.casts()
+        )
+        return [shots for shots in casts if shots]
+
+    @property
+    def _parts(self) -> int:
+        strips = self._canvas.strips()
+        return len(strips) * len(strips[0])
+
+    def _cast(self, casts: list[list[Shot]], caster: TileCaster, meter: _ProgressMeter) -> None:
+        for shots in casts:
+            image = caster.whole(shots[0].transfer, shots[0].camera, self._canvas, meter.casting)
+            meter.add(_FRAMES_A_CAST)
+            for shot in shots:
+                self.files.save(shot, image)
+                meter.add(1)
+
+    def _relight(self, casts: list[list[Shot]], caster: TileCaster, meter: _ProgressMeter) -> None:
+        blanks = BlankFrames(_BRIGHTNESS)
+        with RelighterPool() as pool, self.files.encoders() as encoders:
+            for unmeasured in casts:
+                shots = self._measured(unmeasured, caster)
+                transfer, camera = shots[0].transfer, shots[0].camera
+                images = caster.strips(transfer, camera, self._canvas, meter.casting)
+                if self._parts > 1:
+                    self._relight_strips(images, shots, pool, blanks)
+                    meter.add(_FRAMES_A_CAST + len(shots))
+                    continue
+                sources = self._sources(next(images))
+                meter.add(_FRAMES_A_CAST)
+                for shot in shots:
+                    notes, pixels = sources[0].image.notes, pool.row(sources, shot)
+                    self._check_blank(shot, pixels, sources, blanks)
+                    self.files.put(shot, pixels, notes, encoders)
+                    meter.add(1)
+        blanks.warn()
+
+    def _measured(self, shots: list[Shot], caster: TileCaster) -> list[Shot]:
+        """Measure ``adapting = "picture"`` in a small cast if frames do not hold the picture."""
+        table = self.files.table
+        is_given = self.files.scene.relight.viewing.adapting == "given"
+        if is_given or not table.has_eye or not (table.transparent or self._parts > 1):
+            return shots
+        scale = min(1.0, _MEASURED_SIDE / max(self.files.size))
+        width, height = (max(1, round(scale * side)) for side in self.files.size)
+        small = caster.cast(shots[0].transfer, shots[0].camera, (width, height))
+        return [measured_shot(shot, small) for shot in shots]
+
+    def _relight_strips(
+        self,
+        images: Iterator[list[CoefficientImage]],
+        shots: Sequence[Shot],
+        pool: RelighterPool,
+        blanks: BlankFrames,
+    ) -> None:
+        """Write a strip under every light before casting the next: one is in memory at a time."""
+        with ExitStack() as stack:
+            files: list[PngWriter | ExrWriter] = []
+            for strip in images:
+                sources = self._sources(strip)
+                if not files:
+                    notes = sources[0].image.notes
+                    files = [stack.enter_context(self.files.opened(s, notes)) for s in shots]
+                for file, shot in zip(files, shots, strict=True):
+                    pixels = pool.row(sources, shot)
+                    self._check_blank(shot, pixels, sources, blanks)
+                    file.rows(pixels)
+
+    def _check_blank(
+        self, shot: Shot, pixels: Array, sources: Sequence[FrameSource], blanks: BlankFrames
+    ) -> None:
+        """Check frames of a display only: linear light is for a compositor to brighten."""
+        if self.files.table.has_eye:
+            alpha = np.hstack([source.alpha for source in sources])
+            blanks.add(self.files.name(shot), shot.light, pixels, alpha, min(self.files.size))
+
+    def _sources(self, images: Sequence[CoefficientImage]) -> list[FrameSource]:
+        return [FrameSource.of(image, self.files.table) for image in images]
