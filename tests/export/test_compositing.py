@@ -32,6 +32,7 @@ from tests.export._layers import (
     shown,
     stored,
 )
+from tests.support.errors import raises
 from volspec._gpu.sources import asset
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
@@ -260,7 +261,7 @@ def test_what_no_compositor_can_be_given_is_refused(
 @pytest.mark.parametrize("text", ["{", "3", '{"version": 2}', '{"version": 1, "lights": {"a": 3}}'])
 def test_a_recipe_that_was_edited_by_hand_is_refused(text: str, tmp_path: Path) -> None:
     made().save(tmp_path / "i.exr", texts={"compositing": text})
-    with pytest.raises(ImageError, match=r"i\.exr: volspec:compositing cannot be read") as caught:
+    with raises(ImageError, "damaged") as caught:
         write_recipe(tmp_path / "i.nk", tmp_path / "i.exr")
     assert "\n" not in str(caught.value) and not (tmp_path / "i.nk").exists()
 
@@ -290,14 +291,14 @@ def test_a_recipe_that_does_not_fit_its_channels_is_refused(
     else:
         data["lights"]["day"] |= change
     image.save(tmp_path / "i.exr", texts={"compositing": json.dumps(data)})
-    with pytest.raises(ImageError, match=r"i\.exr: volspec:compositing cannot be read") as caught:
+    with raises(ImageError, "damaged") as caught:
         Recipe.load(tmp_path / "i.exr")
     assert said in str(caught.value)
 
 
 @pytest.mark.parametrize("lights", [{}, [light("A")]])
 def test_a_recipe_needs_lights_by_name(lights: Any) -> None:
-    with pytest.raises(ViewingError, match=r"recipe: the lights are .*; give at least one by"):
+    with raises(ViewingError, "missing", "recipe"):
         Recipe.of(GENERAL, SHARES, lights)
 
 

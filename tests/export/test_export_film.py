@@ -12,6 +12,7 @@ from PIL import Image
 
 from tests.export.conftest import Make
 from tests.export.test_files_whole import left_by_a_kill
+from tests.support.errors import raises
 from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export.film import write_film
@@ -74,7 +75,7 @@ def test_wide_primaries_are_told(scene: Make, tmp_path: Path) -> None:
     made = scene('[viewing.display]\nspace = "Display P3"\n')
     made.export(tmp_path / "b.mp4", sweep={"frames": 2})
     assert "bt709/smpte432/iec61966-2-1" in probe(tmp_path / "b.mp4")
-    with pytest.raises(InputError, match="GIF is sRGB"):
+    with raises(InputError, "unsupported"):
         made.export(tmp_path / "b.gif", sweep={"frames": 2})
 
 
@@ -85,7 +86,7 @@ def test_a_film_that_fails_is_not_there_and_what_was_stays(
     Image.new("RGB", (8, 8)).save(tmp_path / "f.png")
     (tmp_path / "b.mp4").write_bytes(b"before")
     monkeypatch.setattr("volspec.export.film._CODECS", {".mp4": ("-c:v", "no-such-codec")})
-    with pytest.raises(InputError, match=r"ffmpeg could not write it: .*ncoder"):
+    with raises(InputError, "unwritable"):
         frames = [tmp_path / "f.png"] * 50
         write_film(tmp_path / "b.mp4", frames, 25, SPACES["sRGB"], lambda share: None)
     assert (tmp_path / "b.mp4").read_bytes() == b"before"
@@ -96,7 +97,7 @@ def test_without_ffmpeg_one_line_names_the_extra(
     scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(DeviceError, match=r"pip install 'volspec\[video\]'"):
+    with raises(DeviceError, "unsupported"):
         scene().export(tmp_path / "ball.mp4")
     assert list(tmp_path.iterdir()) == []
 
@@ -107,12 +108,12 @@ def test_a_variable_that_names_no_ffmpeg_is_told_before_the_frames_are_made(
 ) -> None:
     pytest.importorskip("imageio_ffmpeg")
     monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", program)
-    with pytest.raises(DeviceError, match="need ffmpeg, and IMAGEIO_FFMPEG_EXE is"):
+    with raises(DeviceError, "unsupported"):
         scene().export(tmp_path / "ball.mp4")
     assert list(tmp_path.iterdir()) == []
 
 
 def test_what_no_film_can_hold_is_refused_first(scene: Make, tmp_path: Path) -> None:
-    for settings, said in (({"bits": 16}, "16-bit PNG"), ({"transparent": True}, "transparent")):
-        with pytest.raises(InputError, match=said):
+    for settings in ({"bits": 16}, {"transparent": True}):
+        with raises(InputError, "conflict"):
             scene().export(tmp_path / "ball.mp4", **settings)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.export.conftest import Make
+from tests.support.errors import raises
 from volspec.errors import SceneError, ViewingError
 from volspec.export.animation import (
     frame_times_s,
@@ -308,7 +309,7 @@ def test_a_turn_and_a_sweep_of_as_many_frames_go_together(scene: Make) -> None:
 def test_lights_with_and_without_lux_do_not_mix(scene: Make) -> None:
     day, lamp, _ = scene().lights
     bright = replace(day, rig=replace(day.rig, illuminance_lux=(500.0,)))
-    with pytest.raises(SceneError, match="some of these lights have illuminance_lux"):
+    with raises(SceneError, "conflict"):
         mix_lights([bright, lamp], [0.5, 0.5])
     said, rig = mix_lights([day, lamp], [0.25, 0.75])
     assert said == "day 0.25, lamp 0.75" and rig.weights == (0.25, 0.75)
@@ -321,7 +322,7 @@ def test_lux_count_where_all_that_shine_carry_them() -> None:
     assert (both.weights, both.illuminance_lux) == ((0.5, 0.25, 2), (900, 100, 50))
     assert both.groups == ("key", "fill", "")
     assert mixed_rig([day, bare], [0.5, 1.0]).illuminance_lux is None
-    with pytest.raises(ViewingError, match="no light"):
+    with raises(ViewingError, "missing", "LightRig.lights"):
         mixed_rig([day, bare], [0.0, 0.0])
 
 
@@ -391,30 +392,53 @@ def test_a_table_that_cannot_be_is_refused_by_name(scene: Make, more: str, said:
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_what_keyframes_cannot_move_is_said(scene: Make) -> None:
-    key = "[[keyframe]]\ntime_s = 0\ntransfer = { points = ["
-    row = '{ value = 1, opacity = 0.1, material = "grey" },'
-    with pytest.raises(SceneError, match=r"points: 1 at 0 s, \[transfer\] has 2"):
-        plan(scene(f"{key}{row}] }}"))
-    row = row.replace("0.1", "1.5")
-    with pytest.raises(SceneError, match=r"transfer: at 0 s: .*opacity.*[^n]$"):
-        plan(scene(f"{key}{row * 2}] }}"))
-    place = "[[keyframe]]\ntime_s = 2\ncamera = { position_mm = [1, 2, 3], target_mm = [1, 2, 3] }"
-    with pytest.raises(SceneError, match=r"camera: position_mm at 2 s is target_mm; move one"):
-        plan(scene(place))
-    key = "[[keyframe]]\ntime_s = {}\ncamera = {{ {} = {}, target_mm = [8, 8, 8] }}\n".format
-    over = key(0, "position_mm", [8, -92, 8]) + key(2, "position_mm", [8, 8, 108])
-    with pytest.raises(SceneError, match=r"camera: at 2 s: .* along its up .*; choose another up$"):
-        plan(scene(over))
-    tilted = key(0, "up", [0, 1, 0.02]) + key(2, "up", [0, -1, 0.02])
-    ahead = "[camera]\nposition_mm = [8, 8, 108]\n"
-    with pytest.raises(SceneError, match=r"camera: at 1 s: .* up, or give a keyframe between$"):
-        plan(scene(ahead + tilted))
-    turned = key(0, "up", [0, 0, 1]) + key(2, "up", [0, 0, -3])
-    with pytest.raises(SceneError, match="up at 2 s is opposite to that at 0 s; give a keyframe"):
-        plan(scene(turned))
-    with pytest.raises(SceneError, match=r"viewing: at 0 s: D is 0\.5 and discount True"):
-        plan(scene("[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }"))
+KEY = "[[keyframe]]\ntime_s = {}\ncamera = {{ {} = {}, target_mm = [8, 8, 8] }}\n".format
+POINT = '{ value = 1, opacity = 0.1, material = "grey" },'
+POINTS = "[[keyframe]]\ntime_s = 0\ntransfer = {{ points = [{}] }}".format
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "place"),
+    [
+        (POINTS(POINT), "shape", "transfer: points: 1 at 0 s"),
+        (POINTS(2 * POINT.replace("0.1", "1.5")), None, "transfer: at 0 s: "),
+        (
+            KEY(2, "position_mm", [8, 8, 8]),
+            "impossible",
+            "camera: position_mm at 2 s",
+        ),
+        (
+            KEY(0, "position_mm", [8, -92, 8]) + KEY(2, "position_mm", [8, 8, 108]),
+            None,
+            "camera: at 2 s: ",
+        ),
+        (
+            "[camera]\nposition_mm = [8, 8, 108]\n"
+            + KEY(0, "up", [0, 1, 0.02])
+            + KEY(2, "up", [0, -1, 0.02]),
+            None,
+            "camera: at 1 s: ",
+        ),
+        (
+            KEY(0, "up", [0, 0, 1]) + KEY(2, "up", [0, 0, -3]),
+            "impossible",
+            "camera: up at 2 s",
+        ),
+        (
+            "[viewing]\ndiscount = true\n[[keyframe]]\ntime_s = 0\nviewing = { D = 0.5 }",
+            None,
+            "viewing: at 0 s: D",
+        ),
+    ],
+)
+def test_a_keyframe_that_cannot_be_is_refused_with_its_time(
+    scene: Make, more: str, code: str | None, place: str
+) -> None:
+    with raises(SceneError, code) as caught:
+        plan(scene(more))
+    assert f"[[keyframe]] {place}" in str(caught.value)
+    # Another keyframe on the way helps between two alone.
+    assert ("a keyframe between" in caught.value.remedy) == ("1 s" in place or "up at" in place)
 
 
 @pytest.mark.parametrize("keyframe_s", [0, 2, 4])
@@ -424,9 +448,10 @@ def test_an_eye_that_cannot_be_is_told_with_its_keyframe_s_time(
     """Frames on the way to it are out of range, too, but nobody wrote those."""
     key = "[[keyframe]]\ntime_s = {}\nviewing = {{ exposure = {:g} }}\n".format
     keys = "".join(key(at, 1e9 if at == keyframe_s else 1) for at in (0, 2, 4))
-    said = rf"\[\[keyframe\]\] viewing: at {keyframe_s} s: exposure is 1000000000.0;.*[^n]$"
-    with pytest.raises(SceneError, match=said):
+    with raises(SceneError) as caught:
         plan(scene(keys))
+    assert f"[[keyframe]] viewing: at {keyframe_s} s: exposure " in str(caught.value)
+    assert "between" not in caught.value.remedy
 
 
 LUX = (
@@ -436,14 +461,14 @@ LUX = (
 
 def test_at_absolute_level_lights_without_lux_are_refused_before_the_cast(scene: Make) -> None:
     made = scene(LUX)
-    said = r'ball.toml: \[\[light\]\] day: has no illuminance_lux, .*level = "absolute" asks of all'
-    with pytest.raises(SceneError, match=said):
+    with raises(SceneError) as caught:
         plan(made)
+    assert "ball.toml: [[light]] day: has no illuminance_lux" in str(caught.value)
     assert plan(made, lights=["lit"]).lights[0].name == "lit"
     assert plan(made, format="coefficients").shots, "they are relit at a level of their own"
     key = "[[keyframe]]\ntime_s = {}\nlights = {{ lit = 1, day = {} }}\n".format
     assert plan(scene(LUX + key(0, 0) + key(1, 0))).shots
-    with pytest.raises(SceneError, match=said):
+    with raises(SceneError):
         plan(scene(LUX + key(0, 0) + key(1, 0.5)))
 
 

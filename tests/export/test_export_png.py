@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.support.errors import raises
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, InputError
 from volspec.export.frames import (
@@ -107,7 +108,7 @@ def test_codes_round_to_the_nearest_of_65536() -> None:
 
 @pytest.mark.parametrize("shape", [(4, 4), (4, 4, 2), (4, 4, 3, 1), (0, 2, 3)])
 def test_what_is_no_frame_is_refused(tmp_path: Path, shape: tuple[int, ...]) -> None:
-    with pytest.raises(ImageError, match="the frame is 'uint8"):
+    with raises(ImageError, "shape"):
         write_frame(tmp_path / "f.png", np.zeros(shape, np.uint8))
 
 
@@ -146,5 +147,5 @@ def test_a_damaged_frame_is_named_with_what_to_do(tmp_path: Path) -> None:
     data = (tmp_path / "a.png").read_bytes()
     for at in (20, 37):
         (tmp_path / "a.png").write_bytes(data[:at] + b"\xff\x1f" + data[at + 2 :])
-        with pytest.raises(InputError, match=r"a\.png: cannot be read .*; delete it and repeat"):
+        with raises(InputError, "damaged"):
             read_frame(tmp_path / "a.png")

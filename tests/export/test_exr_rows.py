@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.export._layers import opened
+from tests.support.errors import raises
 from volspec.appearance.spaces import SPACES
 from volspec.errors import InputError
 from volspec.export import exr
@@ -65,14 +66,14 @@ def test_blocks_stand_in_their_order_whichever_is_packed_first(
 ) -> None:
     header = ExrHeader((8, 160), SPACES["sRGB"])
     pixels = picture((8, 160), 3, noise=False)
-    whole, packed = exr_bytes(pixels, header), exr._packed
+    whole, packed = exr_bytes(pixels, header), exr._compressed
 
     def slow_at_times(plain: bytes) -> bytes:
         time.sleep(0.002 * (plain[0] % 3))
         return packed(plain)
 
-    monkeypatch.setattr(exr, "_packed", slow_at_times)
-    monkeypatch.setattr(exr, "workers", lambda: 4)
+    monkeypatch.setattr(exr, "_compressed", slow_at_times)
+    monkeypatch.setattr(exr, "encoding_threads", lambda: 4)
     with exr_file(tmp_path / "a.exr", header) as file:
         file.rows(pixels)
     assert (tmp_path / "a.exr").read_bytes() == whole
@@ -92,7 +93,7 @@ def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path: Path
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))  # as if it were full there
     try:
-        told = pytest.raises(InputError, match=r"a\.exr: cannot be written: File too large")
+        told = raises(InputError, "unwritable")
         with told, exr_file(path, header) as file:
             file.rows(picture((64, 50), 3, noise=True))
     finally:

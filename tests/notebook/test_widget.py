@@ -14,10 +14,12 @@ import pytest
 from PIL import Image
 
 import volspec as vs
+from tests.support.errors import raises
 from volspec.appearance import Display, Viewing
 from volspec.errors import (
     DeviceError,
     ImageError,
+    InputError,
     RelightError,
     SpectrumError,
     ViewingError,
@@ -31,6 +33,7 @@ from volspec.scene.lights import NamedLight
 pytest.importorskip("anywidget")
 
 LIGHTS = ["D65", "A", "FL2"]
+P3 = Display(space="Display P3")
 # As the page tells it: every field of a look that a Viewing holds.
 LOOK: dict[str, Any] = {
     "model": "CAM16",
@@ -71,7 +74,7 @@ def test_a_frame_follows_every_setting(widget: Any, colours: CoefficientImage) -
     )
     widget.weights = {}
     assert widget.rig is None and not widget.frame().any()
-    with pytest.raises(RelightError, match=r"expected numpy\.uint8 or numpy\.float32"):
+    with raises(RelightError, field="relight.dtype"):
         widget.frame(int)
 
 
@@ -137,32 +140,31 @@ def test_another_image_keeps_the_settings(widget: Any, colours: CoefficientImage
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "error", "said"),
+    ("name", "value", "code", "field"),
     [
-        ("weights", {"D56": 1}, ViewingError, "no light 'D56'; did you mean 'D65'"),
-        ("weights", {"A": -0.5}, ViewingError, "weight of 'A' is -0.5; expected 0 to 1"),
-        ("weights", {"A": True}, ViewingError, "weight of 'A' is True"),
-        ("weights", [1, 0, 0], ViewingError, "give them by name, as {'D65': 1.0}"),
-        ("viewing", "CAM16", ViewingError, "expected a volspec.Viewing"),
-        ("viewing", Viewing(model="Hunt"), ViewingError, "'Hunt' has no closed form"),
-        ("viewing", Viewing(adapting="pixel"), ViewingError, "measures nothing"),
-        ("viewing", Viewing(display=Display(space="Display P3")), ViewingError, "made for sRGB"),
-        ("mode", "exakt", ViewingError, "did you mean 'exact'"),
-        ("backdrop", 2, ViewingError, "expected within 0"),
-        ("backdrop", vs.light("D65"), ViewingError, "is a spectrum; give a reflectance"),
-        ("level", "absolute", ViewingError, "'D65' has none"),
-        ("probe", (64, 0), ImageError, "inside of 64x64"),
-        ("probe", 7, ImageError, "give (x, y)"),
-        ("image", "engine.exr", ImageError, "expected a CoefficientImage"),
+        ("weights", {"D56": 1}, "unknown", "notebook.weights"),
+        ("weights", {"A": -0.5}, "range", "notebook.weights['A']"),
+        ("weights", {"A": True}, "range", "notebook.weights['A']"),
+        ("weights", [1, 0, 0], "type", "notebook.weights"),
+        ("viewing", "CAM16", "type", "notebook.viewing"),
+        ("viewing", Viewing(model="Hunt"), "unsupported", "notebook.viewing.model"),
+        ("viewing", Viewing(adapting="pixel"), "unsupported", "notebook.viewing.adapting"),
+        ("viewing", Viewing(display=P3), "unsupported", "notebook.viewing.display.space"),
+        ("mode", "exakt", "unknown", None),
+        ("backdrop", 2, "range", None),
+        ("backdrop", vs.light("D65"), "unsupported", "notebook.backdrop"),
+        ("level", "absolute", "missing", "notebook.level"),
+        ("probe", (64, 0), "range", "notebook.probe"),
+        ("probe", 7, "range", "notebook.probe"),
+        ("image", "engine.exr", "type", "notebook.image"),
     ],
 )
 def test_what_cannot_be_is_refused_and_leaves_the_widget_as_it_was(
-    widget: Any, name: str, value: object, error: type[Exception], said: str
+    widget: Any, name: str, value: object, code: str, field: str | None
 ) -> None:
     before = getattr(widget, name)
-    with pytest.raises(error) as refused:
+    with raises(ImageError if name in ("probe", "image") else ViewingError, code, field):
         setattr(widget, name, value)
-    assert said in str(refused.value) and "\n" not in str(refused.value)
     assert getattr(widget, name) is before
 
 
@@ -170,7 +172,7 @@ def test_an_image_without_a_lights_group_is_refused(colours: CoefficientImage) -
     grouped = replace(colours, groups={"key": 1.0})
     rig = LightRig((vs.light("A"),), groups=("key",))
     widget = vs.notebook(grouped, {"lamp": rig})
-    with pytest.raises(ViewingError, match=r"light 'lamp': .*group 'key'"):
+    with raises(ViewingError, "unknown"):
         widget.image = colours
     assert widget.image is grouped
 
@@ -195,21 +197,21 @@ def test_lights_with_lux_add_up(colours: CoefficientImage) -> None:
 
 
 @pytest.mark.parametrize(
-    ("lights", "error", "said"),
+    ("lights", "error", "code"),
     [
-        ("D65", ImageError, "give several in a list"),
-        ([], ImageError, "there is no light"),
-        (["A", "A"], ImageError, "two lights are 'A'"),
-        (["D56"], SpectrumError, "D56"),
-        ([LightRig((vs.light("A"),))], SpectrumError, "has no name"),
-        ([3], SpectrumError, "a light is 3"),
-        ({"red": vs.Spectrum([600, 700], [1, 1])}, SpectrumError, "light 'red': .*covers 600-700"),
+        ("D65", ImageError, "type"),
+        ([], ImageError, "missing"),
+        (["A", "A"], ImageError, "duplicate"),
+        (["D56"], SpectrumError, "unknown"),
+        ([LightRig((vs.light("A"),))], SpectrumError, "missing"),
+        ([3], SpectrumError, "type"),
+        ({"red": vs.Spectrum([600, 700], [1, 1])}, SpectrumError, None),
     ],
 )
 def test_lights_that_are_none_are_refused(
-    colours: CoefficientImage, lights: Any, error: type[Exception], said: str
+    colours: CoefficientImage, lights: Any, error: type[InputError], code: str | None
 ) -> None:
-    with pytest.raises(error, match=said):
+    with raises(error, code):
         vs.notebook(colours, lights)
 
 
@@ -223,7 +225,7 @@ def test_a_scenes_lights_and_viewing_are_taken(colours: CoefficientImage) -> Non
     # What no page draws is replaced in what the scene says, and refused where it is asked for.
     with pytest.warns(VolspecWarning, match="Hunt has no closed form"):
         assert vs.notebook(noted(colours, '{"model": "Hunt"}')).viewing.model == "CIECAM02"
-    with pytest.raises(ViewingError, match="Hunt"):
+    with raises(ViewingError, "unsupported"):
         vs.notebook(image, [lamp], Viewing(model="Hunt"))
 
 
@@ -245,7 +247,7 @@ def test_without_the_extra_an_image_shows_its_text(
 ) -> None:
     monkeypatch.setitem(sys.modules, "anywidget", None)
     monkeypatch.delitem(sys.modules, "volspec.export.notebook.widget", raising=False)
-    with pytest.raises(DeviceError, match=r"pip install 'volspec\[notebook\]'"):
+    with raises(DeviceError, "unsupported"):
         vs.notebook(colours)
     assert bundles(colours) == [{"text/plain": "CoefficientImage(64x64, 7 channels)"}]
 

@@ -265,10 +265,10 @@ def test_the_keyboard_reads_pixels_aloud(
     engine_page.settle()
     # What is said comes after a pause, and is then of the pixel that is shown.
     engine_page.until(
-        "document.getElementById('probe-said').textContent"
+        "document.getElementById('probe-status').textContent"
         ".includes(document.querySelector('#probe-rows dd')?.textContent ?? '?')"
     )
-    said = dict(part.split(" ", 1) for part in page.text_content("#probe-said").split("; "))
+    said = dict(part.split(" ", 1) for part in page.text_content("#probe-status").split("; "))
     x, y = (int(word) for word in said["Pixel"].split(", "))
     seen = engine_scene.relight
     lit = Illumination.of(engine_image.basis, engine_scene.lights[0].rig, seen)

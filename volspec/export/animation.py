@@ -184,8 +184,8 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
         If a frame's values are out of range; the message names file and time.
     """
     # The keyframes' own faults first: no time between them is the cause of those.
-    for line in keyframe_faults(scene, volume):
-        raise SceneError(line)
+    for fault in keyframe_faults(scene, volume):
+        raise fault
     keys = scene.file.keyframe
     with located_in(scene, "[[keyframe]] camera"):
         cameras = _reaching_cameras(scene, volume, keys, at_s)
@@ -196,8 +196,8 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
     return [FrameState(*each) for each in zip(cameras, transfers, specs, strict=True)]
 
 
-def keyframe_faults(scene: Scene, volume: Volume) -> list[str]:
-    """Return the faults at the keyframes' own times, a line each: file, key, time, remedy."""
+def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
+    """Return the faults at the keyframes' own times, each naming file, key and time."""
 
     def baked(keys: Keys, at_s: Array) -> object:
         transfers = keyframe_transfers(scene, keys, at_s)
@@ -208,23 +208,24 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[str]:
         "viewing": lambda keys, at_s: _relight_specs(scene.relight, keys, at_s),
         "transfer": baked,
     }
-    keys, lines = scene.file.keyframe, []
+    keys = scene.file.keyframe
+    found: dict[str, SceneError] = {}
 
-    def faults(name: str, of: Keys, at: KeyframeTable) -> list[str]:
+    def faults(name: str, of: Keys, at: KeyframeTable) -> list[SceneError]:
         try:
             with located_in(scene, f"[[keyframe]] {name}"):
                 parts[name](of, np.array([at.time_s]))
         except SceneError as error:
-            return [str(error)]
+            return [error]
         return []
 
     for name in parts:
         giving = [key for key in keys if getattr(key, name) is not None]
-        together = [line for key in giving for line in faults(name, keys, key)]
+        together = [fault for key in giving for fault in faults(name, keys, key)]
         # Report a fault at the keyframe that sets the value, not at those that inherit it.
-        alone = [line for key in giving for line in faults(name, [key], key)]
-        lines += (alone or together) if together else []
-    return list(dict.fromkeys(lines))
+        alone = [fault for key in giving for fault in faults(name, [key], key)]
+        found |= {str(fault): fault for fault in (alone or together) if together}
+    return list(found.values())
 
 
 def _reaching_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> list[Camera]:
@@ -272,7 +273,9 @@ def _at_times(
             # Values between good ones are good; a way between two positions may not be.
             is_between = isinstance(error, CameraError) and time not in own
             remedy = ", or give a keyframe between" if is_between else ""
-            message = str(error).removeprefix("camera: ")
+            # "Viewing.D" is a keyframe's "D".
+            own_error = error.at(error.field.partition(".")[2] or error.field)
+            message = str(own_error).removeprefix("camera: ")
             raise type(error)(f"at {time:g} s: {message}{remedy}", code=error.code) from error
     return made
 

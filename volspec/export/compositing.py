@@ -187,7 +187,7 @@ class Recipe:
         text = header.get(f"volspec:{_JSON}")
         if text is None:
             raise ImageError(
-                f"{name}: has no lights for compositors",
+                f"{name}: names no lights for compositors",
                 f"`volspec compositing {name} --light D65 -o NEW.exr` writes one that does",
                 code="missing",
             )

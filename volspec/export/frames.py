@@ -83,6 +83,7 @@ def write_frame(
             f"{os.fspath(path)}: the frame",
             what,
             "give (H, W, 3) uint8, as Relighter.frame makes it",
+            "shape",
         )
     with write_whole(path) as temporary:
         temporary.write_bytes(png_bytes(frame, text or {}, colours))

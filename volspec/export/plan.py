@@ -333,7 +333,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
             scene = Scene(file, path)
             scene.camera(volume)
             require_lux(scene.lights, scene.relight, path)
-            errors += keyframe_faults(scene, volume)
+            errors += map(str, keyframe_faults(scene, volume))
             if not errors:
                 plan_export(scene, volume, scene.file.export)
         except SceneError as error:

@@ -55,9 +55,10 @@ def notebook(
     """
     if not isinstance(image, CoefficientImage):
         raise ImageError(
-            f"notebook: got {quoted(image)}",
+            f"got {quoted(image)}",
             "expected a CoefficientImage, as volspec.raycast gives",
             code="type",
+            field="notebook.image",
             given=image,
         )
     try:

@@ -1,10 +1,10 @@
-// A cell's side of the widget: the page in a frame of its own, and settings carried both ways.
+// The widget in a notebook's cell: the page in a frame, and settings in both directions.
 //
 //     traits of widget.py <-> [host] <-> port <-> web/widget.js, inside the frame
 
 const SETTINGS = ['weights', 'viewing', 'mode', 'backdrop', 'level', 'probe', '_room'];
 
-// JupyterLab's theme, light or dark, which the page takes; elsewhere the system's counts.
+// JupyterLab's theme, light or dark, for the page; elsewhere the system's is used.
 const scheme = () => ({ true: 'light', false: 'dark' })[document.body.dataset.jpThemeLight];
 
 function frameOf(page) {
@@ -19,15 +19,15 @@ function frameOf(page) {
 
 function render({ model, el }) {
   el.style.position = 'relative';
-  // The frame that is shown, and the last one made: the same once that is loaded.
+  // The visible frame, and the newest: the same once that is loaded.
   let frame = null, newest = null, port = null, hearing = false;
-  // Only what has changed: the rest may be older than what the page is just telling.
-  const tell = (names) => {
+  // Only the changes: the rest may be older than the page's own news.
+  const send = (names) => {
     if (hearing) return;
     const settings = Object.fromEntries(names.map((name) => [name, model.get(name)]));
     port?.postMessage({ ...settings, scheme: scheme() });
   };
-  const calls = SETTINGS.map((name) => [`change:${name}`, () => tell([name])]);
+  const calls = SETTINGS.map((name) => [`change:${name}`, () => send([name])]);
 
   const hear = ({ data }) => {
     hearing = true;
@@ -36,21 +36,21 @@ function render({ model, el }) {
     model.save_changes();
   };
 
-  // The page before stays until the next one is there. A frame that the notebook has taken out
-  // and put back loads anew, and is told everything again.
+  // The last page stays until the next one is loaded. A frame that the notebook removes and
+  // inserts loads again, and gets all settings again.
   const loaded = (next) => {
     port?.close();
     const channel = new MessageChannel();
     port = channel.port1;
     port.onmessage = hear;
     next.contentWindow.postMessage('volspec', '*', [channel.port2]);
-    tell(SETTINGS);
+    send(SETTINGS);
     if (frame !== next) frame?.remove();
     frame = next;
   };
 
   const open = () => {
-    // One that still loads is out of date, and must not come after this one.
+    // A frame that is still loading is outdated, and must not replace this one.
     if (newest !== frame) newest?.remove();
     const next = frameOf(model.get('_page'));
     newest = next;
@@ -58,7 +58,7 @@ function render({ model, el }) {
     el.append(next);
   };
 
-  const themed = new MutationObserver(() => tell([]));
+  const themed = new MutationObserver(() => send([]));
   themed.observe(document.body, { attributeFilter: ['data-jp-theme-light'] });
   model.on('change:_page', open);
   for (const [event, call] of calls) model.on(event, call);

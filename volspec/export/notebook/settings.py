@@ -90,19 +90,19 @@ def named_lights(
     elif isinstance(given, Sequence) and not isinstance(given, str):
         pairs = ((None, each) for each in given)
     else:
-        raise ImageError(
-            f"notebook: lights are {quoted(given)}",
-            "give several in a list, as ['D65', 'A'], or by name in a dict",
-            code="type",
-            given=given,
-        )
+        remedy = "give several in a list, as ['D65', 'A'], or by name in a dict"
+        raise ImageError.refused("notebook.lights", given, remedy, "type")
     named = tuple(_named(name, each, image) for name, each in pairs)
     if not named:
-        raise ImageError("notebook: there is no light", "give at least one", code="missing")
+        raise ImageError.refused("notebook.lights", given, "give at least one", "missing")
     names = [lamp.name for lamp in named]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise ImageError(
-            f"notebook: two lights are {twice[0]!r}", "give them names, as a dict", code="duplicate"
+            f"two lights are {twice[0]!r}",
+            "give them names, as a dict",
+            code="duplicate",
+            field="notebook.lights",
+            given=given,
         )
     require_lit(named, image)
     return named
@@ -144,11 +144,15 @@ def _named(name: str | None, given: LightLike | NamedLight, image: CoefficientIm
         rig = given
     else:
         raise SpectrumError.refused(
-            "notebook: a light", given, "give a name, as 'D65', a Spectrum or a LightRig", "type"
+            "notebook.lights", given, "give a name, as 'D65', a Spectrum or a LightRig", "type"
         )
     if not (isinstance(name, str) and name.strip()):
         raise SpectrumError(
-            "notebook: a light has no name", "give lights as {name: light}", code="missing"
+            "a light has no name",
+            "give lights as {name: light}",
+            code="missing",
+            field="notebook.lights",
+            given=given,
         )
     with _naming_light(name):
         return NamedLight(name, label or name, rig.facing(image.groups).mixed(grid), rig)
@@ -200,23 +204,26 @@ def checked_viewing(viewing: object) -> Viewing:
         )
     if viewing.model not in CLOSED and viewing.model not in ADAPTATIONS:
         raise ViewingError(
-            f"notebook: model {viewing.model!r} has no closed form, which the page needs",
+            f"{viewing.model!r} has no closed form, which the page needs",
             f"take {', '.join(CLOSED)}, or volspec.relight",
             code="unsupported",
+            field="notebook.viewing.model",
             given=viewing.model,
         )
     if viewing.adapting != "given":
         raise ViewingError(
-            f"notebook: adapting is {viewing.adapting!r}, but the page measures no picture",
+            f"{viewing.adapting!r} is measured in the picture, which the page does not",
             "take 'given', or volspec.relight",
             code="unsupported",
+            field="notebook.viewing.adapting",
             given=viewing.adapting,
         )
     if viewing.display.space != "sRGB":
         raise ViewingError(
-            f"notebook: the display is {viewing.display.colours.name!r}, but the page is for sRGB",
-            "take that, or volspec.relight",
+            f"{viewing.display.colours.name!r} is no space of the page",
+            "take sRGB, or volspec.relight",
             code="unsupported",
+            field="notebook.viewing.display.space",
             given=viewing.display.space,
         )
     Screen.of(viewing.display, viewing.model)  # refuses a gamut that cannot be reduced to

@@ -23,7 +23,7 @@ import traitlets
 
 from volspec.appearance import Viewing
 from volspec.appearance.surround import is_finite
-from volspec.errors import ImageError, ViewingError, nearest, quoted
+from volspec.errors import ImageError, ViewingError, nearest
 from volspec.export.notebook.settings import (
     checked_viewing,
     look_from_viewing,
@@ -222,22 +222,20 @@ class RelightWidget(anywidget.AnyWidget):
 
     def _checked_weights(self, weights: object) -> Mapping[str, float]:
         if not isinstance(weights, Mapping):
-            raise ViewingError(
-                f"notebook: weights are {quoted(weights)}",
-                f"give them by name, as {{{self._names[0]!r}: 1.0}}",
-                code="type",
-                given=weights,
-            )
+            remedy = f"give them by name, as {{{self._names[0]!r}: 1.0}}"
+            raise ViewingError.refused("notebook.weights", weights, remedy, "type")
         for name, weight in weights.items():
             if name not in self._names:
                 raise ViewingError(
-                    f"notebook: no light {name!r}; {nearest(str(name), self._names)}"
-                    f"there are {', '.join(self._names)}",
+                    f"no light {name!r}",
+                    f"{nearest(str(name), self._names)}there are {', '.join(self._names)}",
                     code="unknown",
+                    field="notebook.weights",
+                    given=name,
                 )
             if not (is_finite(weight) and 0.0 <= weight <= 1.0):
                 raise ViewingError.refused(
-                    f"notebook: weight of {name!r}", weight, "expected 0 to 1", "range"
+                    f"notebook.weights[{name!r}]", weight, "expected 0 to 1", "range"
                 )
         return MappingProxyType({name: float(weights.get(name, 0.0)) for name in self._names})
 
@@ -249,11 +247,8 @@ class RelightWidget(anywidget.AnyWidget):
 
     def _checked_backdrop(self, backdrop: Any) -> float:
         if isinstance(backdrop, Spectrum):
-            raise ViewingError(
-                "notebook: the backdrop is a spectrum",
-                "give a reflectance 0 to 1",
-                code="unsupported",
-                given=backdrop,
+            raise ViewingError.refused(
+                "notebook.backdrop", backdrop, "give a reflectance 0 to 1", "unsupported"
             )
         RelightSpec(backdrop=backdrop)
         return float(backdrop)
@@ -263,9 +258,10 @@ class RelightWidget(anywidget.AnyWidget):
         dark = [lamp.name for lamp in self._lights if lamp.rig.illuminance_lux is None]
         if level == "absolute" and dark:
             raise ViewingError(
-                f"notebook: level 'absolute' needs the lux of every light, {dark[0]!r} has none",
+                f"'absolute' needs the lux of every light, {dark[0]!r} has none",
                 "give it as LightRig(..., illuminance_lux=...)",
                 code="missing",
+                field="notebook.level",
                 given=level,
             )
         return level

@@ -100,10 +100,12 @@ class PageSpec:
     def __post_init__(self) -> None:
         for name in ("title", "caption"):
             if not isinstance(getattr(self, name), str):
-                raise ImageError.refused(f"page: {name}", getattr(self, name), "give text")
+                raise ImageError.refused(f"page.{name}", getattr(self, name), "give text", "type")
         whole = isinstance(self.bits, int) and not isinstance(self.bits, bool)
         if not (whole and BITS[0] <= self.bits <= BITS[1]):
-            raise ImageError(f"page: bits are {self.bits!r}; give {BITS[0]} to {BITS[1]}")
+            raise ImageError.refused(
+                "page.bits", self.bits, f"give {BITS[0]} to {BITS[1]}", "range"
+            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,7 +190,7 @@ def page_html(
     """
     relight_spec, spec = relight_spec or RelightSpec(), spec or PageSpec()
     if not lights:
-        raise ImageError("page: there is no light; give at least one")
+        raise ImageError.refused("page.lights", lights, "give at least one", "missing")
     first: CoefficientImage | None = None
     blocks, packed_views = [], []
     for i, view in enumerate(views):
@@ -200,7 +202,9 @@ def page_html(
             {"azimuth_deg": view.azimuth_deg, "low": packed.low, "high": packed.high}
         )
     if first is None:
-        raise ImageError("page: there is no view; give at least one")
+        raise ImageError(
+            "there is no view", "give at least one", code="missing", field="page.views"
+        )
     width, height = first.size
     channels = first.coefficients.shape[2]
     numbers = {
@@ -374,8 +378,9 @@ def _require_alike(image: CoefficientImage, first: CoefficientImage, number: int
     )
     if not alike:
         raise ShapeError(
-            f"page: view {number + 1} is {image!r}, the first {first!r}",
+            f"view {number + 1} is {image!r}, the first {first!r}",
             "cast all views of one size, basis and light groups",
+            field="page.views",
         )
 
 

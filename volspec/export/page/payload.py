@@ -131,12 +131,8 @@ def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, A
     """
     viewing = spec.viewing
     if isinstance(spec.backdrop, Spectrum):
-        raise ViewingError(
-            "the backdrop is a spectrum",
-            "give a reflectance 0 to 1",
-            code="unsupported",
-            field="page",
-            given=spec.backdrop,
+        raise ViewingError.refused(
+            "page.backdrop", spec.backdrop, "give a reflectance 0 to 1", "unsupported"
         )
     model = viewing.model
     if model not in CLOSED and model not in ADAPTATIONS:

@@ -42,8 +42,8 @@ function interpolated(x, at, values) {
   if (x <= at[0]) return values[0];
   for (let i = 1; i < at.length; i++) {
     if (x > at[i]) continue;
-    const share = (x - at[i - 1]) / (at[i] - at[i - 1]);
-    return values[i - 1] + share * (values[i] - values[i - 1]);
+    const fraction = (x - at[i - 1]) / (at[i] - at[i - 1]);
+    return values[i - 1] + fraction * (values[i] - values[i - 1]);
   }
   return values[values.length - 1];
 }

@@ -17,7 +17,7 @@ async function inflated(bytes) {
 
 const singles = new Float32Array(1), bitsOfSingle = new Uint32Array(singles.buffer);
 
-// The nearest half float's bits; what is too small becomes 0, what is too large the largest.
+// Bits of the nearest half float; underflow becomes 0, overflow the largest.
 function halfOf(x) {
   singles[0] = clamped(x, -65504, 65504);
   const bits = bitsOfSingle[0], sign = (bits >>> 16) & 0x8000;
@@ -60,7 +60,7 @@ function unpredicted(residuals, plane, before, width, mask) {
   }
 }
 
-// A plane's residuals; above 8 bits their high bytes stand before their low ones.
+// A plane's residuals; above 8 bits their high bytes come before their low ones.
 function residualsOf(bytes, start, pixels, wide) {
   if (!wide) return bytes.subarray(start, start + pixels);
   const low = start + pixels;

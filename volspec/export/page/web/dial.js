@@ -9,10 +9,10 @@ const DIAL_REACH = 52, DIAL_HALF_HEIGHT = 96;
 const NAME_GAP = 9, NAME_LINE = 15;
 // Beyond the first names have one line each; beyond the second only one light is named.
 const MOST_IN_TWO_LINES = 10, MOST_NAMED = 12;
-// From so many on those beside the top and the bottom stand as high, and these so much further out.
+// From this number of lights on, names near the top and bottom are moved out, by this much.
 const CROWDED = 8, FURTHER_OUT = 16;
 
-// Drag, or the arrow keys, between the lights that stand on the rim.
+// Drag, or the arrow keys, between the lights on the rim.
 function lightDial(app, colours) {
   const { page } = app, host = byId('dial'), count = page.lights.length;
   const spokes = svg('g', {}), names = svg('g', {});
@@ -41,7 +41,7 @@ function lightDial(app, colours) {
   };
 }
 
-// Hears pointers and keys; gives what tells the light under the mouse, or null.
+// Handle pointers and keys; return a function for the light under the mouse, or null.
 function dragged(app, host, drawing, rim) {
   const count = rim.length;
   let hovered = null;
@@ -78,7 +78,7 @@ function dragged(app, host, drawing, rim) {
   return () => hovered;
 }
 
-// The light whose dot is under a place of the drawing; null where none is.
+// Light with its dot at a point of the drawing, or null.
 function nearestOn(rim, [x, y]) {
   const away = rim.map(([cx, cy]) => Math.hypot(cx - x, cy - y)), least = Math.min(...away);
   return least < 12 ? away.indexOf(least) : null;
@@ -94,8 +94,8 @@ function namesAround(lights, rim, host, drawing, names) {
   let written = '';
   return (one) => {
     const width = host.clientWidth, all = lights.length <= MOST_NAMED;
-    const asked = all ? lights.map((_, i) => i) : [one].filter((i) => i !== null);
-    const now = `${width} ${asked}`;
+    const named = all ? lights.map((_, i) => i) : [one].filter((i) => i !== null);
+    const now = `${width} ${named}`;
     if (!width || now === written) return;
     written = now;
     const out = all && lights.length >= CROWDED ? FURTHER_OUT : 0, half = DIAL_HALF_HEIGHT + out;
@@ -104,7 +104,7 @@ function namesAround(lights, rim, host, drawing, names) {
     pen.font = getComputedStyle(names).font;
     const wide = (words) => pen.measureText(words).width;
     const most = all && lights.length > MOST_IN_TWO_LINES ? 1 : 2;
-    names.replaceChildren(...asked.map((i) => {
+    names.replaceChildren(...named.map((i) => {
       const { name } = lights[i], across = Math.abs(rim[i][0]);
       const room = isBeside(rim[i]) ? width / 2 - across - NAME_GAP - 4 : width - 4;
       return nameOf(name, rim[i], inLines(name, room, most, wide), out);
@@ -118,7 +118,7 @@ function nameOf(name, at, lines, out) {
   const [x, y] = at, beside = isBeside(at), tall = lines.length * NAME_LINE;
   const middle = y + (y / DIAL_REACH) * (NAME_GAP + tall / 2 + (beside ? 0 : out));
   const left = beside ? x + Math.sign(x) * (NAME_GAP + 2) : x;
-  // A line's letters stand on a place at 0.75 of its height.
+  // The baseline is at 0.75 of a line's height.
   const first = middle - tall / 2 + 0.75 * NAME_LINE;
   const anchor = beside ? (x > 0 ? 'start' : 'end') : 'middle';
   return svg('g', {}, svg('title', {}, name), ...lines.map((line, i) => svg('text', {
@@ -126,7 +126,7 @@ function nameOf(name, at, lines, out) {
   }, isolated(line))));
 }
 
-// Words in so many lines at most, none wider than there is room; what is left out is an ellipsis.
+// Wrap words into a number of lines that fit the width; the rest becomes an ellipsis.
 function inLines(words, room, most, wide) {
   let left = words.replace(/[\p{Cc}\s]+/gu, ' ').trim();
   const lines = [];

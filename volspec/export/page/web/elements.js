@@ -32,22 +32,22 @@ function figures(x, digits = 3) {
   return x.toFixed(clamped(digits - 1 - size, 0, 6));
 }
 
-// Where the arrow keys lead, across and down.
+// Directions of the arrow keys, across and down.
 const ARROWS = {
   ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1],
 };
 
-// Calls a function once before the next picture, however often it is asked for.
+// Call a function once before the next frame, however often it is requested.
 function perFrame(call) {
-  let asked = false;
+  let requested = false;
   return () => {
-    if (asked) return;
-    asked = true;
-    requestAnimationFrame(() => { asked = false; call(); });
+    if (requested) return;
+    requested = true;
+    requestAnimationFrame(() => { requested = false; call(); });
   };
 }
 
-// Calls a function when it has not been asked for a while.
+// Debounce: call a function when it has not been requested for a while.
 function whenQuiet(call, milliseconds) {
   let timer = 0;
   return () => {

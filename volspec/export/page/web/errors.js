@@ -1,4 +1,4 @@
-// Where the picture's colours are off from the exact light matrix', by CIEDE2000, laid over it.
+// Overlay of the picture's errors: CIEDE2000 to the exact light matrix.
 //
 // Twin of volspec/relight/error_map.py; worked out while nobody moves anything.
 
@@ -24,13 +24,13 @@ function errorOf(page, look) {
   const plain = { ...look, exposure: 1, level: 'relative' };
   const parts = rigOf(page.lights, shining(look));
   if (!parts) return null;
-  const [seen, exact] = [plain, { ...plain, mode: 'exact' }].map((each) => (
+  const [shown, exact] = [plain, { ...plain, mode: 'exact' }].map((each) => (
     illuminationOf(page.basis, page.groups, parts, each)));
-  if (!seen) return null;
+  if (!shown) return null;
   const white = exact.white.map((x) => Math.max(x, NO_COLOUR * exact.white[1]));
   return (channels, alpha) => {
     const Lab = (light) => cielabOf(sceneXYZ(light, channels, alpha), white);
-    return deltaE2000(Lab(exact), Lab(seen));
+    return deltaE2000(Lab(exact), Lab(shown));
   };
 }
 
@@ -53,7 +53,7 @@ function drawHeat(app, canvas) {
     }
   }
   covered.sort((a, b) => a - b);
-  const at = (share) => covered[Math.round(share * (covered.length - 1))] ?? 0;
+  const at = (fraction) => covered[Math.round(fraction * (covered.length - 1))] ?? 0;
   const top = TOPS.find((each) => each >= at(0.995)) ?? 100;
   paintHeat(canvas, found, alphas, top, page.heat);
   const mean = covered.reduce((a, b) => a + b, 0) / Math.max(covered.length, 1);

@@ -30,7 +30,7 @@ function mixedPower(parts) {
   return total;
 }
 
-// What a surface that faces every source gets: each part by its group's share.
+// Light on a surface that faces every source: each part weighted by its group.
 const facing = (parts, shares) => parts.map((part) => ({
   ...part, weight: part.weight * (part.group ? shares[part.group] : 1),
 }));
@@ -102,7 +102,7 @@ function colourMatrix(basis, E, mode) {
   return displayMatrix(product(D, R), ones, E, Q);
 }
 
-// Everything the picture is told of its light. `look` gives mode, level, exposure, lux, backdrop.
+// Uniforms of a light. `look` has mode, level, exposure, lux, backdrop.
 function illuminationOf(basis, shares, parts, look) {
   const front = facing(parts, shares);
   if (!front.some((part) => part.weight > 0)) return null;

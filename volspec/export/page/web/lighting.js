@@ -2,23 +2,23 @@
 //
 // Twin of volspec/viewer/model/lights/{lighting,blending}.py [Bergner et al. 2005: the light dial].
 
-// What counts; `solo` is the light that shines alone, or -1.
+// Effective weights; `solo` is the light that is on alone, or -1.
 const shining = ({ weights, solo }) => (
   weights.map((weight, i) => (solo < 0 || solo === i ? weight : 0)));
 
-// Where lights stand on the dial's rim, clockwise from the top; y runs down.
+// Positions of lights on the dial's rim, clockwise from the top; y runs down.
 const dialCorners = (count) => Array.from({ length: count }, (_, i) => {
   const angle = 2 * Math.PI * i / count;
   return [Math.sin(angle), -Math.cos(angle)];
 });
 
-// Weights of a place on the dial, whose rim has radius 1; they sum to 1. Linear in each triangle
+// Weights at a point of the dial, with a rim of radius 1; they sum to 1. Linear in each triangle
 // of the fan around the centre, where all count alike; places outside go to its edge.
 function dialWeights(count, x, y) {
   if (count < 2) return new Array(count).fill(1);
   if (count === 2) {
-    const share = clamped((1 - y) / 2, 0, 1);
-    return [share, 1 - share];
+    const upper = clamped((1 - y) / 2, 0, 1);
+    return [upper, 1 - upper];
   }
   const rim = dialCorners(count), turn = 2 * Math.PI;
   const angle = ((Math.atan2(x, -y) % turn) + turn) % turn;
@@ -33,7 +33,7 @@ function dialWeights(count, x, y) {
   return weights;
 }
 
-// Where weights are on the dial: the lights' centre of gravity.
+// Point of weights on the dial: the lights' centroid.
 function dialPlace(weights) {
   const total = weights.reduce((a, b) => a + b, 0);
   if (total <= 0) return [0, 0];

@@ -24,11 +24,11 @@ function lightsPanel(app) {
 
 function whiteInWords({ white: [X, Y, Z], lux }) {
   const sum = X + Y + Z;
-  const told = `White x ${(X / sum).toFixed(4)}, y ${(Y / sum).toFixed(4)}`;
-  return lux === null ? told : `${told}; ${figures(lux)} lx`;
+  const text = `White x ${(X / sum).toFixed(4)}, y ${(Y / sum).toFixed(4)}`;
+  return lux === null ? text : `${text}; ${figures(lux)} lx`;
 }
 
-// What a light's own rig gives, alone: for its swatch and its small spectrum.
+// Illumination by one light alone: for its swatch and its small spectrum.
 function alone(page, light) {
   const parts = facing(light.parts, page.groups);
   const power = mixedPower(parts.some((part) => part.weight > 0) ? parts : light.parts);

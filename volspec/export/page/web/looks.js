@@ -1,10 +1,10 @@
-// What a colour looks like, for the probe, and how far two colours are apart.
+// Appearance of a colour, for the probe, and differences of colours.
 //
 // Twins of volspec/appearance/models/{cam,cielab,rlab}.py and of delta_E_2000.
 
 // J, C and h of CIECAM02 or CAM16; null where the model says nothing.
-function camLook(k, XYZ, seen, model) {
-  const own = conditionsOf(k, seen, model);
+function camLook(k, XYZ, scene, model) {
+  const own = conditionsOf(k, scene, model);
   const R = applied(own.responseFromXYZ, XYZ).map((r) => compressed(k, r));
   const signal = dot(k.ACHROMATIC, R), achromatic = Math.max(signal, 0);
   const a = dot(k.OPPONENT_A, R), b = dot(k.OPPONENT_B, R), radius = Math.hypot(a, b);

@@ -1,4 +1,4 @@
-// The page: its state, what is drawn of it, and when.
+// The page: its state, its drawing, and their timing.
 //
 //     inputs -> edit, put -> state -> refresh -> picture, panels, address
 
@@ -11,11 +11,11 @@ class App {
     this.page = page;
     this.state = readFrom(location.hash.slice(1), page);
     this.decoded = new Map();
-    // What of it is unpacked and drawn.
+    // View that is unpacked and drawn.
     this.texels = null;
     this.shown = -1;
     this.turning = false;
-    // The pixel under the mouse; the one that is kept is in the state.
+    // Pixel under the mouse; the pinned one is in the state.
     this.hovered = null;
     this.spoken = false;
     this.relighter = new Relighter(byId('picture'), page);
@@ -30,8 +30,8 @@ class App {
   // The side that the panel edits.
   look() { return this.state.sides[this.state.compare ? this.state.edited : 0]; }
 
-  // Which side a share of the picture's width shows.
-  sideAt(share) { return this.state.compare && share >= this.state.divide ? 1 : 0; }
+  // Side at a fraction of the picture's width.
+  sideAt(x) { return this.state.compare && x >= this.state.divide ? 1 : 0; }
 
   edit(change) {
     const at = this.state.compare ? this.state.edited : 0;
@@ -44,7 +44,7 @@ class App {
     this.rememberLater();
   }
 
-  // Put what is shown into the address.
+  // Write the state into the address.
   remember() {
     const words = written(this.state, this.page);
     if (words === location.hash.slice(1)) return;
@@ -60,13 +60,13 @@ class App {
     return parts && illuminationOf(this.page.basis, this.page.groups, parts, look);
   }
 
-  // What a slider shows while the model has its own number: where an own one begins.
+  // Value of a slider while the model has its own: the start of a given one.
   shownNumber(field) {
     const input = byId(field);
     return SCALES[input.dataset.scale ?? 'plain'].of(input.valueAsNumber);
   }
 
-  // The pixel that is read: under the mouse, else the one that is kept.
+  // Pixel that is read: under the mouse, else the pinned one.
   get probe() { return this.hovered ?? this.state.probe; }
 
   hover(pixel) {
@@ -74,7 +74,7 @@ class App {
     this.refresh();
   }
 
-  // Show another view: while one is being unpacked only the last that is asked for waits.
+  // Show another view: while one is unpacked, only the last request waits.
   async turnTo(view) {
     if (view !== this.state.view) this.put({ view });
     if (this.turning) return;
@@ -85,7 +85,7 @@ class App {
       this.turning = false;
     }
     const count = this.page.views.length;
-    // What is wrong with one is told when it is turned to.
+    // Faults of a view are reported when it is shown.
     for (const by of count > 2 ? [1, count - 1] : []) {
       this.decode((this.shown + by) % count).catch(() => {});
     }
@@ -97,13 +97,13 @@ class App {
       this.texels = await this.decode(view);
     } catch (error) {
       if (this.shown < 0) throw error;
-      tell(`This view cannot be unpacked: ${error.message}. You see the one before.`);
-      // Another that was asked for meanwhile is still wanted.
+      notify(`This view cannot be unpacked: ${error.message}. You see the one before.`);
+      // A view requested meanwhile is shown.
       if (this.state.view === view) this.put({ view: this.shown });
       return;
     }
     this.shown = view;
-    // What was said of a view before; a refusal stays.
+    // Message about an earlier view; a refusal stays.
     byId('notice').hidden = !byId('controls').disabled;
     this.refresh();
   }
@@ -138,7 +138,7 @@ class App {
       : [{ drawing: left, from: 0, to: 1 }], every);
   }
 
-  // What the picture follows from; the probe, say, is not among it.
+  // State that the picture depends on; the probe, for one, does not count.
   get pictured() {
     const { texels, state: { sides, compare, divide } } = this;
     return [texels, sides, compare, compare && divide];
@@ -209,7 +209,7 @@ class App {
   }
 }
 
-// A long caption is three lines until the rest is asked for; then it may scroll.
+// A long caption is three lines until it is expanded; then it may scroll.
 function captioning() {
   const caption = byId('caption'), more = byId('more');
   const put = (whole) => {
@@ -249,21 +249,21 @@ function comparing(app) {
   };
 }
 
-// What each side is, on the picture and for those who do not see it.
+// Labels of the sides, on the picture and for screen readers.
 function labels(app) {
-  const said = (look) => {
+  const describe = (look) => {
     const model = look.model === 'none' ? 'no adaptation' : look.model;
     return `${namesOf(app.page, look)} \u00b7 ${model}`;
   };
   return () => {
     const { compare, sides } = app.state;
-    byId('label-a').textContent = (compare ? 'A: ' : '') + said(sides[0]);
-    byId('label-b').textContent = compare ? `B: ${said(sides[1])}` : '';
+    byId('label-a').textContent = (compare ? 'A: ' : '') + describe(sides[0]);
+    byId('label-b').textContent = compare ? `B: ${describe(sides[1])}` : '';
     byId('label-b').hidden = !compare;
-    const whole = `${isolated(app.page.title)} under ${said(sides[0])}`
-      + (compare ? `, beside ${said(sides[1])}` : '');
+    const whole = `${isolated(app.page.title)} under ${describe(sides[0])}`
+      + (compare ? `, beside ${describe(sides[1])}` : '');
     byId('picture').setAttribute('aria-label', whole);
-    // What is inside of the port is not read out: its keys are its own.
+    // The port's contents are not read out: it handles its own keys.
     byId('port').setAttribute('aria-label', `${whole}: zoom and probe`);
   };
 }
@@ -280,16 +280,16 @@ function turning(app) {
   });
 }
 
-function tell(words) {
+function notify(words) {
   byId('notice').textContent = words;
   byId('notice').hidden = false;
 }
 
-// The still picture stays, with the reason beside it.
+// The still picture stays, with the reason next to it.
 function refuse(error) {
   const reason = error instanceof Refused
     ? error.message : `The picture cannot be relit: ${error.message}.`;
-  tell(`${reason} You see a still picture.`);
+  notify(`${reason} You see a still picture.`);
   byId('controls').disabled = true;
   for (const name of [...Object.keys(HEARS_KEYS), 'aria-label']) byId('port').removeAttribute(name);
   document.documentElement.classList.remove('ready');

@@ -1,11 +1,11 @@
-// What the pixel under the pointer is: XYZ, look, error, and the spectrum that comes from it.
+// Reading of the pixel under the pointer: XYZ, appearance, error, and reflected spectrum.
 //
 // Twin of volspec/viewer/work/picture/reading.py.
 
 function probePanel(app) {
   const card = byId('probe'), rows = byId('probe-rows'), drawing = byId('probe-spectrum');
   const say = whenQuiet(() => {
-    byId('probe-said').textContent = app.probe ? inWords(readAt(app)) : '';
+    byId('probe-status').textContent = app.probe ? inWords(readAt(app)) : '';
   }, 350);
   return () => {
     const reading = app.probe && app.texels ? readAt(app) : null;
@@ -32,9 +32,9 @@ function readAt(app) {
   const XYZ = sceneXYZ(lit, channels, alpha);
   rows.push(['XYZ', XYZ.map((v) => v.toFixed(1)).join('  ')]);
   const scene = sceneConditions(look, lit.white, lit.lux);
-  const seen = lookOf(page.constants, XYZ, scene, look.model);
-  rows.push(['J C h', seen
-    ? `${seen.J.toFixed(1)}  ${seen.C.toFixed(1)}  ${seen.h.toFixed(0)}\u00b0`
+  const found = lookOf(page.constants, XYZ, scene, look.model);
+  rows.push(['J C h', found
+    ? `${found.J.toFixed(1)}  ${found.C.toFixed(1)}  ${found.h.toFixed(0)}\u00b0`
     : 'not defined here']);
   if (look.mode !== 'exact' && page.basis.kind === 'spectral') {
     rows.push(['\u0394E exact', errorOf(page, look)(channels, alpha).toFixed(2)]);

@@ -4,7 +4,7 @@ const ENTITIES = { '&': '&amp;', '"': '&quot;', '<': '&lt;', '>': '&gt;' };
 
 const attribute = (text) => text.replace(/[&"<>]/g, (mark) => ENTITIES[mark]);
 
-// Where the page is: whole on a server, by its file's name on a disk, whose folders are nobody's.
+// Address of the page: complete on a server; on a disk the file's name only, for privacy.
 function addressOf() {
   const { protocol, href, pathname, hash } = location;
   return protocol.startsWith('http') ? href : (pathname.split('/').pop() || 'page.html') + hash;
@@ -32,12 +32,12 @@ function sharing(app) {
 
 async function copy(field) {
   field.select();
-  const said = byId('copy-said');
+  const status = byId('copy-status');
   try {
     await navigator.clipboard.writeText(field.value);
-    said.textContent = 'Copied.';
+    status.textContent = 'Copied.';
   } catch {
-    said.textContent = 'Selected: copy it with Ctrl+C.';
+    status.textContent = 'Selected: copy it with Ctrl+C.';
   }
 }
 

@@ -21,7 +21,7 @@ function spectrumBars(basis, values, top, { width, height, line = null }) {
   return drawing;
 }
 
-// The colour of a light beside the display's white, as bright as it can be shown.
+// Colour of a light relative to the display's white, as bright as possible.
 function lightColour(page, white) {
   const rgb = applied(page.constants.RGB_FROM_XYZ, white).map((x) => Math.max(x, 0));
   const most = Math.max(...rgb);

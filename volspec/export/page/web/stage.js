@@ -5,7 +5,7 @@
 const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5, MARGIN = 24;
 // A picture's shorter side is shown no thinner, in pixels of the screen.
 const LEAST_SIDE = 6;
-// What makes the port a control, while there is a picture to relight.
+// Attributes that make the port a control while there is a picture to relight.
 const HEARS_KEYS = { tabindex: 0, role: 'application', 'aria-describedby': 'keys' };
 
 class Stage {
@@ -19,7 +19,7 @@ class Stage {
   }
 
   // Pixels of the screen for one of the picture's, across and down, and where its corner is. They
-  // differ only where the picture is so thin that it would not be seen.
+  // differ only in pictures too thin to see.
   get box() {
     const { width, height } = this.app.page.channels, { clientWidth, clientHeight } = this.port;
     const scale = Math.min(clientWidth / width, clientHeight / height) * this.place.zoom;
@@ -51,13 +51,13 @@ class Stage {
     }
   }
 
-  // Where a pixel's middle is on the port.
+  // Position of a pixel's centre on the port.
   placeOf([i, j]) {
     const { across, down, left, top } = this.box;
     return [left + (i + 0.5) * across, top + (j + 0.5) * down];
   }
 
-  // What buttons and keys zoom at: the pixel that is kept, else the middle.
+  // Centre of zoom for buttons and keys: the pinned pixel, else the middle.
   get focus() {
     const { app: { state: { probe } }, port } = this;
     return probe ? this.placeOf(probe) : [port.clientWidth / 2, port.clientHeight / 2];
@@ -67,7 +67,7 @@ class Stage {
     const before = this.box, zoom = clamped(this.place.zoom * factor, 1, MOST_ZOOM);
     this.place.zoom = zoom;
     const after = this.box;
-    // What is under the fingers stays there.
+    // The points under the fingers stay there.
     this.moved(
       x - after.across / before.across * (x - before.left) - after.left,
       y - after.down / before.down * (y - before.top) - after.top);
@@ -83,7 +83,7 @@ class Stage {
     this.app.refresh();
   }
 
-  // Pan as far as a pixel needs to be seen: who has no pointer pans by the probe.
+  // Pan until a pixel is visible: without a pointer one pans by the probe.
   reveal(pixel) {
     const { clientWidth, clientHeight } = this.port, [x, y] = this.placeOf(pixel);
     const into = (at, size) => clamped(at, MARGIN, size - MARGIN) - at;
@@ -95,7 +95,7 @@ class Stage {
     this.app.refresh();
   }
 
-  // The pixel under a place of the port; null beside the picture.
+  // Pixel at a point of the port; null outside of the picture.
   pixelAt(x, y) {
     const { across, down, left, top } = this.box, { width, height } = this.app.page.channels;
     const [i, j] = [Math.floor((x - left) / across), Math.floor((y - top) / down)];
@@ -179,7 +179,7 @@ class Stage {
     this.pointers.delete(event.pointerId);
     if (!held || held.task === 'pinch' || event.type === 'pointercancel') return;
     const still = Math.hypot(held.at[0] - held.from[0], held.at[1] - held.from[1]) < MOVED;
-    // A tap or click keeps the pixel, beside the picture it lets go of it.
+    // A tap or click pins the pixel; outside of the picture it unpins it.
     if (still && held.task !== 'divide') this.app.put({ probe: this.pixelAt(...held.at) });
   }
 

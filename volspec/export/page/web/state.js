@@ -1,7 +1,7 @@
-// What is shown, as plain data, and its text after the # of the address.
+// State of the page as plain data, and its text after the # of the address.
 //
 // A look is one side of the picture: lights, eye, picture. Only what differs from how the page
-// opens is written. What comes in from an address may be anything: it is kept where it is valid.
+// opens is written. An address may contain anything: only valid values are read.
 
 const within = (low, high) => ({
   write: (x) => String(+x.toPrecision(6)),

@@ -22,9 +22,9 @@ function viewingPanel(app) {
   const bound = [...document.querySelectorAll('[data-look]')].map((input) => binding(app, input));
   return () => {
     const look = app.look(), lit = app.lit(look);
-    const seen = sceneConditions(look, lit?.white ?? page.display.white, lit?.lux ?? null);
+    const scene = sceneConditions(look, lit?.white ?? page.display.white, lit?.lux ?? null);
     const lux = lit?.lux ?? look.lux;
-    const shown = { ...look, L_A: seen.L_A, lux, D: degreeShown(page, look, seen) };
+    const shown = { ...look, L_A: scene.L_A, lux, D: degreeShown(page, look, scene) };
     bound.forEach((refresh) => refresh(look, shown));
     byId('lux').disabled = look.L_A !== null || (lit && lit.lux !== null);
     byId('L_A').disabled = look.L_A === null;
@@ -37,14 +37,14 @@ function viewingPanel(app) {
   };
 }
 
-// What D the model takes where none is given: only some have one of their own.
-function degreeShown(page, look, seen) {
+// D of the model if none is given: only some have one of their own.
+function degreeShown(page, look, scene) {
   if (look.discount) return 1;
   if (look.D !== null) return look.D;
   if (look.model === 'RLAB') return 0;
   const byLuminance = ['CIECAM02', 'CAM16', 'CAT02', 'CAT16'].includes(look.model);
   const { F } = surroundAt(page.constants, look.surround);
-  return byLuminance ? degreeOfAdaptation(F, seen.L_A) : 1;
+  return byLuminance ? degreeOfAdaptation(F, scene.L_A) : 1;
 }
 
 function fillChoices(page) {

@@ -1,11 +1,11 @@
-// In a notebook's cell: settings that the kernel sends are shown, those made here are told.
+// In a notebook's cell: show settings from the kernel, and send it those made here.
 //
 //     volspec/export/notebook/host.js <-> port <-> [widget] <-> state
 
 const TOLD_EVERY_MS = 100;
 
-// What a notebook knows of the state: side A as it shines, and the pixel that is kept.
-function toldOf({ sides: [look], probe }) {
+// State shared with a notebook: side A, and the pinned pixel.
+function changesOf({ sides: [look], probe }) {
   const { mode, backdrop, level, weights, solo, ...viewing } = look;
   // Discounting is D = 1; the state keeps a D of its own for later.
   if (viewing.discount) viewing.D = null;
@@ -35,50 +35,50 @@ function taken(app, { viewing, weights, probe, _room, scheme, ...settings }) {
   app.put(probe === undefined ? { sides } : { sides, probe });
 }
 
-// A ratio that no option stands for gets one.
+// Add an option for a ratio without one.
 function offerSurround(ratio) {
   const select = byId('surround');
   if ([...select.options].some(({ value }) => Number(value) === ratio)) return;
   select.append(el('option', { value: ratio }, `ratio ${ratio}`));
 }
 
-// Calls at once, and after a rest once more if it was asked for meanwhile.
+// Throttle: call at once, and again after a pause if requested meanwhile.
 function atMostEvery(call, milliseconds) {
-  let resting = false, asked = false;
+  let resting = false, requested = false;
   return function ask() {
-    asked = true;
+    requested = true;
     if (resting) return;
-    asked = false;
+    requested = false;
     resting = true;
     call();
     setTimeout(() => {
       resting = false;
-      if (asked) ask();
+      if (requested) ask();
     }, milliseconds);
   };
 }
 
 function connected(app, port) {
-  // By its name, what the notebook knows of each setting. Nothing is told before it has said how
-  // things stand: that would undo them.
+  // The notebook's value of each setting, by name. Nothing is sent before it has sent its own:
+  // that would overwrite them.
   const known = new Map(), rules = themeRules();
-  const news = () => Object.entries(toldOf(app.state))
+  const news = () => Object.entries(changesOf(app.state))
     .filter(([name, value]) => known.get(name) !== JSON.stringify(value));
   const learn = ([name, value]) => known.set(name, JSON.stringify(value));
-  const tell = atMostEvery(() => {
-    const told = known.size ? news() : [];
-    told.forEach(learn);
-    if (told.length) port.postMessage(Object.fromEntries(told));
+  const send = atMostEvery(() => {
+    const changes = known.size ? news() : [];
+    changes.forEach(learn);
+    if (changes.length) port.postMessage(Object.fromEntries(changes));
   }, TOLD_EVERY_MS);
   port.onmessage = ({ data }) => {
     themed(rules, data.scheme);
     taken(app, data);
     news().filter(([name]) => name in data).forEach(learn);
   };
-  app.panels.push(tell);
+  app.panels.push(send);
 }
 
-// Listens to the notebook, where the page stands in a frame that its own host has filled.
+// Listen to the notebook if the page is in the frame that host.js has filled.
 function inNotebook(app) {
   if (!location.href.startsWith('about:srcdoc')) return;
   window.addEventListener('message', ({ data, source, ports: [port] }) => {
