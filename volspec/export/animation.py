@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import CameraError, InputError, SceneError, TransferError, ViewingError
 from volspec.raycast import Camera
 from volspec.raycast.checks import Vector, unit
-from volspec.raycast.reach import check_reach
+from volspec.raycast.packed import check_reach
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.export import KeyframeTable, TurntableTable
