@@ -16,7 +16,7 @@ from types import TracebackType
 from typing import Self
 
 from volspec import __version__
-from volspec._exr import halves
+from volspec._exr import to_half
 from volspec._files import write_whole
 from volspec.appearance.spaces import space_of
 from volspec.export.compositing import save_for_compositors, scene_recipe
@@ -134,7 +134,7 @@ class FrameFiles:
         """
         text = self._text(shot, notes)
         if self.table.format == "exr":
-            encode = partial(exr_bytes, halves(pixels), self._header(shot, text))
+            encode = partial(exr_bytes, to_half(pixels), self._header(shot, text))
         else:
             space = space_of(shot.spec.viewing.display.space)
             encode = partial(png_bytes, pixels, text, space)
