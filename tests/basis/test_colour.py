@@ -1,8 +1,8 @@
-"""How good the colours are: figures of METHOD section 2, in CIEDE2000.
+"""Colour errors in CIEDE2000: the figures of docs/method.md, section 2.
 
 All errors are against full spectra, on reflectances no basis was trained on, with the light
 as white. Limits are about a tenth above what was measured, since another BLAS stops the descent
-elsewhere; the prototype's figures of METHOD are given beside them where they are worse.
+elsewhere; the prototype's figures (METHOD) are given if they are worse.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A basis that is fitted again is read: the same to the last bit, where all else is the same."""
+"""A basis fitted again from the same input is read from the cache, equal to the last bit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fit minimises: its derivatives by finite differences, its metric by colour-science."""
+"""Residuals of fits: derivatives by finite differences, the metric by colour-science."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_normal_equations_are_those_of_a_numerical_jacobian(
     value = evaluate(problem, state)
     r = residuals(problem, x, state)
     assert r @ r == pytest.approx(value.cost)
-    # Away from the floor of whites, whose slope the fit leaves out.
+    # Away from the floor of whites: the fit leaves out its slope.
     assert ((value.e @ state.D.T) / problem.white).min() > 0.5
     columns = []
     for i in range(x.size):

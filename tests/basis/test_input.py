@@ -1,4 +1,4 @@
-"""What bases refuse: no light for a surface, no edited file, no size out of reach."""
+"""Refusals of bases: lights as surfaces, edited files, impossible sizes and options."""
 
 from __future__ import annotations
 

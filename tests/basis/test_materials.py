@@ -52,7 +52,7 @@ def test_materials_have_their_full_spectra_s_colour_under_any_light(kind: str) -
 
 
 def test_a_cast_of_materials_is_the_cast_of_31_bands(ball: CoefficientImage) -> None:
-    """The same rays with bands as channels, 16 at a time, the middle one in both halves.
+    """Cast the same rays with bands as channels, 16 at a time, the middle one in both halves.
 
     float32 sums of a hundred steps differ by 1e-5 of white's 1.
     """
@@ -85,7 +85,7 @@ def test_highlights_are_white_and_not_a_material_s(ball: CoefficientImage) -> No
 
 
 def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) -> None:
-    """As if the scene had been cast with it."""
+    """Equal to a cast with that reflectance."""
     volume = phantom.ball(32)
     changed = {**MATERIALS, "gold": reflectance("ColorChecker/blue")}
     again = raycast(
@@ -171,7 +171,7 @@ def test_any_grid_and_observer(grid: SpectralGrid, observer_deg: int) -> None:
 
 
 def test_an_edit_outlives_the_next_cast(ball: CoefficientImage) -> None:
-    """As when the camera moves: `update` brings pixels, the reflectances stay as edited."""
+    """Reflectances stay edited when `update` brings new pixels, as after a camera move."""
     with Relighter(ball, backend="numpy") as relighter:
         relighter.set_reflectances({"gold": reflectance("ColorChecker/blue")})
         edited = relighter.frame(light("D65"))

@@ -110,7 +110,7 @@ def test_illumination_matrix_is_the_product_inside_the_subspace(
 def test_illumination_matrix_is_equation_7() -> None:
     basis, lamp = BASES["pca"], light("A")
     B, e = basis.synthesis, basis.analyse(light("A"))
-    # Where the bands count alike, as the papers' do, A is the pseudoinverse.
+    # With equal band weights, as in the papers, A is the pseudoinverse.
     assert basis.analysis == pytest.approx(np.linalg.pinv(B), abs=1e-9)
     R = [
         [sum(basis.analysis[i] @ (B[:, j] * B[:, k]) * e[k] for k in range(7)) for j in range(7)]

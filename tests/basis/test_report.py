@@ -93,7 +93,7 @@ def test_of_three_surfaces_white_ones_do_not_count(general: SpectralBasis, first
     pairs = basis_report(general, LAMPS["spiky"], both).pairs
     assert product_rows(2, 3).tolist() == [[0, 0, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1]]
     red = 0 if first == "red" else 1
-    # Where (red, red) stands among two; (red, red, white) and (red, white, white) among three.
+    # Index of (red, red) of two; (red, red, white) and (red, white, white) of three.
     pair, two, one = (0, 1, 2) if first == "red" else (2, 2, 1)
     ours, theirs = (pairs.products, pairs.componentwise), (pairs.rgb_products, pairs.rgb_product)
     for products, single in (ours, theirs):
@@ -119,7 +119,7 @@ def test_interreflection_costs_less_than_in_rgb(general: SpectralBasis) -> None:
 
 
 def test_the_flat_light_is_exact_in_rgb(general: SpectralBasis) -> None:
-    # Light times surface in RGB goes wrong only where the light has a colour or lines.
+    # Light times surface in RGB is wrong only if the light has a colour or lines.
     assert basis_report(general, [light("E")], SAMPLES).rgb_product.max < 1e-6
 
 
@@ -292,7 +292,7 @@ def test_matplotlib_is_imported_late(module: str) -> None:
 
 
 def test_pyplot_is_imported_never() -> None:
-    """It keeps global state and may open windows; figures are drawn on a canvas of their own."""
+    """Figures have a canvas of their own; pyplot has global state and may open windows."""
     texts = {path: path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py")}
     drawing = {path for path, text in texts.items() if "matplotlib" in text}
     assert len(drawing) >= 4

@@ -1,4 +1,4 @@
-"""Weights by use: what is shown more is held better."""
+"""Weights by use: spectra of larger weight have smaller errors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_a_material_used_more_is_held_better(method: str) -> None:
     worst = int(errors(fit(method)).mean(0).argmax())
     weights[worst] = 1000.0
     before, after = errors(fit(method)), errors(fit(method, reflectance_weights=weights))
-    # Measured .58 for the components, whose colour follows only in the main; else below .3.
+    # Measured .58 for the components, which fit colour only indirectly; else below .3.
     assert after[:, worst].mean() < 0.7 * before[:, worst].mean()
 
 

@@ -239,10 +239,10 @@ def test_one_by_one_is_all_at_once_and_twice_the_same() -> None:
 
 
 def test_solving_tells_how_far_it_is() -> None:
-    told: list[float] = []
+    fractions: list[float] = []
     XYZ = XYZ_from_sRGB(np.linspace([1, 0, 0], [1, 0.1, 0], 70), WHITE)
-    reflectances_from_colours(XYZ, "smoothest", progress=told.append)
-    assert told == sorted(told) and told[-1] == 1
+    reflectances_from_colours(XYZ, "smoothest", progress=fractions.append)
+    assert fractions == sorted(fractions) and fractions[-1] == 1
 
 
 def test_bouguer_keeps_the_hue_and_eq_6_as_printed_has_the_complementary() -> None:

@@ -26,7 +26,7 @@ GROUPS: dict[str, Mapping[str, Any]] = {
     "light_sources": colour.SDS_LIGHT_SOURCES,
     "daylight_components": colour.colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES,
 }
-# A start of the viewer, the commands that show a light, and what a scene may name.
+# Start of the viewer, commands that show a light, names in scenes.
 START = """
 import sys
 from volspec.appearance.models.cielab import delta_E_2000
@@ -103,7 +103,7 @@ def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin: float) -> No
     theirs = colour.sd_CIE_illuminant_D_series(colour.temperature.CCT_to_xy_CIE_D(kelvin))
     means = extended_band_means(theirs.wavelengths, theirs.values, DEFAULT_GRID)
     ours = light(f"daylight:{kelvin}").values
-    # Scaled to one illuminance: where the quotient is the same in every band, so is the shape.
+    # Scaled to one illuminance: a constant quotient means the same shape.
     assert np.ptp(ours / means) <= 4 * np.finfo(float).eps * (ours / means).max()
 
 

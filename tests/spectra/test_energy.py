@@ -1,4 +1,4 @@
-"""Resampling keeps energy: band means times the step integrate to what the table integrates to."""
+"""Resampling keeps energy: band means times the step have the integral of the table."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def integral(w: NDArray, v: NDArray, low: float, high: float) -> float:
     return float(np.trapezoid(np.interp(at, w, v), at))
 
 
-def kept(grid: SpectralGrid, w: NDArray, v: NDArray) -> tuple[float, float]:
+def energies(grid: SpectralGrid, w: NDArray, v: NDArray) -> tuple[float, float]:
     half = grid.step_nm / 2
     after = float(grid.band_means(w, v).sum() * grid.step_nm)
     return after, integral(w, v, grid.start_nm - half, grid.stop_nm + half)
@@ -35,7 +35,7 @@ def kept(grid: SpectralGrid, w: NDArray, v: NDArray) -> tuple[float, float]:
 @settings(max_examples=20, deadline=None)
 def test_regular_tables_keep_their_integral(grid: SpectralGrid, step: float, seed: int) -> None:
     w = np.arange(350.5, 845, step)
-    after, before = kept(grid, w, np.random.default_rng(seed).random(w.size))
+    after, before = energies(grid, w, np.random.default_rng(seed).random(w.size))
     assert after == pytest.approx(before, rel=REL)
 
 
@@ -49,7 +49,7 @@ def test_irregular_tables_keep_their_integral(
     grid: SpectralGrid, inner: list[float], seed: int
 ) -> None:
     w = np.array([350.0, *sorted(inner), 840.0])
-    after, before = kept(grid, w, np.random.default_rng(seed).random(w.size))
+    after, before = energies(grid, w, np.random.default_rng(seed).random(w.size))
     assert after == pytest.approx(before, rel=REL)
 
 

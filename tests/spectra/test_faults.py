@@ -1,4 +1,4 @@
-"""What callers and files get wrong: one SpectrumError of one line that says what it is."""
+"""Faults of callers and files: one SpectrumError of one line, with its code."""
 
 from __future__ import annotations
 

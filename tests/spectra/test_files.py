@@ -146,9 +146,9 @@ def test_a_sum_keeps_the_notes_both_sides_agree_on() -> None:
     assert dict((a + b).notes) == {"lab": "L"}
 
 
-@pytest.mark.parametrize(("said", "is_designed"), [("yes", True), ("No", False), ("", False)])
-def test_a_sum_with_a_designed_part_is_designed(said: str, is_designed: bool) -> None:
-    part = Spectrum([400, 500], [1, 1], notes={"designed": said})
+@pytest.mark.parametrize(("note", "is_designed"), [("yes", True), ("No", False), ("", False)])
+def test_a_sum_with_a_designed_part_is_designed(note: str, is_designed: bool) -> None:
+    part = Spectrum([400, 500], [1, 1], notes={"designed": note})
     measured = Spectrum([400, 500], [1, 1], notes={"designed": "no"})
     assert (measured + part).designed is (part + measured).designed is is_designed
 

@@ -281,7 +281,7 @@ class SpectralBasis(StoredBasis):
         Raises
         ------
         BasisError
-            If the method is unknown, the size exceeds what the data can determine, weights
+            If the method is unknown, the data cannot determine so many channels, weights
             do not fit, or a light has no energy.
         """
         # Late: a stored basis needs no fitter.

@@ -105,8 +105,7 @@ def best_synthesis(A: Array, training: Training) -> Array:
 def _check_method(method: Any) -> None:
     if method == "materials":
         raise BasisError(
-            "materials are not fitted: use volspec.MaterialBasis(materials), whose channels "
-            "they are",
+            "materials are channels of a volspec.MaterialBasis(materials), which is not fitted",
             code="conflict",
         )
     if method not in METHODS:

@@ -158,7 +158,7 @@ def _start(problem: Problem, heights: Array, positive: bool) -> State:
     design = (problem.metric[..., None] * P[:, :, None]).reshape(-1, 3 * m)
     goal = np.einsum("jkrc,jkc->jkr", problem.metric, problem.target).ravel()
     H, gradient = design.T @ design, design.T @ goal
-    for c in range(3):  # whites too, so that none is predicted to be negative
+    for c in range(3):  # whites too: none may become negative
         block = slice(c * m, (c + 1) * m)
         rows = e / problem.white_scale[:, c, None]
         H[block, block] += rows.T @ rows
