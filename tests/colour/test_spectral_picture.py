@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError, SpectrumError
 from volspec.raycast import CoefficientImage
@@ -54,18 +55,18 @@ def test_a_hot_pixel_does_not_become_the_white() -> None:
     assert np.allclose(plain, wanted, atol=1e-5), "the brightest patch is the white"
 
 
-def test_what_cannot_be_told_is_refused() -> None:
+def test_pictures_without_their_light_or_grid_are_refused() -> None:
     radiance = SpectralImage(CHART, NM, "emissive")
-    with pytest.raises(ImageError, match="say which light"):
+    with raises(ImageError, "conflict"):
         CoefficientImage.from_spectral_image(radiance, BASIS)
-    with pytest.raises(ImageError, match="leave out its light"):
+    with raises(ImageError, "conflict"):
         CoefficientImage.from_spectral_image(
             SpectralImage(CHART, NM, "reflective"), BASIS, taken_under=light("A")
         )
     with pytest.raises(ImageError, match="next to nothing at"):
         CoefficientImage.from_spectral_image(radiance, BASIS, taken_under=light("LPS"))
     narrow = SpectralImage(CHART[..., :20], NM[:20], "reflective")
-    with pytest.raises(SpectrumError, match="590-700 nm missing"):
+    with raises(SpectrumError, "range"):
         CoefficientImage.from_spectral_image(narrow, BASIS)
 
 

@@ -91,7 +91,7 @@ def lamp_for_light(light: str) -> Lamp:
 
     Examples
     --------
-    >>> lamp_of("lamp:halogen-3000").efficacy_lm_per_W
+    >>> lamp_for_light("lamp:halogen-3000").efficacy_lm_per_W
     21.0
     """
     prefix, _, name = str(light).strip().casefold().partition(":")
