@@ -10,7 +10,7 @@ from tools.gallery.studio import BASIS, FILL, KEY, STUDIO, Picture, cast, engine
 
 def shadows(foot: vs.Volume) -> dict[str, Picture]:
     """Skin and flesh as a veil, bone within. The key light's shadow and the hidden parts of the
-    sky tell which bone lies above which; without them all are equally bright. Each lamp's light
+    sky show which bone lies above which; without them all are equally bright. Each lamp's light
     is marched through the volume once, at every change of the transfer function.
     """
     names = {
@@ -60,7 +60,7 @@ def light_groups(mrbrain: vs.Volume) -> dict[str, Picture]:
 
 def ambient_occlusion(mrbrain: vs.Volume) -> dict[str, Picture]:
     """A sky and a weak headlight. What lies in a furrow sees little of the sky and gets dark;
-    `radius_mm` says how far things stand in each other's light.
+    `radius_mm` sets how far structures block each other's light.
     """
     points = [(38, 0.0, "brain"), (56, 0.5, "brain"), (90, 0.8, "brain")]
     looks = {"brain": vs.reflectance("Vrhel/164 fabric pink ii")}
