@@ -31,7 +31,7 @@ SPECS = {
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """Of one step, in voxels, against the finest."""
+    """Error of one step, in voxels, against the finest."""
 
     step: float
     rms: float

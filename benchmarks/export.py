@@ -98,7 +98,7 @@ def taken(call: Callable[[], object]) -> float:
 
 
 def survived(kills: int, size: tuple[int, int], frames: int = 24) -> int:
-    """How many of so many exports, each killed at a random time, end as an undisturbed one."""
+    """Count the exports, each killed at a random time, that end as an undisturbed one."""
     chance, equal = random.Random(_SEED), 0
     with tempfile.TemporaryDirectory() as root:
 

@@ -46,7 +46,7 @@ class Record:
         return "| " + " | ".join(word.replace("|", "/") for word in (*words, *cells)) + " |"
 
     def replaces(self, line: str) -> bool:
-        """Whether a row of the table is this device's and commit's."""
+        """Return True if a row of the table is of this device and commit."""
         cells = [cell.strip() for cell in line.split("|")]
         return len(cells) > 4 and (cells[1], cells[4]) == (self.device, self.commit)
 

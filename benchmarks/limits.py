@@ -29,7 +29,7 @@ EVERY = 8
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """What a sample costs: floating-point operations (a fused one is two) and scalar loads."""
+    """Cost of a sample: floating-point operations (a fused one is two) and scalar loads."""
 
     operations: int
     loads: int

@@ -57,7 +57,7 @@ class Figure:
 
     @property
     def met(self) -> bool | None:
-        """Whether the figure is met; None where nothing was asked or measured."""
+        """True if the figure is met; None if it has no target or was not measured."""
         if self.reached is None or self.asked is None:
             return None
         return self.reached <= self.asked if self.at_most else self.reached >= self.asked

@@ -1,4 +1,4 @@
-"""What memory does a cast take beside the volume? On the chest CT, or the largest there is.
+"""What memory does a cast take besides the volume? On the chest CT, or the largest there is.
 
 A process of its own loads the volume, casts a corner of it (so that compilers and libraries are
 there already) and then measures: bytes of live OpenCL buffers, and how much its resident memory

@@ -104,7 +104,7 @@ def _gesture(robot: Robot, dice: random.Random) -> list[str | float]:
 
 
 def _areas(robot: Robot) -> dict[str, tuple[int, int, int, int]]:
-    """Where things are now; not the menu's entries, of which some open windows."""
+    """Return the places of items, without the menu's entries, some of which open windows."""
     rows: list[Row] = [row for row in robot.rows() if row["event"] == "layout"]
     found = rows[-1]["areas"].items()
     width, height = SIZE

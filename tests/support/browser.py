@@ -26,7 +26,7 @@ _FLAGS = [
 
 
 def missing() -> str:
-    """Why there is no browser to drive; empty where there is one."""
+    """Return the reason why no browser can be driven; empty if one can."""
     if shutil.which("chromium") is None:
         return "no chromium; run tools/system-packages.sh PYTHON test"
     try:
@@ -50,7 +50,7 @@ def chromium() -> Iterator[Any]:
 
 
 def saved_picture(page: Any) -> NDArray[np.uint8]:
-    """What a page's PNG button saves."""
+    """Return the picture that a page's PNG button saves."""
     with page.expect_download() as download:
         page.click("header .download")
     data = Path(download.value.path()).read_bytes()
@@ -58,7 +58,7 @@ def saved_picture(page: Any) -> NDArray[np.uint8]:
 
 
 def mean_difference(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
-    """Mean CIEDE2000 of two frames."""
+    """Return the mean CIEDE2000 of two frames."""
     assert one.shape == other.shape
     Lab = [
         cielab(sRGB_CURVE.decode(each / 255.0) @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)

@@ -99,7 +99,7 @@ class _Source:
         self._server.flush()
 
     def _answer(self, name: str) -> Sequence[int]:
-        """What the window says to a message; it may ask for the files before."""
+        """Wait for the window's answer to a message; it may request the files before."""
         end = time.monotonic() + _PATIENCE_S
         while (left := end - time.monotonic()) > 0:
             if not self._server.pending_events():
@@ -113,7 +113,7 @@ class _Source:
         raise DropError(f"window {self._target.id}: no {name} within {_PATIENCE_S:g} s")
 
     def _give(self, request: Any) -> None:
-        """Write the files' names where the window asks for them."""
+        """Write the files' names to the property that the window names."""
         request.requestor.change_property(request.property, request.target, 8, self._list)
         names = "time", "requestor", "selection", "target", "property"
         request.requestor.send_event(SelectionNotify(**{n: getattr(request, n) for n in names}))

@@ -1,4 +1,4 @@
-"""Run the viewer in a display of its own and use it as a hand would; what happened is its trace.
+"""Drive the viewer in a display of its own with mouse and keys; its trace records the events.
 
 Needs Xvfb, xdotool and xprop; to drop files python-xlib.
 """
@@ -27,7 +27,7 @@ _MARK = "F12"
 
 
 def missing() -> str:
-    """What the machine lacks to run this; empty where nothing."""
+    """Return the programs that the machine lacks to run this; empty if none."""
     lacking = [name for name in ("Xvfb", "xdotool", "xprop") if shutil.which(name) is None]
     if not lacking:
         return ""
@@ -111,7 +111,7 @@ class Robot:
         return self._rows
 
     def since(self, t: float) -> list[Row]:
-        """What has happened after a time of the trace."""
+        """Return the rows after a time of the trace."""
         return [row for row in self.rows() if row["t"] > t]
 
     def now(self) -> float:
@@ -145,7 +145,7 @@ class Robot:
         raise TimeoutError(f"the viewer did not; last: {tail}; {said}")
 
     def until(self, holds: Callable[[], bool], seconds: float = 10) -> bool:
-        """Whether something comes to hold before so many seconds are over."""
+        """Return True as soon as a condition holds, False after so many seconds."""
         end = time.time() + seconds
         while not (held := holds()) and time.time() < end:
             time.sleep(0.05)
@@ -158,8 +158,8 @@ class Robot:
     def rest(self, seconds: float = 120) -> float:
         """Wait until all that was done has been answered, and nothing is left to do; the time.
 
-        A key that does nothing goes last through the window's queue, so that what is told of
-        before it counts for nothing.
+        A key that does nothing goes last through the window's queue, so that
+        earlier rows do not count.
         """
         after = self.rows()[-1]["t"]
         self.key(_MARK)
@@ -168,13 +168,13 @@ class Robot:
         return float(rested["t"])
 
     def area(self, name: str) -> tuple[int, int, int, int]:
-        """Where something was drawn last: x, y, width, height."""
+        """Return the last rectangle of an item: x, y, width, height."""
         found = [row["areas"] for row in self.rows() if row["event"] == "layout"]
         x, y, width, height = found[-1][name]
         return x, y, width, height
 
     def middle(self, name: str) -> Place:
-        """Of an area."""
+        """Return the centre of an item."""
         x, y, width, height = self.area(name)
         return x + width / 2, y + height / 2
 

@@ -1,4 +1,4 @@
-"""What leaves the program: frames, films, sheets, recipes for compositors, pages, notebooks."""
+"""Outputs: frames, films, contact sheets, recipes for compositors, web pages, notebooks."""
 
 from volspec.export.frames import read_frame_text, write_frame
 from volspec.export.sheet import SheetColumn, contact_sheet

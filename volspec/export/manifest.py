@@ -3,8 +3,8 @@
     plan -> [manifest] -> exporter
 
 Frames are written completely or not at all, and only next to the manifest of their own export. So
-an existing frame is done unless its size has changed, and the fingerprint tells another scene's
-folder apart.
+an existing frame is done unless its size has changed, and the fingerprint identifies
+another scene's folder.
 """
 
 from __future__ import annotations

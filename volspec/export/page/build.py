@@ -85,7 +85,7 @@ class PageSpec:
     caption : str
         Plain text below the title.
     bits : int
-        Of each channel's codes: 8, or up to 12 for twice the size.
+        Bits of a channel's code: 8, or up to 12 for twice the size.
 
     Raises
     ------
@@ -302,7 +302,7 @@ def pack_view(image: CoefficientImage, bits: int) -> PackedView:
     ----------
     image : CoefficientImage
     bits : int
-        Of each code, 8 to 12.
+        Bits of a code, 8 to 12.
     """
     alpha = bounded(np.asarray(image.alpha, np.float32))
     coefficients = bounded(np.asarray(image.coefficients, np.float32))
