@@ -29,11 +29,11 @@ import volspec as vs
 from benchmarks.measure import Figure, report
 from benchmarks.memory import Ledger, resident
 from volspec._gpu.sources import asset
+from volspec.appearance.lut3d import needs_host_lut
 from volspec.appearance.spec import MODELS, SURROUNDS, Viewing
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import Camera, ClipPlane, CoefficientImage
 from volspec.relight import LightRig, RelightSpec
-from volspec.relight.tables import is_tabled
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.viewer.work.pictures import return_large_blocks
@@ -50,7 +50,7 @@ _SETTINGS: tuple[dict[str, Any], ...] = (
     {"clip_planes": (ClipPlane((128, 128, 64), (1, 1, 0)),)},
 )
 # The host works tables out for Hunt and Nayatani 95, in a second each: those are left to NumPy.
-_CLOSED = [model for model in MODELS if not is_tabled(model)]
+_CLOSED = [model for model in MODELS if not needs_host_lut(model)]
 
 
 class _Heap(ctypes.Structure):

@@ -69,7 +69,7 @@ def once(scene: Scene, size: tuple[int, int]) -> tuple[np.ndarray, float, bool]:
     def cast_each() -> None:
         for light in scene.lights:
             image = scene.render(volume, caster=caster, size=size)
-            with Relighter(image, table=False) as relighter:
+            with Relighter(image, lut3d=False) as relighter:
                 frames[light.name] = relighter.frame(light.rig, seen)
 
     with tempfile.TemporaryDirectory() as name:

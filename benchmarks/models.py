@@ -12,13 +12,13 @@ from benchmarks.measure import Figure, compare
 from volspec._gpu.opengl import compile_program, headless_context
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import Source, assemble, asset
-from volspec.appearance.passages import LinearPassage
+from volspec.appearance.transforms import LinearTransform
 from volspec.raycast import CoefficientImage
 from volspec.relight.gpu import GLEngine
 from volspec.relight.illumination import Illumination
-from volspec.relight.packed import layer_count, pack_layers
+from volspec.relight.layers import layer_count, pack_layers
+from volspec.relight.programs import light_uniforms
 from volspec.relight.spec import RelightSpec
-from volspec.relight.uniforms import light_uniforms
 from volspec.scene import Scene
 from volspec.spectra import light
 
@@ -33,7 +33,7 @@ def bare(image: CoefficientImage, lit: Illumination, context: Any) -> Callable[[
     vertex = assemble("shaders/fullscreen.vert", lines, glsl_version="330 core")
     fragment = Source(f"#version 330 core\n{lines}{BARE.read_text()}", ("", BARE.name))
     program = compile_program(context, vertex, fragment)
-    values = light_uniforms(lit, LinearPassage(np.eye(3)))
+    values = light_uniforms(lit, LinearTransform(np.eye(3)))
     program["XYZ_from_layer"].write(values["XYZ_from_layer"].tobytes())
     texture = context.texture_array((width, height, layer_count(channels)), 4, dtype="f4")
     texture.write(pack_layers(image.coefficients, image.alpha))

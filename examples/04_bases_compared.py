@@ -7,10 +7,10 @@ that look alike. The materials themselves as channels are exact.
 import numpy as np
 
 import volspec as vs
+from volspec.appearance.display import colour_space
 from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.appearance.spaces import space_of
 
-space, sodium = space_of("sRGB"), vs.light("HP1")
+space, sodium = colour_space("sRGB"), vs.light("HP1")
 
 
 def frame_Lab(name: str, scene: vs.Scene) -> np.ndarray:

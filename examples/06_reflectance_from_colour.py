@@ -7,10 +7,10 @@ column is the colour itself; under sodium (the last) all are orange.
 import numpy as np
 
 import volspec as vs
-from volspec.appearance.spaces import space_of
+from volspec.appearance.display import colour_space
 from volspec.spectra import XYZ_from_spectra
 
-space = space_of("sRGB")
+space = colour_space("sRGB")
 rows = []
 for colour in ("#c08040", "#4080c0", "#60a050"):
     reflectance = vs.reflectance_from_colour(colour)

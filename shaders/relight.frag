@@ -4,7 +4,7 @@
 //                                                              P_E C_g in exact mode
 //     frame = encode(gamut(appearance(XYZ)))
 //
-// NumPy twin: volspec/relight/host.py; truth: volspec/relight/reference.py (colour-science).
+// NumPy twin: volspec/relight/cpu.py; truth: volspec/relight/reference.py (colour-science).
 //
 // Reads   coefficients   texture array, LAYERS layers of RGBA float (16 or 32 bit), image row 0
 //                        at texel row 0. Channel i is component i % 4 of layer i / 4:
@@ -14,16 +14,16 @@
 //                        D diag(e) (or P_E) of the group for C, -XYZ_backdrop for alpha. Y = 100
 //                        for white.
 //         backdrop_XYZ   XYZ where nothing covers the backdrop.
-//         passage        what takes scene XYZ to the display's: include/curve.glsl, cam.glsl or
-//                        table.glsl; absent where a matrix does, which the host has put into
+//         view_transform scene XYZ to the display's: include/curve.glsl, cam.glsl or lut3d.glsl;
+//                        absent if it is a matrix, which the host multiplies into
 //                        XYZ_from_layer and backdrop_XYZ.
-//         gamut          what the display cannot show, see include/gamut.glsl; where REDUCE.
+//         gamut          the display's gamut, see include/gamut.glsl; if REDUCE.
 // Writes  frame          code values of the display, 0 to 1, alpha 1.
-// Host    LAYERS, FORM (LINEAR, CURVE, CAM or TABLE), CHECKED, what the forms want, FIELD (1 where the
-//         passage changes over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1
-//         where what is drawn will be read back, GL's rows running up; 0 for a canvas or window),
-//         IMAGE_HEIGHT (pixels; used where FIRST_ROW_AT_BOTTOM is 0), EVERY (1 draws all pixels, 2
-//         every second column and row), REDUCE and MARK (1 where the display does so), and the
+// Host    LAYERS, FORM (LINEAR, CURVE, CAM or LUT), CHECKED, the forms' constants, FIELD (1 if the
+//         view transform changes over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1 if the
+//         picture will be read back, GL's rows running up; 0 for a canvas or window),
+//         IMAGE_HEIGHT (pixels; used if FIRST_ROW_AT_BOTTOM is 0), EVERY (1 draws all pixels, 2
+//         every second column and row), REDUCE and MARK (1 if the display does so), and the
 //         numbers of volspec.appearance.constants.shader_constants(), of the display's
 //         ColourSpace.shader_constants() and of volspec.appearance.screen.SHADER_CONSTANTS.
 //
@@ -40,8 +40,8 @@ precision highp sampler2DArray;
 #include "curve.glsl"
 #elif FORM == CAM
 #include "cam.glsl"
-#elif FORM == TABLE
-#include "table.glsl"
+#elif FORM == LUT
+#include "lut3d.glsl"
 #endif
 
 uniform sampler2DArray coefficients;
@@ -64,12 +64,12 @@ void main() {
     pixel.y = EVERY * ((IMAGE_HEIGHT - 1) / EVERY) - pixel.y;
 #endif
     vec3 XYZ = scene_XYZ(pixel);
-#if FORM == TABLE && !(REDUCE || MARK)
+#if FORM == LUT && !(REDUCE || MARK)
     vec3 code = clamp(code_from_adapted(XYZ), 0.0, 1.0);
 #else
 #if FORM == LINEAR
     vec3 linear = RGB_FROM_XYZ * XYZ;
-#elif FORM == TABLE
+#elif FORM == LUT
     vec3 linear = decode(code_from_adapted(XYZ));
 #elif FIELD
     vec2 size = vec2(textureSize(coefficients, 0).xy);
@@ -81,12 +81,12 @@ void main() {
     bool outside = !is_shown(linear);
 #endif
 #if REDUCE
-    if (outside) linear = paled(linear);
+    if (outside) linear = reduce_chroma(linear);
 #endif
     vec3 code = encode(linear);
 #endif
 #if MARK
-    if (outside) code = marked(code, pixel);
+    if (outside) code = hatch(code, pixel);
 #endif
     frame = vec4(code, 1.0);
 }

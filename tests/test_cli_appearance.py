@@ -13,7 +13,7 @@ from PIL import Image
 
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
-from volspec.appearance.models import MODELS
+from volspec.appearance.models import APPEARANCE_MODELS
 from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
@@ -72,7 +72,7 @@ def test_appearance_and_its_inverse(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_all_models_at_once(capsys: pytest.CaptureFixture[str]) -> None:
     rows = run(capsys, "appearance", "40", "35", "10", "--white", A, "--model", "all")
-    assert [row["model"] for row in rows] == list(MODELS)
+    assert [row["model"] for row in rows] == list(APPEARANCE_MODELS)
     done("appearance", "40", "35", "10", "--white", A, "--model", "CIELAB")
     assert "CIELAB" in capsys.readouterr().out
 
@@ -133,7 +133,7 @@ def test_a_preset_is_the_room_of_numbers_and_options_win(
         ("--discount",): replace(cinema, discount=True),
     }.items():
         (row,) = run(capsys, *words, *more)
-        look = MODELS["CIECAM02"].forward([40, 35, 10], seen)
+        look = APPEARANCE_MODELS["CIECAM02"].forward([40, 35, 10], seen)
         assert [row["J"], row["C"], row["h"]] == pytest.approx([look.J, look.C, look.h]), more
         assert (row["L_A"], row["Y_b"]) == (seen.L_A, seen.Y_b)
 
@@ -169,7 +169,7 @@ def test_colours_outside_of_models_are_counted_by_model_in_one_line(
     done("appearance", *words, "--model", "Hunt", "--model", "Nayatani95", "--json")
     said = capsys.readouterr()
     rows = json.loads(said.out)
-    missed = {n: sum(not r["defined"] for r in rows if r["model"] == n) for n in MODELS}
+    missed = {n: sum(not r["defined"] for r in rows if r["model"] == n) for n in APPEARANCE_MODELS}
     assert missed["Hunt"] == 2 and missed["Nayatani95"] > 0
     assert said.err == (
         "volspec: note: 2 of 3 colours lie outside the domain of Hunt, "

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 
 from volspec._figures import FAINT, HAIR, INK, PAPER, inch_axes, style_axes, write
 from volspec._files import write_whole
-from volspec.appearance import srgb
+from volspec.appearance.spaces import encode_sRGB
 from volspec.basis.figure import line_colour
 from volspec.basis.reflectance_figure import save_reflectance_figure
 from volspec.spectra import (
@@ -139,7 +139,7 @@ def _draw_chromaticities(figure: Any, left: float, title: str, base: BaseSpectra
     linear = XYZ[seen] @ np.linalg.inv(XYZ_from_linear_sRGB(white)).T
     linear = np.maximum(linear, 0) / np.maximum(linear.max(1, keepdims=True), 1e-12)
     points = xy(XYZ)
-    axes.scatter(*points.T, s=4.5, c=srgb.encode(0.8 * linear), linewidths=0, zorder=3)
+    axes.scatter(*points.T, s=4.5, c=encode_sRGB(0.8 * linear), linewidths=0, zorder=3)
     hull = points[ConvexHull(points).vertices]
     axes.plot(*np.vstack([hull, hull[:1]]).T, color=INK, linewidth=0.8, zorder=4)
     screen = xy(XYZ_from_linear_sRGB(white).T)

@@ -175,7 +175,7 @@ class CastCancelled(VolspecError):
     code = "state"
 
 
-class TableCancelled(VolspecError):
+class LutCancelled(VolspecError):
     """A table of appearance was given up by the one who asked for it."""
 
     code = "state"

@@ -8,25 +8,25 @@
 //     linear = linear_from_response r'
 //
 // J, C and h are the same on both sides, so t, e_t and the hue fall out: nothing is divided by
-// t or by a sine, and no angle is formed (CamPassage derives it).
+// t or by a sine, and no angle is formed (CamTransform derives it).
 // The 0.1 of the compression cancels in a and b and is the 0.305 in p2.
 //
-// NumPy twin: volspec/appearance/models/conditions.py, CamPassage.apply. The two models differ in
+// NumPy twin: volspec/appearance/models/cam.py, CamTransform.apply. The two models differ in
 // the matrices alone.
 // Total: finite input gives finite output. x <= 0 is black; |R'| stops at RESPONSE_LIMIT, short
 // of the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
 //
-// Reads   passage, computed by the host in double precision whenever the white changes.
-//         field     where FIELD: what of the passage is the scene's, at the nodes of a net from
-//                   edge to edge of the picture, and straight between. Texture array, 3 layers
+// Reads   view_transform, computed by the host in double precision when the white changes.
+//         field     if FIELD: the scene's side of the transform at the nodes of a grid from edge to
+//                   edge of the picture, interpolated linearly. Texture array, 3 layers
 //                   of RGBA float: a column of response_from_XYZ each, and in alpha
 //                   scene_achromatic, lightness_power, chroma_gain. NumPy twin:
-//                   volspec/appearance/field.py.
-// Host sets SAME_SURROUND where γ = κ = 1 (equal Y_b and surround, the default): a power and the
+//                   volspec/appearance/adaptation_grid.py.
+// Host sets SAME_SURROUND if γ = κ = 1 (equal Y_b and surround, the default): a power and the
 // skew less, a tenth of the frame; and the numbers of
 // volspec.appearance.constants.shader_constants().
 
-struct Passage {
+struct ViewTransform {
     mat3 response_from_XYZ;    // the scene's F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, or
                                // F_L/100 · diag(D_RGB) · CAT16
     mat3 linear_from_response; // the display's inverse of it · 27.13^(1/0.42), to linear RGB
@@ -37,24 +37,24 @@ struct Passage {
     float chroma_gain;         // κ
 #endif
 };
-uniform Passage passage;
+uniform ViewTransform view_transform;
 
-vec3 carried(Passage passage, vec3 XYZ) {
-    vec3 r = passage.response_from_XYZ * XYZ;
+vec3 apply_transform(ViewTransform t, vec3 XYZ) {
+    vec3 r = t.response_from_XYZ * XYZ;
     vec3 f = pow(abs(r), vec3(RESPONSE_POWER));
     vec3 R = sign(r) * (RESPONSE_POLE * f / (RESPONSE_HALF + f));
 
     float x = max(dot(ACHROMATIC, R), 0.0);
     vec2 ab = vec2(dot(OPPONENT_A, R), dot(OPPONENT_B, R));
     float p2 = x + ACHROMATIC_NOISE;
-    float lightness = x / passage.scene_achromatic;
+    float lightness = x / t.scene_achromatic;
 #if SAME_SURROUND
-    float x_display = passage.display_achromatic * lightness;
+    float x_display = t.display_achromatic * lightness;
     float chroma = (x_display + ACHROMATIC_NOISE) / p2;
 #else
-    float x_display = passage.display_achromatic * pow(lightness, passage.lightness_power);
-    float skew = (passage.chroma_gain - 1.0) * dot(CHROMA_SKEW, ab);
-    float chroma = passage.chroma_gain * (x_display + ACHROMATIC_NOISE)
+    float x_display = t.display_achromatic * pow(lightness, t.lightness_power);
+    float skew = (t.chroma_gain - 1.0) * dot(CHROMA_SKEW, ab);
+    float chroma = t.chroma_gain * (x_display + ACHROMATIC_NOISE)
         / max(p2 + skew, CHROMA_FLOOR * p2);
 #endif
     ab *= x > 0.0 ? chroma : 0.0;
@@ -63,7 +63,7 @@ vec3 carried(Passage passage, vec3 XYZ) {
     vec3 size = min(abs(R_display), vec3(RESPONSE_LIMIT));
     vec3 r_display =
         sign(R_display) * pow(size / (RESPONSE_POLE - size), vec3(1.0 / RESPONSE_POWER));
-    return passage.linear_from_response * r_display;
+    return t.linear_from_response * r_display;
 }
 
 #if FIELD
@@ -75,13 +75,13 @@ vec3 displayed_from_scene(vec3 XYZ, vec2 place) {  // 0 to 1 across the picture 
     vec4 x = textureLod(field, vec3(at, 0.0), 0.0);
     vec4 y = textureLod(field, vec3(at, 1.0), 0.0);
     vec4 z = textureLod(field, vec3(at, 2.0), 0.0);
-    Passage here = passage;
+    ViewTransform here = view_transform;
     here.response_from_XYZ = mat3(x.rgb, y.rgb, z.rgb);
     here.scene_achromatic = x.a;
     here.lightness_power = y.a;
     here.chroma_gain = z.a;
-    return carried(here, XYZ);
+    return apply_transform(here, XYZ);
 }
 #else
-vec3 displayed_from_scene(vec3 XYZ) { return carried(passage, XYZ); }
+vec3 displayed_from_scene(vec3 XYZ) { return apply_transform(view_transform, XYZ); }
 #endif

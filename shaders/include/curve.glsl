@@ -4,13 +4,13 @@
 //     r' = (gain (r + shift)^power + offset)^outer      powers with the sign of their base
 //     linear = linear_from_response r'
 //
-// NumPy twin: volspec/appearance/passages.py, CurvePassage.apply. Total: finite input gives finite
-// output.
+// NumPy twin: volspec/appearance/transforms.py, CurveTransform.apply. Total: finite input gives
+// finite output.
 //
-// Reads   passage, computed by the host in double precision whenever the white changes.
-// Host sets OUTER where the outer power is not 1.
+// Reads   view_transform, computed by the host in double precision when the white changes.
+// Host sets OUTER if the outer power is not 1.
 
-struct Passage {
+struct ViewTransform {
     mat3 response_from_XYZ;
     mat3 linear_from_response;  // the display's inverse of it, to linear RGB
     vec3 gain;
@@ -21,15 +21,15 @@ struct Passage {
     vec3 outer;
 #endif
 };
-uniform Passage passage;
+uniform ViewTransform view_transform;
 
 vec3 signed_power(vec3 x, vec3 p) { return sign(x) * pow(abs(x), p); }
 
 vec3 displayed_from_scene(vec3 XYZ) {
-    vec3 r = passage.response_from_XYZ * XYZ + passage.shift;
-    r = passage.gain * signed_power(r, passage.power) + passage.offset;
+    vec3 r = view_transform.response_from_XYZ * XYZ + view_transform.shift;
+    r = view_transform.gain * signed_power(r, view_transform.power) + view_transform.offset;
 #if OUTER
-    r = signed_power(r, passage.outer);
+    r = signed_power(r, view_transform.outer);
 #endif
-    return passage.linear_from_response * r;
+    return view_transform.linear_from_response * r;
 }

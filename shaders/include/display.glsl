@@ -1,6 +1,6 @@
 // The display's code values: its transfer function, a power with a toe, odd about 0.
 //
-// NumPy twin: volspec/appearance/curves.py, Transfer.encode and decode.
+// NumPy twin: volspec/appearance/spaces.py, Transfer.encode and decode.
 // Host sets OETF_TOE (0 without a toe), OETF_SLOPE, OETF_GAIN, OETF_POWER.
 
 vec3 curve(vec3 x) {
@@ -8,7 +8,7 @@ vec3 curve(vec3 x) {
     return mix(power, OETF_SLOPE * x, lessThanEqual(x, vec3(OETF_TOE)));
 }
 
-// What the display shows of a colour: clipped to its gamut.
+// Codes of a colour clipped to the display's gamut.
 vec3 encode(vec3 linear) { return curve(clamp(linear, 0.0, 1.0)); }
 
 // Codes of any linear light, and back.

@@ -1,19 +1,18 @@
-// Colours that a display cannot show: paled at equal lightness and hue, or hatched.
+// Colours that a display cannot show: chroma reduced at equal lightness and hue, or hatched.
 //
 //     x, a, b = opponent signals of the compressed responses to the colour
-//     x  = clamp(x, 0, top),  (a_g, b_g) = max(x - knee, 0) knee_slope     the grey to pale to
+//     x  = clamp(x, 0, top),  (a_g, b_g) = max(x - knee, 0) knee_slope     the grey to move to
 //     R0 = RESPONSE_FROM_OPPONENT (x, a_g, b_g)
 //     R1 = RESPONSE_FROM_OPPONENT (0, a - a_g, b - b_g)
 //     s  : the largest multiple of last_step, by halving, for which linear(R0 + s R1) is shown
 //
-// The same for every form of passage: signals are formed anew from the linear RGB. Only pixels
-// outside of the display's cube pay for it; on software GL all do for the signals and one halving.
+// The same for every form of view transform: signals are computed again from the linear RGB. Only
+// pixels outside of the display's cube pay for it; on software GL all pay for the signals and one
+// halving.
 //
-// NumPy twin: volspec/appearance/screen.py; the derivation: volspec/appearance/gamut.py. Total:
-// finite input gives finite output.
+// NumPy twin and derivation: volspec/appearance/screen.py. Total: finite input gives finite output.
 //
-// Reads   gamut  in double precision on the host whenever the display or the model changes; where
-//                REDUCE
+// Reads   gamut  if REDUCE; computed in double precision when the display or the model changes
 // Host sets REDUCE, MARK, and the numbers of volspec.appearance.screen.SHADER_CONSTANTS.
 
 #if REDUCE || MARK
@@ -40,7 +39,7 @@ vec3 linear_from_compressed(vec3 R) {
     return gamut.linear_from_response * r;
 }
 
-vec3 paled(vec3 linear) {
+vec3 reduce_chroma(vec3 linear) {
     vec3 r = gamut.response_from_linear * linear;
     vec3 f = pow(abs(r), vec3(RESPONSE_POWER));
     vec3 R = sign(r) * (RESPONSE_POLE * f / (RESPONSE_HALF + f));
@@ -50,18 +49,18 @@ vec3 paled(vec3 linear) {
     vec2 way = vec2(dot(OPPONENT_A, R), dot(OPPONENT_B, R)) - grey;
     vec3 R0 = RESPONSE_FROM_OPPONENT * vec3(x, grey);
     vec3 R1 = RESPONSE_FROM_OPPONENT * vec3(0.0, way);
-    float share = 0.0;
+    float s = 0.0;
     // No constant ends the loop: unrolled, all halvings would be run on software GL by all pixels.
     for (float step = 0.5; step >= gamut.last_step; step *= 0.5) {
-        if (is_shown(linear_from_compressed(R0 + (share + step) * R1))) share += step;
+        if (is_shown(linear_from_compressed(R0 + (s + step) * R1))) s += step;
     }
-    return linear_from_compressed(R0 + share * R1);
+    return linear_from_compressed(R0 + s * R1);
 }
 #endif
 
 #if MARK
-// Diagonal bands over the colour's own grey, so that form stays and hue cannot be mistaken.
-vec3 marked(vec3 code, ivec2 pixel) {
+// Diagonal bands over the colour's own grey, so that form remains and hue cannot be mistaken.
+vec3 hatch(vec3 code, ivec2 pixel) {
     bool band = (pixel.x + pixel.y) % HATCH_PERIOD < HATCH_WIDTH;
     return band ? HATCH_CODE : vec3(dot(code, vec3(1.0 / 3.0)));
 }

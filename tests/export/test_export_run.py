@@ -29,7 +29,7 @@ def linear(path: Path) -> np.ndarray:
 
 
 def relit(scene: Scene, light: int, **cast: object) -> np.ndarray:
-    with Relighter(scene.render(**cast), table=False) as relighter:
+    with Relighter(scene.render(**cast), lut3d=False) as relighter:
         return relighter.frame(scene.lights[light].rig, scene.relight.viewing)
 
 

@@ -17,8 +17,8 @@ from PIL import Image
 from tests.page.conftest import Opened, open_file
 from tests.support.browser import mean_difference
 from volspec.appearance.adaptation import ADAPTATIONS
-from volspec.appearance.live import CLOSED
 from volspec.appearance.models import ciecam02
+from volspec.appearance.scene_to_display import CLOSED
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.raycast import CoefficientImage

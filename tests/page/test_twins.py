@@ -1,4 +1,4 @@
-"""The page's arithmetic against the desktop's: lights, whites, matrices, passages, looks, ΔE."""
+"""The page's arithmetic against the desktop's: lights, whites, matrices, transforms, looks, ΔE."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from volspec.appearance import Viewing
 from volspec.appearance.adaptation import ADAPTATIONS
-from volspec.appearance.live import CLOSED, passage_of
-from volspec.appearance.models import MODELS
+from volspec.appearance.models import APPEARANCE_MODELS
+from volspec.appearance.models.cam import CamTransform
 from volspec.appearance.models.cielab import delta_E_2000
-from volspec.appearance.models.conditions import CamPassage
-from volspec.appearance.passages import CurvePassage, LinearPassage
+from volspec.appearance.scene_to_display import CLOSED, view_transform
 from volspec.appearance.spec import Display
+from volspec.appearance.transforms import CurveTransform, LinearTransform
 from volspec.basis import MODES, MaterialBasis, SpectralBasis
 from volspec.basis.materials import Basis
 from volspec.export.page import payload
@@ -136,7 +136,7 @@ def test_lights_become_the_desktops_matrices(compute: Any, basis: Basis, with_lu
         close(ours["lux"] or 0.0, np.float64(theirs.illuminance_lux or 0.0), "lux")
 
 
-def test_passages_are_the_desktops(compute: Any) -> None:
+def test_view_transforms_are_the_desktops(compute: Any) -> None:
     lights = settings(SpectralBasis.load("general-7"), False)
     whites = [[95.0, 100.0, 108.9], [109.85, 100.0, 35.58], [128.0, 100.0, 4.0], [95, 100, 0.0]]
     seen = viewings(160, 2)
@@ -150,16 +150,18 @@ def test_passages_are_the_desktops(compute: Any) -> None:
         ]
         for i, each in enumerate(seen)
     ]
-    got = compute("([k, look, white, display]) => passageOf(k, look, white, null, display)", given)
+    got = compute(
+        "([k, look, white, display]) => viewTransform(k, look, white, null, display)", given
+    )
     for ours, each, (_, _, white, _) in zip(got, seen, given, strict=True):
-        theirs = passage_of(each.viewing, white)
+        theirs = view_transform(each.viewing, white)
         model = each.viewing.model
-        if isinstance(theirs, LinearPassage):
+        if isinstance(theirs, LinearTransform):
             close(ours["matrix"], theirs.matrix, model)
             continue
         names = {
-            CurvePassage: ("gain", "power", "shift", "offset", "outer"),
-            CamPassage: (
+            CurveTransform: ("gain", "power", "shift", "offset", "outer"),
+            CamTransform: (
                 *("scene_achromatic", "display_achromatic", "lightness_power", "chroma_gain"),
             ),
         }[type(theirs)]
@@ -183,8 +185,8 @@ def test_the_probe_reads_the_desktops_look(compute: Any) -> None:
     )
     told = 0
     for ours, each, colour in zip(got, seen, colours, strict=True):
-        name = each.viewing.model if each.viewing.model in MODELS else "CIECAM02"
-        theirs = MODELS[name].forward(colour, each.viewing.conditions(white))
+        name = each.viewing.model if each.viewing.model in APPEARANCE_MODELS else "CIECAM02"
+        theirs = APPEARANCE_MODELS[name].forward(colour, each.viewing.conditions(white))
         assert (ours is not None) == bool(theirs.defined), (name, colour)
         if ours is None:
             continue

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from volspec.appearance import constants as k
-from volspec.appearance.curves import sRGB_CURVE
+from volspec.appearance import spaces
 from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.spaces import sRGB_CURVE
 
 # No network, no first-run pages, a software GPU: the same everywhere.
 _FLAGS = [
@@ -61,7 +61,7 @@ def mean_difference(one: NDArray[np.uint8], other: NDArray[np.uint8]) -> float:
     """Return the mean CIEDE2000 of two frames."""
     assert one.shape == other.shape
     Lab = [
-        cielab(sRGB_CURVE.decode(each / 255.0) @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)
+        cielab(sRGB_CURVE.decode(each / 255.0) @ spaces.XYZ_FROM_sRGB.T, spaces.sRGB_WHITE_XYZ)
         for each in (one, other)
     ]
     return float(delta_E_2000(*Lab).mean())

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 import volspec as vs
+from volspec.appearance.display import colour_space
 from volspec.appearance.models.cielab import cielab
-from volspec.appearance.spaces import space_of
 
 SCENE = """# Kept where it stands.
 [volume]
@@ -58,7 +58,7 @@ def frame_Lab(scene: vs.Scene, light: str, size: tuple[int, int] | None = None) 
     """Return (H, W, 3) CIELAB of a scene's frame, cast with its own basis."""
     found = next(each for each in scene.lights if each.name == light)
     shown = vs.relight(scene.render(size=size), found.rig, scene.relight, np.float32)
-    space = space_of("sRGB")
+    space = colour_space("sRGB")
     linear = space.decode(shown.astype(np.float64))
     return cielab(np.linalg.solve(space.RGB_from_XYZ, linear[..., None])[..., 0], space.white_XYZ)
 

@@ -9,14 +9,14 @@ from volspec._gpu.opengl import compile_program, describe, headless_context
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import Source, assemble
 from volspec.appearance import Display, Viewing
-from volspec.appearance.constants import DISPLAY_WHITE_XYZ, XYZ_FROM_sRGB, shader_constants
+from volspec.appearance.constants import shader_constants
 from volspec.appearance.models.cielab import cielab
-from volspec.appearance.srgb import decode, to_uint8
+from volspec.appearance.spaces import XYZ_FROM_sRGB, decode_sRGB, sRGB_WHITE_XYZ, to_uint8
 from volspec.errors import OpenGLError
 from volspec.relight import Illumination
 from volspec.relight import programs as programs_module
+from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
-from volspec.relight.host import HostEngine
 from volspec.relight.reference import encoded_frame
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
@@ -52,7 +52,7 @@ def surfaces(white: np.ndarray) -> np.ndarray:
     codes = np.random.default_rng(11).random((100, 100, 3))
     codes[0, :8] = np.indices((2, 2, 2)).reshape(3, -1).T
     codes[0, 8:40] = np.linspace(0.0, 0.1, 32)[:, None]
-    return decode(codes) @ XYZ_FROM_sRGB.T * (white / DISPLAY_WHITE_XYZ)
+    return decode_sRGB(codes) @ XYZ_FROM_sRGB.T * (white / sRGB_WHITE_XYZ)
 
 
 def opaque(XYZ: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.ndarray, Illumination]:
@@ -74,7 +74,7 @@ def ciede2000(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     import colour
 
     def lab(codes: np.ndarray) -> np.ndarray:
-        return cielab(decode(codes) @ XYZ_FROM_sRGB.T, DISPLAY_WHITE_XYZ)
+        return cielab(decode_sRGB(codes) @ XYZ_FROM_sRGB.T, sRGB_WHITE_XYZ)
 
     return np.asarray(colour.delta_E(lab(one), lab(other), method="CIE 2000"))
 
@@ -110,7 +110,7 @@ def test_shader_and_host_agree_with_the_reference_in_every_viewing(name):
     gain = viewing.exposure
     lit = Illumination(gain * np.eye(3), white, gain * 0.2 * white)
     truth = encoded_frame(coefficients, alpha, lit, viewing)
-    host = HostEngine(coefficients, alpha).render(lit, viewing, np.float32)
+    host = CpuEngine(coefficients, alpha).render(lit, viewing, np.float32)
     # float32 storage, and the two branches of sRGB that miss each other by 3e-8.
     assert_close(host, truth, 2e-7, f"host, {name}")
     gl = GLEngine(coefficients, alpha)
@@ -131,7 +131,7 @@ def test_any_number_of_channels_gives_the_host_s_picture(channels):
     gl = GLEngine(coefficients, alpha)
     shown = gl.render(lit, Viewing(), np.float32)
     gl.close()
-    twin = HostEngine(coefficients, alpha).render(lit, Viewing(), np.float32)
+    twin = CpuEngine(coefficients, alpha).render(lit, Viewing(), np.float32)
     assert_close(shown, twin, 2e-4, f"{channels} channels")
 
 
@@ -148,7 +148,7 @@ def test_no_finite_coefficient_gives_nan(name, size):
     gl = GLEngine(coefficients, alpha)
     shown = gl.render(lit, VIEWINGS[name], np.float32)
     gl.close()
-    host = HostEngine(coefficients, alpha).render(lit, VIEWINGS[name], np.float32)
+    host = CpuEngine(coefficients, alpha).render(lit, VIEWINGS[name], np.float32)
     for frame in (shown, host):
         assert np.isfinite(frame).all()
         assert frame.min() >= 0.0 and frame.max() <= 1.0

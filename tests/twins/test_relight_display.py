@@ -8,29 +8,28 @@ import numpy as np
 import pytest
 
 from tests.twins.test_relight import assert_close, needs_gl, opaque  # noqa: F401
-from volspec.appearance import Display, Viewing, passage_of
-from volspec.appearance.curves import Transfer
-from volspec.appearance.gamut import clip, reduce_chroma
+from volspec.appearance import Display, Viewing, view_transform
+from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.models import cam
+from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.models.cielab import cielab
-from volspec.appearance.models.conditions import Conditions
-from volspec.appearance.passages import CurvePassage, LinearPassage, Passage
 from volspec.appearance.screen import (
+    GAMUT_SLACK,
     HATCH_CODE,
     HATCH_PERIOD,
     HATCH_WIDTH,
-    SLACK,
     Screen,
-    screen_of,
+    reduce_chroma,
+    screen_for_viewing,
 )
-from volspec.appearance.spaces import SPACES, ColourSpace
+from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.appearance.spec import MODELS
-from volspec.appearance.table import TablePassage, TableSpace
+from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
 from volspec.errors import ViewingError
 from volspec.relight import Illumination
 from volspec.relight import programs as programs_module
+from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
-from volspec.relight.host import HostEngine
 from volspec.relight.reference import encoded_frame
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
@@ -63,39 +62,39 @@ def difference(one: np.ndarray, other: np.ndarray, space: ColourSpace) -> np.nda
 
 
 @pytest.fixture
-def tables(monkeypatch: pytest.MonkeyPatch) -> list[TablePassage]:
+def tables(monkeypatch: pytest.MonkeyPatch) -> list[Lut3D]:
     """Those that are made, in order; each takes the host up to a second."""
-    made: list[TablePassage] = []
-    make = TablePassage.of
+    made: list[Lut3D] = []
+    make = Lut3D.of
 
-    def noted(passage: Passage, space: TableSpace, cancel: None = None) -> TablePassage:
-        made.append(make(passage, space, cancel))
+    def noted(transform: ViewTransform, space: LutSpace, cancel: None = None) -> Lut3D:
+        made.append(make(transform, space, cancel))
         return made[-1]
 
-    monkeypatch.setattr(TablePassage, "of", noted)
+    monkeypatch.setattr(Lut3D, "of", noted)
     return made
 
 
 @pytest.mark.parametrize("name", DISPLAYS)
 @pytest.mark.parametrize("model", MODELS)
 def test_the_shader_shows_a_model_on_every_display_as_numpy_does(
-    model: str, name: str, tables: list[TablePassage]
+    model: str, name: str, tables: list[Lut3D]
 ) -> None:
     white = white_XYZ(light("A"))
     coefficients, alpha, lit = bright_cube(white)
     viewing = Viewing(model=model, display=DISPLAYS[name])
-    gl = GLEngine(coefficients, alpha, table=model in TABLES)
+    gl = GLEngine(coefficients, alpha, lut3d=model in TABLES)
     frame = gl.render(lit, viewing, np.float32)
     gl.close()
     if model in TABLES:
         # The table's own error is not the display's (test_a_table_is_near_the_closed_form).
-        (passage,) = tables
-        space = TableSpace.between(white, viewing.display.colours)
-        assert np.array_equal(passage.space.adapted_from_XYZ, space.adapted_from_XYZ)
-        assert passage.space.space == space.space
-        truth = screen_of(viewing).codes(passage.apply(coefficients.astype(np.float64)))
+        (transform,) = tables
+        space = LutSpace.between(white, viewing.display.colours)
+        assert np.array_equal(transform.space.adapted_from_XYZ, space.adapted_from_XYZ)
+        assert transform.space.space == space.space
+        truth = screen_for_viewing(viewing).codes(transform.apply(coefficients.astype(np.float64)))
     else:
-        truth = HostEngine(coefficients, alpha).render(lit, viewing, np.float32)
+        truth = CpuEngine(coefficients, alpha).render(lit, viewing, np.float32)
     assert np.isfinite(frame).all() and np.isfinite(truth).all()
     error = difference(frame, truth, viewing.display.colours)
     worst = np.unravel_index(error.argmax(), error.shape)
@@ -115,7 +114,7 @@ def test_every_space_is_the_reference_s(space: str) -> None:
     coefficients, alpha, lit = bright_cube(white)
     viewing = Viewing(display=Display(space=space))
     truth = encoded_frame(coefficients, alpha, lit, viewing)
-    host = HostEngine(coefficients, alpha).render(lit, viewing, np.float32)
+    host = CpuEngine(coefficients, alpha).render(lit, viewing, np.float32)
     # A primary's residue of 1e-12 where the truth is 0 is 1e-5 by a power of 1/2.4.
     assert_close(host, truth, 5e-5, f"host, {space}")
     with pytest.raises(ViewingError, match="has no reference"):
@@ -128,7 +127,7 @@ def test_every_space_is_the_reference_s(space: str) -> None:
 def test_the_mark_is_on_mapped_pixels_and_on_no_others(backend: str, display: Display) -> None:
     white = white_XYZ(light("A"))
     coefficients, alpha, lit = bright_cube(white)
-    engine = (GLEngine if backend == "gl" else HostEngine)(coefficients, alpha)
+    engine = (GLEngine if backend == "gl" else CpuEngine)(coefficients, alpha)
     viewing = Viewing(model="CAT02", display=display)
     plain = engine.render(lit, viewing, np.float32).astype(np.float64)
     hatched = engine.render(
@@ -136,17 +135,17 @@ def test_the_mark_is_on_mapped_pixels_and_on_no_others(backend: str, display: Di
     ).astype(np.float64)
     engine.close()
     linear = (
-        passage_of(viewing, white).apply(coefficients.astype(np.float64))
+        view_transform(viewing, white).apply(coefficients.astype(np.float64))
         @ display.colours.RGB_from_XYZ.T
     )
     excess = np.maximum(linear - 1.0, -linear).max(axis=-1)
-    outside = excess > SLACK
+    outside = excess > GAMUT_SLACK
     y, x = np.indices(outside.shape)
     band = (x + y) % HATCH_PERIOD < HATCH_WIDTH
     grey = np.repeat(plain.mean(axis=-1, keepdims=True), 3, axis=-1)
     expected = np.where(band[..., None], HATCH_CODE, grey)
     expected = np.where(outside[..., None], expected, plain)
-    sure = np.abs(excess - SLACK) > 1e-5  # float32 may fall on either side
+    sure = np.abs(excess - GAMUT_SLACK) > 1e-5  # float32 may fall on either side
     assert 0.3 < outside.mean() < 0.9 and sure.mean() > 0.99
     np.testing.assert_allclose(hatched[sure], expected[sure], atol=1e-6)
 
@@ -170,12 +169,12 @@ def test_white_and_greys_of_a_picture_are_not_marked() -> None:
 def test_reduced_frames_keep_lightness_and_hue_where_clipped_ones_do_not(model: str) -> None:
     display = Display(gamut="reduce")
     space = display.colours
-    seen = Conditions.of_viewing(display.conditions, model)
+    seen = CamConditions.of_viewing(display.conditions, model)
     white = white_XYZ(light("D65"))
     coefficients, alpha, lit = bright_cube(white)
     gl = GLEngine(coefficients, alpha)
     viewing = Viewing(model=model, display=display)
-    asked = cam.forward(passage_of(viewing, white).apply(coefficients.astype(float)), seen)
+    asked = cam.forward(view_transform(viewing, white).apply(coefficients.astype(float)), seen)
     off = {}
     for gamut in ("reduce", "clip"):
         frame = gl.render(lit, replace(viewing, display=Display(gamut=gamut)), np.float32)
@@ -184,7 +183,7 @@ def test_reduced_frames_keep_lightness_and_hue_where_clipped_ones_do_not(model: 
         off[gamut] = np.abs(shown.J - asked.J)[kept].max()
     gl.close()
     print(model, off)
-    # SLACK and llvmpipe's pow; clipping moves J by 13.
+    # The slack and llvmpipe's pow; clipping moves J by 13.
     assert off["reduce"] < 0.1 < 5.0 < off["clip"]
 
 
@@ -193,11 +192,12 @@ def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut: str) ->
     display = Display(space="Display P3", gamut=gamut)
     XYZ = bright_cube(SPACES["Rec. 2020"].white_XYZ)[0].astype(np.float64)
     linear, outside = Screen.of(display).linear(XYZ)
-    seen, space = Conditions.of_viewing(display.conditions), display.colours
-    truth, mapped = clip(XYZ, space) if gamut == "clip" else reduce_chroma(XYZ, seen, space)
+    seen, space = CamConditions.of_viewing(display.conditions), display.colours
+    truth, mapped = reduce_chroma(XYZ, seen, space)
     assert np.mean(outside != mapped) < 0.01
+    truth = XYZ if gamut == "clip" else truth
     shown = np.clip(linear, 0.0, 1.0)
-    # Along the cube's faces SLACK reaches further than across: measured 4.6e-3.
+    # Along the cube's faces the slack reaches further than across: measured 4.6e-3.
     np.testing.assert_allclose(shown, np.clip(truth @ space.RGB_from_XYZ.T, 0.0, 1.0), atol=6e-3)
 
 
@@ -209,7 +209,7 @@ def test_no_finite_coefficient_gives_nan_on_a_display_that_reduces(model: str, s
     alpha = rng.uniform(-1.0, 2.0, (32, 32)).astype(np.float32)
     white = white_XYZ(light("A"))
     lit = Illumination(rng.uniform(-20.0, 100.0, (3, 7)), white, white)
-    for engine in (GLEngine(coefficients, alpha), HostEngine(coefficients, alpha)):
+    for engine in (GLEngine(coefficients, alpha), CpuEngine(coefficients, alpha)):
         for mark in (False, True):
             display = Display(space="Display P3", gamut="reduce", mark=mark)
             frame = engine.render(lit, Viewing(model=model, display=display), np.float32)
@@ -245,5 +245,5 @@ def test_one_engine_changes_displays_between_frames() -> None:
 
 
 def test_forms_of_all_kinds_are_among_the_models() -> None:
-    kinds = {type(passage_of(Viewing(model=m), (95.0, 100.0, 108.0))) for m in MODELS}
-    assert {LinearPassage, CurvePassage} < kinds
+    kinds = {type(view_transform(Viewing(model=m), (95.0, 100.0, 108.0))) for m in MODELS}
+    assert {LinearTransform, CurveTransform} < kinds

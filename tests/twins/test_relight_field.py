@@ -1,4 +1,4 @@
-"""Passages that change over the picture: the shader, its NumPy twin and colour-science."""
+"""Transforms that change over the picture: the shader, its NumPy twin and colour-science."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import pytest
 
 from tests.twins.test_relight import ciede2000, needs_gl  # noqa: F401
 from tests.twins.test_relighter import box_basis, cast
-from volspec.appearance import Display, Viewing, passage_of
-from volspec.appearance.field import PassageField
+from volspec.appearance import Display, Viewing, view_transform
+from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.spec import PER_PIXEL
 from volspec.errors import ViewingError
 from volspec.raycast.image import CoefficientImage
@@ -87,30 +87,30 @@ def test_between_nodes_a_field_is_near_conditions_of_every_pixel(name: str) -> N
     truth = relight_reference(image, light(name), RelightSpec(viewing))
     error = ciede2000(shown, truth)
     print(f"{name}: CIEDE2000 mean {error.mean():.5f}, max {error.max():.5f}")
-    # Straight lines between passages, not between conditions: measured 0.002 and 0.12.
+    # Straight lines between transforms, not between conditions: measured 0.002 and 0.12.
     assert error.mean() <= 0.01 and error.max() <= 0.3
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
-def test_a_pixel_on_a_node_has_the_passage_of_its_own_conditions(model: str) -> None:
+def test_a_pixel_on_a_node_has_the_transform_of_its_own_conditions(model: str) -> None:
     viewing, white = Viewing(model=model, adapting="pixel"), white_XYZ(light("A"))
     rng = np.random.default_rng(1)
     Y_b, L_A = rng.uniform(0, 90, (3, 3)), rng.uniform(0, 300, (3, 3))
     # The middle one of 5 rows and 7 columns lies on the middle of 3 by 3 nodes.
-    field = PassageField.of(viewing, white, Y_b, L_A)
+    field = ViewTransformGrid.of(viewing, white, Y_b, L_A)
     XYZ = rng.uniform(0, 100, (5, 7, 3))
     own = dataclasses.replace(viewing, adapting="given", Y_b=Y_b[1, 1], L_A=L_A[1, 1])
-    alone = passage_of(own, white).apply(XYZ[2, 3])
-    np.testing.assert_allclose(field.within((5, 7)).apply(XYZ)[2, 3], alone, rtol=1e-9)
+    alone = view_transform(own, white).apply(XYZ[2, 3])
+    np.testing.assert_allclose(field.interpolate((5, 7)).apply(XYZ)[2, 3], alone, rtol=1e-9)
     # Three pixels to a gap: the middle one lies halfway between nodes.
     power = field.numbers[..., 7]
-    halves = field.within((6, 6)).lightness_power[1::3, 1::3]
+    halves = field.interpolate((6, 6)).lightness_power[1::3, 1::3]
     mean = (power[1:, 1:] + power[1:, :-1] + power[:-1, 1:] + power[:-1, :-1]) / 4
     np.testing.assert_allclose(halves, mean, rtol=1e-12)
 
 
 @pytest.mark.parametrize("model", PER_PIXEL)
-def test_an_even_field_is_the_passage_of_its_numbers(model: str) -> None:
+def test_an_even_field_is_the_transform_of_its_numbers(model: str) -> None:
     grey = np.full((40, 60, 5), 0.35, np.float32)
     one = np.ones((40, 60), np.float32)
     image = CoefficientImage(grey, one, one, box_basis(), fov_deg=50.0)
@@ -130,7 +130,7 @@ def test_an_even_field_is_the_passage_of_its_numbers(model: str) -> None:
 def test_what_is_measured_once_goes_through_every_model(model: str, table: bool) -> None:
     image = patches()
     viewing = Viewing(model=model, adapting="picture")
-    with Relighter(image, "gl", table=table) as relighter:
+    with Relighter(image, "gl", lut3d=table) as relighter:
         shown = relighter.frame(light("A"), viewing, dtype=np.float32)
     with Relighter(image, "numpy") as relighter:
         truth = relighter.frame(light("A"), viewing, dtype=np.float32)
@@ -143,7 +143,7 @@ def test_a_field_takes_no_table_and_leaves_the_next_frame_alone() -> None:
     image, pixel = patches(), Viewing(adapting="pixel")
     frames = []
     for table in (False, True):
-        with Relighter(image, "gl", table=table) as relighter:
+        with Relighter(image, "gl", lut3d=table) as relighter:
             before = relighter.frame(light("A"))
             frames.append(relighter.frame(light("A"), pixel, dtype=np.float32))
             assert np.array_equal(relighter.frame(light("A")), before)
@@ -175,6 +175,6 @@ def test_an_engine_alone_has_nothing_to_measure() -> None:
     image = dataclasses.replace(cast(), fov_deg=30.0)
     engine = GLEngine(image.coefficients, image.alpha)
     lit = Illumination.of(image.basis, light("A"), RelightSpec())
-    with pytest.raises(ViewingError, match="relight one, or take adapting='given'"):
+    with pytest.raises(ViewingError, match="without a picture"):
         engine.render(lit, Viewing(adapting="picture"), np.uint8)
     engine.close()

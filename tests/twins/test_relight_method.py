@@ -7,9 +7,14 @@ import pytest
 
 from tests.twins.test_relighter import GRID, RAW, gl_or_skip
 from volspec.appearance import Viewing
-from volspec.appearance.constants import DISPLAY_WHITE_XYZ, XYZ_FROM_sRGB
 from volspec.appearance.models.cielab import cielab
-from volspec.appearance.srgb import decode, encode, linear_from_XYZ
+from volspec.appearance.spaces import (
+    XYZ_FROM_sRGB,
+    decode_sRGB,
+    encode_sRGB,
+    linear_sRGB_from_XYZ,
+    sRGB_WHITE_XYZ,
+)
 from volspec.basis import SpectralBasis
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight
@@ -56,7 +61,7 @@ def test_relight_is_method_4_in_31_bands(backend, general, name):
     backdrop = kappa * (E * behind.values) @ Q.T
     opacity = alpha[..., None].astype(float)
     XYZ = opacity * surface + (1.0 - opacity) * backdrop
-    truth = encode(linear_from_XYZ(0.5 * XYZ))
+    truth = encode_sRGB(linear_sRGB_from_XYZ(0.5 * XYZ))
     spec = RelightSpec(Viewing(model="none", exposure=0.5), "exact", behind)
     np.testing.assert_allclose(relight_reference(image, light(name), spec), truth, atol=1e-5)
     frame = relight(
@@ -71,7 +76,7 @@ def test_relight_is_method_4_in_31_bands(backend, general, name):
 
 
 def lab(frame: np.ndarray) -> np.ndarray:
-    return cielab(decode(frame) @ XYZ_FROM_sRGB.T, DISPLAY_WHITE_XYZ)
+    return cielab(decode_sRGB(frame) @ XYZ_FROM_sRGB.T, sRGB_WHITE_XYZ)
 
 
 def test_brighter_light_looks_more_colourful_at_equal_level(backend, general):
@@ -111,7 +116,9 @@ def test_exposure_multiplies_light(backend, general):
     image, *_ = two_materials(general)
     with Relighter(image, backend) as relighter:
         once, half = (
-            decode(relighter.frame(light("D65"), Viewing(model="none", exposure=f), dtype="f4"))
+            decode_sRGB(
+                relighter.frame(light("D65"), Viewing(model="none", exposure=f), dtype="f4")
+            )
             for f in (1.0, 0.5)
         )
     # llvmpipe's pow, and codes are steep near black.

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from tests.twins.test_relight import ciede2000, needs_gl, opaque, surfaces  # noqa: F401
-from volspec.appearance import Viewing, passage_of
+from volspec.appearance import Viewing, view_transform
+from volspec.appearance.display import colour_space
+from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.presets import preset
-from volspec.appearance.spaces import space_of
 from volspec.appearance.spec import MODELS
-from volspec.appearance.table import TablePassage, TableSpace
+from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
-from volspec.relight.host import HostEngine
 from volspec.spectra import light
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 
@@ -27,10 +27,10 @@ def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
     white = white_XYZ(light(name))
     coefficients, alpha, lit = opaque(surfaces(white), white)
     viewing = Viewing(model=model, surround=0.12)
-    gl = GLEngine(coefficients, alpha, table=False)
+    gl = GLEngine(coefficients, alpha, lut3d=False)
     frame = gl.render(lit, viewing, np.float32)
     gl.close()
-    truth = HostEngine(coefficients, alpha).render(lit, viewing, np.float32)
+    truth = CpuEngine(coefficients, alpha).render(lit, viewing, np.float32)
     error = ciede2000(frame, truth)
     print(f"{model} under {name}: CIEDE2000 mean {error.mean():.5f}, max {error.max():.5f}")
     if model in TABLED:
@@ -44,9 +44,9 @@ def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
 @pytest.mark.parametrize("name", [*LIGHTS, "HP1"])
 def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
     white = white_XYZ(light(name))
-    space, passage = space_of("sRGB"), passage_of(Viewing(model=model), white)
-    table = TablePassage.of(passage, TableSpace.between(white, space))
-    looked_up, exact = (each.apply(surfaces(white)) for each in (table, passage))
+    space, transform = colour_space("sRGB"), view_transform(Viewing(model=model), white)
+    table = Lut3D.of(transform, LutSpace.between(white, space))
+    looked_up, exact = (each.apply(surfaces(white)) for each in (table, transform))
     # The others are drawn by the closed form itself.
     held = np.any(looked_up != exact, axis=-1)
     error = ciede2000(
@@ -61,21 +61,21 @@ def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
 def test_a_table_filled_on_the_device_is_numpys(model: str) -> None:
     white = white_XYZ(light("A"))
     viewing = Viewing(model=model)
-    space = TableSpace.between(white, space_of("sRGB"))
-    passage = passage_of(viewing, white)
-    table = TablePassage.of(passage, space)
+    space = LutSpace.between(white, colour_space("sRGB"))
+    transform = view_transform(viewing, white)
+    table = Lut3D.of(transform, space)
     XYZ = surfaces(white)
     # Where the closed form stands in, the two are the same: leave such colours out.
-    held = np.any(table.apply(XYZ) != passage.apply(XYZ), axis=-1)
+    held = np.any(table.apply(XYZ) != transform.apply(XYZ), axis=-1)
     XYZ[~held] = XYZ[held][0]
     coefficients, alpha, lit = opaque(XYZ, white)
-    gl = GLEngine(coefficients, alpha, table=True)
+    gl = GLEngine(coefficients, alpha, lut3d=True)
     frame = gl.render(lit, viewing, np.float32)
     gl.close()
     assert held.mean() > 0.5
-    from volspec.appearance.srgb import encode, linear_from_XYZ
+    from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 
-    assert ciede2000(frame, encode(linear_from_XYZ(table.apply(XYZ)))).max() < 0.05
+    assert ciede2000(frame, encode_sRGB(linear_sRGB_from_XYZ(table.apply(XYZ)))).max() < 0.05
 
 
 def boxes() -> np.ndarray:
@@ -100,12 +100,12 @@ def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
 ) -> None:
     lamp = light(name)
     XYZ = XYZ_from_spectra(lamp, boxes())
-    passage = passage_of(viewing, white_XYZ(lamp))
+    transform = view_transform(viewing, white_XYZ(lamp))
     colours = viewing.display.colours
-    table = TablePassage.of(passage, TableSpace.between(white_XYZ(lamp), colours))
+    table = Lut3D.of(transform, LutSpace.between(white_XYZ(lamp), colours))
     frames = [
         colours.encode(np.clip(each.apply(viewing.exposure * XYZ) @ colours.RGB_from_XYZ.T, 0, 1))
-        for each in (table, passage)
+        for each in (table, transform)
     ]
     error = ciede2000(*(frame[None] for frame in frames))
     print(f"{viewing.model} under {name}: CIEDE2000 mean {error.mean():.4f}, max {error.max():.3f}")
@@ -117,7 +117,7 @@ def test_a_picture_with_colours_that_no_table_holds_is_drawn_by_the_closed_form(
     coefficients, alpha, lit = opaque(XYZ_from_spectra(lamp, boxes())[:, None], white_XYZ(lamp))
     frames = []
     for table in (False, True):
-        gl = GLEngine(coefficients, alpha, table=table)
+        gl = GLEngine(coefficients, alpha, lut3d=table)
         frames.append(gl.render(lit, Viewing(), np.float32))
         gl.close()
     assert np.array_equal(*frames)
@@ -154,8 +154,8 @@ def test_no_colour_gives_nan(model: str) -> None:
     coefficients, alpha, _ = opaque(XYZ, np.ones(3))
     # Two models have no closed form: they are looked up either way.
     kinds = (True,) if model in TABLED else (False, True)
-    engines = [GLEngine(coefficients, alpha, table=table) for table in kinds]
-    engines.append(HostEngine(coefficients, alpha))
+    engines = [GLEngine(coefficients, alpha, lut3d=table) for table in kinds]
+    engines.append(CpuEngine(coefficients, alpha))
     for name in ("A", "HP1", "planck:1000"):
         lit = opaque(XYZ, white_XYZ(light(name)))[2]
         for limits in ({}, {"L_A": 0.0}, {"Y_b": 0.0}, {"L_A": 0.0, "Y_b": 0.0}):

@@ -13,8 +13,8 @@ from volspec.appearance import Display, Viewing
 from volspec.appearance.spec import MODELS
 from volspec.basis import SpectralBasis
 from volspec.relight import Illumination, LightRig, RelightSpec
+from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
-from volspec.relight.host import HostEngine
 from volspec.spectra import Spectrum, light
 
 BASIS = SpectralBasis.load("general-7")
@@ -81,8 +81,8 @@ def test_designed_spectra_under_designed_lights_give_no_nan(model: str) -> None:
     # Two models have no closed form: always looked up, in a table that takes the host a second.
     tabled = model in ("Hunt", "Nayatani95")
     kinds = (True,) if tabled else (False, True)
-    engines = [GLEngine(coefficients, alpha, table=table) for table in kinds]
-    engines.append(HostEngine(coefficients, alpha))
+    engines = [GLEngine(coefficients, alpha, lut3d=table) for table in kinds]
+    engines.append(CpuEngine(coefficients, alpha))
     worst = 0.0
     for turn, (name, lit) in enumerate(LIGHTS.items()):
         if tabled and turn % 4:  # the next light's table is as hard

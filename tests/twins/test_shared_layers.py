@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from volspec._gpu.opencl import Compute
-from volspec.relight.packed import layer_count, pack_layers
-from volspec.relight.shared import packer
+from volspec.relight.layers import band_packer, layer_count, pack_layers
 
 ODD = [np.nan, np.inf, -np.inf, 1e30, -1e30, 3e38, 1e9, -1e9, 7e4, -7e4, 1e-8, 6.1e-5, 0.1]
 
@@ -36,7 +35,7 @@ def packed_on_the_device(
         import pyopencl as cl
 
         cl.enqueue_copy(compute.queue, buffer, layers)
-    pack = packer(compute, coefficients.shape, buffer, half=half)
+    pack = band_packer(compute, coefficients.shape, buffer, half=half)
     for first in range(0, height, lines):
         band = slice(first, min(first + lines, height))
         pack(compute.upload(coefficients[band]), compute.upload(alpha[band]), band).wait()

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from tests.support.errors import raises
 from tests.support.viewer import wait_until
+from volspec.appearance import lut3d
 from volspec.errors import RelightError, ViewingError
 from volspec.pipeline import raycast
 from volspec.raycast import Camera, CoefficientImage
-from volspec.relight import Illumination, LightRig, tables
+from volspec.relight import Illumination, LightRig
 from volspec.relight.error_map import error_map
 from volspec.spectra import colour_matching_functions
 from volspec.viewer.model import light_rows
@@ -168,10 +169,10 @@ def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins
 ) -> None:
     screen.relight(seen_by(state, "CIECAM02", 0), held=False)
     before = pixels(screen)
-    made: list[tables.TableKey] = []
-    work_out = tables._texels
+    made: list[lut3d.LutKey] = []
+    work_out = lut3d._bake_texels
     monkeypatch.setattr(
-        tables, "_texels", lambda key, end: (made.append(key), work_out(key, end))[1]
+        lut3d, "_bake_texels", lambda key, end: (made.append(key), work_out(key, end))[1]
     )
     for light in (0, 1, 2, 1):
         screen.mark_stale()
@@ -198,17 +199,17 @@ def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins
 def test_a_table_under_way_is_given_up_for_the_next_light(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    begun: list[tables.TableKey] = []
-    work_out = tables._texels
+    begun: list[lut3d.LutKey] = []
+    work_out = lut3d._bake_texels
 
-    def without_end(key: tables.TableKey, cancel: Callable[[], bool]) -> NDArray[np.float32]:
+    def without_end(key: lut3d.LutKey, cancel: Callable[[], bool]) -> NDArray[np.float32]:
         begun.append(key)
         end = time.time() + 20
         while len(begun) == 1 and time.time() < end and not cancel():
             time.sleep(0.002)
         return work_out(key, cancel)
 
-    monkeypatch.setattr(tables, "_texels", without_end)
+    monkeypatch.setattr(lut3d, "_bake_texels", without_end)
     screen.relight(seen_by(state, "Nayatani95", 0), held=False)
     wait_until(lambda: begun)
     screen.mark_stale()
@@ -238,10 +239,10 @@ def test_both_sides_of_the_divide_have_tables_of_their_own(
 def test_a_table_that_cannot_be_is_told_and_asked_for_once(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(key: tables.TableKey, cancel: object) -> None:
+    def refused(key: lut3d.LutKey, cancel: object) -> None:
         raise ViewingError("no colour at\nsome node")
 
-    monkeypatch.setattr(tables, "_texels", refused)
+    monkeypatch.setattr(lut3d, "_bake_texels", refused)
     hunt = seen_by(state, "Hunt", 0)
     screen.relight(hunt, held=False)
     until_told(screen)

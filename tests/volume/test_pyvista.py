@@ -16,8 +16,8 @@ from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumePrope
 
 import volspec as vs
 from tests.support.errors import raises
-from volspec.appearance import constants
-from volspec.appearance.curves import sRGB_CURVE
+from volspec.appearance import spaces
+from volspec.appearance.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
 from volspec.errors import (
     CameraError,
@@ -198,7 +198,7 @@ def colour_of(mix: dict[str, float], materials: dict[str, vs.Spectrum]) -> np.nd
     basis = SpectralBasis.bands()
     channels = basis.channels_for_materials({name: materials[name] for name in mix})
     XYZ = basis.colour_matrix(vs.light("D65"), "exact") @ (list(mix.values()) @ channels)
-    return np.asarray(255 * sRGB_CURVE.encode(constants.sRGB_FROM_XYZ @ XYZ))
+    return np.asarray(255 * sRGB_CURVE.encode(spaces.sRGB_FROM_XYZ @ XYZ))
 
 
 def test_curves_that_bend_between_vtks_points_are_followed() -> None:

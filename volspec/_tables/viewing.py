@@ -13,16 +13,15 @@ from pydantic import Discriminator, Field, Tag
 
 from volspec._tables.base import Box, Name, Pair, Table, value_or_table
 from volspec.appearance import Display, Viewing
-from volspec.appearance.curves import Transfer
 from volspec.appearance.presets import preset
 from volspec.appearance.profile import read_profile
-from volspec.appearance.spaces import SPACES, ColourSpace
+from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 
 _VIEW = Viewing()
 
 
 class CurveTable(Table):
-    """``transfer`` of a space: see `volspec.appearance.curves.Transfer`."""
+    """``transfer`` of a space: see `volspec.appearance.spaces.Transfer`."""
 
     power: Annotated[float, Field(examples=[0.4545])]
     """1 / gamma."""

@@ -1,11 +1,12 @@
-"""What the eye makes of a picture: viewing conditions, CIECAM02, the display's encoding.
+"""Colour appearance: viewing conditions, appearance models, the display's encoding.
 
     raycast -> relight -> [appearance] -> frame
 
-Scene XYZ seen under the scene's light become the XYZ that look the same on the display.
+Scene XYZ under the scene's light become the XYZ of equal appearance on the display.
 """
 
-from volspec.appearance.live import passage_of
+from volspec._deprecated import renamed
+from volspec.appearance.scene_to_display import view_transform
 from volspec.appearance.spec import (
     SURROUNDS,
     Display,
@@ -21,6 +22,8 @@ __all__ = [
     "Surround",
     "Viewing",
     "ViewingConditions",
-    "passage_of",
     "surround_at",
+    "view_transform",
 ]
+
+__getattr__ = renamed(__name__, {"passage_of": "view_transform"})

@@ -1,6 +1,6 @@
-"""A display and the room it stands in: what the picture is made for.
+"""The display and its room.
 
-    spaces, surround -> [display] -> Viewing -> passages, screen
+    spaces, profile, surround -> [display] -> Viewing -> scene_to_display, screen
 
 References
 ----------
@@ -18,7 +18,8 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag
 
-from volspec.appearance.spaces import SPACES, ColourSpace, is_profile, space_of
+from volspec.appearance.profile import is_profile, read_profile
+from volspec.appearance.spaces import SPACES, ColourSpace
 from volspec.appearance.surround import (
     Background,
     Luminance,
@@ -43,6 +44,30 @@ Gamut = Literal["clip", "reduce"]
 GAMUTS: tuple[Gamut, ...] = get_args(Gamut)
 
 
+def colour_space(space: str | Path | ColourSpace) -> ColourSpace:
+    """Return a space by name, as it is, or from a display's profile, ``FILE.icc``.
+
+    Raises
+    ------
+    ViewingError
+        If there is none of that name, or the profile cannot be used.
+    """
+    if isinstance(space, ColourSpace):
+        return space
+    name = str(space)
+    if name in SPACES:
+        return SPACES[name]
+    if is_profile(name):
+        return read_profile(name)
+    raise ViewingError.refused(
+        "colour space",
+        name,
+        f"{nearest(name, SPACES)}known: {', '.join(SPACES)}; any other as FILE.icc or as a "
+        "ColourSpace",
+        "unknown",
+    )
+
+
 def _look_up(space: object) -> object:
     if not isinstance(space, str | Path) or space in SPACES:
         return space
@@ -50,7 +75,7 @@ def _look_up(space: object) -> object:
         remedy = f"{nearest(str(space), SPACES)}known: {', '.join(SPACES)}; any other as FILE.icc"
         raise ViewingError("", remedy, code="unknown", given=space)
     try:
-        return space_of(space)  # a profile is read once, now
+        return colour_space(space)  # a profile is read once, now
     except ViewingError as error:
         raise ViewingError(str(error), code=error.code, given=space) from error
 
@@ -140,7 +165,7 @@ class Display:
     @property
     def colours(self) -> ColourSpace:
         """``space``, looked up."""
-        return space_of(self.space)
+        return colour_space(self.space)
 
     @property
     def conditions(self) -> ViewingConditions:

@@ -1,4 +1,4 @@
-"""Hue in words: quadrature between the four unique hues, and their shares.
+"""Hue quadrature and composition: percentages of the four unique hues.
 
     model -> hue angle -> [quadrature -> composition] -> readout
 
@@ -25,14 +25,14 @@ LETTERS = "RYGB"
 
 
 class UniqueHues(NamedTuple):
-    """Where a model has its unique hues: angles that rise, their eccentricity e and their H."""
+    """A model's unique hues: increasing angles, their eccentricity e and their H."""
 
     degrees: tuple[float, ...]
     eccentricity: tuple[float, ...]
     H: tuple[float, ...] = tuple(k.UNIQUE_HUES_H[:4].tolist())
 
 
-def _straight(*degrees: float) -> UniqueHues:
+def _equal_eccentricity(*degrees: float) -> UniqueHues:
     return UniqueHues(degrees, (1.0,) * len(degrees))
 
 
@@ -43,16 +43,16 @@ CIE_HUES = UniqueHues(
 HUNT_HUES = UniqueHues(
     (*CIE_HUES.degrees, 360.0), (*CIE_HUES.eccentricity, 0.856), (*CIE_HUES.H, 385.9)
 )
-"""Hunt's own computation stops at h = 0 between blue and red [2]; the survey does not tell."""
-CIELAB_HUES = _straight(24.0, 90.0, 162.0, 246.0)
-"""CIELAB's and RLAB's. Table 1's other rows are on straight lines between these, which also
-tells that its R83B stands at 270 degrees and not at the printed 276."""
-NAYATANI_HUES = _straight(20.14, 90.0, 164.25, 231.0)
+"""Hunt's own computation has a knot at h = 0 between blue and red [2]; the survey omits it."""
+CIELAB_HUES = _equal_eccentricity(24.0, 90.0, 162.0, 246.0)
+"""CIELAB's and RLAB's. Table 1's other rows are linear between these, from which its R83B is at
+270 degrees and not at the printed 276."""
+NAYATANI_HUES = _equal_eccentricity(20.14, 90.0, 164.25, 231.0)
 """The Nayatani model's."""
 
 
 def quadrature(h: ArrayLike, hues: UniqueHues = CIE_HUES) -> Array:
-    """Hue quadrature H from the hue angle (eq. 41).
+    """Return hue quadrature H of the hue angle (eq. 41).
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def quadrature(h: ArrayLike, hues: UniqueHues = CIE_HUES) -> Array:
 
 
 def composition(H: ArrayLike) -> str | NDArray[np.str_]:
-    """Hue quadrature as shares of the two unique hues around it, the larger first.
+    """Write hue quadrature as percentages of the two unique hues around it, the larger first.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def composition(H: ArrayLike) -> str | NDArray[np.str_]:
     Returns
     -------
     str, or (...) array of str
-        Whole percent; a share that rounds to nothing is left out.
+        Whole percent; 0 % is left out.
 
     Examples
     --------
@@ -105,15 +105,15 @@ def composition(H: ArrayLike) -> str | NDArray[np.str_]:
     ['100R', '50R 50Y', '83R 17B']
     """
     quarters = np.asarray(H, dtype=np.float64) % 400.0
-    texts = [_shares(value) for value in quarters.ravel().tolist()]
+    texts = [_percentages(value) for value in quarters.ravel().tolist()]
     if quarters.ndim == 0:
         return texts[0]
     return np.array(texts, dtype=np.str_).reshape(quarters.shape)
 
 
-def _shares(H: float) -> str:
+def _percentages(H: float) -> str:
     quarter = int(H // 100.0)
     second = round(H - 100.0 * quarter)
-    shares = [(100 - second, LETTERS[quarter % 4]), (second, LETTERS[(quarter + 1) % 4])]
-    shares.sort(key=lambda share: -share[0])
-    return " ".join(f"{share}{letter}" for share, letter in shares if share > 0)
+    parts = [(100 - second, LETTERS[quarter % 4]), (second, LETTERS[(quarter + 1) % 4])]
+    parts.sort(key=lambda part: -part[0])
+    return " ".join(f"{percent}{letter}" for percent, letter in parts if percent > 0)

@@ -1,17 +1,17 @@
-"""Viewing conditions measured from a picture: what lies around the line of sight.
+"""Viewing conditions measured from a picture: the surroundings of the line of sight.
 
     relight -> [measured] -> ViewingConditions -> appearance
 
-For frames, `Viewing.adapting` has it done (`volspec.relight.adapted`).
+`Viewing.adapting` does this for frames (`volspec.relight.measured_viewing`).
 
-The background is what lies 1° to 11° from the line of sight, the adapting field what lies 11° to
-90° from it, each averaged over solid angle:
+The background is the part of the scene 1° to 11° from the line of sight, the adapting field the
+part 11° to 90° from it, each averaged over solid angle:
 
     Y_b = ∫ Y dω / ∫ dω      1° to 11°
     L_A = L_w / Y_w · ∫ Y dω / ∫ dω      11° to 90°
 
-A picture fills only a part of them: what is outside of it counts as having one luminance factor,
-the picture's own mean unless another is given (the backdrop's, or 0 for a dark room). A pixel at
+A picture fills only a part of them: everything outside of it has one luminance factor, the
+picture's own mean unless another is given (the backdrop's, or 0 for a dark room). A pixel at
 (u, v) = tan of its angles spans du dv / (1 + u² + v²)^(3/2).
 
 References
@@ -27,9 +27,14 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.net import AdaptingNet, between, pitch, sphere, weights
-from volspec.appearance.spec import ViewingConditions
-from volspec.appearance.surround import SurroundOrRatio, is_finite
+from volspec.appearance.adaptation_grid import (
+    AdaptationGrid,
+    directions_on_sphere,
+    field_weights,
+    pixel_pitch,
+    pixels_from_nodes,
+)
+from volspec.appearance.surround import SurroundOrRatio, ViewingConditions, is_finite
 from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
@@ -48,23 +53,23 @@ def measured_conditions(
     outside: float | None = None,
     surround: SurroundOrRatio | None = "average",
 ) -> ViewingConditions:
-    """What an eye is adapted to that looks at one place of a picture.
+    """Return the conditions of an eye that looks at one place of a picture.
 
     Parameters
     ----------
     Y : (H, W) array_like
-        Luminance factor of each pixel on the white's scale; what is below 0 counts as 0.
+        Luminance factor of each pixel on the white's scale; below 0 counts as 0.
     white_XYZ : (3,) array_like
         The adopted white.
     fov_deg : float
-        The picture's height as an angle: `Camera.fov_deg`; for an orthographic camera, the angle
-        under which the picture is thought to be seen.
+        The picture's height as an angle: `Camera.fov_deg`; for an orthographic camera, an assumed
+        angle.
     luminance_of_white : float
-        Of a perfect diffuser, cd/m²: E_v/π.
+        Luminance of a perfect diffuser, cd/m²: E_v/π.
     at : (x, y), optional
         The pixel looked at, (0, 0) the middle of the top left one; None is the picture's middle.
     outside : float, optional
-        Y of all that the picture does not show; None is the picture's mean.
+        Y of everything outside of the picture; None is the picture's mean.
     surround : str or float or None
         As `surround_at`; None is the measured ratio L_A / luminance_of_white, 1 at most [1].
 
@@ -81,30 +86,32 @@ def measured_conditions(
 
     Examples
     --------
-    >>> seen = measured_conditions(np.full((64, 64), 18.0), (95, 100, 109), 40.0, 300.0)
-    >>> round(seen.Y_b, 6), round(seen.L_A, 6)
+    >>> conditions = measured_conditions(np.full((64, 64), 18.0), (95, 100, 109), 40.0, 300.0)
+    >>> round(conditions.Y_b, 6), round(conditions.L_A, 6)
     (18.0, 54.0)
     """
     picture = _factors(Y)
     white = np.asarray(white_XYZ, dtype=np.float64)
     if white.shape != (3,):
-        raise ShapeError(f"measured: the white has shape {white.shape}; expected (3,)")
+        raise ShapeError(
+            f"has shape {white.shape}", "expected (3,)", field="measured.white_XYZ", given=white_XYZ
+        )
     if not white[1] > 0.0:
         raise ViewingError.refused(
-            "measured: the white's Y", white[1], "expected above 0, as 100", "range"
+            "measured.white_XYZ[1]", white[1], "expected above 0, as 100", "range"
         )
     _require_luminance(luminance_of_white)
     height, width = picture.shape
     x, y = _pixel(at, (height, width))
-    scale = pitch((height, width), fov_deg)
+    scale = pixel_pitch((height, width), fov_deg)
     across = (np.arange(width) - (width - 1) / 2) * scale
     down = (np.arange(height) - (height - 1) / 2) * scale
-    directions, density = sphere(*np.meshgrid(across, down))
+    directions, density = directions_on_sphere(*np.meshgrid(across, down))
     spans = (density * scale**2).ravel()
-    elsewhere = _outside(outside, picture.ravel(), spans)
+    elsewhere = _outside_or_mean(outside, picture.ravel(), spans)
     line = np.array([(x - (width - 1) / 2) * scale, (y - (height - 1) / 2) * scale, 1.0])
     cos = directions @ (line / np.linalg.norm(line))
-    parts, rest = weights(cos.reshape(1, -1), spans)
+    parts, rest = field_weights(cos.reshape(1, -1), spans)
     Y_b, Y_A = parts @ picture.ravel() + rest * elsewhere
     L_A = float(Y_A[0]) / float(white[1]) * luminance_of_white
     if surround is None:
@@ -121,9 +128,9 @@ def adapting_fields(
     *,
     outside: float | None = None,
 ) -> tuple[Array, Array]:
-    """Background and adapting luminance of every pixel.
+    """Return background and adapting luminance of every pixel.
 
-    Averages over cones of 11° change slowly: they are worked out for a net of lines of sight over
+    Averages over cones of 11° change slowly: they are worked out for a grid of lines of sight over
     cells of the picture, 48 along its longer side, and interpolated between. Cones and solid angles
     are those of the sphere, at edges too; cells above 2° (a picture of 90°) blur the rim.
 
@@ -151,12 +158,13 @@ def adapting_fields(
     picture = _factors(Y)
     _require_luminance(luminance_of_white)
     if not (math.isfinite(Y_w) and Y_w > 0.0):
-        raise ViewingError.refused("measured.Y_w", Y_w, "expected the white's Y, as 100")
+        raise ViewingError.refused("measured.Y_w", Y_w, "expected the white's Y, as 100", "range")
     height, width = picture.shape
-    net = AdaptingNet.of((height, width), fov_deg, _CELLS)
-    cells = net.of_picture(picture)
-    fields = net.measured(cells, _outside(outside, cells, net.spans))
-    down, across = between(net.nodes[0], height), between(net.nodes[1], width)
+    grid = AdaptationGrid.of((height, width), fov_deg, _CELLS)
+    cells = grid.means(picture)
+    fields = grid.measure(cells, _outside_or_mean(outside, cells, grid.spans))
+    down = pixels_from_nodes(grid.nodes[0], height)
+    across = pixels_from_nodes(grid.nodes[1], width)
     Y_b, Y_A = (down @ field @ across.T for field in fields)
     return Y_b, Y_A / Y_w * luminance_of_white
 
@@ -164,14 +172,16 @@ def adapting_fields(
 def _factors(Y: ArrayLike) -> Array:
     picture = np.asarray(Y, dtype=np.float64)
     if picture.ndim != 2 or picture.size == 0:
-        raise ShapeError(f"measured: Y has shape {picture.shape}; expected (H, W)")
+        raise ShapeError(f"has shape {picture.shape}", "expected (H, W)", field="measured.Y")
     if not np.all(np.isfinite(picture)):
-        raise ViewingError("measured: Y holds values that are not finite (NaN or infinity)")
+        raise ViewingError(
+            "holds values that are not finite (NaN or infinity)", code="range", field="measured.Y"
+        )
     return np.maximum(picture, 0.0)
 
 
 def _pixel(at: tuple[float, float] | None, shape: tuple[int, int]) -> tuple[float, float]:
-    """The pixel looked at, (x, y)."""
+    """Return the pixel looked at, (x, y)."""
     height, width = shape
     if at is None:
         return (width - 1) / 2, (height - 1) / 2
@@ -180,19 +190,21 @@ def _pixel(at: tuple[float, float] | None, shape: tuple[int, int]) -> tuple[floa
     except (TypeError, ValueError):
         x = y = math.nan
     if not (is_finite(x) and is_finite(y)):
-        raise ViewingError.refused("measured.at", at, "expected (x, y), a pixel, or None")
+        raise ViewingError.refused("measured.at", at, "expected (x, y), a pixel, or None", "type")
     if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
-        raise ViewingError(
-            f"measured: at is ({x}, {y}), outside of the picture's {width} × {height} pixels"
+        raise ViewingError.refused(
+            "measured.at", at, f"expected a pixel within {width} × {height}", "range"
         )
     return float(x), float(y)
 
 
-def _outside(outside: float | None, picture: Array, spans: Array) -> float:
+def _outside_or_mean(outside: float | None, picture: Array, spans: Array) -> float:
     if outside is None:
         return float(np.average(picture, weights=spans))
     if not (math.isfinite(outside) and outside >= 0.0):
-        raise ViewingError.refused("measured.outside", outside, "expected a Y of 0 or more", "type")
+        raise ViewingError.refused(
+            "measured.outside", outside, "expected a Y of 0 or more", "range"
+        )
     return float(outside)
 
 

@@ -1,9 +1,9 @@
-"""Viewing conditions by name, each number with where it comes from.
+"""Viewing conditions by name, each number with its source.
 
     standards -> [presets] -> Display, ViewingConditions
 
-Where a source gives no adapting luminance, L_A is a fifth of the white's, as a grey background of
-Y_b = 20 has.
+If a source gives no adapting luminance, L_A is a fifth of the white's, that of a grey background
+of Y_b = 20.
 
 References
 ----------
@@ -33,7 +33,7 @@ from volspec.errors import ViewingError, nearest
 
 
 class Sources(NamedTuple):
-    """Where each number of a preset comes from."""
+    """Source of each number of a preset."""
 
     white_luminance: str
     surround: str
@@ -53,13 +53,13 @@ class Preset:
     surround: SurroundOrRatio
     """As `surround_at`."""
     white_luminance: float
-    """Of the display's white or of a perfect diffuser, cd/m²."""
+    """Luminance of the display's white or of a perfect diffuser, cd/m²."""
     space: str
-    """The display that usually stands there, a name of `SPACES`; ``""`` where it is no display."""
+    """The usual display, a name of `SPACES`; ``""`` without one."""
     sources: Sources
 
     def display(self, space: str | Path | ColourSpace = "sRGB", gamut: Gamut = "clip") -> Display:
-        """A display seen so; ``space`` is that of the picture, which may not be the preset's."""
+        """Make a display under these conditions; ``space`` is the picture's, not the preset's."""
         return Display(
             L_A=self.L_A,
             Y_b=self.Y_b,
@@ -70,12 +70,17 @@ class Preset:
         )
 
     def conditions(self, white_XYZ: Triple) -> ViewingConditions:
-        """A scene seen so, under a white with Y = 100."""
+        """Make the conditions of a scene, under a white with Y = 100."""
         return ViewingConditions(white_XYZ, self.L_A, self.Y_b, self.surround)
 
 
 _FIFTH = "a fifth of the white's"
 _GREY = "grey, the models' usual"
+_sRGB_WHITE = "IEC 61966-2-1: 80 cd/m²"
+_sRGB_GREY = "IEC 61966-2-1: surround of reflectance 0.2"
+_MORONEY_WHITE = "Moroney 2002: 80 cd/m²"
+_THEATRE = "a darkened theatre: S_R = 0"
+_PRINT_LIGHT = "lit as the print is: S_R = 1 [2]"
 
 
 def _preset(
@@ -83,96 +88,104 @@ def _preset(
     white: float,
     surround: SurroundOrRatio,
     space: str,
-    sources: tuple[str, str, str],
-    L_A: float | None = None,
-    Y_b: str = _GREY,
+    L_A: float | None,
+    *sources: str,
 ) -> Preset:
+    """Make a preset; sources are those of the white, the surround, L_A and Y_b."""
     luminance = 0.2 * white if L_A is None else L_A
-    return Preset(name, luminance, 20.0, surround, white, space, Sources(*sources, Y_b))
+    every = (*sources, *(_FIFTH, _GREY)[len(sources) - 2 :])
+    return Preset(name, luminance, 20.0, surround, white, space, Sources(*every))
 
 
-PRESETS: Mapping[str, Preset] = MappingProxyType(
-    {
-        preset.name: preset
-        for preset in (
-            _preset(
-                *("sRGB", 80.0, "average", "sRGB"),
-                (
-                    "IEC 61966-2-1: 80 cd/m²",
-                    "64 lx on white is 20 cd/m², a quarter of the display's: S_R = 0.25 [2]",
-                    "IEC 61966-2-1: 64 lx on reflectance 0.2, 64/π · 0.2",
-                ),
-                L_A=64.0 / math.pi * 0.2,
-                Y_b="IEC 61966-2-1: surround of reflectance 0.2",
-            ),
-            _preset(
-                *("sRGB office", 80.0, "average", "sRGB"),
-                (
-                    "IEC 61966-2-1: 80 cd/m²",
-                    "200 lx on white is 64 cd/m²: S_R = 0.8 [2]",
-                    "IEC 61966-2-1, typical: 200 lx on reflectance 0.2, 200/π · 0.2",
-                ),
-                L_A=200.0 / math.pi * 0.2,
-                Y_b="IEC 61966-2-1: surround of reflectance 0.2",
-            ),
-            _preset(
-                *("bright office", 80.0, "average", "sRGB"),
-                (
-                    "Moroney 2002: 80 cd/m²",
-                    "Moroney 2002: 500 lx, S_R = 2",
-                    "Moroney 2002: 15 cd/m²",
-                ),
-                L_A=15.0,
-            ),
-            _preset(
-                *("dim room", 80.0, "dim", "sRGB"),
-                (
-                    "Moroney 2002: 80 cd/m²",
-                    "Moroney 2002, display at home: 38 lx, S_R = 0.15, dim",
-                    "Moroney 2002: 20 cd/m²",
-                ),
-                L_A=20.0,
-            ),
-            _preset(
-                *("television studio", 100.0, "dim", "Rec. 709"),
-                ("BT.2035: 100 cd/m²", "BT.2035: a tenth of the white's, S_R = 0.1", _FIFTH),
-            ),
-            _preset(
-                *("cinema", 48.0, "dark", "DCI-P3"),
-                ("SMPTE ST 431-1: 48 cd/m²", "a darkened theatre: S_R = 0", _FIFTH),
-            ),
-            _preset(
-                *("film projector", 55.0, "dark", ""),
-                ("SMPTE 196M: 55 cd/m², no film", "a darkened theatre: S_R = 0", _FIFTH),
-            ),
-            _preset(
-                *("projector", 150.0, "dark", "sRGB"),
-                (
-                    "Moroney 2002, slides: 150 cd/m²",
-                    "Moroney 2002: 0 lx, S_R = 0",
-                    "Moroney 2002: 30 cd/m²",
-                ),
-                L_A=30.0,
-            ),
-            _preset(
-                *("light box", 1270.0, "dim", ""),
-                ("ISO 3664 T1: 1270 cd/m²", "ISO 3664 T1: at most a tenth of the white's", _FIFTH),
-            ),
-            _preset(
-                *("light booth", 2000.0 / math.pi, "average", ""),
-                ("ISO 3664 P1: 2000 lx", "lit as the print is: S_R = 1 [2]", _FIFTH),
-            ),
-            _preset(
-                *("print", 500.0 / math.pi, "average", ""),
-                ("ISO 3664 P2: 500 lx", "lit as the print is: S_R = 1 [2]", _FIFTH),
-            ),
-        )
-    }
+_PRESETS = (
+    _preset(
+        "sRGB",
+        80.0,
+        "average",
+        "sRGB",
+        64.0 / math.pi * 0.2,
+        _sRGB_WHITE,
+        "64 lx on white is 20 cd/m², a quarter of the display's: S_R = 0.25 [2]",
+        "IEC 61966-2-1: 64 lx on reflectance 0.2, 64/π · 0.2",
+        _sRGB_GREY,
+    ),
+    _preset(
+        "sRGB office",
+        80.0,
+        "average",
+        "sRGB",
+        200.0 / math.pi * 0.2,
+        _sRGB_WHITE,
+        "200 lx on white is 64 cd/m²: S_R = 0.8 [2]",
+        "IEC 61966-2-1, typical: 200 lx on reflectance 0.2, 200/π · 0.2",
+        _sRGB_GREY,
+    ),
+    _preset(
+        "bright office",
+        80.0,
+        "average",
+        "sRGB",
+        15.0,
+        _MORONEY_WHITE,
+        "Moroney 2002: 500 lx, S_R = 2",
+        "Moroney 2002: 15 cd/m²",
+    ),
+    _preset(
+        "dim room",
+        80.0,
+        "dim",
+        "sRGB",
+        20.0,
+        _MORONEY_WHITE,
+        "Moroney 2002, display at home: 38 lx, S_R = 0.15, dim",
+        "Moroney 2002: 20 cd/m²",
+    ),
+    _preset(
+        "television studio",
+        100.0,
+        "dim",
+        "Rec. 709",
+        None,
+        "BT.2035: 100 cd/m²",
+        "BT.2035: a tenth of the white's, S_R = 0.1",
+    ),
+    _preset("cinema", 48.0, "dark", "DCI-P3", None, "SMPTE ST 431-1: 48 cd/m²", _THEATRE),
+    _preset("film projector", 55.0, "dark", "", None, "SMPTE 196M: 55 cd/m², no film", _THEATRE),
+    _preset(
+        "projector",
+        150.0,
+        "dark",
+        "sRGB",
+        30.0,
+        "Moroney 2002, slides: 150 cd/m²",
+        "Moroney 2002: 0 lx, S_R = 0",
+        "Moroney 2002: 30 cd/m²",
+    ),
+    _preset(
+        "light box",
+        1270.0,
+        "dim",
+        "",
+        None,
+        "ISO 3664 T1: 1270 cd/m²",
+        "ISO 3664 T1: at most a tenth of the white's",
+    ),
+    _preset(
+        "light booth",
+        2000.0 / math.pi,
+        "average",
+        "",
+        None,
+        "ISO 3664 P1: 2000 lx",
+        _PRINT_LIGHT,
+    ),
+    _preset("print", 500.0 / math.pi, "average", "", None, "ISO 3664 P2: 500 lx", _PRINT_LIGHT),
 )
+PRESETS: Mapping[str, Preset] = MappingProxyType({preset.name: preset for preset in _PRESETS})
 
 
 def preset(name: str) -> Preset:
-    """Viewing conditions by name.
+    """Return viewing conditions by name.
 
     Parameters
     ----------
@@ -196,7 +209,7 @@ def preset(name: str) -> Preset:
     if name in PRESETS:
         return PRESETS[name]
     raise ViewingError(
-        f"viewing preset {name!r} is unknown; {nearest(str(name), PRESETS)}known: "
-        f"{', '.join(PRESETS)}",
+        f"viewing preset {name!r} is unknown",
+        f"{nearest(str(name), PRESETS)}known: {', '.join(PRESETS)}",
         code="unknown",
     )

@@ -1,4 +1,4 @@
-"""A display's own profile: the colour space of an ICC file made of a matrix and curves.
+"""ICC profiles of displays: the colour space of a file with a matrix and curves.
 
     FILE.icc -> [profile] -> ColourSpace
 
@@ -16,37 +16,41 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.adaptation.von_kries import BRADFORD_FROM_XYZ
-from volspec.appearance.curves import Transfer, sRGB_CURVE
-from volspec.appearance.spaces import ColourSpace
+from volspec.appearance.constants import BRADFORD_FROM_XYZ
+from volspec.appearance.spaces import ColourSpace, Transfer, sRGB_CURVE
 from volspec.errors import ViewingError
 
 Array = NDArray[np.float64]
 
-# Two curves that differ by less, in codes of 0 to 1, are one: half an 8-bit step.
+# Two curves that differ by less, in codes of 0 to 1, are equal: half an 8-bit step.
 _ALIKE = 0.002
-# So far from 0 and 1 a sampled curve may start and end.
+# A sampled curve may start and end this far from 0 and 1.
 _ENDS = 0.01
 D50_XYZ = np.array([0.9642, 1.0, 0.8249])
 """The profile connection space's white."""
-# What a display's matrix profile has where in its header: ICC.1:2022, 7.2.5 to 7.2.7.
+# Fields of a display's matrix profile by their offset in the header: ICC.1:2022, 7.2.5 to 7.2.7.
 _HEADER = {
     12: ("device class", b"mntr"),
     16: ("colour space", b"RGB "),
     20: ("connection space", b"XYZ "),
 }
-# How many numbers a parametric curve of each type has.
+# Count of numbers of a parametric curve by type.
 _PARAMETERS = (1, 3, 4, 5, 7)
 
 
+def is_profile(name: str) -> bool:
+    """Return True for the name of an ICC profile's file."""
+    return name.lower().endswith((".icc", ".icm"))
+
+
 def D50_from_white(white_XYZ: Array) -> Array:
-    """(3, 3): XYZ beside a white to those beside D50, by Bradford's responses; Y = 1 for white."""
+    """Return (3, 3): XYZ under a white to those under D50, by Bradford; Y = 1 for white."""
     gains = (BRADFORD_FROM_XYZ @ D50_XYZ) / (BRADFORD_FROM_XYZ @ white_XYZ)
     return np.asarray(np.linalg.solve(BRADFORD_FROM_XYZ, gains[:, None] * BRADFORD_FROM_XYZ))
 
 
 def read_profile(path: str | Path) -> ColourSpace:
-    """The space of a matrix profile, as displays have.
+    """Read the space of a display's matrix profile.
 
     Parameters
     ----------
@@ -56,29 +60,31 @@ def read_profile(path: str | Path) -> ColourSpace:
     Returns
     -------
     ColourSpace
-        Named after the file. Sampled curves become the power, or sRGB's curve, that they are.
+        Named after the file. Sampled curves become the power, or sRGB's curve, that they sample.
 
     Raises
     ------
     ViewingError
         If it is no such file, no display's, has tables instead of a matrix, or curves of another
-        kind; the message names the file.
+        kind; the field names the file.
     """
-    name = str(path)
+    field = f"colour space {str(path)!r}"
     try:
-        return _space(Path(path).stem, _tags(_read(Path(path))))
+        return _colour_space(Path(path).stem, _tags(_read(Path(path))))
     except ViewingError as error:
-        raise ViewingError(f"colour space {name!r}: {error}") from None
+        raise error.at(field if not error.field else f"{field}: {error.field}") from None
     except (struct.error, KeyError, IndexError, ValueError) as error:
-        what = f"has no {error.args[0]}" if isinstance(error, KeyError) else "is damaged"
+        fault = f"has no {error.args[0]}" if isinstance(error, KeyError) else "is damaged"
         raise ViewingError(
-            f"colour space {name!r}: the profile {what}; expected a matrix profile of a display, "
-            "with rXYZ, gXYZ, bXYZ and their TRC"
+            f"the profile {fault}",
+            "expected a matrix profile of a display, with rXYZ, gXYZ, bXYZ and their TRC",
+            code="damaged",
+            field=field,
         ) from None
 
 
 def _read(path: Path) -> bytes:
-    """The bytes of a display's profile; its messages do not name the file, as of all below."""
+    """Read the bytes of a display's profile; `read_profile` adds the file to all errors below."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -86,20 +92,22 @@ def _read(path: Path) -> bytes:
             "no such file; check the path, or name a space, as 'sRGB'", code="not-found"
         ) from None
     except IsADirectoryError:
-        raise ViewingError("is a folder; give a display's .icc file") from None
+        raise ViewingError("is a folder; give a display's .icc file", code="not-found") from None
     except OSError as error:
         raise ViewingError(
             f"cannot be read: {error.strerror or error}; check the path and its permissions",
             code="damaged",
         ) from None
     if len(data) < 132 or data[36:40] != b"acsp":
-        raise ViewingError("no ICC profile; give a display's .icc file")
-    for start, (what, expected) in _HEADER.items():
+        raise ViewingError("no ICC profile; give a display's .icc file", code="damaged")
+    for start, (name, expected) in _HEADER.items():
         found = data[start : start + 4]
         if found != expected:
             raise ViewingError(
-                f"the profile's {what} is {found.decode('latin-1').strip()!r}, not "
-                f"{expected.decode().strip()!r}; give the profile of a display, a matrix profile"
+                f"the profile's {name} is {found.decode('latin-1').strip()!r}, not "
+                f"{expected.decode().strip()!r}",
+                "give the profile of a display, a matrix profile",
+                code="unsupported",
             )
     return data
 
@@ -110,12 +118,12 @@ def _tags(data: bytes) -> dict[str, bytes]:
     return {name.decode("latin-1"): data[start : start + size] for name, start, size in places}
 
 
-def _space(name: str, tags: dict[str, bytes]) -> ColourSpace:
+def _colour_space(name: str, tags: dict[str, bytes]) -> ColourSpace:
     columns = np.stack([_fixed(tags[f"{c}XYZ"], 3) for c in "rgb"], axis=1)
     if "chad" in tags:
         adapted = _fixed(tags["chad"], 9).reshape(3, 3)
     else:  # version 2: the media's white, from which Bradford's adaptation leads to D50
-        with np.errstate(all="ignore"):  # a white of nothing is refused as a space's below
+        with np.errstate(all="ignore"):  # `ColourSpace` refuses a white of 0
             adapted = D50_from_white(_fixed(tags["wtpt"], 3))
     XYZ = np.linalg.solve(adapted, columns)
     red, green, blue, white_xy = (_xy(v) for v in (*XYZ.T, XYZ.sum(axis=1)))
@@ -124,25 +132,26 @@ def _space(name: str, tags: dict[str, bytes]) -> ColourSpace:
     spread = np.ptp([curve.encode(codes) for curve in curves], axis=0).max()
     if spread > 2.0 * _ALIKE:
         raise ViewingError(
-            f"its channels' curves differ by {spread:.3f}; expected one for all, as a calibrated "
-            "display's"
+            f"its channels' curves differ by {spread:.3f}",
+            "expected one for all, as a calibrated display's",
+            code="unsupported",
         )
     return ColourSpace(name, (red, green, blue), white_xy, curves[1])
 
 
 def _xy(XYZ: Array) -> tuple[float, float]:
-    with np.errstate(all="ignore"):  # `ColourSpace` refuses what is not finite
+    with np.errstate(all="ignore"):  # `ColourSpace` refuses NaN
         x, y, _ = (XYZ / XYZ.sum()).tolist()
     return x, y
 
 
 def _numbers(tag: bytes, start: int, kind: str, count: int) -> Array:
-    """Numbers of a tag; ValueError where it ends before them."""
+    """Return numbers of a tag; ValueError if it ends before them."""
     return np.frombuffer(tag, dtype=kind, count=count, offset=start).astype(np.float64)
 
 
 def _fixed(tag: bytes, count: int, start: int = 8) -> Array:
-    """s15Fixed16Numbers."""
+    """Return s15Fixed16Numbers of a tag."""
     return _numbers(tag, start, ">i4", count) / 65536.0
 
 
@@ -153,7 +162,9 @@ def _curve(tag: bytes) -> Transfer:
         values = _fixed(tag, _PARAMETERS[number], start=12).tolist()
         if number in (1, 2):  # (g, a, b[, c]): black below -b/a, of no use to a display
             raise ViewingError(
-                f"its curves lift black (parametric type {number}); expected type 0 or 3"
+                f"its curves lift black (parametric type {number})",
+                "expected type 0 or 3",
+                code="unsupported",
             )
         return Transfer.icc(*values)
     if kind != b"curv":
@@ -164,30 +175,35 @@ def _curve(tag: bytes) -> Transfer:
     table = _numbers(tag, 12, ">u2", count)
     if count == 1:  # u8Fixed8Number
         return Transfer.gamma(float(table[0]) / 256.0)
-    return _fitted(table / 65535.0)
+    return _fit_curve(table / 65535.0)
 
 
-def _fitted(linear: Array) -> Transfer:
-    """The curve that a table was made of: sRGB's, or the power nearest to it."""
+def _fit_curve(linear: Array) -> Transfer:
+    """Return the curve that a table samples: sRGB's, or the nearest power."""
     if not (linear[0] <= _ENDS and linear[-1] >= 1.0 - _ENDS):
         raise ViewingError(
-            f"its curves go from {linear[0]:.3f} to {linear[-1]:.3f}; expected 0 to 1, a display's "
-            "own profile"
+            f"its curves go from {linear[0]:.3f} to {linear[-1]:.3f}",
+            "expected 0 to 1, a display's own profile",
+            code="unsupported",
         )
-    if linear.size == 2:  # its ends alone: straight between them
+    if linear.size == 2:  # its ends alone: linear between them
         return Transfer.gamma(1.0)
     codes = np.linspace(0.0, 1.0, linear.size)
     inside = (codes > 0.05) & (codes < 1.0) & (linear > 0.0)
     logs = np.log(codes[inside])
     slope = float(np.log(linear[inside]) @ logs / (logs @ logs)) if inside.any() else 1.0
     power = Transfer.gamma(max(slope, 0.1))
-    # Next to black a table of 16 bits has too few steps to tell.
-    told = codes > 0.02
-    fits = [(float(np.abs(c.encode(linear) - codes)[told].max()), c) for c in (sRGB_CURVE, power)]
+    # Near black a table of 16 bits has too few steps to compare.
+    compared = codes > 0.02
+    fits = [
+        (float(np.abs(curve.encode(linear) - codes)[compared].max()), curve)
+        for curve in (sRGB_CURVE, power)
+    ]
     off, curve = min(fits, key=lambda fit: fit[0])
     if off > 5.0 * _ALIKE:
         raise ViewingError(
-            f"its curves are neither sRGB's nor a power (off by {off:.3f}); calibrate the display "
-            "to one of them"
+            f"its curves are neither sRGB's nor a power (off by {off:.3f})",
+            "calibrate the display to one of them",
+            code="unsupported",
         )
     return curve

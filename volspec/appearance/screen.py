@@ -1,9 +1,29 @@
-"""Display XYZ to the codes of its pixels: what it cannot show mapped or marked, then encoded.
+"""Display XYZ to codes: colours outside of the display's gamut mapped or hatched, then encoded.
 
-    passage -> [screen] -> frame | shaders/include/gamut.glsl, display.glsl
+    view transform -> [screen] -> frame | shaders/include/gamut.glsl, display.glsl
 
-Every form of passage ends here, so all models share one mapping. Its lightness and hue are
-CIECAM02's, or CAM16's where that is the model, under the display's conditions.
+Every form of view transform ends here, so all models share one gamut mapping: clipping, or lower
+chroma at constant lightness and hue. These are CIECAM02's, or CAM16's if that is the model, under
+the display's conditions. In both a colour is three opponent signals of its compressed responses,
+
+    x = p2 - 0.305,    J = 100 (x / w)^cz          lightness: a function of x alone
+    (a, b),            h = atan2(b, a)             hue: unchanged by (a, b) -> s (a, b), s > 0
+    t = p1 r / (x + 0.305 - q r),                  chroma: C ~ t^0.9 √J, r = √(a² + b²),
+                                                   q = (11 cos h + 108 sin h) / 23
+
+so that scaling (a, b) by s at constant x keeps J and h exactly, and C falls with s, as
+dt/ds = p1 r p2 / (p2 - q s r)² > 0. No inverse model is needed: a few halvings of s, each a product
+of two matrices and a power, find the point on the surface of the display's cube.
+
+An eye that is not wholly adapted to the display (D < 1) sees its white with some chroma (3.2 at
+sRGB's conditions), and above J = 98 no colour without chroma can be shown. There, colours move
+towards the display's own white: the grey is (x, max(x - x0, 0) (a_w, b_w) / (x_w - x0)), free of
+chroma up to the knee x0 and ending in the white. Up to x0 both J and h are kept, above it J.
+
+References
+----------
+[1] CIE 159:2004; CIE 156:2004, "Guidelines for the evaluation of gamut mapping algorithms".
+[2] Morovič (2008), "Color Gamut Mapping", Wiley, chapter 10 (lightness- and hue-preserving).
 """
 
 from __future__ import annotations
@@ -16,23 +36,26 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance import constants as k
 from volspec.appearance.display import Display
-from volspec.appearance.gamut import (
-    DisplayGamut,
-    opponents,
-    reduce_chroma_opponent,
-)
-from volspec.appearance.models.conditions import Conditions
-from volspec.appearance.passages import triples
+from volspec.appearance.models.cam import CamConditions, compress, expand
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
+from volspec.appearance.transforms import triples
+from volspec.errors import ViewingError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# So far outside of 0 to 1 linear RGB counts as inside, and is clipped: under D65
-# Nayatani and Guth miss the white by up to 2.3e-4, and software GL's powers are 5e-5 off.
-SLACK = 2.5e-4
+# Linear RGB this far outside of 0 to 1 counts as inside: the white's own rounding, far below a
+# 16-bit step (1.5e-5).
+_ROUNDING = 1e-7
+# The same in frames, and clipped: under D65 Nayatani and Guth miss the white by up to 2.3e-4, and
+# software GL's powers are 5e-5 off.
+GAMUT_SLACK = 2.5e-4
+# Halvings that leave 1e-4 of the chroma, for eight bits; `reduce_chroma` leaves 2e-10.
+SHADER_STEPS = 12
+_STEPS = 32
 # Pixels from one band to the next, and of a band, along rows and columns.
 HATCH_PERIOD, HATCH_WIDTH = 8, 3
 # Magenta: no grey, and as far from saturated green as from skin.
@@ -40,7 +63,7 @@ HATCH_CODE = (0.85, 0.10, 0.60)
 
 SHADER_CONSTANTS: Mapping[str, ArrayLike] = MappingProxyType(
     {
-        "GAMUT_SLACK": SLACK,
+        "GAMUT_SLACK": GAMUT_SLACK,
         "HATCH_PERIOD": HATCH_PERIOD,
         "HATCH_WIDTH": HATCH_WIDTH,
         "HATCH_CODE": HATCH_CODE,
@@ -49,8 +72,186 @@ SHADER_CONSTANTS: Mapping[str, ArrayLike] = MappingProxyType(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class DisplayGamut:
+    """A display's cube in opponent signals: the uniforms of ``gamut.glsl``."""
+
+    conditions: CamConditions
+    """The display's viewing conditions."""
+    RGB_from_XYZ: Array
+    """(3, 3): XYZ with Y = 100 for white -> linear RGB."""
+    linear_from_response: Array
+    """(3, 3): responses as `expand` gives them -> linear RGB."""
+    top: float
+    """x_w, the white's x: no lighter colour is shown."""
+    knee: float
+    """x0: up to here grey has no chroma."""
+    knee_slope: tuple[float, float]
+    """(a_w, b_w) / (x_w - x0)."""
+
+    @classmethod
+    def of(cls, conditions: CamConditions, space: ColourSpace) -> DisplayGamut:
+        """Work out the grey axis of a display.
+
+        Parameters
+        ----------
+        conditions : CamConditions
+            CIECAM02's or CAM16's; Y = 100 for the display's white.
+        space : ColourSpace
+
+        Raises
+        ------
+        ViewingError
+            If a colour without chroma cannot be shown at any lightness.
+        """
+        scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
+        RGB_from_XYZ = space.RGB_from_XYZ
+        linear = RGB_from_XYZ @ np.linalg.inv(conditions.response_from_XYZ()) * scale
+        grey = linear.sum(axis=1)
+        if not grey.min() > 0.0:
+            raise ViewingError(
+                f"under these conditions {space.name} cannot show a colour without chroma",
+                "use a white nearer the display's or D nearer 1",
+                code="impossible",
+                field="gamut",
+            )
+        white = opponent_signals(space.white_XYZ, conditions)
+        # Equal responses of size r give linear RGB in proportion to `grey`: the first to reach 1.
+        compressed = k.RESPONSE_POLE / (1.0 + grey.max() ** k.RESPONSE_POWER)
+        highest = min(float(k.ACHROMATIC.sum() * compressed), float(white[0]))
+        low, high = 0.0, highest
+        for _ in range(40):
+            knee = 0.5 * (low + high)
+            inside = _segment_is_inside(knee, white, linear)
+            low, high = (knee, high) if inside else (low, knee)
+        # Half as steep as can be, so that the hue of the lightest colours does not jump.
+        knee = min(max(2.0 * low - float(white[0]), 0.0), (1.0 - 1e-6) * float(white[0]))
+        slope = white[1:] / (white[0] - knee)
+        return cls(
+            conditions=conditions,
+            RGB_from_XYZ=RGB_from_XYZ,
+            linear_from_response=linear,
+            top=float(white[0]),
+            knee=knee,
+            knee_slope=(float(slope[0]), float(slope[1])),
+        )
+
+
+def opponent_signals(XYZ: ArrayLike, conditions: CamConditions) -> Array:
+    """Return the opponent signals (x, a, b) of (..., 3) XYZ, x not below 0."""
+    responses = compress(triples("gamut.XYZ", XYZ) @ conditions.response_from_XYZ().T)
+    x = np.maximum(responses @ k.ACHROMATIC, 0.0)
+    return np.stack([x, responses @ k.OPPONENT_A, responses @ k.OPPONENT_B], axis=-1)
+
+
+def _linear(signals: Array, linear_from_response: Array) -> Array:
+    return expand(signals @ k.RESPONSE_FROM_OPPONENT.T) @ linear_from_response.T
+
+
+def _is_inside(linear: Array, slack: float) -> Mask:
+    return np.asarray(np.all((linear >= -slack) & (linear <= 1.0 + slack), axis=-1))
+
+
+def _segment_is_inside(knee: float, white: Array, linear_from_response: Array) -> bool:
+    t = np.linspace(0.0, 1.0, 65)[:, None]
+    signals = (1.0 - t) * np.array([knee, 0.0, 0.0]) + t * white
+    return bool(_is_inside(_linear(signals, linear_from_response), _ROUNDING).all())
+
+
+def reduce_chroma(
+    XYZ: ArrayLike, conditions: CamConditions, space: ColourSpace
+) -> tuple[Array, Mask]:
+    """Lower chroma at constant lightness and hue until the display can show the colour.
+
+    J is cut to the white's first; above the knee, J = 96.6 at sRGB's conditions, hue gives way to
+    the display's white (see the module).
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Y = 100 for the display's white.
+    conditions : CamConditions
+        The display's viewing conditions.
+    space : ColourSpace
+
+    Returns
+    -------
+    XYZ : (..., 3) float64
+        Colours inside of the gamut are unchanged.
+    mapped : (...) bool
+
+    Raises
+    ------
+    ShapeError
+        If the last axis is not 3.
+    ViewingError
+        As `DisplayGamut.of`.
+    """
+    given = triples("gamut.XYZ", XYZ)
+    gamut = DisplayGamut.of(conditions, space)
+    mapped = ~_is_inside(given @ gamut.RGB_from_XYZ.T, _ROUNDING)
+    shown = given.copy()
+    if mapped.any():
+        x, a, b = np.moveaxis(opponent_signals(given[mapped], conditions), -1, 0)
+        linear, _ = reduce_chroma_opponent(x, a, b, gamut, steps=_STEPS)
+        shown[mapped] = linear @ space.XYZ_from_RGB.T
+    return shown, mapped
+
+
+def reduce_chroma_opponent(
+    achromatic: ArrayLike,
+    a: ArrayLike,
+    b: ArrayLike,
+    gamut: DisplayGamut,
+    *,
+    steps: int = SHADER_STEPS,
+    slack: float = _ROUNDING,
+) -> tuple[Array, Mask]:
+    """Lower the chroma of opponent signals (x', a', b'): the twin of ``gamut.glsl``.
+
+        x  = clamp(x', 0, top),  (a_g, b_g) = max(x - knee, 0) knee_slope
+        R0 = response_from_opponent (x, a_g, b_g)
+        R1 = response_from_opponent (0, a' - a_g, b' - b_g)
+        s  : the largest k / 2^steps, by halving, for which linear(R0 + s R1) lies within 0…1
+        linear(R) = linear_from_response · sign(R) (|R| / (400 - |R|))^(1/0.42)
+
+    Parameters
+    ----------
+    achromatic, a, b : (...) array_like
+        x', a', b' as in `volspec.appearance.models.cam.CamTransform`.
+    gamut : DisplayGamut
+    steps : int
+        Halvings; the chroma left out is 2^-steps of the way at most.
+    slack : float
+        This far outside of 0…1 counts as inside; frames take `GAMUT_SLACK`.
+
+    Returns
+    -------
+    linear : (..., 3) float64
+        Linear RGB, within -slack to 1 + slack.
+    mapped : (...) bool
+    """
+    given = np.stack(np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (achromatic, a, b))))
+    signals = np.where(given[0] > 0.0, given, 0.0)
+    matrix = gamut.linear_from_response
+    linear = _linear(np.moveaxis(signals, 0, -1), matrix)
+    mapped = ~_is_inside(linear, slack)
+    x = np.minimum(signals[0], gamut.top)
+    over = np.maximum(x - gamut.knee, 0.0)
+    grey = np.stack([x, over * gamut.knee_slope[0], over * gamut.knee_slope[1]], axis=-1)
+    way = np.stack([x, signals[1], signals[2]], axis=-1) - grey
+    R0, R1 = grey @ k.RESPONSE_FROM_OPPONENT.T, way @ k.RESPONSE_FROM_OPPONENT.T
+    s, step = np.zeros(x.shape), 0.5
+    for _ in range(steps):
+        tried = expand(R0 + (s + step)[..., None] * R1) @ matrix.T
+        s = np.where(_is_inside(tried, slack), s + step, s)
+        step *= 0.5
+    reduced = expand(R0 + s[..., None] * R1) @ matrix.T
+    return np.where(mapped[..., None], reduced, linear), mapped
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Screen:
-    """What becomes of a colour at a display.
+    """The last stage of a frame: gamut mapping, hatching and encoding for one display.
 
     Parameters
     ----------
@@ -58,9 +259,9 @@ class Screen:
     RGB_from_XYZ : (3, 3)
         The space's.
     gamut : DisplayGamut, optional
-        How colours are paled; None clips.
+        The gamut to reduce chroma into; None clips.
     mark : bool
-        Whether pixels whose colours cannot be shown are hatched.
+        Hatch the pixels with colours outside of the gamut.
     """
 
     space: ColourSpace
@@ -70,7 +271,7 @@ class Screen:
 
     @classmethod
     def of(cls, display: Display, model: str = "CIECAM02") -> Screen:
-        """The screen of a display, in front of an eye that a model describes.
+        """Make the screen of a display; chroma is CAM16's if that is the model, else CIECAM02's.
 
         Raises
         ------
@@ -82,11 +283,11 @@ class Screen:
         gamut = None
         if display.gamut == "reduce":
             cam = "CAM16" if model == "CAM16" else "CIECAM02"
-            gamut = DisplayGamut.of(Conditions.of_viewing(display.conditions, cam), space)
+            gamut = DisplayGamut.of(CamConditions.of_viewing(display.conditions, cam), space)
         return cls(space, space.RGB_from_XYZ, gamut, display.mark)
 
     def linear(self, XYZ: ArrayLike) -> tuple[Array, Mask]:
-        """Linear RGB, paled where that is asked for, and which colours cannot be shown.
+        """Return linear RGB, with chroma reduced if so set, and a mask of colours out of gamut.
 
         Parameters
         ----------
@@ -99,23 +300,23 @@ class Screen:
             Not clipped.
         outside : (...) bool
         """
-        given = triples("screen: XYZ", XYZ)
+        given = triples("screen.XYZ", XYZ)
         linear = given @ self.RGB_from_XYZ.T
-        outside = np.any((linear < -SLACK) | (linear > 1.0 + SLACK), axis=-1)
+        outside = np.any((linear < -GAMUT_SLACK) | (linear > 1.0 + GAMUT_SLACK), axis=-1)
         if self.gamut is not None and outside.any():
-            x, a, b = opponents(given[outside], self.gamut.conditions).T
-            linear[outside], _ = reduce_chroma_opponent(x, a, b, self.gamut, slack=SLACK)
+            x, a, b = opponent_signals(given[outside], self.gamut.conditions).T
+            linear[outside], _ = reduce_chroma_opponent(x, a, b, self.gamut, slack=GAMUT_SLACK)
         return linear, np.asarray(outside)
 
     def codes(self, XYZ: ArrayLike, first_row: int = 0) -> Array:
-        """Code values of rows of a picture.
+        """Return the code values of rows of a picture.
 
         Parameters
         ----------
         XYZ : (H, W, 3) array_like
             Y = 100 for the display's white.
         first_row : int
-            Where in the picture the first of these rows stands; the hatch goes by it.
+            Index in the picture of the first of these rows; the hatch depends on it.
 
         Returns
         -------
@@ -124,17 +325,17 @@ class Screen:
         """
         linear, outside = self.linear(XYZ)
         codes = self.space.encode(np.clip(linear, 0.0, 1.0))
-        return marked(codes, outside, first_row) if self.mark else codes
+        return hatch(codes, outside, first_row) if self.mark else codes
 
 
-def marked(codes: Array, outside: ArrayLike, first_row: int = 0) -> Array:
+def hatch(codes: Array, outside: ArrayLike, first_row: int = 0) -> Array:
     """Hatch pixels: diagonal bands over the pixel's own grey.
 
     Parameters
     ----------
     codes : (H, W, 3) float64
     outside : (H, W) bool
-        Those to be hatched. All change, but greys between the bands.
+        The pixels to hatch. All of them change, but greys between the bands.
     first_row : int
         As `Screen.codes`.
     """
@@ -142,21 +343,21 @@ def marked(codes: Array, outside: ArrayLike, first_row: int = 0) -> Array:
     diagonal = (np.arange(height) + first_row)[:, None] + np.arange(width)
     band = diagonal % HATCH_PERIOD < HATCH_WIDTH
     grey = codes.mean(axis=-1, keepdims=True)
-    hatch = np.where(band[..., None], HATCH_CODE, grey)
-    return np.where(np.asarray(outside)[..., None], hatch, codes)
+    hatched = np.where(band[..., None], HATCH_CODE, grey)
+    return np.where(np.asarray(outside)[..., None], hatched, codes)
 
 
 @lru_cache(maxsize=16)
-def _screen(display: Display, model: str) -> Screen:
+def _cached_screen(display: Display, model: str) -> Screen:
     return Screen.of(display, model)
 
 
-def screen_of(viewing: Viewing) -> Screen:
-    """The screen that a viewing asks for; the last few are kept, as frames follow each other.
+def screen_for_viewing(viewing: Viewing) -> Screen:
+    """Return the screen of a viewing's display; the latest 16 are cached.
 
     Raises
     ------
     ViewingError
         As `Screen.of`.
     """
-    return _screen(viewing.display, "CAM16" if viewing.model == "CAM16" else "CIECAM02")
+    return _cached_screen(viewing.display, "CAM16" if viewing.model == "CAM16" else "CIECAM02")

@@ -1,9 +1,9 @@
-"""Display colour spaces: primaries, white and a parametric curve, as matrix/TRC profiles are.
+"""Display colour spaces: primaries, white and a parametric curve, the data of matrix/TRC profiles.
 
     appearance -> [spaces] -> frame | shaders/include/display.glsl
 
-How bright a display's white is, and how dark its black, is the `Display`'s business; a space has
-1 for white and 0 for black.
+The luminances of a display's white and black are the `Display`'s business; a space has 1 for white
+and 0 for black.
 
 References
 ----------
@@ -12,6 +12,7 @@ References
 [3] SMPTE RP 431-2:2011 (DCI-P3: primaries, white x = 0.314, y = 0.351, gamma 2.6); Apple's
     Display P3 has these primaries with D65 and sRGB's curve.
 [4] Adobe RGB (1998) Color Image Encoding, version 2005-05 (gamma 563/256).
+[5] ICC.1:2022, 10.18 parametricCurveType.
 """
 
 from __future__ import annotations
@@ -23,17 +24,164 @@ from types import MappingProxyType
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 
-from volspec.appearance.curves import BT_1886, Array, Transfer, sRGB_CURVE
-from volspec.errors import ViewingError, nearest, quoted
-from volspec.settings import Hint, Name, Pair, settings
+from volspec.appearance.surround import is_finite
+from volspec.errors import ShapeError, ViewingError
+from volspec.settings import Hint, Name, Pair, Positive, settings
+from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.grid import SpectralGrid
 
+Array = NDArray[np.float64]
 XY = tuple[float, float]
 
+# Jumps up to this are rounding in a profile's fixed-point numbers: a quarter of an 8-bit step.
+_ROUNDING = 1e-3
 # A triangle of primaries with less area than this spans no colours (sRGB's has 0.112).
 _LEAST_AREA = 1e-6
+
+
+@settings(ViewingError)
+@dataclass(frozen=True, slots=True)
+class Transfer:
+    """A curve between linear light and code values, odd about 0, with 0 and 1 fixed.
+
+        V = slope · L                          L <= toe
+        V = gain · L^power - (gain - 1)        above
+
+    Raises
+    ------
+    ViewingError
+        If a number is out of range or the segments do not meet.
+    """
+
+    power: Annotated[Positive, Field(examples=[0.4545])]
+    """1/γ."""
+    gain: Positive = 1.0
+    """Factor of the power, 1 and more; 1 without a toe."""
+    slope: Positive = 1.0
+    """Factor of linear light up to the toe."""
+    toe: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    """Linear light at which the power begins; 0 without a toe."""
+
+    def __post_init__(self) -> None:
+        jump = self.slope * self.toe - self.gain * self.toe**self.power + self.gain - 1.0
+        if not abs(jump) <= _ROUNDING:
+            raise ViewingError(
+                f"at linear {self.toe:g} the segments are {jump:.3g} apart",
+                f"check slope {self.slope:g}, toe {self.toe:g}, gain {self.gain:g} and power "
+                f"{self.power:g}",
+                code="conflict",
+            )
+
+    @classmethod
+    def gamma(cls, exponent: float) -> Transfer:
+        """Make L = V^γ.
+
+        Raises
+        ------
+        ViewingError
+            If γ is not above 0.
+        """
+        if not (is_finite(exponent) and exponent > 0.0):
+            raise ViewingError.refused(
+                "Transfer.gamma", exponent, "expected a number above 0, as 2.2", "range"
+            )
+        return cls(power=1.0 / exponent)
+
+    @classmethod
+    def icc(
+        cls,
+        g: float,
+        a: float = 1.0,
+        b: float = 0.0,
+        c: float = 1.0,
+        d: float = 0.0,
+        e: float = 0.0,
+        f: float = 0.0,
+    ) -> Transfer:
+        """Make an ICC profile's parametricCurveType: L = (aV + b)^g + e for V >= d, else cV + f.
+
+        Types 0 (g), 3 (g, a, b, c, d) and 4 with e = f = 0; types 1 and 2 lift black, which no
+        space does here.
+
+        Raises
+        ------
+        ViewingError
+            If g <= 0, white is not 1, black is not 0 or the segments do not meet.
+
+        Examples
+        --------
+        >>> round(float(Transfer.icc(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045).gain), 6)
+        1.055
+        """
+        curve = "Transfer.icc"
+        for name, value in {"g": g, "a": a, "b": b, "c": c, "d": d, "e": e, "f": f}.items():
+            if not is_finite(value):
+                raise ViewingError.refused(
+                    f"{curve}.{name}", value, "expected a finite number", "type"
+                )
+        if not g > 0.0:
+            raise ViewingError.refused(f"{curve}.g", g, "expected above 0, as 2.2", "range")
+        if e or f:
+            raise ViewingError(
+                f"the curve adds e = {e:g}, f = {f:g} to linear light",
+                "expected 0, as a space's black is 0",
+                code="unsupported",
+                field=curve,
+            )
+        if not (a > 0.0 and abs(a + b - 1.0) <= _ROUNDING):
+            raise ViewingError(
+                f"the curve's a + b is {a + b:g} with a = {a:g}",
+                "expected 1, so that white is 1",
+                code="range",
+                field=curve,
+            )
+        if not c > 0.0 and d > 0.0:
+            raise ViewingError.refused(f"{curve}.c", c, "expected above 0", "range")
+        slope, toe = (1.0 / c, c * d) if d > 0.0 else (1.0, 0.0)
+        return cls(1.0 / g, 1.0 / a, slope, toe)
+
+    def encode(self, linear: ArrayLike) -> Array:
+        """Return code values of linear light, (...) float64; odd about 0.
+
+        Raises
+        ------
+        ShapeError
+            If they are no numbers.
+        """
+        signed = _numbers("linear", linear)
+        x = np.abs(signed)
+        curve = self.gain * x**self.power - (self.gain - 1.0)
+        return np.copysign(np.where(x <= self.toe, self.slope * x, curve), signed)
+
+    def decode(self, encoded: ArrayLike) -> Array:
+        """Return linear light of code values, (...) float64: the inverse of `encode`.
+
+        Raises
+        ------
+        ShapeError
+            If they are no numbers.
+        """
+        signed = _numbers("encoded", encoded)
+        x = np.abs(signed)
+        curve = ((x + self.gain - 1.0) / self.gain) ** (1.0 / self.power)
+        return np.copysign(np.where(x <= self.slope * self.toe, x / self.slope, curve), signed)
+
+
+def _numbers(name: str, values: ArrayLike) -> Array:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError.refused(
+            f"Transfer.{name}", values, "expected a number or an array of numbers", "type"
+        ) from None
+
+
+sRGB_CURVE = Transfer(power=1.0 / 2.4, gain=1.055, slope=12.92, toe=0.0031308)
+BT_1886 = Transfer.gamma(2.4)
+"""A television's, with black at 0; its inverse is no camera's OETF."""
 
 
 def _XYZ_from_xy(xy: XY) -> Array:
@@ -129,15 +277,15 @@ class ColourSpace:
         return 100.0 * _XYZ_from_xy(self.white_xy)
 
     def encode(self, linear: ArrayLike) -> Array:
-        """Linear RGB to code values, not clipped; (...) float64."""
+        """Return code values of linear RGB, not clipped; (...) float64."""
         return self.transfer.encode(linear)
 
     def decode(self, encoded: ArrayLike) -> Array:
-        """Code values to linear RGB; (...) float64."""
+        """Return linear RGB of code values; (...) float64."""
         return self.transfer.decode(encoded)
 
     def shader_constants(self) -> dict[str, float | Array]:
-        """What ``shaders/include/display.glsl`` and the passages read: name in GLSL -> number."""
+        """Return the numbers of ``shaders/include/display.glsl`` by GLSL name."""
         return {
             "RGB_FROM_XYZ": self.RGB_from_XYZ,
             "OETF_TOE": self.transfer.toe,
@@ -168,31 +316,86 @@ SPACES: Mapping[str, ColourSpace] = MappingProxyType(
 )
 
 
-def is_profile(name: str) -> bool:
-    """Return True for the name of an ICC profile's file."""
-    return name.lower().endswith((".icc", ".icm"))
+def _frozen(array: Array) -> Array:
+    array.flags.writeable = False
+    return array
 
 
-def space_of(space: str | Path | ColourSpace) -> ColourSpace:
-    """A space by name, as it is, or of a display's profile, ``FILE.icc``.
+# XYZ here have Y = 100 for the display's white, linear sRGB is 0 to 1.
+XYZ_FROM_sRGB = _frozen(SPACES["sRGB"].XYZ_from_RGB)
+sRGB_FROM_XYZ = _frozen(SPACES["sRGB"].RGB_from_XYZ)
+sRGB_WHITE_XYZ = _frozen(SPACES["sRGB"].white_XYZ)
 
-    Raises
-    ------
-    ViewingError
-        If there is none of that name, or the profile cannot be used.
+
+def linear_sRGB_from_XYZ(XYZ: ArrayLike) -> Array:
+    """Return linear sRGB, 1 for the display's white; beyond 0 to 1 if the colour is out of gamut.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        Y = 100 for the display's white.
+
+    Returns
+    -------
+    (..., 3) float64
     """
-    if isinstance(space, ColourSpace):
-        return space
-    name = str(space)
-    if name in SPACES:
-        return SPACES[name]
-    if is_profile(name):
-        # Late: a profile's white is adapted by what stands downstream of this module.
-        from volspec.appearance.profile import read_profile
+    return np.asarray(XYZ, dtype=np.float64) @ sRGB_FROM_XYZ.T
 
-        return read_profile(name)
-    raise ViewingError(
-        f"colour space {quoted(name)} is unknown; {nearest(name, SPACES)}known: "
-        f"{', '.join(SPACES)}; any other as FILE.icc or as a ColourSpace",
-        code="unknown",
-    )
+
+def encode_sRGB(linear: ArrayLike) -> Array:
+    """Clip linear sRGB to the gamut and encode it.
+
+    Parameters
+    ----------
+    linear : (..., 3) array_like
+
+    Returns
+    -------
+    (..., 3) float64
+        Codes, 0 to 1.
+
+    Examples
+    --------
+    >>> encode_sRGB([0.0, 0.5, 2.0]).round(4).tolist()
+    [0.0, 0.7354, 1.0]
+    """
+    return sRGB_CURVE.encode(np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0))
+
+
+def decode_sRGB(encoded: ArrayLike) -> Array:
+    """Return linear sRGB of codes, 0 to 1; (..., 3) float64."""
+    return sRGB_CURVE.decode(encoded)
+
+
+def to_uint8(encoded: ArrayLike) -> NDArray[np.uint8]:
+    """Round codes, 0 to 1, to 8 bits as GL does: the nearest of 255 steps."""
+    return np.rint(np.clip(np.asarray(encoded), 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+_VISIBLE = SpectralGrid(360.0, 830.0, 2.0)
+
+
+def spectrum_colours(wavelengths_nm: ArrayLike) -> Array:
+    """Return sRGB of monochromatic lights for axes and legends, desaturated and dimmed to fit.
+
+    Parameters
+    ----------
+    wavelengths_nm : (N,) array_like
+
+    Returns
+    -------
+    (N, 3) float64
+        Codes, 0 to 1; as bright as the eye sees equal power. Black outside 360-830 nm.
+
+    Examples
+    --------
+    >>> spectrum_colours([540, 620]).argmax(axis=1).tolist()
+    [1, 0]
+    """
+    XYZ = colour_matching_functions(_VISIBLE).T
+    linear = linear_sRGB_from_XYZ(100 * XYZ)
+    # A little grey on top, so that no channel starts from black with a visible edge.
+    linear = linear - linear.min(axis=-1, keepdims=True).clip(max=0) + 0.12 * XYZ[:, 1:2]
+    at = np.asarray(wavelengths_nm, dtype=np.float64)
+    columns = [np.interp(at, _VISIBLE.wavelengths_nm, column, 0, 0) for column in linear.T]
+    return encode_sRGB(np.stack(columns, axis=-1) * (0.7 / linear.max()))

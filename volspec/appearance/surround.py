@@ -1,6 +1,6 @@
 """What surrounds an eye: a surround's factors, and all that it is adapted to.
 
-    [surround] -> display, spec -> passages, models
+    [surround] -> display, spec -> transforms, models
 
 References
 ----------
@@ -19,7 +19,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
-from volspec.errors import ViewingError, nearest, quoted
+from volspec.errors import ViewingError, nearest
 from volspec.settings import (
     Fraction,
     Hint,
@@ -110,13 +110,13 @@ def surround_at(surround: SurroundOrRatio) -> Surround:
 
 
 def is_finite(value: object) -> bool:
-    """Whether it is a real number, and finite."""
+    """Return True for a real, finite number."""
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
     return real and math.isfinite(value)  # type: ignore[arg-type]
 
 
 def as_triple(value: object) -> Triple | None:
-    """Three finite numbers as floats; None where they are anything else, text among it."""
+    """Return three finite numbers as floats; None for anything else, text included."""
     try:
         x, y, z = tuple(value)  # type: ignore[arg-type, var-annotated]
     except (TypeError, ValueError):
@@ -127,11 +127,13 @@ def as_triple(value: object) -> Triple | None:
 
 
 def require_conditions(name: str, value: object) -> None:
-    """Refuse what are no `ViewingConditions`."""
+    """Refuse anything but `ViewingConditions`."""
     if not isinstance(value, ViewingConditions):
-        raise ViewingError(
-            f"{name} is {quoted(value)}; expected viewing conditions, as "
-            "ViewingConditions((95.05, 100, 108.88))"
+        raise ViewingError.refused(
+            name,
+            value,
+            "expected viewing conditions, as ViewingConditions((95.05, 100, 108.88))",
+            "type",
         )
 
 

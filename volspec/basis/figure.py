@@ -27,10 +27,14 @@ from volspec._figures import (
     write,
     write_figure,
 )
-from volspec.appearance import constants as k
-from volspec.appearance import srgb
+from volspec.appearance import spaces
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab
-from volspec.appearance.wavelengths import spectrum_colours
+from volspec.appearance.spaces import (
+    decode_sRGB,
+    encode_sRGB,
+    linear_sRGB_from_XYZ,
+    spectrum_colours,
+)
 from volspec.basis.materials import MaterialBasis
 from volspec.basis.report import RGB_PRODUCT, WAYS, BasisReport, WorstPair, own_way
 from volspec.basis.report_table import class_heading, format_delta_e
@@ -378,8 +382,8 @@ def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
     L, a, b = cielab(XYZ * (0.3 * white[1] / XYZ[1]), white)
     strong = min(1.0, 70.0 / max(float(np.hypot(a, b)), 1e-9))
     Lab = np.array([np.clip(L, *_LINE_LIGHTNESS), a * strong, b * strong])
-    linear = srgb.linear_from_XYZ(XYZ_from_cielab(Lab, k.DISPLAY_WHITE_XYZ))
-    r, g, blue = srgb.encode(linear)
+    linear = linear_sRGB_from_XYZ(XYZ_from_cielab(Lab, spaces.sRGB_WHITE_XYZ))
+    r, g, blue = encode_sRGB(linear)
     return float(r), float(g), float(blue)
 
 
@@ -427,8 +431,8 @@ def _draw_curves(axes: Axes, curves: Array, grid: SpectralGrid) -> list[Any]:
 
 def _strokes(colours: list[tuple[float, float, float]]) -> list[Any]:
     """Return a stroke for each colour: solid, or another if similar to a previous one."""
-    linear = srgb.decode(np.array(colours))
-    Lab = cielab(linear @ k.XYZ_FROM_sRGB.T, k.DISPLAY_WHITE_XYZ)
+    linear = decode_sRGB(np.array(colours))
+    Lab = cielab(linear @ spaces.XYZ_FROM_sRGB.T, spaces.sRGB_WHITE_XYZ)
     kinds: list[int] = []
     for i in range(len(Lab)):
         taken = [kinds[j] for j in range(i) if np.linalg.norm(Lab[i] - Lab[j]) < _ALIKE]

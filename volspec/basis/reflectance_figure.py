@@ -25,7 +25,7 @@ from volspec._figures import (
     write,
     write_figure,
 )
-from volspec.appearance import srgb
+from volspec.appearance.spaces import encode_sRGB
 from volspec.basis.figure import line_colour
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_linear_sRGB
@@ -114,5 +114,5 @@ def save_reflectance_figure(
 def _shown(made: Spectrum, lamp: Spectrum, observer_deg: int) -> tuple[float, float, float]:
     """Return encoded sRGB of a surface under a light, adapted to its white."""
     to_linear = np.linalg.inv(XYZ_from_linear_sRGB(white_XYZ(lamp, observer_deg)))
-    red, green, blue = srgb.encode(to_linear @ XYZ_from_spectra(lamp, made, observer_deg)).tolist()
+    red, green, blue = encode_sRGB(to_linear @ XYZ_from_spectra(lamp, made, observer_deg)).tolist()
     return red, green, blue

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
-from volspec.appearance import srgb
+from volspec.appearance import spaces
 from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ, to_uint8
 from volspec.basis.display import MODES, visible_white
 from volspec.basis.materials import MaterialBasis
 from volspec.errors import BasisError
@@ -392,8 +393,8 @@ def sRGB_codes(XYZ: Array, white_XYZ: Array) -> NDArray[np.uint8]:
     CAT02 = k.CAT02_FROM_XYZ
     # A nearly monochromatic white may have a response near 0: keep its gain finite.
     white = np.maximum(CAT02 @ white_XYZ, 1e-3 * white_XYZ[1])
-    adapted = (XYZ @ CAT02.T) * ((CAT02 @ k.DISPLAY_WHITE_XYZ) / white)
-    return srgb.to_uint8(srgb.encode(srgb.linear_from_XYZ(adapted @ np.linalg.inv(CAT02).T)))
+    adapted = (XYZ @ CAT02.T) * ((CAT02 @ spaces.sRGB_WHITE_XYZ) / white)
+    return to_uint8(encode_sRGB(linear_sRGB_from_XYZ(adapted @ np.linalg.inv(CAT02).T)))
 
 
 def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:

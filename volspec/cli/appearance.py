@@ -76,10 +76,10 @@ def adapt(
         method, ADAPTATIONS, MODELS, "an appearance model; use volspec appearance --model"
     )
     with in_options():
-        passage = adaptation(method)(viewing.conditions(source), viewing.conditions(target))
+        transform = adaptation(method)(viewing.conditions(source), viewing.conditions(target))
     colours = read_triples(values or (), table, XYZ)
-    adapted = passage.apply(colours)
-    defined = ~outside(colours, passage) & np.isfinite(adapted).all(axis=-1)
+    adapted = transform.apply(colours)
+    defined = ~outside(colours, transform) & np.isfinite(adapted).all(axis=-1)
     rows: list[Row] = [
         {
             **dict(zip(XYZ, to, strict=True)),

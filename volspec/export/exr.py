@@ -30,9 +30,8 @@ from numpy.typing import NDArray
 
 from volspec._exr import chromaticities, to_half
 from volspec._files import write_whole
-from volspec.appearance.curves import Transfer
 from volspec.appearance.profile import D50_from_white
-from volspec.appearance.spaces import SPACES, ColourSpace
+from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.spectra.spectral_image import spectral_channels, spectral_header
 
 _MAGIC, _VERSION = 20000630, 2

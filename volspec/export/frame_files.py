@@ -18,7 +18,7 @@ from typing import Self
 from volspec import __version__
 from volspec._exr import to_half
 from volspec._files import write_whole
-from volspec.appearance.spaces import space_of
+from volspec.appearance.display import colour_space
 from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.exr import (
     PRIMARIES,
@@ -136,7 +136,7 @@ class FrameFiles:
         if self.table.format == "exr":
             encode = partial(exr_bytes, to_half(pixels), self._header(shot, text))
         else:
-            space = space_of(shot.spec.viewing.display.space)
+            space = colour_space(shot.spec.viewing.display.space)
             encode = partial(png_bytes, pixels, text, space)
         encoders.put(self._path(shot), encode)
 
@@ -149,7 +149,7 @@ class FrameFiles:
                 yield file
             return
         channels = 4 if table.transparent else 3
-        space = space_of(shot.spec.viewing.display.space)
+        space = colour_space(shot.spec.viewing.display.space)
         with png_file(path, self.size, channels, table.bits, text, space) as rows:
             yield rows
 

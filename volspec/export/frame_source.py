@@ -12,8 +12,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.spaces import space_of
-from volspec.appearance.srgb import to_uint8
+from volspec.appearance.display import colour_space
+from volspec.appearance.spaces import to_uint8
 from volspec.errors import ViewingError
 from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.frames import to_uint16
@@ -22,8 +22,8 @@ from volspec.export.spectral import SpectralIllumination
 from volspec.export.tiles import row_strips
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
-from volspec.relight.adapted import Adapting
 from volspec.relight.illumination import Illumination
+from volspec.relight.measured_viewing import ViewingMeter
 from volspec.scene.export import ExportTable
 
 Array = NDArray[Any]
@@ -115,7 +115,7 @@ class FrameSource:
                 light[rows] = to_file.scene_XYZ(image.coefficients[rows], image.alpha[rows])
             return light
         codes = relighter.frame(shot.rig, shot.spec, dtype=np.float32)
-        space = space_of(spec.viewing.display.space)
+        space = colour_space(spec.viewing.display.space)
         matrix = to.RGB_from_XYZ @ white_adaptation(space, to) @ space.XYZ_from_RGB
         return (space.decode(codes) @ matrix.T).astype(np.float32)
 
@@ -144,7 +144,7 @@ class RelighterPool:
         else:
             self.close()
             # Exact: with a table, pixels would depend on the frames before.
-            relighters = [Relighter(source.image, table=False) for source in sources]
+            relighters = [Relighter(source.image, lut3d=False) for source in sources]
         self._held = list(zip(sources, relighters, strict=True))
 
     def close(self) -> None:
@@ -172,7 +172,7 @@ def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
     """
     spec = shot.spec
     light = Illumination.of(image.basis, shot.rig, spec, image.groups)
-    found, _ = Adapting().measured(image, light)
+    found, _ = ViewingMeter().measure_viewing(image, light)
     viewing = replace(spec.viewing, adapting="given", Y_b=found.Y_b, L_A=found.L_A)
     return replace(shot, spec=replace(spec, viewing=viewing))
 

@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import write_whole
-from volspec.appearance.spaces import ColourSpace, space_of
+from volspec.appearance.display import colour_space
+from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ImageError, InputError, VolspecWarning, one_line
 from volspec.export.png import PngWriter
 
@@ -70,7 +71,7 @@ def write_frame(
         If the space is unknown.
     """
     require_png(path)
-    colours = space_of(space)
+    colours = colour_space(space)
     if not (
         isinstance(frame, np.ndarray)
         and frame.dtype in (np.uint8, np.uint16)

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import read_exr
-from volspec.appearance.spaces import SPACES
-from volspec.appearance.srgb import decode, encode
+from volspec.appearance.spaces import SPACES, decode_sRGB, encode_sRGB
 from volspec.errors import ImageError
 from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.frames import read_frame, write_frame
@@ -140,9 +139,9 @@ def _linear_as_codes(path: Path, least: int, primaries: str) -> NDArray[np.uint8
     linear = linear @ (shown.RGB_from_XYZ @ white_adaptation(space, shown) @ space.XYZ_from_RGB).T
     if "A" in channels:
         height, width = linear.shape[:2]
-        paper = decode(_chequers((width, height)) / 255.0)[..., None]
+        paper = decode_sRGB(_chequers((width, height)) / 255.0)[..., None]
         linear += (1.0 - channels["A"][..., None]) * paper
-    return np.rint(encode(linear) * 255).astype(np.uint8)
+    return np.rint(encode_sRGB(linear) * 255).astype(np.uint8)
 
 
 def _reduced(pixels: NDArray[Any], n: int) -> NDArray[np.float64]:

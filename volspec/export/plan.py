@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.live import passage_of
+from volspec.appearance.scene_to_display import view_transform
 from volspec.errors import SceneError
 from volspec.export.animation import (
     FrameState,
@@ -232,7 +232,7 @@ def _require_lit(scene: Scene, table: ExportTable, shots: Sequence[Shot]) -> Non
         with located_in(scene, f"[[light]] {shot.light}{when}"):
             lit = Illumination.of(scene.basis, shot.rig, shot.spec, shares)
             if table.has_eye and shot.spec.viewing.adapting == "given":
-                passage_of(lit.viewing, lit.white_XYZ)
+                view_transform(lit.viewing, lit.white_XYZ)
 
 
 def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:

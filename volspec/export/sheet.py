@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.wavelengths import spectrum_colours
+from volspec.appearance.spaces import spectrum_colours
 from volspec.errors import ShapeError
 from volspec.spectra import Spectrum
 

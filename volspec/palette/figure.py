@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from volspec._figures import FAINT, HAIR, INK, PAPER, inch_axes, shorten, write
 from volspec._files import write_whole
-from volspec.appearance.wavelengths import spectrum_colours
+from volspec.appearance.spaces import spectrum_colours
 from volspec.errors import ImageError
 from volspec.palette.optimisation import Design
 from volspec.palette.report import CellReport, DesignReport

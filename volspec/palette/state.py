@@ -14,11 +14,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.live import passage_of
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
-from volspec.appearance.passages import ClosedPassage, LinearPassage
+from volspec.appearance.scene_to_display import view_transform
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
+from volspec.appearance.transforms import ClosedTransform, LinearTransform
 from volspec.errors import PaletteError
 from volspec.palette.model import Palette
 from volspec.palette.variables import initial_light, initial_reflectance
@@ -40,7 +40,7 @@ class ColourModel:
 
     Parameters
     ----------
-    passage : ClosedPassage
+    transform : ClosedTransform
         Scene XYZ to the display's.
     exposure : float
         `Viewing.exposure`.
@@ -48,7 +48,7 @@ class ColourModel:
         The display's.
     """
 
-    passage: ClosedPassage
+    transform: ClosedTransform
     exposure: float
     space: ColourSpace
 
@@ -61,8 +61,8 @@ class ColourModel:
         PaletteError
             If the viewing's model has no inverse in closed form.
         """
-        passage = passage_of(viewing, white_XYZ)
-        if not isinstance(passage, ClosedPassage):
+        transform = view_transform(viewing, white_XYZ)
+        if not isinstance(transform, ClosedTransform):
             raise PaletteError(
                 f"{viewing.model!r} has no inverse in closed form to design with; use CIECAM02, "
                 "CAM16, CIELAB, RLAB, an adaptation as CAT02, or none",
@@ -70,24 +70,24 @@ class ColourModel:
                 field="viewing.model",
                 given=viewing.model,
             )
-        return cls(passage, viewing.exposure, viewing.display.colours)
+        return cls(transform, viewing.exposure, viewing.display.colours)
 
     def RGB_from_XYZ(self, XYZ: ArrayLike) -> Array:
         """Return (..., 3) linear RGB of scene XYZ, Y = 100 for a perfect diffuser; not clipped."""
         scene = self.exposure * np.asarray(XYZ, dtype=np.float64)
-        return self.passage.apply(scene) @ _RGB_from_XYZ(self.space).T
+        return self.transform.apply(scene) @ _RGB_from_XYZ(self.space).T
 
     def XYZ_from_RGB(self, RGB: ArrayLike) -> Array:
         """Return the scene XYZ of linear RGB: the inverse of `RGB_from_XYZ`."""
         display = np.asarray(RGB) @ _XYZ_from_RGB(self.space).T
-        undone: Array = self.passage.undo(display)
+        undone: Array = self.transform.undo(display)
         return undone / self.exposure
 
     def RGB_jacobian(self, XYZ: ArrayLike) -> Array:
         """Return the (..., 3, 3) derivatives of linear RGB by scene XYZ."""
         scene = np.asarray(XYZ, dtype=np.float64)
-        if isinstance(self.passage, LinearPassage):
-            slope = self.exposure * _RGB_from_XYZ(self.space) @ self.passage.matrix
+        if isinstance(self.transform, LinearTransform):
+            slope = self.exposure * _RGB_from_XYZ(self.space) @ self.transform.matrix
             return np.broadcast_to(slope, (*scene.shape, 3))
         around = scene[..., None, None, :] + _STEP * np.stack([np.eye(3), -np.eye(3)])
         RGB = self.RGB_from_XYZ(around)

@@ -23,32 +23,31 @@ from volspec._gpu.opengl import (
     made_current,
 )
 from volspec._gpu.sharing import Sharing, context_name, current
-from volspec.appearance.field import PassageField
-from volspec.appearance.live import passage_of
-from volspec.appearance.models.conditions import CamPassage
-from volspec.appearance.passages import LinearPassage, Passage
-from volspec.appearance.screen import Screen, screen_of
+from volspec.appearance.adaptation_grid import ViewTransformGrid
+from volspec.appearance.lut3d import LutCache, LutKey, LutSpace, is_narrow
+from volspec.appearance.models.cam import CamTransform
+from volspec.appearance.scene_to_display import view_transform
+from volspec.appearance.screen import Screen, screen_for_viewing
 from volspec.appearance.spec import Viewing
-from volspec.appearance.table import TableSpace, is_narrow
+from volspec.appearance.transforms import LinearTransform, ViewTransform
 from volspec.errors import OpenCLError, OpenGLError, ShapeError
 from volspec.relight.illumination import Illumination
-from volspec.relight.lookups import Lookups
-from volspec.relight.packed import PackedLayers, layer_count, pack_layers
-from volspec.relight.programs import UNITS, Programs
-from volspec.relight.shared import SharedLayers
-from volspec.relight.spec import Pixels
-from volspec.relight.tables import HostTables, TableKey
-from volspec.relight.uniforms import (
+from volspec.relight.layers import PackedLayers, SharedLayers, layer_count, pack_layers
+from volspec.relight.programs import (
     FORMS,
+    UNITS,
     Closed,
-    Drawn,
-    Tabled,
+    DrawnTransform,
+    LookupTextures,
+    LutTransform,
+    Programs,
     Uniforms,
-    form_of,
     light_uniforms,
-    passage_uniforms,
     screen_uniforms,
+    shader_form,
+    transform_uniforms,
 )
+from volspec.relight.spec import Pixels
 
 if TYPE_CHECKING:
     import moderngl
@@ -59,10 +58,10 @@ Box = tuple[int, int, int, int]
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
-# Pixels from which a table pays there although it must be filled for the frame: 1024² gain 5 to
-# 10 %, 2048² a quarter, read back; while the light stays a third.
-TABLE_PIXELS = 2**20
-# Components of uniforms: a mat4x3 takes four vectors of four, and this much is for all the others.
+# Pixels from which a LUT pays there although it must be baked for the frame: 1024² gain 5 to 10 %,
+# 2048² a quarter, read back; a third if the light's white is unchanged.
+LUT_PIXELS = 2**20
+# Components of uniforms: a mat4x3 takes four vectors of four, and all the others this many.
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
 
 
@@ -77,10 +76,10 @@ class GLEngine:
         Opacity.
     context : moderngl.Context, optional
         A context that is current and stays its owner's; None makes a headless one.
-    table : bool, optional
-        Look passages up in a table, also those that have a closed form; None where it is quicker.
-    tables : HostTables, optional
-        Where those that the host works out are kept; None makes one.
+    lut3d : bool, optional
+        Draw view transforms by LUT, also those with a closed form; None if it is faster.
+    lut_cache : LutCache, optional
+        Cache of LUTs baked on the host; None makes one.
     packed : PackedLayers, optional
         Coefficients and alpha, packed beforehand.
 
@@ -96,8 +95,8 @@ class GLEngine:
         coefficients: NDArray[np.float32],
         alpha: NDArray[np.float32],
         context: moderngl.Context | None = None,
-        table: bool | None = None,
-        tables: HostTables | None = None,
+        lut3d: bool | None = None,
+        lut_cache: LutCache | None = None,
         packed: PackedLayers | None = None,
     ) -> None:
         self._owned = context is None
@@ -108,12 +107,12 @@ class GLEngine:
             with context:
                 self._handle = egl_handle()
         self._resources: list[Any] = []
-        # The last viewing and white, their passage, and its table's space once that is filled.
-        self._passed: tuple[TableKey, Passage, Tabled | None] | None = None
-        self._by_table = table
-        self._tables = HostTables() if tables is None else tables
-        # The viewing under which the picture has colours that its table does not hold.
-        self._doubted: Viewing | None = None
+        # The latest viewing and white, their transform, and its LUT once that is baked.
+        self._latest: tuple[LutKey, ViewTransform, LutTransform | None] | None = None
+        self._by_lut = lut3d
+        self._lut_cache = LutCache() if lut_cache is None else lut_cache
+        # The viewing under which the picture has colours in invalid cells of its LUT.
+        self._lut_rejected: Viewing | None = None
         self._targets: dict[str, Any] = {}
         self._shared: Any = None
         self._height, self._width, self._channels = coefficients.shape
@@ -129,7 +128,7 @@ class GLEngine:
             raise
 
     def _prepare(self) -> None:
-        """Make what every frame needs, so that a driver's refusal shows here."""
+        """Make the resources of every frame, so that a driver refuses here."""
         import moderngl
 
         device = describe(self._context)
@@ -138,33 +137,48 @@ class GLEngine:
         size = (self._width, self._height, layer_count(self._channels))
         if max(size) > device["max_size"]:
             raise OpenGLError(
-                f"OpenGL: the image is {self._width} x {self._height}, the largest texture of "
-                f"{self.name} {device['max_size']}; cast a smaller image"
+                f"the image is {self._width} x {self._height}, the largest texture of {self.name} "
+                f"{device['max_size']}",
+                "cast a smaller image",
+                code="size",
+                field="OpenGL",
             )
         room = self._context.info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"] - _OTHER_COMPONENTS
         layers = min(device["max_layers"], room // _COMPONENTS_PER_LAYER)
         if size[2] > layers:
             raise OpenGLError(
-                f"OpenGL: the image has {self._channels} channels in all light groups, "
-                f"{self.name} takes {4 * layers - 1}; cast fewer groups or with a smaller basis"
+                f"the image has {self._channels} channels in all light groups, {self.name} takes "
+                f"{4 * layers - 1}",
+                "cast fewer groups or with a smaller basis",
+                code="size",
+                field="OpenGL",
             )
         try:
-            self._texture = self._keep(self._context.texture_array(size, 4, dtype="f4"))
+            self._texture = self._own(self._context.texture_array(size, 4, dtype="f4"))
             self._target("f1")
         except moderngl.Error as error:
             raise OpenGLError(
-                f"OpenGL: {self.name} has no room for {size[0]} x {size[1]} pixels of "
-                f"{self._channels} channels ({error}); cast a smaller image"
+                f"{self.name} has no memory for {size[0]} x {size[1]} pixels of {self._channels} "
+                f"channels ({error})",
+                "cast a smaller image",
+                code="size",
+                field="OpenGL",
             ) from error
-        form = {"FORM": FORMS[CamPassage], "SAME_SURROUND": 1, "OUTER": 0, "FIELD": 0, "CHECKED": 0}
-        # The height is for canvases: without it all sizes share one source, and the driver's cache.
+        form = {
+            "FORM": FORMS[CamTransform],
+            "SAME_SURROUND": 1,
+            "OUTER": 0,
+            "FIELD": 0,
+            "CHECKED": 0,
+        }
+        # Height matters to canvases alone: at 0 all sizes share one source, and the driver's cache.
         constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": 0, "EVERY": 1}
-        self._programs = Programs(self._context, constants, self._keep)
-        self._lookups = Lookups(self._context, self._keep)
-        self._counted = self._context.query(samples=True)
-        self._programs.of("relight", form, screen_of(Viewing()))
+        self._programs = Programs(self._context, constants, self._own)
+        self._lookups = LookupTextures(self._context, self._own)
+        self._sample_query = self._context.query(samples=True)
+        self._programs.program("relight", form, screen_for_viewing(Viewing()))
 
-    def _keep(self, resource: Any) -> Any:
+    def _own(self, resource: Any) -> Any:
         self._resources.append(resource)
         return resource
 
@@ -176,7 +190,7 @@ class GLEngine:
         self.take(PackedLayers(pack_layers(coefficients, alpha)))
 
     def place(self, sharing: Sharing) -> SharedLayers:
-        """A buffer for OpenCL to pack a picture into; what is drawn stays until `take`.
+        """Return a buffer for OpenCL to pack a picture into; frames do not change until `take`.
 
         Raises
         ------
@@ -187,23 +201,26 @@ class GLEngine:
             here = current()
             if here is None or here.handle != sharing.handle:
                 raise OpenCLError(
-                    f"raycast: the Raycaster shares {sharing.name}, the Relighter draws in "
-                    f"{context_name(self._context, here)}; give both the same context"
+                    f"the Raycaster shares {sharing.name}, the Relighter draws in "
+                    f"{context_name(self._context, here)}",
+                    "give both the same context",
+                    code="conflict",
+                    field="raycast",
                 )
             if self._shared is None:
                 size = 16 * layer_count(self._channels) * self._height * self._width
-                self._shared = self._keep(self._context.buffer(reserve=size, dynamic=True))
+                self._shared = self._own(self._context.buffer(reserve=size, dynamic=True))
         return SharedLayers(sharing, self._shared, (self._height, self._width, self._channels))
 
     def take(self, layers: SharedLayers | PackedLayers) -> None:
-        """Draw what a finished cast has put there, or what was packed of one."""
+        """Draw from now on the picture that a finished cast packed."""
         texels = layers.layers if isinstance(layers, PackedLayers) else layers.buffer
         with self._current():
             self._texture.write(texels)
-        self._doubted = None
+        self._lut_rejected = None
 
     def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:
-        program, triangle = self._programs.of(name, form, screen)
+        program, triangle = self._programs.program(name, form, screen)
         for uniform, value in values.items():
             program[uniform].write(value.tobytes())
         # An owner's context may come with blending or a depth test switched on.
@@ -213,8 +230,8 @@ class GLEngine:
     def _target(self, dtype: str) -> moderngl.Framebuffer:
         if dtype not in self._targets:
             size = (self._width, self._height)
-            colour = self._keep(self._context.texture(size, 4, dtype=dtype))
-            self._targets[dtype] = self._keep(self._context.framebuffer([colour]))
+            colour = self._own(self._context.texture(size, 4, dtype=dtype))
+            self._targets[dtype] = self._own(self._context.framebuffer([colour]))
         return self._targets[dtype]
 
     def render(
@@ -222,11 +239,11 @@ class GLEngine:
         light: Illumination,
         viewing: Viewing,
         dtype: type[np.uint8] | type[np.float32],
-        field: PassageField | None = None,
+        grid: ViewTransformGrid | None = None,
     ) -> Pixels:
-        """(H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding.
+        """Return (H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding.
 
-        A ``field`` of passages over the picture is drawn in place of the viewing's one.
+        A ``grid`` of view transforms over the picture replaces the viewing's.
 
         Raises
         ------
@@ -234,7 +251,7 @@ class GLEngine:
             As `draw`.
         """
         with self._current():
-            target = self._framed(light, viewing, dtype, field)
+            target = self._draw_frame(light, viewing, dtype, grid)
             # The driver drops alpha while copying, five times faster than NumPy would.
             pixels = np.empty((self._height, self._width, 3), dtype=dtype)
             target.read_into(pixels, components=3, dtype=_COMPONENTS[dtype])
@@ -245,12 +262,12 @@ class GLEngine:
         light: Illumination,
         viewing: Viewing,
         dtype: type[np.uint8] | type[np.float32],
-        field: PassageField | None = None,
+        grid: ViewTransformGrid | None = None,
         within: Box | None = None,
     ) -> moderngl.Framebuffer:
         """Draw a frame, which stays on the device; in its context.
 
-        Pixels that are not within a box stay as they were.
+        Pixels outside of a box do not change.
 
         Raises
         ------
@@ -260,41 +277,42 @@ class GLEngine:
             If another library ended the context.
         """
         with self._current():
-            return self._framed(light, viewing, dtype, field, within)
+            return self._draw_frame(light, viewing, dtype, grid, within)
 
-    def _framed(
+    def _draw_frame(
         self,
         light: Illumination,
         viewing: Viewing,
         dtype: type[np.uint8] | type[np.float32],
-        field: PassageField | None,
+        grid: ViewTransformGrid | None,
         within: Box | None = None,
     ) -> moderngl.Framebuffer:
         channels = light.XYZ_from_channels.shape[1]
         if channels != self._channels:
             raise ShapeError(
-                f"relight: the light has {channels} channels, the image {self._channels}; "
-                "were both made with the same basis and light groups?"
+                f"the light has {channels} channels, the image {self._channels}",
+                "were both made with the same basis and light groups?",
+                field="relight",
             )
-        screen = screen_of(viewing)
-        drawn: Drawn
-        if field is None:
-            drawn = self._drawn(viewing, light, dtype)
+        screen = screen_for_viewing(viewing)
+        drawn: DrawnTransform
+        if grid is None:
+            drawn = self._drawn_transform(viewing, light, dtype)
         else:
-            drawn = field
-            self._lookups.load(field)
+            drawn = grid
+            self._lookups.load_grid(grid)
         # By moderngl's stubs a scissor cannot be taken off again.
         target: Any = self._target(_COMPONENTS[dtype])
         target.scissor = within
         target.use()
         self._texture.use(UNITS["coefficients"])
         width, height = within[2:] if within else target.size
-        if isinstance(drawn, Tabled) and drawn.behind is not None:
-            with self._counted:
+        if isinstance(drawn, LutTransform) and drawn.closed is not None:
+            with self._sample_query:
                 self._relight(light, drawn, screen)
-            if self._counted.samples != width * height:
-                # Some pixel's colour is not in the table: this picture is not one for it.
-                self._doubted = TableKey.of(light, viewing).viewing
+            if self._sample_query.samples != width * height:
+                # Some pixel's colour is in an invalid cell: draw this picture by the closed form.
+                self._lut_rejected = LutKey.of(viewing, light.white_XYZ).viewing
                 self._relight(light, self._closed, screen)
         else:
             self._relight(light, drawn, screen)
@@ -303,50 +321,50 @@ class GLEngine:
 
     @property
     def _closed(self) -> Closed:
-        """What the table was filled with."""
-        assert self._passed is not None and isinstance(self._passed[1], Closed)
-        return self._passed[1]
+        """The closed form that the LUT was baked from."""
+        assert self._latest is not None and isinstance(self._latest[1], Closed)
+        return self._latest[1]
 
-    def _relight(self, light: Illumination, drawn: Drawn, screen: Screen) -> None:
-        values = light_uniforms(light, drawn) | passage_uniforms(drawn, screen)
-        self._draw("relight", form_of(drawn), values | screen_uniforms(screen), screen)
+    def _relight(self, light: Illumination, drawn: DrawnTransform, screen: Screen) -> None:
+        values = light_uniforms(light, drawn) | transform_uniforms(drawn, screen)
+        self._draw("relight", shader_form(drawn), values | screen_uniforms(screen), screen)
 
-    def _drawn(
+    def _drawn_transform(
         self, viewing: Viewing, light: Illumination, dtype: type[np.uint8] | type[np.float32]
-    ) -> Drawn:
-        """The passage itself, or the space of the table that it has been put into.
+    ) -> DrawnTransform:
+        """Choose how to draw: the closed-form view transform, or its baked 3-D LUT.
 
-        A table is for what has no closed form. On software GL it is also the quicker way where a
-        picture has many more pixels than the table nodes; frames of floats, which are measured,
-        those under narrow lights, and pictures with colours that no table holds stay exact.
+        A LUT is for transforms without a closed form. On software GL it is also faster if a
+        picture has many more pixels than the LUT nodes; frames of floats, which are measured,
+        those under narrow lights, and pictures with colours in invalid cells stay exact.
         """
-        key = TableKey.of(light, viewing)
+        key = LutKey.of(viewing, light.white_XYZ)
         colours = key.viewing.display.colours
-        if self._passed is None or self._passed[0] != key:
-            self._passed = key, passage_of(key.viewing, light.white_XYZ), None
-        passage, tabled = self._passed[1:]
-        if isinstance(passage, LinearPassage):
-            return passage
-        if isinstance(passage, Closed):
-            many = self._height * self._width >= TABLE_PIXELS and dtype is np.uint8
-            quicker = self._software and many and self._doubted != key.viewing
-            quicker = quicker and not is_narrow(light.white_XYZ, colours)
-            if not (quicker if self._by_table is None else self._by_table):
-                return passage
-        if tabled is None:
-            tabled = Tabled.of(passage, TableSpace.between(light.white_XYZ, colours))
-            if tabled.behind is None:
-                self._lookups.write(self._tables.texels(key))
+        if self._latest is None or self._latest[0] != key:
+            self._latest = key, view_transform(key.viewing, light.white_XYZ), None
+        transform, lut = self._latest[1:]
+        if isinstance(transform, LinearTransform):
+            return transform
+        if isinstance(transform, Closed):
+            many = self._height * self._width >= LUT_PIXELS and dtype is np.uint8
+            faster = self._software and many and self._lut_rejected != key.viewing
+            faster = faster and not is_narrow(light.white_XYZ, colours)
+            if not (faster if self._by_lut is None else self._by_lut):
+                return transform
+        if lut is None:
+            lut = LutTransform.of(transform, LutSpace.between(light.white_XYZ, colours))
+            if lut.closed is None:
+                self._lookups.load_lut(self._lut_cache.texels(key))
             else:
-                self._lookups.fill(tabled.behind, screen_of(viewing), self._draw)
-            self._passed = key, passage, tabled
-        self._lookups.use_table()
-        return tabled
+                self._lookups.bake_lut(lut.closed, screen_for_viewing(viewing), self._draw)
+            self._latest = key, transform, lut
+        self._lookups.bind_lut()
+        return lut
 
-    def missing_table(self, light: Illumination, viewing: Viewing) -> TableKey | None:
-        """Of a model that `is_tabled`: the table that is not there yet, or None."""
-        key = TableKey.of(light, viewing)
-        return None if key in self._tables else key
+    def missing_lut(self, light: Illumination, viewing: Viewing) -> LutKey | None:
+        """Return the key of a LUT to bake on the host before drawing, or None if it is cached."""
+        key = LutKey.of(viewing, light.white_XYZ)
+        return None if key in self._lut_cache else key
 
     def close(self) -> None:
         """Release everything made here; a second call does nothing."""

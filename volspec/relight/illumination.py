@@ -1,14 +1,13 @@
-"""A light as what it does to a pixel: one 3 × L·M matrix and the backdrop's colour.
+"""The effect of a light on a pixel: one 3 × L·M matrix and the backdrop's colour.
 
-    light, basis, light groups -> [illumination] -> reference | host | gpu
+    light, basis, light groups -> [illumination] -> reference | cpu | gpu
 
     XYZ = Σ_g D_g (e_g ∘ C_g)  + (1 - alpha) XYZ_backdrop        componentwise, e_g = A E_g
     XYZ = Σ_g P_E_g C_g        + (1 - alpha) XYZ_backdrop        exact
     XYZ = Σ_g D_g R(e_g) C_g   + (1 - alpha) XYZ_backdrop        linear-model
 
 All are one matrix product: the basis gives D diag(e), P_E or D R(e) for each of L light groups,
-and they stand side by side. Every renderer takes it from here, so they differ only in what they
-do with the XYZ.
+concatenated. Every renderer takes the matrix from here; they differ only in the arithmetic on XYZ.
 
 References
 ----------
@@ -43,7 +42,7 @@ _LARGEST = 1e20
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Illumination:
-    """What one light does to coefficients; XYZ with Y = 100 for a perfect diffuser.
+    """The effect of one light on coefficients; XYZ with Y = 100 for a perfect diffuser.
 
     Raises
     ------
@@ -60,12 +59,12 @@ class Illumination:
     backdrop_XYZ: Array
     """(3,): the lit backdrop, gain included."""
     illuminance_lux: float | None = None
-    """E_v on what faces every source, lux; None where it carries none and the viewing's counts."""
+    """E_v on a surface that faces every source, lux; None if the light carries none."""
     viewing: Viewing = field(default_factory=Viewing)
-    """The spec's viewing under this light: an E_v that the light carries counts in place of its
-    own, so that L_A = E_v/π · Y_b/100 unless `Viewing.L_A` is given."""
+    """The spec's viewing under this light: an E_v that the light carries replaces the viewing's,
+    so that L_A = E_v/π · Y_b/100 unless `Viewing.L_A` is given."""
     gain: float = 1.0
-    """What level and exposure have multiplied matrix and backdrop with."""
+    """Factor of level and exposure in matrix and backdrop."""
 
     def __post_init__(self) -> None:
         for name in ("XYZ_from_channels", "white_XYZ", "backdrop_XYZ"):
@@ -73,11 +72,15 @@ class Illumination:
             array.flags.writeable = False
             object.__setattr__(self, name, array)
             if array.shape[:1] != (3,) or array.ndim != (2 if name == "XYZ_from_channels" else 1):
-                raise ShapeError(f"illumination: {name} has shape {array.shape}; expected 3 rows")
+                raise ShapeError(
+                    f"has shape {array.shape}", "expected 3 rows", field=f"illumination.{name}"
+                )
             if not np.all(np.abs(array) <= _LARGEST):
                 raise ViewingError(
-                    f"illumination: {name} is not finite or beyond {_LARGEST:g}; check the "
-                    "light's values, its lux and the exposure"
+                    f"is not finite or beyond {_LARGEST:g}",
+                    "check the light's values, its lux and the exposure",
+                    code="range",
+                    field=f"illumination.{name}",
                 )
 
     @classmethod
@@ -88,7 +91,7 @@ class Illumination:
         spec: RelightSpec,
         groups: Mapping[str, float] = ONE_GROUP,
     ) -> Illumination:
-        """Work out what a light does to the coefficients of a basis.
+        """Work out the effect of a light on the coefficients of a basis.
 
         Parameters
         ----------
@@ -99,13 +102,13 @@ class Illumination:
         spec : RelightSpec
             Mode, backdrop, level and exposure.
         groups : {str: float}
-            The image's light groups in the order of their channels, and their shares.
+            The image's light groups in the order of their channels, and their fractions.
 
         Raises
         ------
         ViewingError
-            If ``light`` is neither, shines from an unknown group or from none that has a share, or
-            ``level="absolute"`` lacks lux.
+            If ``light`` is neither, shines from an unknown group or only from groups without light
+            in the cast, or ``level="absolute"`` lacks lux.
         SpectrumError
             If a light does not cover the basis' grid, has negative power or is black.
         """
@@ -115,8 +118,10 @@ class Illumination:
         if spec.level == "absolute":
             if facing.total_lux is None:
                 raise ViewingError(
-                    "relight: level='absolute' needs the lights' lux; "
-                    "give LightRig(..., illuminance_lux=...) or use level='relative'"
+                    "level='absolute' needs the lights' lux",
+                    "give LightRig(..., illuminance_lux=...) or use level='relative'",
+                    code="missing",
+                    field="LightRig.illuminance_lux",
                 )
             gain *= facing.total_lux / spec.viewing.illuminance_lux
         mixed = facing.mixed(basis.grid)
@@ -131,7 +136,7 @@ class Illumination:
         return cls(gain * matrix, white, gain * backdrop, lux, viewing, gain)
 
     def scene_XYZ(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
-        """Colour of each pixel in the scene.
+        """Return the colour of each pixel in the scene.
 
         Parameters
         ----------
@@ -154,14 +159,16 @@ class Illumination:
         opacity = np.asarray(alpha, dtype=np.float64)
         if C.shape != opacity.shape + (self.XYZ_from_channels.shape[1],):
             raise ShapeError(
-                f"relight: coefficients have shape {C.shape}, alpha {opacity.shape}, the light "
-                f"{self.XYZ_from_channels.shape[1]} channels; expected (..., L·M), (...) and L·M. "
-                "Were they made with the same basis and light groups?"
+                f"coefficients have shape {C.shape}, alpha {opacity.shape}, the light "
+                f"{self.XYZ_from_channels.shape[1]} channels",
+                "expected (..., L·M), (...) and L·M. Were they made with the same basis and light "
+                "groups?",
+                field="relight",
             )
         return C @ self.XYZ_from_channels.T + (1.0 - opacity)[..., None] * self.backdrop_XYZ
 
     def luminance_factors(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
-        """Y of each pixel in the scene, 100 for a perfect diffuser whatever the gain.
+        """Return Y of each pixel in the scene, 100 for a perfect diffuser at any gain.
 
         Parameters
         ----------
@@ -178,7 +185,7 @@ class Illumination:
 def _groups_matrix(
     basis: Basis, rig: LightRig, mode: str, groups: Mapping[str, float], mixed: Spectrum
 ) -> Array:
-    """(3, L·M): each group's colour matrix, as bright beside ``mixed`` as the group is."""
+    """Return (3, L·M): each group's colour matrix, scaled by its part of ``mixed``."""
     V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
     columns = []
     for group in groups:

@@ -1,70 +1,219 @@
-"""The shaders of one engine, compiled as they are first asked for.
+"""Shader programs of one engine, their uniforms and their lookup textures.
 
-    uniforms (forms), screen -> [programs] -> gpu
+    illumination, view transform, screen -> [programs] -> gpu -> shaders/relight.frag
 
-What a form of passage and a display are made of is compiled in, so that a pixel pays for no more.
+The form of a view transform and of a display are compiled in, so that a pixel pays for nothing
+else; programs are compiled at first use.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from volspec._gpu.opengl import compile_program
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
-from volspec.appearance import screen as screens
-from volspec.appearance import table
+from volspec.appearance import lut3d, screen
+from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.constants import shader_constants
+from volspec.appearance.lut3d import NODES, LutSpace
+from volspec.appearance.models.cam import CamTransform
+from volspec.appearance.screen import SHADER_STEPS, Screen
 from volspec.appearance.spaces import ColourSpace
-from volspec.relight.uniforms import FORM_NUMBERS, screen_form
+from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
+from volspec.relight.illumination import Illumination
+from volspec.relight.layers import layer_count
 
 _GLSL = "330 core"
 # Texture units by the names of samplers.
-UNITS = {"coefficients": 0, "table": 1, "field": 2, "nodes": 3, "middles": 4}
+UNITS = {"coefficients": 0, "lut": 1, "field": 2, "nodes": 3, "centres": 4}
+# The shader's constants for the forms of a view transform.
+FORM_NUMBERS = {"LINEAR": 0, "CURVE": 1, "CAM": 2, "LUT": 3}
+# Forms that the shader evaluates colour by colour, and can bake into a LUT.
+Closed = CurveTransform | CamTransform
+Uniforms = dict[str, NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LutTransform:
+    """A view transform that is looked up in a LUT.
+
+    Parameters
+    ----------
+    space : LutSpace
+    closed : CurveTransform or CamTransform, optional
+        The closed form from adapted linear RGB on, to bake.
+    """
+
+    space: LutSpace
+    closed: Closed | None
+
+    @classmethod
+    def of(cls, transform: ViewTransform, space: LutSpace) -> LutTransform:
+        """Make the lookup, in a space, of a transform from a scene's XYZ."""
+        if not isinstance(transform, Closed):
+            return cls(space, None)
+        XYZ_from_adapted = np.linalg.inv(space.adapted_from_XYZ)
+        first = transform.response_from_XYZ @ XYZ_from_adapted
+        return cls(space, replace(transform, response_from_XYZ=first))
+
+
+DrawnTransform = LinearTransform | Closed | LutTransform | ViewTransformGrid
+FORMS: dict[type, int] = dict(
+    zip(
+        (LinearTransform, CurveTransform, CamTransform, LutTransform),
+        FORM_NUMBERS.values(),
+        strict=True,
+    )
+)
+FORMS[ViewTransformGrid] = FORMS[CamTransform]
+
+
+def shader_form(transform: DrawnTransform) -> dict[str, int]:
+    """Return the constants that select a view transform's form in ``shaders/relight.frag``."""
+    if isinstance(transform, LutTransform):
+        checked = int(transform.closed is not None)
+        linear = shader_form(LinearTransform(np.eye(3)))
+        return linear | {"FORM": FORMS[LutTransform], "CHECKED": checked}
+    same = isinstance(transform, CamTransform) and all(
+        bool(np.all(np.abs(np.asarray(value) - 1.0) < 1e-7))
+        for value in (transform.lightness_power, transform.chroma_gain)
+    )
+    outer = isinstance(transform, CurveTransform) and bool(np.any(transform.outer != 1))
+    form = {"FORM": FORMS[type(transform)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
+    return form | {"FIELD": int(isinstance(transform, ViewTransformGrid)), "CHECKED": 0}
+
+
+def light_uniforms(light: Illumination, transform: DrawnTransform) -> Uniforms:
+    """Return the uniforms of a light by GLSL name.
+
+    Parameters
+    ----------
+    light : Illumination
+        The light, for L·M channels.
+    transform : DrawnTransform
+        From the scene to the display. Its first matrix costs a pixel nothing: it is multiplied
+        in here.
+
+    Returns
+    -------
+    dict
+        Flat float32 arrays; matrices column by column.
+    """
+    channels = light.XYZ_from_channels.shape[1]
+    columns = np.zeros((layer_count(channels) * 4, 3))
+    columns[:channels] = light.XYZ_from_channels.T
+    # Opacity takes away what the backdrop gives: (1 - alpha) XYZ_backdrop without a branch.
+    columns[channels] = -light.backdrop_XYZ
+    first = np.eye(3)
+    if isinstance(transform, LinearTransform):
+        first = transform.matrix
+    elif isinstance(transform, LutTransform):
+        first = transform.space.adapted_from_XYZ
+    return _flat({"XYZ_from_layer": columns @ first.T, "backdrop_XYZ": first @ light.backdrop_XYZ})
+
+
+def transform_uniforms(transform: DrawnTransform, target: Screen) -> Uniforms:
+    """Return the uniforms of a view transform: those of ``view_transform.*`` that its form has.
+
+    Returns
+    -------
+    dict
+        Flat float32 arrays by GLSL name; matrices column by column.
+    """
+    if isinstance(transform, LinearTransform | LutTransform):
+        return {}
+    form = shader_form(transform)
+    if isinstance(transform, ViewTransformGrid):  # its scenes are in the texture
+        transform = transform.transform
+    values: dict[str, ArrayLike] = {
+        "linear_from_response": (target.RGB_from_XYZ @ transform.XYZ_from_response).T
+    }
+    if not form["FIELD"]:
+        values["response_from_XYZ"] = transform.response_from_XYZ.T
+    if isinstance(transform, CurveTransform):
+        names = ["gain", "power", "shift", "offset", *(["outer"] if form["OUTER"] else [])]
+    else:
+        names = ["display_achromatic"]
+        if not form["FIELD"]:
+            names += ["scene_achromatic"]
+            names += [] if form["SAME_SURROUND"] else ["lightness_power", "chroma_gain"]
+    values |= {name: getattr(transform, name) for name in names}
+    return _flat({f"view_transform.{name}": value for name, value in values.items()})
+
+
+def screen_form(target: Screen) -> dict[str, int]:
+    """Return the constants that ``shaders/include/gamut.glsl`` is compiled with."""
+    return {"REDUCE": int(target.gamut is not None), "MARK": int(target.mark)}
+
+
+def screen_uniforms(target: Screen) -> Uniforms:
+    """Return the uniforms of a display: those of ``gamut.*`` if it reduces chroma."""
+    gamut = target.gamut
+    if gamut is None:
+        return {}
+    # XYZ cancel: the shader has the display's linear RGB.
+    response_from_linear = gamut.conditions.response_from_XYZ() @ np.linalg.inv(gamut.RGB_from_XYZ)
+    return _flat(
+        {
+            "gamut.response_from_linear": response_from_linear.T,
+            "gamut.linear_from_response": gamut.linear_from_response.T,
+            "gamut.top": gamut.top,
+            "gamut.knee": gamut.knee,
+            "gamut.knee_slope": gamut.knee_slope,
+            "gamut.last_step": 0.5**SHADER_STEPS,
+        }
+    )
+
+
+def _flat(values: Mapping[str, ArrayLike]) -> Uniforms:
+    return {name: np.asarray(v, dtype=np.float32).ravel() for name, v in values.items()}
 
 
 def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
-    """The numbers of ``shaders/relight.frag`` that every picture for a display's space shares."""
+    """Return the numbers of ``shaders/relight.frag`` that all pictures for a space share."""
     return {
         **FORM_NUMBERS,
         **shader_constants(),
         **space.shader_constants(),
-        **screens.SHADER_CONSTANTS,
-        **table.SHADER_CONSTANTS,
+        **screen.SHADER_CONSTANTS,
+        **lut3d.SHADER_CONSTANTS,
     }
 
 
 class Programs:
-    """Programs by what is compiled into them, each with the triangle that it draws.
+    """Programs by the constants compiled into them, each with the triangle that it draws.
 
     Parameters
     ----------
     context : moderngl.Context
     constants : {name: int}
-        What is the same in all: LAYERS, IMAGE_HEIGHT and EVERY.
-    keep : callable
-        Takes a resource that its engine shall release, and gives it back.
+        Constants of all: LAYERS, IMAGE_HEIGHT and EVERY.
+    own : callable
+        Registers a resource for the engine to release, and returns it.
     """
 
     def __init__(
-        self, context: Any, constants: Mapping[str, int], keep: Callable[[Any], Any]
+        self, context: Any, constants: Mapping[str, int], own: Callable[[Any], Any]
     ) -> None:
-        self._context, self._constants, self._keep = context, constants, keep
-        self._made: dict[tuple[Any, ...], tuple[Any, Any]] = {}
+        self._context, self._constants, self._own = context, constants, own
+        self._compiled: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 
-    def of(self, name: str, form: Mapping[str, int], screen: screens.Screen) -> tuple[Any, Any]:
-        """A program and its vertex array.
+    def program(self, name: str, form: Mapping[str, int], target: Screen) -> tuple[Any, Any]:
+        """Return a program and its vertex array; compile it at first use.
 
         Parameters
         ----------
-        name : {"relight", "nodes", "trust"}
-            Of the fragment shader.
+        name : {"relight", "bake_lut3d", "check_lut3d"}
+            The fragment shader.
         form : {name: int}
-            As `volspec.relight.uniforms.form_of`.
-        screen : Screen
+            As `shader_form`.
+        target : Screen
             Its space's matrix and curve are compiled in, and whether it reduces or marks.
 
         Raises
@@ -72,22 +221,99 @@ class Programs:
         OpenGLError
             If the driver refuses the shader.
         """
-        ends = screen_form(screen)
-        key = (name, *form.values(), *ends.values(), screen.space)
-        if key not in self._made:
+        ends = screen_form(target)
+        key = (name, *form.values(), *ends.values(), target.space)
+        if key not in self._compiled:
             constants: dict[str, ArrayLike] = {
                 **self._constants,
                 **form,
                 **ends,
                 "FIRST_ROW_AT_BOTTOM": 1,
-                **picture_constants(screen.space),
+                **picture_constants(target.space),
             }
             lines = prelude(constants, "glsl")
             vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
             fragment = assemble(f"shaders/{name}.frag", lines, glsl_version=_GLSL)
-            program = self._keep(compile_program(self._context, vertex, fragment))
+            program = self._own(compile_program(self._context, vertex, fragment))
             for sampler, unit in UNITS.items():
                 if sampler in program:
                     program[sampler].value = unit
-            self._made[key] = program, self._keep(self._context.vertex_array(program, []))
-        return self._made[key]
+            self._compiled[key] = program, self._own(self._context.vertex_array(program, []))
+        return self._compiled[key]
+
+
+class LookupTextures:
+    """One engine's textures of a LUT and of a transform grid, made at first use.
+
+    Parameters
+    ----------
+    context : moderngl.Context
+    own : callable
+        Registers a resource for the engine to release, and returns it.
+    """
+
+    def __init__(self, context: Any, own: Callable[[Any], Any]) -> None:
+        self._context, self._own = context, own
+        self._lut: Any = None
+        self._grid: Any = None
+        self._framebuffers: list[Any] = []
+        self._buffer: Any = None
+
+    def load_grid(self, grid: ViewTransformGrid) -> None:
+        """Upload a grid and bind it."""
+        texels = grid.texels()
+        size = texels.shape[2], texels.shape[1], texels.shape[0]
+        if self._grid is None or self._grid.size != size:
+            self._grid = self._own(self._context.texture_array(size, 4, dtype="f4"))
+            self._grid.filter = self._context.LINEAR, self._context.LINEAR
+            self._grid.repeat_x = self._grid.repeat_y = False
+        self._grid.write(texels)
+        self._grid.use(UNITS["field"])
+
+    def bind_lut(self) -> None:
+        """Bind the LUT."""
+        self._lut.use(UNITS["lut"])
+
+    def load_lut(self, texels: NDArray[np.float32]) -> None:
+        """Upload a LUT that was baked on the host (`LutCache.texels`)."""
+        self._lut_texture().write(texels)
+
+    def bake_lut(self, closed: Closed, target: Screen, draw: Callable[..., None]) -> None:
+        """Bake a view transform's LUT on the device.
+
+        Parameters
+        ----------
+        closed : CurveTransform or CamTransform
+            From adapted linear RGB on.
+        target : Screen
+        draw : callable
+            The engine's: (name of the fragment shader, form, uniforms, screen).
+        """
+        nodes, centres, checked = self._bake_targets()
+        form = shader_form(closed)
+        uniforms = transform_uniforms(closed, target)
+        for framebuffer, offset in ((nodes, 0.0), (centres, 0.5)):
+            framebuffer.use()
+            draw("bake_lut3d", form, uniforms | _flat({"offset": offset}), target)
+        checked.use()
+        nodes.color_attachments[0].use(UNITS["nodes"])
+        centres.color_attachments[0].use(UNITS["centres"])
+        draw("check_lut3d", form, {}, target)
+        checked.read_into(self._buffer, components=4, dtype="f4")
+        self._lut_texture().write(self._buffer)
+
+    def _lut_texture(self) -> Any:
+        if self._lut is None:
+            self._lut = self._own(self._context.texture3d((NODES,) * 3, 4, dtype="f4"))
+            self._lut.filter = self._context.LINEAR, self._context.LINEAR
+            self._lut.repeat_x = self._lut.repeat_y = self._lut.repeat_z = False
+        return self._lut
+
+    def _bake_targets(self) -> list[Any]:
+        """Return framebuffers for the nodes, for the cells' centres, and for both compared."""
+        if not self._framebuffers:
+            size = (NODES, NODES * NODES)
+            textures = [self._own(self._context.texture(size, 4, dtype="f4")) for _ in range(3)]
+            self._framebuffers = [self._own(self._context.framebuffer([t])) for t in textures]
+            self._buffer = self._own(self._context.buffer(reserve=16 * NODES**3))
+        return self._framebuffers

@@ -1,8 +1,8 @@
-"""The truth every renderer is measured against: NumPy float64 and colour-science's CIECAM02.
+"""The reference that every renderer is tested against: float64 and colour-science's CIECAM02.
 
-    illumination -> [reference] -> encoded float64, uint8
+    illumination -> [reference] -> encoded float64
 
-Slow and independent on purpose: nothing of the appearance model is shared with
+Slow and independent on purpose: it shares nothing of the appearance model with
 `volspec.appearance.models` or the shader. The light's matrix is shared by all; a test
 compares it with 31 bands (`test_relight_is_method_4_in_31_bands`).
 
@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.spec import Viewing, surround_at
 from volspec.errors import ViewingError
-from volspec.relight.adapted import Adapting
 from volspec.relight.illumination import Illumination
+from volspec.relight.measured_viewing import ViewingMeter
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.datasets import colour_science
 from volspec.spectra.spectrum import Spectrum
@@ -39,7 +39,7 @@ def display_XYZ(
     viewing: Viewing,
     adapted: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Scene XYZ to the display XYZ of equal appearance, by colour-science.
+    """Return the display XYZ of equal appearance, by colour-science.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def display_XYZ(
     viewing : Viewing
         Scene and display conditions.
     adapted : (Y_b, L_A), optional
-        Those of each colour, (...) each, in place of the viewing's.
+        The conditions of each colour, (...) each, instead of the viewing's.
 
     Returns
     -------
@@ -66,11 +66,11 @@ def display_XYZ(
     F, c, N_c = surround_at(viewing.surround)
     Y_b, L_A = adapted or (viewing.Y_b, viewing.adapting_luminance)
     if viewing.D is not None:
-        # colour-science takes no D; F serves D alone, so this F gives the D asked for.
+        # colour-science takes no D; F enters D alone, so this F gives that D.
         F = viewing.D / (1.0 - np.exp(-(L_A + 42.0) / 92.0) / 3.6)
     display = viewing.display
     with np.errstate(all="ignore"):
-        seen = colour.XYZ_to_CIECAM02(
+        look = colour.XYZ_to_CIECAM02(
             scene,
             np.asarray(white_XYZ, dtype=np.float64),
             L_A,
@@ -78,11 +78,11 @@ def display_XYZ(
             InductionFactors(F, c, N_c),
             compute_H=False,
         )
-        J = np.asarray(seen.J, dtype=np.float64)
+        J = np.asarray(look.J, dtype=np.float64)
         lit = J > 0.0
         shown = colour.CIECAM02_to_XYZ(
             colour.CAM_Specification_CIECAM02(
-                J=np.where(lit, J, 1.0), C=np.where(lit, seen.C, 0.0), h=seen.h
+                J=np.where(lit, J, 1.0), C=np.where(lit, look.C, 0.0), h=look.h
             ),
             _Space(display.colours.name).whitepoint_XYZ,
             display.adapting_luminance,
@@ -92,8 +92,8 @@ def display_XYZ(
     return np.where(lit[..., None], shown, 0.0)
 
 
-# colour-science's name of a space, and the γ of its curve; sRGB's is none. (What colour-science has
-# as BT.709's and BT.2020's own curve is a camera's.)
+# colour-science's name of a space, and the γ of its curve; sRGB's is none. (colour-science's own
+# curves of BT.709 and BT.2020 are a camera's.)
 _SPACES = {
     "sRGB": ("sRGB", None),
     "Display P3": ("Display P3", None),
@@ -110,7 +110,10 @@ class _Space:
     def __init__(self, name: str) -> None:
         if name not in _SPACES:
             raise ViewingError(
-                f"reference: colour-science has no space {name!r}; known: {', '.join(_SPACES)}"
+                f"colour-science has no space {name!r}",
+                f"known: {', '.join(_SPACES)}",
+                code="unknown",
+                field="reference",
             )
         colour = colour_science()
         theirs, self._gamma = _SPACES[name]
@@ -120,7 +123,7 @@ class _Space:
         self.whitepoint_XYZ: Array = 100.0 * np.asarray(colour.xy_to_XYZ(space.whitepoint))
 
     def encode(self, linear: Array) -> Array:
-        """Code values of linear RGB, 0 to 1."""
+        """Return code values of linear RGB, 0 to 1."""
         colour = colour_science()
         if self._gamma is None:
             return np.asarray(colour.models.eotf_inverse_sRGB(linear), dtype=np.float64)
@@ -143,11 +146,10 @@ def encoded_frame(
     alpha : (H, W) array_like
         Opacity.
     light : Illumination
-        What the light does to the channels.
     viewing : Viewing
         Scene and display conditions.
     adapted : (Y_b, L_A), optional
-        Those of each pixel, (H, W) each, in place of the viewing's.
+        The conditions of each pixel, (H, W) each, instead of the viewing's.
 
     Returns
     -------
@@ -157,14 +159,16 @@ def encoded_frame(
     Raises
     ------
     ViewingError
-        If the display reduces chroma or marks, which nothing independent does here, or its space
+        If the display reduces chroma or marks, which has no independent reference, or its space
         is unknown to colour-science.
     """
     display = viewing.display
     if display.gamut != "clip" or display.mark:
         raise ViewingError(
-            f"reference: Display(gamut={display.gamut!r}, mark={display.mark}) has no reference; "
-            "expected gamut='clip' and mark=False"
+            f"Display(gamut={display.gamut!r}, mark={display.mark}) has no reference",
+            "expected gamut='clip' and mark=False",
+            code="unsupported",
+            field="reference",
         )
     scene = light.scene_XYZ(coefficients, alpha)
     XYZ = display_XYZ(scene, light.white_XYZ, viewing, adapted)
@@ -175,21 +179,19 @@ def encoded_frame(
 def relight_reference(
     image: CoefficientImage, light: Spectrum | LightRig, spec: RelightSpec | None = None
 ) -> Array:
-    """The reference picture of a coefficient image.
+    """Return the reference picture of a coefficient image.
 
     Parameters
     ----------
     image : CoefficientImage
-        From the raycaster.
     light : Spectrum or LightRig
-        What lights it.
     spec : RelightSpec, optional
         Viewing, mode, backdrop, level.
 
     Returns
     -------
     (H, W, 3) float64
-        Codes of the display, 0 to 1, before rounding (`volspec.appearance.srgb.to_uint8` rounds).
+        Codes of the display, 0 to 1, before rounding (`volspec.appearance.spaces.to_uint8` rounds).
 
     Raises
     ------
@@ -198,9 +200,9 @@ def relight_reference(
     """
     spec = spec or RelightSpec()
     lit = Illumination.of(image.basis, light, spec, image.groups)
-    adapting, viewing, adapted = Adapting(), lit.viewing, None
+    meter, viewing, adapted = ViewingMeter(), lit.viewing, None
     if viewing.adapting == "pixel":
-        adapted = adapting.maps(image, lit)
+        adapted = meter.maps(image, lit)
     else:
-        viewing, _ = adapting.measured(image, lit)
+        viewing, _ = meter.measure_viewing(image, lit)
     return encoded_frame(image.coefficients, image.alpha, lit, viewing, adapted)

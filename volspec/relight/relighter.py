@@ -1,8 +1,8 @@
-"""The public face of relighting: one coefficient image, a frame for every light.
+"""The public API of relighting: one coefficient image, a frame for every light.
 
     coefficient image + light -> [relighter] -> frame
 
-OpenGL where a context can be made, NumPy with a warning where not.
+OpenGL if a context can be made, else NumPy with a warning.
 """
 
 from __future__ import annotations
@@ -15,29 +15,54 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from volspec._deprecated import renamed_keyword
 from volspec._gpu.opengl import ContextLost
 from volspec._gpu.sharing import Sharing
-from volspec.appearance.field import PassageField
+from volspec.appearance.adaptation_grid import ViewTransformGrid
+from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.basis.display import Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
-from volspec.relight.adapted import Adapting
-from volspec.relight.checks import Shape, arrays_of, pixel_type, require_fit, shape_of
+from volspec.relight.cpu import CpuEngine
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
-from volspec.relight.host import HostEngine
 from volspec.relight.illumination import Illumination
-from volspec.relight.packed import PackedLayers
-from volspec.relight.shared import SharedLayers
+from volspec.relight.layers import (
+    PackedLayers,
+    Shape,
+    SharedLayers,
+    coefficient_shape,
+    float32_arrays,
+    require_fit,
+)
+from volspec.relight.measured_viewing import ViewingMeter
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
-from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
     from volspec.raycast.image import CoefficientImage
 
 BACKENDS = ("gl", "numpy")
+
+
+def pixel_type(dtype: Any) -> type:
+    """Return numpy.uint8 or numpy.float32, the types of frames.
+
+    Raises
+    ------
+    RelightError
+        If it is another.
+    """
+    try:
+        kind = np.dtype(dtype).type
+    except TypeError:
+        kind = np.void
+    if kind not in (np.uint8, np.float32):
+        raise RelightError.refused(
+            "relight.dtype", dtype, "expected numpy.uint8 or numpy.float32", "type"
+        )
+    return kind
 
 
 class Relighter:
@@ -51,14 +76,14 @@ class Relighter:
         None takes GL and falls back to NumPy with a `VolspecWarning`.
     context : moderngl.Context, optional
         A current context to draw in, as a viewer's; None makes a headless one.
-    table : bool, optional
-        Whether GL looks appearance up in a table (`volspec.appearance.table`), where that holds all
-        of a picture's colours; CIEDE2000 .03 from the closed forms under tungsten. None: where a
-        model has no closed form, and for 8-bit frames of 1024² pixels and more on software GL,
-        where it is quicker.
-    tables : HostTables, optional
-        Where tables are kept that the host works out, for several Relighters or threads to share;
-        None makes one.
+    lut3d : bool, optional
+        Draw appearance by a 3-D LUT (`volspec.appearance.lut3d`) on GL, if all of a picture's
+        colours are in its valid cells; CIEDE2000 .03 from the closed forms under tungsten. None:
+        for models without a closed form, and for 8-bit frames of 1024² pixels and more on software
+        GL, where it is faster.
+    lut_cache : LutCache, optional
+        Cache of LUTs baked on the host, for several Relighters or threads to share; None makes
+        one.
     packed : PackedLayers, optional
         The image's channels, packed beforehand on another thread.
 
@@ -67,7 +92,7 @@ class Relighter:
     OpenGLError
         If ``backend="gl"`` and no context can be made.
     RelightError
-        If the backend is unknown, or ``table`` or ``tables`` is something else.
+        If the backend is unknown, or ``lut3d`` or ``lut_cache`` is something else.
     ShapeError
         If the image's arrays do not fit together.
 
@@ -87,53 +112,56 @@ class Relighter:
     [246, 172, 96]
     """
 
+    @renamed_keyword(table="lut3d", tables="lut_cache")
     def __init__(
         self,
         image: CoefficientImage,
         backend: str | None = None,
         context: Any = None,
-        table: bool | None = None,
-        tables: HostTables | None = None,
+        lut3d: bool | None = None,
+        lut_cache: LutCache | None = None,
         packed: PackedLayers | None = None,
     ) -> None:
         if backend is not None and backend not in BACKENDS:
             raise RelightError.refused(
-                "Relighter: backend",
+                "Relighter.backend",
                 backend,
                 f"{nearest(str(backend), BACKENDS)}expected {' or '.join(BACKENDS)}, or None",
                 "unknown",
             )
-        coefficients, alpha = arrays_of(image)
+        coefficients, alpha = float32_arrays(image)
         if packed is not None:
             packed.require(*coefficients.shape)
         self._image = image
         self._edits: dict[str, Spectrum] = {}
-        self._adapting = Adapting()
-        if table not in (None, True, False):
+        self._meter = ViewingMeter()
+        if lut3d not in (None, True, False):
             raise RelightError.refused(
-                "Relighter: table", table, "expected True, False or None", "type"
+                "Relighter.lut3d", lut3d, "expected True, False or None", "type"
             )
-        if not isinstance(tables, HostTables | None):
-            raise RelightError.refused("Relighter: tables", tables, "expected HostTables or None")
+        if not isinstance(lut_cache, LutCache | None):
+            raise RelightError.refused(
+                "Relighter.lut_cache", lut_cache, "expected LutCache or None", "type"
+            )
         self._closed = False
-        self._table = table
-        self._tables = HostTables() if tables is None else tables
+        self._lut3d = lut3d
+        self._lut_cache = LutCache() if lut_cache is None else lut_cache
         self._lent = context is not None
-        self._engine: GLEngine | HostEngine
+        self._engine: GLEngine | CpuEngine
         if backend == "numpy":
-            self._engine = HostEngine(coefficients, alpha)
+            self._engine = CpuEngine(coefficients, alpha)
             return
         try:
-            self._engine = GLEngine(*(coefficients, alpha, context, table, self._tables, packed))
+            self._engine = GLEngine(coefficients, alpha, context, lut3d, self._lut_cache, packed)
         except OpenGLError as error:
             if backend == "gl":
                 raise
             warnings.warn(f"relighting with NumPy, slowly: {error}", VolspecWarning, stacklevel=2)
-            self._engine = HostEngine(coefficients, alpha)
+            self._engine = CpuEngine(coefficients, alpha)
 
     @property
     def backend(self) -> str:
-        """What draws: the GL device's name, or ``"numpy"``."""
+        """The GL device's name, or ``"numpy"``."""
         return self._engine.name
 
     @property
@@ -143,16 +171,16 @@ class Relighter:
         return width, height
 
     def place(self, shape: Shape, groups: Sized, sharing: Sharing | None) -> SharedLayers | None:
-        """Where a cast that is about to begin may put its picture, for `update` to take.
+        """Return a place for the picture of a cast that is about to begin, for `update` to take.
 
         Parameters
         ----------
         shape : (H, W, L·M)
-            The picture's, to be refused now rather than after the cast.
+            The picture's, refused now rather than after the cast.
         groups : sized
             Its light groups.
         sharing : Sharing or None
-            `Raycaster.sharing`; without one there is no such place.
+            `Raycaster.sharing`; without one there is no place.
 
         Raises
         ------
@@ -165,10 +193,12 @@ class Relighter:
         require_fit(shape, groups, self._image)
         if sharing is None:
             return None
-        if isinstance(self._engine, HostEngine):
+        if isinstance(self._engine, CpuEngine):
             raise OpenCLError(
-                f"raycast: the Raycaster shares {sharing.name}, the Relighter draws with NumPy; "
-                "give the Relighter the Raycaster's context, or the Raycaster none"
+                f"the Raycaster shares {sharing.name}, the Relighter draws with NumPy",
+                "give the Relighter the Raycaster's context, or the Raycaster none",
+                code="conflict",
+                field="raycast",
             )
         return self._engine.place(sharing)
 
@@ -184,8 +214,8 @@ class Relighter:
         ----------
         image : CoefficientImage
         place : SharedLayers or PackedLayers, optional
-            From `place`, where the image's cast has put it: nothing is then uploaded. Or the image
-            packed beforehand: nothing else is then done here.
+            From `place`, filled by the image's cast: nothing is then uploaded. Or the image packed
+            beforehand: nothing else is then done here.
 
         Raises
         ------
@@ -195,20 +225,20 @@ class Relighter:
             If size, channel count or number of groups differ.
         """
         self._require_open()
-        shape = shape_of(image)
+        shape = coefficient_shape(image)
         require_fit(shape, image.groups, self._image)
         if isinstance(place, PackedLayers):
             place.require(*shape)
         if isinstance(image.basis, MaterialBasis):
-            kept = {k: v for k, v in self._edits.items() if k in image.basis.materials}
-            image = replace(image, basis=image.basis.with_reflectances(kept))
+            edits = {k: v for k, v in self._edits.items() if k in image.basis.materials}
+            image = replace(image, basis=image.basis.with_reflectances(edits))
         self._image = image
 
-        def put(engine: GLEngine | HostEngine) -> None:
+        def put(engine: GLEngine | CpuEngine) -> None:
             if place is not None and isinstance(engine, GLEngine):
                 engine.take(place)
             else:
-                engine.upload(*arrays_of(image))
+                engine.upload(*float32_arrays(image))
 
         self._on_engine(put)
 
@@ -218,16 +248,15 @@ class Relighter:
         spec: RelightSpec | Viewing | None = None,
         dtype: Any = np.uint8,
     ) -> Pixels:
-        """The picture under a light.
+        """Return the picture under a light.
 
         Parameters
         ----------
         light : Spectrum or LightRig
-            What lights the scene.
         spec : RelightSpec or Viewing, optional
-            Viewing, mode, backdrop and level; a `Viewing` leaves the others at their defaults, and
-            CIECAM02 to an sRGB display is the viewing's. What its ``adapting`` asks to be measured
-            is measured in this picture.
+            Viewing, mode, backdrop and level; a `Viewing` leaves the others at their defaults. The
+            default viewing is CIECAM02 to an sRGB display. If its ``adapting`` is not ``"given"``,
+            conditions are measured in this picture.
         dtype : numpy.uint8 or numpy.float32
             8-bit codes, or codes 0 to 1 before rounding.
 
@@ -248,8 +277,8 @@ class Relighter:
         """
         self._require_open()
         kind = pixel_type(dtype)
-        lit, viewing, field = self._lit(light, RelightSpec.of(spec))
-        return self._on_engine(lambda engine: engine.render(lit, viewing, kind, field))
+        lit, viewing, grid = self._lit(light, RelightSpec.of(spec))
+        return self._on_engine(lambda engine: engine.render(lit, viewing, kind, grid))
 
     def draw(
         self,
@@ -257,7 +286,7 @@ class Relighter:
         spec: RelightSpec | Viewing | None = None,
         within: tuple[int, int, int, int] | None = None,
     ) -> Any:
-        """The picture of `frame` left on the device, for whoever lent the context.
+        """Draw the picture of `frame` and leave it on the device, for the owner of the context.
 
         Parameters
         ----------
@@ -279,19 +308,24 @@ class Relighter:
             As `frame`.
         """
         self._require_open()
-        if isinstance(self._engine, HostEngine):
-            raise RelightError("relight: NumPy has no device to leave a picture on; take frame()")
-        lit, viewing, field = self._lit(light, RelightSpec.of(spec))
-        return self._engine.draw(lit, viewing, np.uint8, field, within)
+        if isinstance(self._engine, CpuEngine):
+            raise RelightError(
+                "NumPy has no device to leave a picture on",
+                "take frame()",
+                code="unsupported",
+                field="relight",
+            )
+        lit, viewing, grid = self._lit(light, RelightSpec.of(spec))
+        return self._engine.draw(lit, viewing, np.uint8, grid, within)
 
-    def missing_table(
+    def missing_lut(
         self,
         light: Spectrum | LightRig,
         spec: RelightSpec | Viewing | None = None,
-    ) -> TableKey | None:
-        """What the next frame would wait for: a table that the host has to work out first.
+    ) -> LutKey | None:
+        """Return the key of a LUT that the next frame would wait for, as the host must bake it.
 
-        Hunt and Nayatani 95 have such tables, for each light and viewing their own.
+        Hunt and Nayatani 95 have such LUTs, one for each light and viewing.
 
         Parameters
         ----------
@@ -300,8 +334,8 @@ class Relighter:
 
         Returns
         -------
-        TableKey or None
-            For `HostTables.texels` of the ``tables`` given to the Relighter, on any thread.
+        LutKey or None
+            For `LutCache.texels` of the ``lut_cache`` given to the Relighter, on any thread.
 
         Raises
         ------
@@ -312,10 +346,10 @@ class Relighter:
         """
         self._require_open()
         settings = RelightSpec.of(spec)
-        if isinstance(self._engine, HostEngine) or not is_tabled(settings.viewing.model):
+        if isinstance(self._engine, CpuEngine) or not needs_host_lut(settings.viewing.model):
             return None
         lit, viewing, _ = self._lit(light, settings)
-        return self._engine.missing_table(lit, viewing)
+        return self._engine.missing_lut(lit, viewing)
 
     def error_map(
         self,
@@ -324,7 +358,7 @@ class Relighter:
         backdrop: float | Spectrum = 0.2,
         every: int = 1,
     ) -> ErrorMap:
-        """How far the picture's colours are from the exact light matrix', pixel by pixel.
+        """Return CIEDE2000 from the picture of the exact light matrix, pixel by pixel.
 
         Parameters
         ----------
@@ -332,7 +366,7 @@ class Relighter:
         mode, backdrop
             As `RelightSpec`.
         every : int
-            Look at every n-th row and column only: quick, where the map itself is not wanted.
+            Sample every n-th row and column only: fast, for the figures without the map.
 
         Returns
         -------
@@ -350,12 +384,12 @@ class Relighter:
         return error_map(self._image, light, mode, backdrop, every)
 
     def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
-        """Give materials other reflectances, with no new cast; the next frame shows them.
+        """Give materials other reflectances without a new cast; the next frame shows them.
 
         Parameters
         ----------
         reflectances : {name: Spectrum}
-            Those that change.
+            The materials that change.
 
         Raises
         ------
@@ -370,20 +404,22 @@ class Relighter:
 
     def _lit(
         self, light: Spectrum | LightRig, spec: RelightSpec
-    ) -> tuple[Illumination, Viewing, PassageField | None]:
-        """What a light makes of the image, the viewing that is measured in it, and its field."""
+    ) -> tuple[Illumination, Viewing, ViewTransformGrid | None]:
+        """Return the illumination, the measured viewing, and the grid of its transforms."""
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
-        return lit, *self._adapting.measured(self._image, lit)
+        return lit, *self._meter.measure_viewing(self._image, lit)
 
-    def _on_engine(self, call: Callable[[GLEngine | HostEngine], Any]) -> Any:
-        """Call the engine; make it anew once where another library ended its context."""
+    def _on_engine(self, call: Callable[[GLEngine | CpuEngine], Any]) -> Any:
+        """Call the engine; make it again once if another library ended its context."""
         try:
             return call(self._engine)
         except ContextLost:
-            if self._lent:  # what a viewer lends is the viewer's to mend
+            if self._lent:  # the viewer repairs a context that it lent
                 raise
             self._engine.close()
-            self._engine = GLEngine(*arrays_of(self._image), None, self._table, self._tables)
+            self._engine = GLEngine(
+                *float32_arrays(self._image), None, self._lut3d, self._lut_cache
+            )
             return call(self._engine)
 
     def close(self) -> None:
@@ -394,7 +430,7 @@ class Relighter:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise RelightError("Relighter: already closed; make another", code="state")
+            raise RelightError("already closed", "make another", code="state", field="Relighter")
 
     def __enter__(self) -> Self:
         return self
@@ -415,7 +451,7 @@ def relight(
     dtype: Any = np.uint8,
     backend: str | None = None,
 ) -> Pixels:
-    """One picture of a coefficient image; for several, a `Relighter` uploads only once.
+    """Relight a coefficient image once; for several lights, a `Relighter` uploads only once.
 
     Parameters and errors are `Relighter`'s and `Relighter.frame`'s.
 

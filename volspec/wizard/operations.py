@@ -20,8 +20,8 @@ from itertools import product
 
 import numpy as np
 
+from volspec.appearance.display import colour_space
 from volspec.appearance.models.cielab import delta_E_2000
-from volspec.appearance.spaces import space_of
 from volspec.errors import PaletteError, SceneError
 from volspec.palette import (
     Cell,
@@ -491,7 +491,7 @@ def _distinct_colours(count: int) -> tuple[Triple, ...]:
     >>> len(set(_distinct_colours(5)))
     5
     """
-    space = space_of("sRGB")
+    space = colour_space("sRGB")
     hues = math.radians(_FIRST_DEG) + 2.0 * math.pi * np.arange(count) / count
     fy = (_LIGHTNESS + 16.0) / 116.0
     fx, fz = fy + _CHROMA * np.cos(hues) / 500.0, fy - _CHROMA * np.sin(hues) / 200.0

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from volspec._deprecated import renamed_attribute
 from volspec._files import require_writable
-from volspec.appearance.live import passage_of
 from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.scene_to_display import view_transform
 from volspec.basis import MaterialBasis
 from volspec.errors import SceneError, SpectrumError
 from volspec.palette import Design, PaletteSpectrum, save_palette
@@ -250,7 +250,7 @@ def displayed_Lab(scene: Scene, light: NamedLight) -> Array:
     channels = scene.basis.channels_for_materials(scene.materials)
     layers = np.hstack([share * channels for share in groups.values()])
     XYZ = lit.scene_XYZ(layers, np.ones(len(layers)))
-    display_XYZ = passage_of(lit.viewing, lit.white_XYZ).apply(XYZ)
+    display_XYZ = view_transform(lit.viewing, lit.white_XYZ).apply(XYZ)
     space = spec.viewing.display.colours
     RGB = np.clip(display_XYZ @ space.RGB_from_XYZ.T, 0.0, 1.0)
     return cielab(np.linalg.solve(space.RGB_from_XYZ, RGB.T).T, space.white_XYZ)

@@ -1,10 +1,13 @@
 """Chromatic adaptation: XYZ under one white to the XYZ of equal appearance under another.
 
-    ViewingConditions × 2 -> [adaptation] -> Passage -> host | shaders/relight.frag
+    ViewingConditions × 2 -> [adaptation] -> ViewTransform -> cpu | shaders/relight.frag
 
-Every transform is a function of source and target conditions that returns a `Passage`: ``apply``
-goes from source to target, ``undo`` comes back, and the shader draws it as it is. Equations and
-measured errors: docs/adaptation.md.
+An adaptation is a function of source and target conditions that returns a `ViewTransform`:
+``apply`` goes from source to target, ``undo`` comes back, and the shader draws it as it is.
+Equations and measured errors: docs/adaptation.md.
+
+Colours are taken on their white's scale, so that all is in percent of Y_w: a white of Y = 50
+plays the part of one of Y = 100.
 """
 
 from __future__ import annotations
@@ -13,41 +16,44 @@ from collections.abc import Mapping
 from functools import wraps
 from types import MappingProxyType
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.adaptation import fairchild, guth, nayatani, none, von_kries
-from volspec.appearance.adaptation.base import Adaptation, Array, outside
-from volspec.appearance.passages import Passage
-from volspec.appearance.spec import ViewingConditions
-from volspec.appearance.surround import require_conditions
+from volspec.appearance.adaptation import linear, nonlinear
+from volspec.appearance.adaptation.linear import Adaptation
+from volspec.appearance.surround import ViewingConditions, require_conditions
+from volspec.appearance.transforms import Array, CurveTransform, ViewTransform, triples
 from volspec.errors import ViewingError, nearest
 
 __all__ = ["ADAPTATIONS", "Adaptation", "adapt", "adaptation", "outside"]
 
 
-def _checked(name: str, passage: Adaptation) -> Adaptation:
-    """The passage, which says what it got where it got no conditions."""
+def _checked(name: str, transform: Adaptation) -> Adaptation:
+    """Return the adaptation with its arguments checked."""
 
-    @wraps(passage, assigned=("__doc__",))
-    def between(source: ViewingConditions, target: ViewingConditions) -> Passage:
-        require_conditions(f"{name}: source", source)
-        require_conditions(f"{name}: target", target)
-        return passage(source, target)
+    @wraps(transform, assigned=("__doc__",))
+    def between(source: ViewingConditions, target: ViewingConditions) -> ViewTransform:
+        require_conditions(f"{name}.source", source)
+        require_conditions(f"{name}.target", target)
+        return transform(source, target)
 
     return between
 
 
 ADAPTATIONS: Mapping[str, Adaptation] = MappingProxyType(
     {
-        name: _checked(name, passage)
-        for family in (none, von_kries, nayatani, guth, fairchild)
-        for name, passage in family.PASSAGES.items()
+        name: _checked(name, transform)
+        for name, transform in {
+            **linear.TRANSFORMS,
+            **nonlinear.TRANSFORMS,
+            "Fairchild 1990": linear.fairchild_transform,
+        }.items()
     }
 )
 
 
 def adaptation(name: str) -> Adaptation:
-    """A chromatic adaptation by name.
+    """Return a chromatic adaptation by name.
 
     Parameters
     ----------
@@ -57,8 +63,8 @@ def adaptation(name: str) -> Adaptation:
     Returns
     -------
     function
-        Of source and target `ViewingConditions`, which it refuses to be anything else; gives a
-        `Passage`.
+        Takes source and target `ViewingConditions`, refuses anything else; returns a
+        `ViewTransform`.
 
     Raises
     ------
@@ -88,7 +94,7 @@ def adapt(
     target: ViewingConditions,
     method: str = "CAT02",
 ) -> Array:
-    """Corresponding colours: what looks the same under the target's white.
+    """Return corresponding colours: those that look the same under the target's white.
 
     Parameters
     ----------
@@ -101,7 +107,7 @@ def adapt(
     Returns
     -------
     (..., 3) float64
-        XYZ on the target white's scale; `outside` tells where a transform is not defined.
+        XYZ on the target white's scale; `outside` marks colours outside of a transform's domain.
 
     Raises
     ------
@@ -120,3 +126,49 @@ def adapt(
     [95.05, 100.0, 108.88]
     """
     return adaptation(method)(source, target).apply(XYZ)
+
+
+def outside(XYZ: ArrayLike, transform: ViewTransform) -> NDArray[np.bool_]:
+    """Mark colours outside of a transform's domain: powers of negative numbers.
+
+    `ViewTransform.apply` goes on there with |x|^p and the sign of x, so no picture has a NaN.
+
+    Parameters
+    ----------
+    XYZ : (..., 3) array_like
+        On the source white's scale.
+    transform : ViewTransform
+
+    Returns
+    -------
+    (...) bool
+        True if a response lies below 0 (Nayatani: below -n), or XYZ is not finite. Matrices
+        are defined everywhere.
+
+    Raises
+    ------
+    ShapeError
+        If they are no numbers, or the last axis is not 3.
+    ViewingError
+        If ``transform`` is none.
+
+    Examples
+    --------
+    >>> sun, sky = ViewingConditions((100, 100, 60)), ViewingConditions((92, 100, 140))
+    >>> outside([[20, 20, 20], [90, 5, 0]], adaptation("Nayatani")(sun, sky)).tolist()
+    [False, True]
+    """
+    if not isinstance(transform, ViewTransform):
+        raise ViewingError.refused(
+            "adaptation.transform",
+            transform,
+            "expected one of `adaptation`, as adaptation('CAT02')(source, target)",
+            "type",
+        )
+    colours = triples("adaptation.XYZ", XYZ)
+    lost = ~np.isfinite(colours).all(axis=-1)
+    if isinstance(transform, CurveTransform):
+        with np.errstate(invalid="ignore"):
+            base = colours @ transform.response_from_XYZ.T + transform.shift
+        lost |= (base < 0.0).any(axis=-1)
+    return np.asarray(lost, dtype=np.bool_)

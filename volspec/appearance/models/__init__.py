@@ -1,4 +1,4 @@
-"""Appearance models by name: each a module with ``NAME``, ``forward``, ``inverse``, ``continued``.
+"""Appearance models by name; each has ``NAME``, ``forward``, ``inverse`` and ``continued``.
 
 ViewingConditions, XYZ -> [models] -> Appearance -> [models] -> XYZ
 """
@@ -8,20 +8,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from volspec.appearance.models import cam16, ciecam02, cielab, hunt, nayatani95, rlab
+from volspec._deprecated import renamed
+from volspec.appearance.models import cielab, hunt, nayatani95, rlab
 from volspec.appearance.models.base import Appearance, Model
+from volspec.appearance.models.cam import cam16, ciecam02
 from volspec.errors import ViewingError, nearest
 
-__all__ = ["MODELS", "Appearance", "Model", "model"]
+__all__ = ["APPEARANCE_MODELS", "Appearance", "Model", "cam16", "ciecam02", "model"]
 
-MODELS: Mapping[str, Model] = MappingProxyType(
+APPEARANCE_MODELS: Mapping[str, Model] = MappingProxyType(
     {each.NAME: each for each in (ciecam02, cam16, cielab, rlab, hunt, nayatani95)}
 )
 """Every model by its ``NAME``."""
 
 
 def model(name: str) -> Model:
-    """The appearance model of a name.
+    """Return the appearance model of a name.
 
     Raises
     ------
@@ -37,11 +39,14 @@ def model(name: str) -> Model:
     ...
     volspec.errors.ViewingError: appearance model is 'hunt'; did you mean 'Hunt'? known: ...
     """
-    if not (isinstance(name, str) and name in MODELS):
+    if not (isinstance(name, str) and name in APPEARANCE_MODELS):
         raise ViewingError.refused(
             "appearance model",
             name,
-            f"{nearest(str(name), MODELS)}known: {', '.join(MODELS)}",
+            f"{nearest(str(name), APPEARANCE_MODELS)}known: {', '.join(APPEARANCE_MODELS)}",
             "unknown",
         )
-    return MODELS[name]
+    return APPEARANCE_MODELS[name]
+
+
+__getattr__ = renamed(__name__, {"MODELS": "APPEARANCE_MODELS"})

@@ -1,6 +1,11 @@
-"""What every appearance model gives, and the three functions that each is made of.
+"""The contract of an appearance model, and the parts that several models share.
 
-A model is a module: its ``NAME``, ``forward``, ``inverse`` and ``continued``. Learn one, know all.
+A model has a ``NAME``, ``forward``, ``inverse`` and ``continued``; most are modules. Learn one,
+know all.
+
+References
+----------
+[1] *Color Appearance Models* (survey 002), eq. 11, 18-23 and 73-81.
 """
 
 from __future__ import annotations
@@ -12,21 +17,22 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ShapeError, quoted
+from volspec.appearance import constants as k
+from volspec.appearance.surround import SURROUND_RATIOS, ViewingConditions, require_conditions
+from volspec.errors import ShapeError, ViewingError, quoted
 
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
-"""So far below 0, the white being 1, a response still counts as 0: the last digits of sums."""
-# So near, in J and the two parts of C and beside the greater of them, a look comes back. Next to
-# where a model ends the last digit of XYZ is this much; all else comes back within 1e-9.
-_BACK = 1e-6
+"""A response this far below 0, the white being 1, still counts as 0: the last digits of sums."""
+# The inverse must return to J and the two parts of C within this, relative to the greatest. At the
+# edge of a model's domain the last digit of XYZ is this much; elsewhere 1e-9 is reached.
+_ROUND_TRIP = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Appearance:
-    """What a colour looks like: correlates, each (...) float64; None where a model has none."""
+    """Correlates of colours, each (...) float64; None if a model has no such correlate."""
 
     J: Array
     """Lightness, 0 to 100 for surfaces."""
@@ -35,7 +41,7 @@ class Appearance:
     h: Array
     """Hue angle, degrees within [0, 360)."""
     defined: NDArray[np.bool_]
-    """True where the model says something: there, and nowhere else, the inverse comes back."""
+    """True where the model is defined; exactly there ``inverse(forward(x)) == x``."""
     H: Array | None = None
     """Hue quadrature, 0 to 400: red 0, yellow 100, green 200, blue 300."""
     Q: Array | None = None
@@ -45,7 +51,7 @@ class Appearance:
     s: Array | None = None
     """Saturation."""
     Q_WB: Array | None = None
-    """Whiteness-blackness: above 0 what is brighter than the background, below 0 what is darker."""
+    """Whiteness-blackness: above 0 if brighter than the background, below 0 if darker."""
     L_N: Array | None = None
     """Normalised lightness: brightness relative to the white's, 100 for the white."""
 
@@ -53,27 +59,29 @@ class Appearance:
 class Model(Protocol):
     """An appearance model."""
 
-    NAME: str
+    @property
+    def NAME(self) -> str:
+        """The name in `Viewing.model`."""
 
     def forward(self, XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
-        """(..., 3) XYZ on the white's scale to what they look like."""
+        """Return the appearance of (..., 3) XYZ on the white's scale."""
 
     def inverse(
         self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
     ) -> Array:
-        """Lightness, chroma and hue, each (...), to the (..., 3) XYZ that look so.
+        """Return the (..., 3) XYZ of a lightness, chroma and hue, each (...).
 
-        NaN where no XYZ that is `defined` does.
+        NaN if no XYZ that is `defined` looks so.
         """
 
     def continued(
         self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
     ) -> Array:
-        """`inverse`, smoothly on beyond what is `defined`, as pictures need; NaN at its end."""
+        """Return `inverse`, continued smoothly beyond its domain for pictures; NaN at its end."""
 
 
 def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Array, Array, Array]:
-    """J, C and h as float64 of one shape.
+    """Return J, C and h as float64 of one shape.
 
     Raises
     ------
@@ -84,22 +92,26 @@ def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Arra
         values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
     except (TypeError, ValueError):
         given = ", ".join(quoted(each) for each in (J, C, h))
-        raise ShapeError(f"{name}: J, C, h are {given}; expected numbers") from None
+        raise ShapeError(
+            f"J, C, h are {given}", "expected numbers", code="type", field=name
+        ) from None
     try:
         J, C, h = np.broadcast_arrays(*values)
     except ValueError as error:
         shapes = ", ".join(str(each.shape) for each in values)
-        raise ShapeError(f"{name}: J, C, h have shapes {shapes}; expected equal ones") from error
+        raise ShapeError(f"J, C, h have shapes {shapes}", "expected equal ones", field=name) from (
+            error
+        )
     return J, C, h
 
 
 def opponents(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
-    """J, C cos h and C sin h of broadcast J, C and h, (..., 3); chroma below 0 counts as 0.
+    """Return J, C cos h and C sin h, (..., 3), which have no seam; chroma below 0 counts as 0.
 
     Raises
     ------
     ShapeError
-        If they do not broadcast together.
+        If J, C and h do not broadcast together.
     """
     J, C, h = broadcast(name, J, C, h)
     C, angle = np.maximum(C, 0.0), np.radians(h)
@@ -109,24 +121,91 @@ def opponents(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
 def only_defined(
     XYZ: Array, J: ArrayLike, C: ArrayLike, h: ArrayLike, forward: Callable[[Array], Appearance]
 ) -> Array:
-    """The domain of an inverse, which is that of its forward.
+    """Limit an inverse to the domain of its forward.
 
     Parameters
     ----------
     XYZ : (..., 3) float64
-        What shall look so.
+        The inverse's result.
     J, C, h : (...) array_like
-        What was asked for; chroma below 0 counts as 0.
+        Its arguments; chroma below 0 counts as 0.
     forward : callable
         The model's, of XYZ alone.
 
     Returns
     -------
     (..., 3) float64
-        XYZ where forward is `defined` and gives the look again, NaN elsewhere.
+        XYZ where forward is `defined` and returns to J, C and h, NaN elsewhere.
     """
     with np.errstate(all="ignore"):
-        asked, seen = opponents("inverse", J, C, h), forward(XYZ)
-        off = np.abs(opponents("inverse", seen.J, seen.C, seen.h) - asked).max(axis=-1)
-        back = off <= _BACK * np.maximum(np.abs(asked).max(axis=-1), 1.0)
-    return np.where((seen.defined & back)[..., None], XYZ, np.nan)
+        target, look = opponents("inverse", J, C, h), forward(XYZ)
+        off = np.abs(opponents("inverse", look.J, look.C, look.h) - target).max(axis=-1)
+        returns = off <= _ROUND_TRIP * np.maximum(np.abs(target).max(axis=-1), 1.0)
+    return np.where((look.defined & returns)[..., None], XYZ, np.nan)
+
+
+def cones_of_white(name: str, conditions: ViewingConditions) -> Array:
+    """Return the (3,) Hunt-Pointer-Estévez responses of the adopted white (eq. 11).
+
+    Raises
+    ------
+    ViewingError
+        If one is not above 0, which no real light's is; or these are no `ViewingConditions`.
+    """
+    require_conditions(f"{name}.conditions", conditions)
+    return require_real_white(name, conditions, k.HPE_FROM_XYZ @ np.asarray(conditions.white_XYZ))
+
+
+def require_real_white(name: str, conditions: ViewingConditions, cones: Array) -> Array:
+    """Return a white's cone responses, all above 0.
+
+    Raises
+    ------
+    ViewingError
+        If one is not.
+    """
+    if not np.all(cones > 0.0):
+        raise ViewingError(
+            f"the white XYZ = {conditions.white_XYZ} has the cone responses "
+            f"{cones.round(4).tolist()}",
+            "expected all above 0. Is it a real light's?",
+            code="range",
+            field=f"{name}.white_XYZ",
+            given=conditions.white_XYZ,
+        )
+    return np.asarray(cones, dtype=np.float64)
+
+
+def degree_of_discounting(conditions: ViewingConditions) -> float:
+    """Return D of eq. 73-75: the fraction of the light's colour that is discounted, 0 to 1."""
+    if conditions.discount:
+        return 1.0
+    return 0.0 if conditions.D is None else conditions.D
+
+
+def cone_adaptation(white_cones: Array, luminance: float, D: float) -> Array:
+    """Return how far the cones follow a coloured white (eq. 18-23, 73-81).
+
+    Parameters
+    ----------
+    white_cones : (3,) float64
+    luminance : float
+        Luminance of the adapting field, cd/m².
+    D : float
+        1 sets all to 1: adaptation is complete.
+
+    Returns
+    -------
+    (3,) float64
+    """
+    fraction = 3.0 * white_cones / white_cones.sum()
+    level = 1.0 + np.cbrt(luminance)
+    p = (level + fraction) / (level + 1.0 / fraction)
+    return np.asarray(p + D * (1.0 - p), dtype=np.float64)
+
+
+def interpolate_surround(surround: str | float, dark: float, dim: float, average: float) -> float:
+    """Interpolate a number known for three surrounds linearly between their ratios."""
+    ratio = SURROUND_RATIOS[surround] if isinstance(surround, str) else float(surround)
+    ratios = [SURROUND_RATIOS[name] for name in ("dark", "dim", "average")]
+    return float(np.interp(ratio, ratios, (dark, dim, average)))

@@ -1,22 +1,30 @@
-"""CIECAM02 and CAM16 in NumPy, float64: forward, inverse, the two in one step as in the shader.
+"""CIECAM02 and CAM16: forward, inverse, and the transform between two conditions, as the shader.
 
-    relight -> [XYZ -> J, C, h -> XYZ] -> display
+    ViewingConditions -> [CamConditions] -> [CamTransform] -> uniforms of shaders/relight.frag
+    XYZ -> [forward] -> J, C, h -> [inverse] -> XYZ
 
-They differ in the responses that are adapted and compressed, which `Conditions` knows.
+The models differ in the responses that are adapted and compressed, which `CamConditions` knows:
+CIECAM02 adapts CAT02's and compresses cones, CAM16 has one space for both, in which real colours
+never turn negative. A light change moves the white, so the scalars are computed for every new
+light, in float64 on the host; a pixel then costs three matrix products and ten powers.
 
 Forward gives numbers for all finite input: compression carries the sign of its argument, nothing
 is divided by t or by the sine or cosine of the hue, and a negative achromatic response is black.
-``defined`` tells where these are the published model's, and there the inverse comes back.
+``defined`` marks the domain of the published model, and there the inverse is exact.
 
 References
 ----------
 [1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
-    appendix, eq. 23-37, with the errata.
+    appendix, eq. 18-37, with the errata.
 [2] Moroney et al. (2002), "The CIECAM02 Color Appearance Model", 10th Color Imaging
     Conference; CIE 159:2004.
+[3] Li et al. (2017), "Comprehensive color solutions: CAM16, CAT16, and CAM16-UCS", Color
+    Research & Application 42(6), 703-718. doi:10.1002/col.22131
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,29 +32,384 @@ from numpy.typing import ArrayLike
 from volspec.appearance import constants as k
 from volspec.appearance.hue import quadrature
 from volspec.appearance.models.base import Appearance, Array, broadcast, only_defined
-from volspec.appearance.models.conditions import Conditions, compress, expand
-from volspec.appearance.passages import triples
+from volspec.appearance.surround import (
+    SURROUNDS,
+    Surround,
+    Triple,
+    ViewingConditions,
+    require_conditions,
+)
+from volspec.appearance.transforms import triples
+from volspec.errors import ShapeError, ViewingError
 
-# Where `forward` is just defined its inverse is, too: a little is left for rounding.
+# XYZ -> the responses that are adapted -> those that are compressed.
+_RESPONSES = {
+    "CIECAM02": (k.CAT02_FROM_XYZ, k.HPE_FROM_CAT02),
+    "CAM16": (k.CAT16_FROM_XYZ, np.eye(3)),
+}
+# Below these the limits are reached to float32's digits; above is brighter than the sun's disc.
+_LEAST_L_A, _LEAST_N = 1e-6, 1e-4
+_MOST_L_A = 1e9
+# The inverse is defined as far as `forward`: a little is left for rounding.
 _LEAST_UNDER = k.CHROMA_FLOOR * (1.0 - 1e-9)
 _MOST = k.RESPONSE_LIMIT * (1.0 + 1e-12)
 
 
+def level_factor(L_A: ArrayLike) -> Array:
+    """Return (...) F_L of an adapting luminance, cd/m² (eq. 18-19)."""
+    five_L_A = 5.0 * np.clip(L_A, _LEAST_L_A, _MOST_L_A)
+    k4 = (five_L_A + 1.0) ** -4
+    return np.asarray(0.1 * (2.0 * k4 * five_L_A + (1.0 - k4) ** 2 * np.cbrt(five_L_A)))
+
+
+def degree_of_adaptation(F: float, L_A: ArrayLike) -> Array:
+    """Return (...) D of a surround's F and an adapting luminance (eq. 24)."""
+    return F * (1.0 - np.exp(-(np.asarray(L_A) + 42.0) / 92.0) / 3.6)
+
+
+def background_ratio(Y_b: ArrayLike, Y_w: float) -> Array:
+    """Return (...) n = Y_b / Y_w (eq. 20)."""
+    return np.maximum(np.asarray(Y_b) / Y_w, _LEAST_N)
+
+
+def background_induction(n: ArrayLike) -> Array:
+    """Return (...) N_bb = N_cb (eq. 21)."""
+    return np.asarray(0.725 * np.asarray(n) ** -0.2)
+
+
+def lightness_exponent(n: ArrayLike) -> Array:
+    """Return (...) z (eq. 22)."""
+    return np.asarray(1.48 + np.sqrt(n))
+
+
+def chroma_scale(n: ArrayLike) -> Array:
+    """Return (...) (1.64 - 0.29^n)^0.73 of eq. 37."""
+    return np.asarray((1.64 - 0.29 ** np.asarray(n)) ** 0.73)
+
+
+def eccentricity_scale(N_c: float, n: ArrayLike) -> Array:
+    """Return (...) 50000/13 N_c N_cb / 4, the factor of cos(h + 2) + 3.8 in t (eq. 33-34)."""
+    return np.asarray(k.ECCENTRICITY_SCALE * N_c * background_induction(n) / 4.0)
+
+
+def compress(responses: Array) -> Array:
+    """Return 400 f / (27.13 + f), f = |x|^0.42, with the sign of x (eq. 27-29 without noise).
+
+    The 0.1 of eq. 28 cancels in a and b and is exactly the 0.305 taken off in eq. 35, so it
+    is added only where it stays: in p2 and in the sum under t.
+
+    Parameters
+    ----------
+    responses : (..., 3) float64
+        F_L x / 100, x the Hunt-Pointer-Estévez responses.
+
+    Returns
+    -------
+    (..., 3) float64
+        Within (-400, 400).
+    """
+    f = np.abs(responses) ** k.RESPONSE_POWER
+    return np.copysign(k.RESPONSE_POLE * f / (k.RESPONSE_HALF + f), responses)
+
+
+def expand(compressed: Array) -> Array:
+    """Invert `compress` but for 27.13^(1/0.42): (x / (400 - x))^(1/0.42) with the sign of x.
+
+    Parameters
+    ----------
+    compressed : (..., 3) float64
+        Cut short of the pole at 400.
+    """
+    x = np.minimum(np.abs(compressed), k.RESPONSE_LIMIT)
+    return np.copysign((x / (k.RESPONSE_POLE - x)) ** (1.0 / k.RESPONSE_POWER), compressed)
+
+
+@dataclass(frozen=True, slots=True)
+class CamConditions:
+    """Viewing-condition scalars of CIECAM02 or CAM16.
+
+    Raises
+    ------
+    ViewingError
+        If the white has no lightness in the model.
+    """
+
+    model: str
+    """``"CIECAM02"`` or ``"CAM16"``: selects the responses to adapt and to compress."""
+    white_XYZ: Triple
+    """The adopted white; Y is usually 100."""
+    L_A: float
+    """Luminance of the adapting field, cd/m²."""
+    Y_b: float
+    """Luminance factor of the background."""
+    surround: Surround
+    """F, c and N_c."""
+    D: float
+    """Degree of adaptation, 0 to 1."""
+    F_L: float
+    """Luminance-level adaptation factor."""
+    n: float
+    """Y_b / Y_w."""
+    N_bb: float
+    """Background induction; equals N_cb."""
+    z: float
+    """Base exponent of lightness, 1.48 + √n."""
+    D_RGB: Triple
+    """Gains on the adapted responses, CAT02's or CAT16's."""
+    white_achromatic: float
+    """p2 - 0.305 of the white, so A_w = N_bb times this."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.white_achromatic) and self.white_achromatic > 0.0):
+            raise ViewingError(
+                f"the white XYZ = {_triple(self.white_XYZ)} has no lightness in {self.model} at "
+                f"D = {self.D:.3g}",
+                "use a broader light, D nearer 1, or model='none'",
+                code="impossible",
+                field="viewing conditions",
+            )
+
+    @classmethod
+    def of(
+        cls,
+        white_XYZ: ArrayLike,
+        L_A: float,
+        Y_b: float,
+        surround: Surround = SURROUNDS["average"],
+        D: float | None = None,
+        model: str = "CIECAM02",
+    ) -> CamConditions:
+        """Compute the scalars (eq. 18-26).
+
+        At an L_A or Y_b of 0 they are those of 1e-6 cd/m² and of a background of 1e-4 Y_w; above
+        1e9 cd/m² those of 1e9.
+
+        Parameters
+        ----------
+        white_XYZ : (3,) array_like
+            Adopted white.
+        L_A : float
+            cd/m².
+        Y_b : float
+            Background, in the units of the white's Y.
+        surround : Surround
+            F, c, N_c.
+        D : float, optional
+            Degree of adaptation; None is eq. 24.
+        model : {"CIECAM02", "CAM16"}
+
+        Raises
+        ------
+        ShapeError
+            If the white is not three numbers.
+        ViewingError
+            If the white is not finite or its Y is not positive.
+        """
+        field = "viewing conditions.white_XYZ"
+        white = triples(field, white_XYZ)
+        if white.shape != (3,):
+            raise ShapeError(f"has shape {white.shape}", "expected (3,)", field=field)
+        if not (np.all(np.isfinite(white)) and white[1] > 0.0):
+            raise ViewingError(
+                f"{_triple(white)} is not a colour",
+                "expected finite numbers and Y above 0. Is the light black?",
+                code="range",
+                field=field,
+                given=white_XYZ,
+            )
+        F_L = float(level_factor(L_A))
+        n = float(background_ratio(Y_b, white[1]))
+        if D is None:
+            D = float(degree_of_adaptation(surround.F, L_A))
+        adapted_from_XYZ, compressed_from_adapted = _RESPONSES[model]
+        RGB_w = adapted_from_XYZ @ white
+        # A spectral light can have a zero response: its gain must be finite.
+        floor = 1e-6 * white[1]
+        RGB_w = np.where(np.abs(RGB_w) < floor, np.copysign(floor, RGB_w), RGB_w)
+        D_RGB = white[1] * D / RGB_w + 1.0 - D
+        responses = (F_L / 100.0) * (compressed_from_adapted @ (D_RGB * (adapted_from_XYZ @ white)))
+        return cls(
+            model=model,
+            white_XYZ=_triple(white),
+            L_A=float(L_A),
+            Y_b=float(Y_b),
+            surround=surround,
+            D=float(D),
+            F_L=F_L,
+            n=n,
+            N_bb=float(background_induction(n)),
+            z=float(lightness_exponent(n)),
+            D_RGB=_triple(D_RGB),
+            white_achromatic=float(k.ACHROMATIC @ compress(responses)),
+        )
+
+    @classmethod
+    def of_viewing(cls, viewing: ViewingConditions, model: str = "CIECAM02") -> CamConditions:
+        """Compute the scalars of viewing conditions; discounting the illuminant is D = 1."""
+        require_conditions(f"{model}.conditions", viewing)
+        D = 1.0 if viewing.discount else viewing.D
+        return cls.of(viewing.white_XYZ, viewing.L_A, viewing.Y_b, viewing.factors, D, model)
+
+    @property
+    def A_w(self) -> float:
+        """Achromatic response of the white (eq. 35)."""
+        return self.N_bb * self.white_achromatic
+
+    @property
+    def lightness_power(self) -> float:
+        """cz of eq. 36."""
+        return self.surround.c * self.z
+
+    @property
+    def chroma_scale(self) -> float:
+        """(1.64 - 0.29^n)^0.73 of eq. 37."""
+        return float(chroma_scale(self.n))
+
+    @property
+    def eccentricity_scale(self) -> float:
+        """50000/13 N_c N_cb / 4, the factor of cos(h + 2) + 3.8 in t (eq. 33-34)."""
+        return float(eccentricity_scale(self.surround.N_c, self.n))
+
+    def response_from_XYZ(self) -> Array:
+        """(3, 3): XYZ -> the argument of `compress` (eq. 23, 25, 26, and F_L / 100 of eq. 27)."""
+        adapted_from_XYZ, compressed_from_adapted = _RESPONSES[self.model]
+        adapted = np.asarray(self.D_RGB)[:, None] * adapted_from_XYZ
+        return (self.F_L / 100.0) * (compressed_from_adapted @ adapted)
+
+
+def _triple(values: ArrayLike) -> Triple:
+    x, y, z = (float(v) for v in np.asarray(values))
+    return x, y, z
+
+
+@dataclass(frozen=True, slots=True)
+class CamTransform:
+    """Takes colours to those of equal J, C and h under another viewing condition.
+
+    Forward and inverse model cancel but for these numbers: at constant J, C and h, t scales by a
+    constant, e_t and the hue fall out, and
+
+        p2' - 0.305 = w' ((p2 - 0.305) / w)^γ
+        (a', b')    = κ p2' (a, b) / (p2 + (κ - 1) (11 a + 108 b) / 23)
+
+    with the whites' p2 - 0.305 in w, w'. The second line is the inverse model's
+    23 t p2' (cos h, sin h) / (23 p1' + 11 t cos h + 108 t sin h) multiplied out with
+    t = p1 √(a² + b²) / (R + G + 21/20 B) and 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2.
+    """
+
+    scene: CamConditions
+    """The source's conditions."""
+    display: CamConditions
+    """The target's."""
+    response_from_XYZ: Array
+    """(3, 3): scene XYZ -> linear responses; (..., 3, 3) if each colour has its own scene."""
+    XYZ_from_response: Array
+    """(3, 3): x / (400 - x) raised to 1/0.42 -> display XYZ."""
+    scene_achromatic: float | Array
+    """w: p2 - 0.305 of the scene's white; an array (...), as the two below, if each has its own."""
+    display_achromatic: float
+    """w': p2 - 0.305 of the display's white."""
+    lightness_power: float | Array
+    """γ = cz / (c'z')."""
+    chroma_gain: float | Array
+    """κ = (chroma scale / chroma scale')^(1/0.9) · N_c N_cb / (N_c' N_cb')."""
+
+    @classmethod
+    def between(cls, scene: CamConditions, display: CamConditions) -> CamTransform:
+        """Make the transform from ``scene`` to ``display``.
+
+        Raises
+        ------
+        ViewingError
+            If the display's adaptation gains cannot be inverted.
+        """
+        try:
+            inverse = np.linalg.inv(display.response_from_XYZ())
+        except np.linalg.LinAlgError as error:
+            raise ViewingError(
+                f"the display's gains {display.D_RGB} cannot be inverted",
+                "use another white or D",
+                code="impossible",
+                field="viewing conditions",
+            ) from error
+        chroma = (scene.chroma_scale / display.chroma_scale) ** (1.0 / k.CHROMA_POWER)
+        return cls(
+            scene=scene,
+            display=display,
+            response_from_XYZ=scene.response_from_XYZ(),
+            XYZ_from_response=inverse * k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER),
+            scene_achromatic=scene.white_achromatic,
+            display_achromatic=display.white_achromatic,
+            lightness_power=scene.lightness_power / display.lightness_power,
+            chroma_gain=chroma * scene.eccentricity_scale / display.eccentricity_scale,
+        )
+
+    @classmethod
+    def for_viewing(
+        cls, model: str, source: ViewingConditions, target: ViewingConditions
+    ) -> CamTransform:
+        """Make the transform between viewing conditions, by ``"CIECAM02"`` or ``"CAM16"``."""
+        scene, display = (CamConditions.of_viewing(each, model) for each in (source, target))
+        return cls.between(scene, display)
+
+    def apply(self, XYZ: ArrayLike) -> Array:
+        """Return the display XYZ of equal J, C and h: the model's inverse after its forward.
+
+        The NumPy twin of ``shaders/include/cam.glsl``.
+
+        Parameters
+        ----------
+        XYZ : (..., 3) array_like
+            Scene XYZ, Y = 100 for a perfect diffuser.
+
+        Returns
+        -------
+        (..., 3) float64
+            XYZ, Y = 100 for the display's white.
+
+        Raises
+        ------
+        ShapeError
+            If the last axis is not 3.
+        """
+        XYZ = triples(f"{self.scene.model}.XYZ", XYZ)
+        if self.response_from_XYZ.ndim == 2:
+            responses = compress(XYZ @ self.response_from_XYZ.T)
+        else:
+            responses = compress(np.einsum("...ij,...j", self.response_from_XYZ, XYZ))
+        achromatic = responses @ k.ACHROMATIC
+        lit = achromatic > 0.0
+        achromatic = np.maximum(achromatic, 0.0)
+        a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
+        p2 = achromatic + k.ACHROMATIC_NOISE
+        display = (
+            self.display_achromatic * (achromatic / self.scene_achromatic) ** self.lightness_power
+        )
+        skew = (self.chroma_gain - 1.0) * (k.CHROMA_SKEW[0] * a + k.CHROMA_SKEW[1] * b)
+        chroma = self.chroma_gain * (display + k.ACHROMATIC_NOISE)
+        chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
+        opponent = np.stack([display, chroma * a, chroma * b], axis=-1)
+        return expand(opponent @ k.RESPONSE_FROM_OPPONENT.T) @ self.XYZ_from_response.T
+
+    def undo(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3) scene XYZ of display XYZ."""
+        return CamTransform.between(self.display, self.scene).apply(XYZ)
+
+
 def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
-    """cos(h + 2) + 3.8 without an angle (eq. 33)."""
+    """Return cos(h + 2) + 3.8 without an angle (eq. 33)."""
     cos_2, sin_2 = np.cos(k.ECCENTRICITY_PHASE), np.sin(k.ECCENTRICITY_PHASE)
     return cos_h * cos_2 - sin_h * sin_2 + k.ECCENTRICITY_OFFSET
 
 
-def forward(XYZ: ArrayLike, conditions: Conditions) -> Appearance:
-    """XYZ to what the eye makes of them (eq. 23-37).
+def forward(XYZ: ArrayLike, conditions: CamConditions) -> Appearance:
+    """Return the appearance of XYZ (eq. 23-37).
 
     Parameters
     ----------
     XYZ : (..., 3) array_like
         On the scale of the conditions' white.
-    conditions : Conditions
-        Where the colours are seen.
+    conditions : CamConditions
 
     Returns
     -------
@@ -66,20 +429,18 @@ def forward(XYZ: ArrayLike, conditions: Conditions) -> Appearance:
     --------
     The pastel of Neumann et al., table 2, under a Planck radiator of 7500 K:
 
-    >>> seen = forward([61.34, 59.94, 50.07],
-    ...                Conditions.of([87.12, 90.0, 112.95], L_A=954.93, Y_b=18))
-    >>> round(float(seen.J), 2), round(float(seen.C), 2), round(float(seen.h), 2)
+    >>> look = forward([61.34, 59.94, 50.07],
+    ...                CamConditions.of([87.12, 90.0, 112.95], L_A=954.93, Y_b=18))
+    >>> round(float(look.J), 2), round(float(look.C), 2), round(float(look.h), 2)
     (81.59, 21.56, 59.4)
     """
-    responses = compress(
-        triples(f"{conditions.model}: XYZ", XYZ) @ conditions.response_from_XYZ().T
-    )
+    responses = compress(triples(f"{conditions.model}.XYZ", XYZ) @ conditions.response_from_XYZ().T)
     signal = responses @ k.ACHROMATIC
     achromatic = np.maximum(signal, 0.0)
     a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
     radius = np.hypot(a, b)
     h = np.degrees(np.arctan2(b, a)) % 360.0
-    # A hue of no chroma is anything; taking cos h = 1 there divides by nothing.
+    # Without chroma any hue will do; cos h = 1 divides by nothing.
     safe = np.where(radius > 0.0, radius, 1.0)
     cos_h, sin_h = np.where(radius > 0.0, a, 1.0) / safe, b / safe
     J = 100.0 * (achromatic / conditions.white_achromatic) ** conditions.lightness_power
@@ -98,21 +459,20 @@ def forward(XYZ: ArrayLike, conditions: Conditions) -> Appearance:
     return Appearance(J=J, C=C, h=h, defined=defined, H=quadrature(h), Q=Q, M=M, s=s)
 
 
-def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) -> Array:
-    """Lightness, chroma and hue to XYZ: `forward` undone where it is defined.
+def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions) -> Array:
+    """Return the XYZ of a lightness, chroma and hue; exact where `forward` is defined.
 
     Parameters
     ----------
     J, C, h : (...) array_like
         Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
-    conditions : Conditions
-        Where the colours shall be seen.
+    conditions : CamConditions
 
     Returns
     -------
     (..., 3) float64
-        XYZ on the scale of the conditions' white; NaN where none that is `defined` looks so: J
-        below 0, chroma at J = 0, and what is brighter or more chromatic than the responses reach.
+        XYZ on the scale of the conditions' white; NaN if no XYZ that is `defined` looks so: J
+        below 0, chroma at J = 0, and anything brighter or more chromatic than the responses reach.
 
     Raises
     ------
@@ -141,3 +501,36 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: Conditions) ->
     unlit = np.where((J == 0.0) & (C <= 0.0), 0.0, np.nan)
     XYZ = np.where(lit[..., None], XYZ, unlit[..., None])
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
+
+
+@dataclass(frozen=True, slots=True)
+class CamModel:
+    """CIECAM02 or CAM16 as a `volspec.appearance.models.Model`."""
+
+    NAME: str
+
+    def forward(self, XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
+        """See `volspec.appearance.models.Model.forward`."""
+        return forward(XYZ, CamConditions.of_viewing(conditions, self.NAME))
+
+    def inverse(
+        self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
+    ) -> Array:
+        """See `volspec.appearance.models.Model.inverse`."""
+        return inverse(J, C, h, CamConditions.of_viewing(conditions, self.NAME))
+
+    def continued(
+        self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
+    ) -> Array:
+        """Return `inverse`: there is nothing beyond the domain."""
+        return self.inverse(J, C, h, conditions)
+
+    def view_transform(self, source: ViewingConditions, target: ViewingConditions) -> CamTransform:
+        """Make the transform to colours of equal J, C and h, in closed form."""
+        return CamTransform.for_viewing(self.NAME, source, target)
+
+
+ciecam02 = CamModel("CIECAM02")
+"""The CIE's model of 2002 and the default."""
+cam16 = CamModel("CAM16")
+"""CIECAM02 with one space for adaptation and compression."""

@@ -1,4 +1,4 @@
-"""CIELAB: the simplest appearance model, its slopes and its colour difference.
+"""CIELAB: the simplest appearance model, its derivative and its colour difference.
 
     relight -> [models] -> reports
 
@@ -16,15 +16,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.hue import CIELAB_HUES, quadrature
 from volspec.appearance.models.base import ROUNDING, Appearance, only_defined, opponents
-from volspec.appearance.passages import LinearPassage, triples
-from volspec.appearance.spec import ViewingConditions
-from volspec.appearance.surround import as_triple, require_conditions
+from volspec.appearance.surround import ViewingConditions, as_triple, require_conditions
+from volspec.appearance.transforms import LinearTransform, triples
 from volspec.errors import ViewingError
 
 NAME = "CIELAB"
 Array = NDArray[np.float64]
 
-# f of the ratio XYZ / white: its cube root above the knee, a straight line below.
+# f of the ratio XYZ / white: its cube root above the knee, linear below.
 _KNEE = (6.0 / 29.0) ** 3
 _SLOPE = (29.0 / 6.0) ** 2 / 3.0
 _OFFSET = 4.0 / 29.0
@@ -44,18 +43,18 @@ def _white(white_XYZ: ArrayLike) -> Array:
     white = as_triple(white_XYZ)
     if white is None or min(white) <= 0.0:
         raise ViewingError.refused(
-            "CIELAB: the white", white_XYZ, "expected three finite numbers above 0", "range"
+            "CIELAB.white_XYZ", white_XYZ, "expected three finite numbers above 0", "range"
         )
     return np.array(white)
 
 
 def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """L*, a*, b*.
+    """Return L*, a*, b*.
 
     Parameters
     ----------
     XYZ : (..., 3) array_like
-        On the white's scale; the straight toe takes negative predictions too.
+        On the white's scale; the linear toe takes negative predictions too.
     white_XYZ : (3,) array_like
         The adopted white.
 
@@ -74,12 +73,12 @@ def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
     >>> cielab([57.06, 43.06, 31.96], [95.05, 100, 108.88]).round(2).tolist()
     [71.6, 44.22, 18.11]
     """
-    ratio = triples("CIELAB: XYZ", XYZ) / _white(white_XYZ)
+    ratio = triples("CIELAB.XYZ", XYZ) / _white(white_XYZ)
     return _f(ratio) @ _LAB_FROM_F.T + _LAB_AT_0
 
 
 def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
-    """CIEDE2000 of pairs of CIELAB colours [2]; 1 is about what an eye can just tell apart.
+    """Return CIEDE2000 of pairs of CIELAB colours [2]; 1 is just noticeable.
 
     Parameters
     ----------
@@ -119,7 +118,7 @@ def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
     return np.asarray(np.sqrt(np.maximum(square, 0.0)), dtype=np.float64)
 
 
-# Of T: amplitude, multiple of the hue, turn in degrees.
+# Terms of T: amplitude, multiple of the hue, turn in degrees.
 _HUE_TERMS = ((-0.17, 1, -30.0), (0.24, 2, 0.0), (0.32, 3, 6.0), (-0.20, 4, -63.0))
 
 
@@ -128,12 +127,12 @@ def _saturated(C: Array) -> Array:
 
 
 def _polar(a: Array, b: Array) -> tuple[Array, Array]:
-    """Chroma and hue in degrees."""
+    """Return chroma and hue in degrees."""
     return np.hypot(a, b), np.degrees(np.arctan2(b, a)) % 360.0
 
 
 def _mean_hue(h_1: Array, h_2: Array, grey: NDArray[np.bool_]) -> Array:
-    """Half-way on the shorter arc; the other's hue where one of the two has none."""
+    """Return the middle of the shorter arc; the other's hue if one of the two has none."""
     total = h_1 + h_2
     across = np.abs(h_1 - h_2) > 180.0
     mean = np.where(across, total + np.where(total < 360.0, 360.0, -360.0), total) / 2.0
@@ -141,7 +140,7 @@ def _mean_hue(h_1: Array, h_2: Array, grey: NDArray[np.bool_]) -> Array:
 
 
 def cielab_derivative(ratio: ArrayLike) -> Array:
-    """How CIELAB follows XYZ / white: the metric of small colour differences.
+    """Return the derivative of CIELAB by XYZ / white: the metric of small colour differences.
 
     Parameters
     ----------
@@ -158,12 +157,12 @@ def cielab_derivative(ratio: ArrayLike) -> Array:
 
 
 def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:
-    """Slope of the chord between two colours: Lab(one) - Lab(other) = chord · (one - other).
+    """Return the slope of the chord of two colours: Lab(one) - Lab(other) = chord · (one - other).
 
     Parameters
     ----------
     one, other : (..., 3) array_like
-        XYZ over the white's; where they are equal the chord is the tangent.
+        XYZ over the white's; if they are equal the chord is the tangent.
 
     Returns
     -------
@@ -179,14 +178,14 @@ def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:
     """
     a, b = np.broadcast_arrays(np.asarray(one, np.float64), np.asarray(other, np.float64))
     rise, run = _f(a) - _f(b), a - b
-    # Of so short a chord digits would be lost.
+    # So short a chord would lose digits.
     short = np.abs(run) < 1e-7
     slope = np.where(short, _f_slope((a + b) / 2.0), rise / np.where(short, 1.0, run))
     return _LAB_FROM_F * slope[..., None, :]
 
 
 def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """XYZ on the white's scale: `cielab` undone.
+    """Return XYZ on the white's scale: the inverse of `cielab`.
 
     Parameters
     ----------
@@ -204,7 +203,7 @@ def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
     ViewingError
         If the white is not three numbers above 0.
     """
-    L, a, b = np.moveaxis(triples("CIELAB: L*, a*, b*", Lab), -1, 0)
+    L, a, b = np.moveaxis(triples("CIELAB.Lab", Lab), -1, 0)
     y = (L + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
     ratio = np.where(f > 6.0 / 29.0, f**3, (f - _OFFSET) / _SLOPE)
@@ -212,12 +211,12 @@ def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
 
 
 def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
-    """L*, C* and h as J, C and h; all but the white has no influence.
+    """Return L*, C* and h as J, C and h; of the conditions only the white matters.
 
     Parameters
     ----------
     XYZ : (..., 3) array_like
-        On the white's scale. Below 0 the straight toe goes on; it is not `defined` there.
+        On the white's scale. Below 0 the linear toe goes on; it is not `defined` there.
     conditions : ViewingConditions
 
     Returns
@@ -225,8 +224,8 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
     Appearance
         With H between the unique hues of daylight; no Q, M, s.
     """
-    require_conditions("CIELAB: conditions", conditions)
-    XYZ = triples("CIELAB: XYZ", XYZ)
+    require_conditions("CIELAB.conditions", conditions)
+    XYZ = triples("CIELAB.XYZ", XYZ)
     J, a, b = np.moveaxis(cielab(XYZ, conditions.white_XYZ), -1, 0)
     h = np.degrees(np.arctan2(b, a)) % 360.0
     return Appearance(
@@ -239,7 +238,7 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """L*, C* and h to the XYZ that look so, in closed form.
+    """Return the XYZ of an L*, C* and h, in closed form.
 
     Parameters
     ----------
@@ -250,7 +249,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
     Returns
     -------
     (..., 3) float64
-        XYZ on the white's scale; NaN where one of them is below 0.
+        XYZ on the white's scale; NaN if one of them is below 0.
 
     Raises
     ------
@@ -262,14 +261,14 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
 
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """`inverse` on the straight toe below 0 too; never NaN."""
-    require_conditions("CIELAB: conditions", conditions)
+    """Return `inverse`, continued on the linear toe below 0; never NaN."""
+    require_conditions("CIELAB.conditions", conditions)
     return XYZ_from_cielab(opponents(NAME, J, C, h), conditions.white_XYZ)
 
 
-def passage(source: ViewingConditions, target: ViewingConditions) -> LinearPassage:
-    """XYZ under one condition to those of equal J, C and h under another.
+def view_transform(source: ViewingConditions, target: ViewingConditions) -> LinearTransform:
+    """Make the transform to colours of equal J, C and h under another condition.
 
-    CIELAB divides by the white, and what follows is the same on both sides.
+    CIELAB divides by the white, and the rest is the same on both sides.
     """
-    return LinearPassage(np.diag(np.divide(target.white_XYZ, source.white_XYZ)))
+    return LinearTransform(np.diag(np.divide(target.white_XYZ, source.white_XYZ)))

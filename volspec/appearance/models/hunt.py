@@ -13,9 +13,14 @@ References
 [1] Hunt & Luo (1994), "Evaluation of a model of colour vision by magnitude scalings", Color
     Research & Application 19(1), 27-33; *Color Appearance Models* (survey 002), eq. 8-59, with
     the errata.
+[2] McCamy (1992), "Correlated color temperature as an explicit function of chromaticity
+    coordinates", Color Research & Application 17(2), 142-144.
 """
 
 from __future__ import annotations
+
+import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,49 +32,267 @@ from volspec.appearance.models.base import (
     Appearance,
     Array,
     broadcast,
+    cone_adaptation,
+    cones_of_white,
+    degree_of_discounting,
+    interpolate_surround,
     only_defined,
 )
-from volspec.appearance.models.hunt_eye import (
-    NOISE_SUM,
-    ROD_NOISE,
-    Eye,
-    HuntSettings,
-    compress,
-    expand,
-)
-from volspec.appearance.models.numeric import root
-from volspec.appearance.passages import signed_power, triples
-from volspec.appearance.spec import ViewingConditions
-from volspec.errors import ShapeError
+from volspec.appearance.models.numeric import find_root
+from volspec.appearance.surround import Triple, ViewingConditions, as_triple, is_finite
+from volspec.appearance.transforms import signed_power, triples
+from volspec.errors import ShapeError, ViewingError
 
 __all__ = ["NAME", "HuntSettings", "forward", "inverse"]
 
 NAME = "Hunt"
+POLE, HALF, POWER = 40.0, 2.0, 0.73
+# 2 ρ_a + γ_a + β_a / 20 of three noises of 1, and the rods' noise.
+NOISE_SUM, ROD_NOISE = 3.05, 0.3
+_LEAST_L_A, _LEAST_N = 1e-6, 1e-4
+
+
+def compress(I: Array) -> Array:  # noqa: E741
+    """Return f_n (eq. 15), odd: 40 x / (x + 2), x = |I|^0.73, with the sign of I; within ±40."""
+    x = np.abs(I) ** POWER
+    return np.asarray(np.copysign(POLE * x / (x + HALF), I))
+
+
+def expand(response: Array) -> Array:
+    """Invert `compress`; cut short of the pole."""
+    y = np.minimum(np.abs(response), POLE * (1.0 - 1e-12))
+    return np.asarray(np.copysign((HALF * y / (POLE - y)) ** (1.0 / POWER), response))
+
+
+@dataclass(frozen=True, slots=True)
+class HuntSettings:
+    """Inputs of Hunt's model beyond `ViewingConditions`; None is derived from these.
+
+    Parameters
+    ----------
+    N_c, N_b : float, optional
+        Chromatic and brightness surround induction. None: those of projected transparencies
+        (0.7, 10) in the dark, television (1, 25) dim, normal scenes (1, 75) average, on straight
+        lines between. Small areas on uniform fields have 1 and 300, large transparencies on
+        light boxes 0.7 and 25.
+    L_AS : float, optional
+        Scotopic luminance of the adapting field, scotopic cd/m². None: eq. 8.
+    CCT_kelvin : float, optional
+        Correlated colour temperature of the light, for eq. 8. None: McCamy's of the white.
+    p : float
+        Chromatic induction by the proximal field: contrast from -1, assimilation to 1.
+    proximal_XYZ, background_XYZ : (X, Y, Z), optional
+        The field around the colour and the one around that, for eq. 30-35. None: the
+        background; the white's colour at Y_b.
+    helson_judd : bool
+        Light greys take on the light's hue, dark ones its complement (eq. 24-26).
+
+    Raises
+    ------
+    ViewingError
+        If a number is out of range.
+    """
+
+    N_c: float | None = None
+    N_b: float | None = None
+    L_AS: float | None = None
+    CCT_kelvin: float | None = None
+    p: float = 0.0
+    proximal_XYZ: Triple | None = None
+    background_XYZ: Triple | None = None
+    helson_judd: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("N_c", "N_b", "L_AS", "CCT_kelvin"):
+            value = getattr(self, name)
+            if value is not None and not (is_finite(value) and value > 0.0):
+                raise ViewingError.refused(
+                    f"HuntSettings.{name}",
+                    value,
+                    "expected a finite number above 0, or None",
+                    "range",
+                )
+        if not (is_finite(self.p) and -1.0 <= self.p <= 1.0):
+            raise ViewingError.refused(
+                "HuntSettings.p", self.p, "expected -1 (contrast) to 1 (assimilation)", "range"
+            )
+        for name in ("proximal_XYZ", "background_XYZ"):
+            value = getattr(self, name)
+            if value is not None and not _excites(value):
+                raise ViewingError.refused(
+                    f"HuntSettings.{name}", value, "expected the XYZ of a real colour, or None"
+                )
+        if not isinstance(self.helson_judd, bool):
+            raise ViewingError.refused(
+                "HuntSettings.helson_judd", self.helson_judd, "expected True or False", "type"
+            )
+
+
+def _excites(value: object) -> bool:
+    XYZ = as_triple(value)
+    return XYZ is not None and bool(np.all(k.HPE_FROM_XYZ @ np.asarray(XYZ) > 0.0))
+
+
+def cct_mccamy(white_XYZ: Triple) -> float:
+    """Return McCamy's colour temperature [2], clamped to 1667…25000 K.
+
+    Examples
+    --------
+    >>> round(cct_mccamy((95.047, 100, 108.883)))
+    6507
+    """
+    X, Y, Z = white_XYZ
+    total = X + Y + Z
+    down = 0.1858 - Y / total
+    slope = (X / total - 0.3320) / (down if abs(down) > 1e-6 else -1e-6)
+    slope = min(max(slope, -10.0), 10.0)
+    return min(max(((437.0 * slope + 3601.0) * slope + 6861.0) * slope + 5517.0, 1667.0), 25000.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HuntConditions:
+    """Scalars and, per cone, triples of Hunt's model under one viewing condition."""
+
+    white_XYZ: Triple
+    gain: Array
+    """F_L F / ρ'_w: the factor of a cone's response before f_n."""
+    bleaching: Array
+    """B_ρ, B_γ, B_β (eq. 27-29)."""
+    helson_judd: Array
+    """ρ_D, γ_D, β_D (eq. 24-26)."""
+    n: float
+    """Y_b / Y_w."""
+    N_c: float
+    N_b: float
+    N_bb: float
+    """Equals N_cb (eq. 9-10)."""
+    F_L: float
+    F_t: float
+    scotopic: float
+    """5 L_AS / 2.26."""
+
+    @classmethod
+    def of(cls, conditions: ViewingConditions, settings: HuntSettings) -> HuntConditions:
+        """Compute the scalars; at an L_A or Y_b of 0 those of 1e-6 cd/m² and of 1e-4 Y_w."""
+        if not isinstance(settings, HuntSettings):
+            raise ViewingError.refused("Hunt.settings", settings, "expected HuntSettings", "type")
+        white = cones_of_white("Hunt", conditions)
+        L_A = max(conditions.L_A, _LEAST_L_A)
+        n = max(conditions.Y_b / conditions.white_XYZ[1], _LEAST_N)
+        k4 = (5.0 * L_A + 1.0) ** -4
+        F_L = float(k4 * L_A + 0.1 * (1.0 - k4) ** 2 * np.cbrt(5.0 * L_A))
+        F = cone_adaptation(white, L_A, degree_of_discounting(conditions))
+        grey = compress(n * F_L * F)
+        T = settings.CCT_kelvin or cct_mccamy(conditions.white_XYZ)
+        # Eq. 8 ends at 1600 K.
+        L_AS = settings.L_AS or 2.26 * L_A * float(np.cbrt(max(T / 4000.0 - 0.4, 1e-3)))
+        N_c, N_b, surround = settings.N_c, settings.N_b, conditions.surround
+        return cls(
+            white_XYZ=conditions.white_XYZ,
+            gain=F_L * F / (white * _induction(white * n, settings)),
+            bleaching=1e7 / (1e7 + 5.0 * L_A * white / 100.0),
+            helson_judd=(grey[1] - grey) * settings.helson_judd,
+            n=n,
+            N_c=interpolate_surround(surround, 0.7, 1.0, 1.0) if N_c is None else N_c,
+            N_b=interpolate_surround(surround, 10.0, 25.0, 75.0) if N_b is None else N_b,
+            N_bb=0.725 * n**-0.2,
+            F_L=F_L,
+            F_t=L_A / (L_A + 0.1),
+            scotopic=5.0 * L_AS / 2.26,
+        )
+
+    @property
+    def Y_w(self) -> float:
+        """Y of the white."""
+        return self.white_XYZ[1]
+
+    @property
+    def z(self) -> float:
+        """Exponent of lightness (eq. 57)."""
+        return 1.0 + math.sqrt(self.n)
+
+    def rods(self, S: Array) -> Array:
+        """Return the rods' response to S / S_w (or Y / Y_w), without its noise (eq. 47-50)."""
+        L = self.scotopic
+        j2 = (1e-5 / (L + 1e-5)) ** 2
+        F_LS = 3800.0 * j2 * L + 0.2 * (1.0 - j2) ** 4 * L ** (1.0 / 6.0)
+        bleached = 0.5 / (1.0 + 0.3 * (L * np.maximum(S, 0.0)) ** 0.3)
+        return np.asarray(3.05 * (bleached + 0.5 / (1.0 + 5.0 * L)) * compress(F_LS * S))
+
+    def surround_terms(self, A_w: Array) -> tuple[Array, Array]:
+        """Return N_1 and N_2 (eq. 53-54)."""
+        N_1 = np.sqrt(7.0 * A_w) / (5.33 * self.N_b**0.13)
+        return np.asarray(N_1), np.asarray(7.0 * A_w * self.N_b**0.362 / 200.0)
+
+    def require_brightness(self, Q_w: Array) -> Array:
+        """Return Q_w.
+
+        Raises
+        ------
+        ViewingError
+            If it is not above 0.
+        """
+        if not (np.isfinite(Q_w) and Q_w > 0.0):
+            raise ViewingError(
+                f"the white has brightness {float(Q_w):.3g} at N_b = {self.N_b:.4g} and "
+                f"n = Y_b / Y_w = {self.n:.3g}",
+                "use a smaller N_b or another background",
+                code="range",
+                field="Hunt",
+            )
+        return Q_w
+
+    def largest_A_c(self, direction: Array) -> Array:
+        """Return the largest A_c along a direction of the adapted cones, (..., 3) to (...).
+
+        NaN if a cone has no response on its side: glare leaves it so little pigment that its
+        least response is above 0.
+        """
+        end = np.where(direction < 0.0, -POLE, POLE) * (1.0 - 1e-9)
+        ends = 1.0 + self.bleaching * (end + self.helson_judd)
+        far = np.where(
+            direction * ends > 0.0, ends / np.where(direction == 0.0, 1.0, direction), np.nan
+        )
+        return np.asarray(np.min(np.where(direction == 0.0, np.inf, far), axis=-1))
+
+
+def _induction(background: Array, settings: HuntSettings) -> Array:
+    """Return ρ'_w / ρ_w (eq. 30-35); the bracket has the ratio p_ρ, not ρ_p as printed."""
+    if settings.background_XYZ is not None:
+        background = k.HPE_FROM_XYZ @ np.asarray(settings.background_XYZ)
+    proximal = background
+    if settings.proximal_XYZ is not None:
+        proximal = k.HPE_FROM_XYZ @ np.asarray(settings.proximal_XYZ)
+    p, ratio = settings.p, proximal / background
+    towards, away = (1.0 - p) * ratio + (1.0 + p) / ratio, (1.0 + p) * ratio + (1.0 - p) / ratio
+    return signed_power(towards / away, 0.5)
+
+
 NORMAL = HuntSettings()
 
-# e_s on straight lines; at h = 0 it is as at 360.
+# e_s is interpolated linearly; at h = 0 it is that of 360.
 _HUES_DEG = np.array([0.0, *HUNT_HUES.degrees])
 _ECCENTRICITY = np.array([HUNT_HUES.eccentricity[-1], *HUNT_HUES.eccentricity])
 # ρ_a + γ_a + β_a of black is 3; imaginary colours may sum to nothing.
 _LEAST_SUM = 0.03
 
 
-def _chromatic(h: Array, eye: Eye) -> Array:
-    """What of √(a² + b²) is the chromatic response M at a hue (eq. 42-45)."""
+def _chromatic(h: Array, eye: HuntConditions) -> Array:
+    """Return M / √(a² + b²), M the chromatic response at a hue (eq. 42-45)."""
     angle = np.radians(h)
     e_s = np.interp(h % 360.0, _HUES_DEG, _ECCENTRICITY)
     tritanopic = np.hypot(np.cos(angle), eye.F_t * np.sin(angle))
     return np.asarray(100.0 * e_s * (10.0 / 13.0) * eye.N_c * eye.N_bb * tritanopic)
 
 
-def _achromatic(A_c: Array, S: Array, eye: Eye) -> Array:
-    """A from 2 ρ_a + γ_a + β_a / 20 and S / S_w (eq. 36, 47-51)."""
+def _achromatic(A_c: Array, S: Array, eye: HuntConditions) -> Array:
+    """Return A of 2 ρ_a + γ_a + β_a / 20 and S / S_w (eq. 36, 47-51)."""
     noise = np.hypot(1.0, ROD_NOISE) - NOISE_SUM
     return np.asarray(eye.N_bb * (A_c + eye.rods(S) + noise))
 
 
-def _signals(XYZ: Array, S: Array, eye: Eye) -> tuple[Array, Array, Array, Array]:
-    """Adapted cones (..., 3), hue, M and A (eq. 12-51)."""
+def _signals(XYZ: Array, S: Array, eye: HuntConditions) -> tuple[Array, Array, Array, Array]:
+    """Return adapted cones (..., 3), hue, M and A (eq. 12-51)."""
     cones = XYZ @ k.HPE_FROM_XYZ.T
     adapted = eye.bleaching * (compress(eye.gain * cones) + eye.helson_judd) + 1.0
     a, b = adapted @ k.OPPONENT_A, adapted @ k.OPPONENT_B
@@ -78,20 +301,20 @@ def _signals(XYZ: Array, S: Array, eye: Eye) -> tuple[Array, Array, Array, Array
     return adapted, h, M, _achromatic(adapted @ k.ACHROMATIC, S, eye)
 
 
-def _brightness(response: Array, A_w: Array, eye: Eye) -> Array:
-    """Q from A + M / 100 (eq. 52-54)."""
+def _brightness(response: Array, A_w: Array, eye: HuntConditions) -> Array:
+    """Return Q of A + M / 100 (eq. 52-54)."""
     N_1, N_2 = eye.surround_terms(A_w)
     return signed_power(7.0 * response, 0.6) * N_1 - N_2
 
 
-def _white(eye: Eye) -> tuple[Array, Array]:
-    """A_w and Q_w: the white goes through the whole model with its own hue."""
+def _white(eye: HuntConditions) -> tuple[Array, Array]:
+    """Return A_w and Q_w: the white goes through the whole model with its own hue."""
     _, _, M_w, A_w = _signals(np.asarray(eye.white_XYZ), np.ones(()), eye)
-    return A_w, eye.lit(_brightness(A_w + M_w / 100.0, A_w, eye))
+    return A_w, eye.require_brightness(_brightness(A_w + M_w / 100.0, A_w, eye))
 
 
-def _background(A_w: Array, eye: Eye, settings: HuntSettings) -> Array:
-    """Q_b: the background goes through the whole model, too."""
+def _background(A_w: Array, eye: HuntConditions, settings: HuntSettings) -> Array:
+    """Return Q_b: the background goes through the whole model, too."""
     given = settings.background_XYZ
     XYZ = np.asarray(eye.white_XYZ) * eye.n if given is None else np.asarray(given, np.float64)
     _, _, M_b, A_b = _signals(XYZ, XYZ[1] / eye.Y_w, eye)
@@ -99,18 +322,12 @@ def _background(A_w: Array, eye: Eye, settings: HuntSettings) -> Array:
 
 
 def _scotopic(S: ArrayLike, like: Array) -> Array:
-    """S / S_w, one for each colour.
-
-    Raises
-    ------
-    ShapeError
-        If there are not as many, or they are no numbers.
-    """
+    """Return S / S_w, one for each colour."""
     try:
         return np.broadcast_to(np.asarray(S, dtype=np.float64), like.shape)
     except (TypeError, ValueError):
         raise ShapeError.refused(
-            "Hunt: S", S, f"expected numbers, one or for each of the colours {like.shape}"
+            "Hunt.S", S, f"expected numbers, one or for each of the colours {like.shape}"
         ) from None
 
 
@@ -120,7 +337,7 @@ def forward(
     settings: HuntSettings = NORMAL,
     S: ArrayLike | None = None,
 ) -> Appearance:
-    """XYZ to what the eye makes of them (eq. 8-59).
+    """Return the appearance of XYZ (eq. 8-59).
 
     Parameters
     ----------
@@ -129,10 +346,8 @@ def forward(
     conditions : ViewingConditions
         Discounting, or D = 1, makes adaptation complete; D below 1 does so in part, as in RLAB.
     settings : HuntSettings
-        What else the model asks.
     S : (...) array_like, optional
-        Scotopic response of each colour over the white's, S / S_w, for rods that see other than
-        cones. None: Y / Y_w.
+        Scotopic response of each colour over the white's, S / S_w; None is Y / Y_w.
 
     Returns
     -------
@@ -151,15 +366,15 @@ def forward(
     Examples
     --------
     >>> D65 = ViewingConditions((95.05, 100, 108.88), L_A=318.31, Y_b=100, discount=True)
-    >>> seen = forward([19.01, 20.0, 21.78], D65, HuntSettings(CCT_kelvin=6504))
-    >>> [round(float(each), 3) for each in (seen.J, seen.C, seen.h)]
+    >>> look = forward([19.01, 20.0, 21.78], D65, HuntSettings(CCT_kelvin=6504))
+    >>> [round(float(each), 3) for each in (look.J, look.C, look.h)]
     [30.046, 0.121, 269.274]
     """
-    XYZ = triples("Hunt: XYZ", XYZ)
-    eye = Eye.of(conditions, settings)
+    XYZ = triples("Hunt.XYZ", XYZ)
+    eye = HuntConditions.of(conditions, settings)
     A_w, Q_w = _white(eye)
-    rods_see = XYZ[..., 1] / eye.Y_w if S is None else _scotopic(S, XYZ[..., 1])
-    adapted, h, M, A = _signals(XYZ, rods_see, eye)
+    rod_response = XYZ[..., 1] / eye.Y_w if S is None else _scotopic(S, XYZ[..., 1])
+    adapted, h, M, A = _signals(XYZ, rod_response, eye)
     s = 50.0 * M / np.maximum(adapted.sum(axis=-1), _LEAST_SUM)
     Q = _brightness(A + M / 100.0, A_w, eye)
     C = 2.44 * s**0.69 * np.abs(Q / Q_w) ** eye.n * (1.64 - 0.29**eye.n)
@@ -174,7 +389,7 @@ def forward(
         s=s,
         Q_WB=20.0 * (signed_power(Q, 0.7) - signed_power(_background(A_w, eye, settings), 0.7)),
         defined=np.all(cones >= -ROUNDING * eye.Y_w, axis=-1)
-        & (rods_see >= -ROUNDING)
+        & (rod_response >= -ROUNDING)
         & (Q / Q_w >= -ROUNDING),
     )
 
@@ -187,23 +402,21 @@ def inverse(
     settings: HuntSettings = NORMAL,
     S: ArrayLike | None = None,
 ) -> Array:
-    """Lightness, chroma and hue to the XYZ that look so.
+    """Return the XYZ of a lightness, chroma and hue.
 
     Parameters
     ----------
     J, C, h : (...) array_like
         Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
     conditions : ViewingConditions
-        Where the colours shall be seen.
     settings : HuntSettings
-        What else the model asks.
     S : (...) array_like, optional
-        As in `forward`: what the rods see, whatever the XYZ. None: Y / Y_w.
+        As in `forward`, whatever the XYZ.
 
     Returns
     -------
     (..., 3) float64
-        XYZ on the white's scale; NaN where none that is `defined` looks so. (Black has some
+        XYZ on the white's scale; NaN if no XYZ that is `defined` looks so. (Black has some
         lightness.)
 
     Raises
@@ -223,10 +436,10 @@ def continued(
     settings: HuntSettings = NORMAL,
     S: ArrayLike | None = None,
 ) -> Array:
-    """`inverse` on to cones and brightness below 0; NaN where no XYZ looks so."""
+    """Return `inverse`, continued to cones and brightness below 0; NaN if no XYZ looks so."""
     J, C, h = broadcast(NAME, J, C, h)
-    rods_see = None if S is None else _scotopic(S, J)
-    eye = Eye.of(conditions, settings)
+    rod_response = None if S is None else _scotopic(S, J)
+    eye = HuntConditions.of(conditions, settings)
     A_w, Q_w = _white(eye)
     relative = signed_power(J / 100.0, 1.0 / eye.z)
     N_1, N_2 = eye.surround_terms(A_w)
@@ -234,12 +447,12 @@ def continued(
     with np.errstate(all="ignore"):
         chroma = np.maximum(C, 0.0) / (2.44 * (1.64 - 0.29**eye.n))
         s = np.where(chroma > 0.0, (chroma / np.abs(relative) ** eye.n) ** (1 / 0.69), 0.0)
-        # √(a² + b²) = κ A_c: s (ρ_a + γ_a + β_a) = 50 M, and the sum is A_c and a share of a, b.
-        share = np.ones(3) @ k.RESPONSE_FROM_OPPONENT
+        # √(a² + b²) = κ A_c: s (ρ_a + γ_a + β_a) = 50 M, and the sum is linear in A_c, a and b.
+        sums = np.ones(3) @ k.RESPONSE_FROM_OPPONENT
         angle = np.radians(h)
-        skew = share[1] * np.cos(angle) + share[2] * np.sin(angle)
+        skew = sums[1] * np.cos(angle) + sums[2] * np.sin(angle)
         m = _chromatic(h, eye)
-        kappa = s * share[0] / (50.0 * m - s * skew)
+        kappa = s * sums[0] / (50.0 * m - s * skew)
     known = np.isfinite(kappa) & (kappa >= 0.0) & np.isfinite(response)
     kappa = np.where(known, kappa, 0.0)
     opponent = np.stack([np.ones_like(h), kappa * np.cos(angle), kappa * np.sin(angle)], axis=-1)
@@ -252,11 +465,16 @@ def continued(
         return np.asarray(cones @ XYZ_from_cones.T)
 
     def excess(A_c: Array) -> Array:
-        A = _achromatic(A_c, XYZ_at(A_c)[..., 1] / eye.Y_w if rods_see is None else rods_see, eye)
+        A = _achromatic(
+            A_c,
+            XYZ_at(A_c)[..., 1] / eye.Y_w if rod_response is None else rod_response,
+            eye,
+        )
         return np.asarray(A + m * kappa * A_c / 100.0 - response)
 
     # The rods add to brightness: without them it takes more of the cones. (Rounded up for black.)
     cones_alone = response - _achromatic(np.zeros_like(h), np.zeros_like(h), eye)
     cones_alone = np.maximum(cones_alone / (eye.N_bb + m * kappa / 100.0), 0.0) * (1.0 + 1e-9)
-    A_c = root(excess, np.zeros_like(h), np.minimum(cones_alone, eye.saturated(direction)))
+    most = np.minimum(cones_alone, eye.largest_A_c(direction))
+    A_c = find_root(excess, np.zeros_like(h), most)
     return np.where((known & np.isfinite(A_c))[..., None], XYZ_at(A_c), np.nan)

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from volspec.appearance import constants as k
 from volspec.appearance.hue import NAYATANI_HUES, quadrature
 from volspec.appearance.models.base import (
     ROUNDING,
@@ -27,32 +28,28 @@ from volspec.appearance.models.base import (
     Array,
     broadcast,
     only_defined,
+    require_real_white,
 )
-from volspec.appearance.passages import triples
-from volspec.appearance.spec import ViewingConditions
-from volspec.appearance.surround import is_finite, require_conditions
-from volspec.errors import ViewingError, quoted
+from volspec.appearance.surround import ViewingConditions, is_finite, require_conditions
+from volspec.appearance.transforms import triples
+from volspec.errors import ViewingError
 
 NAME = "Nayatani95"
 
-# Eq. 103 with the five digits that eq. 92-94 are made of.
-CONES_FROM_XYZ = np.array(
-    [[0.40024, 0.70760, -0.08081], [-0.22630, 1.16532, 0.04570], [0.0, 0.0, 0.91822]]
-)
 _BRIGHT = 1.758
-"""e(R), e(G) of what is lighter than a grey of 20 (eq. 104)."""
+"""e(R), e(G) of colours lighter than a grey of 20 (eq. 104)."""
 _ACHROMATIC, _CHROMATIC, _MIDDLE = 41.69, 488.93, 50.0
 # E_s(θ), eq. 116-118: the constant, then sines and cosines of θ, 2θ, 3θ, 4θ.
 _STRENGTH = 0.9394
 _SINES = np.array([-0.2478, -0.0743, 0.0666, -0.0186])
 _COSINES = np.array([-0.0055, -0.0521, -0.0573, -0.0061])
-# The logarithm's argument stops short of 0, at this share of the noise.
+# The logarithm's argument stops short of 0, at this fraction of the noise.
 _LEAST = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
 class NayataniSettings:
-    """What the model asks beyond `ViewingConditions`.
+    """Inputs of the model beyond `ViewingConditions`.
 
     Parameters
     ----------
@@ -75,7 +72,7 @@ class NayataniSettings:
             value = getattr(self, name)
             if not (is_finite(value) and value > 0.0):
                 raise ViewingError.refused(
-                    f"NayataniSettings.{name}", value, "expected a finite number above 0", "type"
+                    f"NayataniSettings.{name}", value, "expected a finite number above 0", "range"
                 )
 
 
@@ -83,38 +80,34 @@ NORMAL = NayataniSettings()
 
 
 def _exponents(responses: ArrayLike, knee: float, top: float, power: float) -> Array:
-    """β (eq. 96-98, 102): from 1 in the dark towards ``top``."""
+    """Return β (eq. 96-98, 102): from 1 in the dark towards ``top``."""
     x = np.asarray(responses, dtype=np.float64) ** power
     return np.asarray((knee + top * x) / (knee + x))
 
 
 def _weight(x: Array) -> Array:
-    """e(R) times what it stands before, β_1 log (R + n) / (20 ξ + n), which has its sign."""
+    """Return e(R) x; x = β_1 log (R + n) / (20 ξ + n) has its sign."""
     return np.where(x >= 0.0, _BRIGHT, 1.0) * x
 
 
 def _strength(h: Array) -> Array:
-    """E_s(θ) (eq. 116-118), θ in degrees."""
+    """Return E_s(θ) (eq. 116-118), θ in degrees."""
     angles = np.radians(h)[..., None] * np.arange(1.0, 5.0)
     return np.asarray(_STRENGTH + np.sin(angles) @ _SINES + np.cos(angles) @ _COSINES)
 
 
-class _Eye:
-    """The numbers of one viewing condition (eq. 90-98, 102, 109-111)."""
+class _Scalars:
+    """Numbers of one viewing condition (eq. 90-98, 102, 109-111)."""
 
     def __init__(self, conditions: ViewingConditions, settings: NayataniSettings) -> None:
-        require_conditions(f"{NAME}: conditions", conditions)
+        require_conditions(f"{NAME}.conditions", conditions)
         if not isinstance(settings, NayataniSettings):
-            raise ViewingError(
-                f"{NAME}: settings are {quoted(settings)}; expected NayataniSettings"
+            raise ViewingError.refused(
+                f"{NAME}.settings", settings, "expected NayataniSettings", "type"
             )
         white = np.asarray(conditions.white_XYZ)
-        grey = CONES_FROM_XYZ @ (white / white[1])
-        if not np.all(grey > 0.0):
-            raise ViewingError(
-                f"Nayatani95: the white XYZ = {conditions.white_XYZ} has the cone responses "
-                f"{grey.round(4).tolist()}; expected all above 0. Is it a real light's?"
-            )
+        cones = k.D65_CONES_FROM_XYZ @ (white / white[1])
+        grey = require_real_white(NAME, conditions, cones)
         self.n = settings.n
         # Y_o E_o / (100 π) is the adapting luminance L_A itself (eq. 90).
         adapting = conditions.L_A * grey
@@ -130,7 +123,7 @@ class _Eye:
         self.B_rw = float(self.achromatic(ratios[0], ratios[1])) + self.raised
 
     def achromatic(self, x_R: Array, x_G: Array) -> Array:
-        """Q (eq. 104)."""
+        """Return Q (eq. 104)."""
         both = (2.0 * _weight(x_R) + _weight(x_G)) / 3.0
         return np.asarray(_ACHROMATIC / self.beta_or * both)
 
@@ -138,7 +131,7 @@ class _Eye:
 def forward(
     XYZ: ArrayLike, conditions: ViewingConditions, settings: NayataniSettings = NORMAL
 ) -> Appearance:
-    """XYZ to what the eye makes of them (eq. 90-124).
+    """Return the appearance of XYZ (eq. 90-124).
 
     Parameters
     ----------
@@ -147,7 +140,6 @@ def forward(
     conditions : ViewingConditions
         The illuminance is the one that gives the background Y_b the luminance L_A.
     settings : NayataniSettings
-        What else the model asks.
 
     Returns
     -------
@@ -163,12 +155,12 @@ def forward(
     Examples
     --------
     >>> D65 = ViewingConditions((95.05, 100, 108.88), L_A=1000 / np.pi, Y_b=20)
-    >>> seen = forward([19.01, 20.0, 21.78], D65)
-    >>> [round(float(each), 3) for each in (seen.J, seen.C, seen.h, seen.Q)]
+    >>> look = forward([19.01, 20.0, 21.78], D65)
+    >>> [round(float(each), 3) for each in (look.J, look.C, look.h, look.Q)]
     [50.0, 0.013, 257.523, 62.627]
     """
-    eye = _Eye(conditions, settings)
-    noisy = triples("Nayatani95: XYZ", XYZ) @ CONES_FROM_XYZ.T + eye.n
+    eye = _Scalars(conditions, settings)
+    noisy = triples("Nayatani95.XYZ", XYZ) @ k.D65_CONES_FROM_XYZ.T + eye.n
     least = _LEAST * eye.n
     x = eye.beta * np.log10(np.maximum(noisy, least) / eye.background)
     x_R, x_G, x_B = np.moveaxis(x, -1, 0)
@@ -200,7 +192,7 @@ def inverse(
     conditions: ViewingConditions,
     settings: NayataniSettings = NORMAL,
 ) -> Array:
-    """Lightness, chroma and hue to the XYZ that look so, in closed form.
+    """Return the XYZ of a lightness, chroma and hue, in closed form.
 
     t and p give x_R - x_G, x the three logarithms times their exponents; then Q is a rising
     line of x_G in three pieces, which end where x_R or x_G is 0.
@@ -210,14 +202,12 @@ def inverse(
     J, C, h : (...) array_like
         Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
     conditions : ViewingConditions
-        Where the colours shall be seen.
     settings : NayataniSettings
-        What else the model asks.
 
     Returns
     -------
     (..., 3) float64
-        NaN where no XYZ that is `defined` looks so.
+        NaN if no XYZ that is `defined` looks so.
 
     Raises
     ------
@@ -235,12 +225,12 @@ def continued(
     conditions: ViewingConditions,
     settings: NayataniSettings = NORMAL,
 ) -> Array:
-    """`inverse` on to lightness below 0 and cones near the noise's end.
+    """Return `inverse`, continued to lightness below 0 and cones near the noise's end.
 
-    NaN for chroma at lightness 0, and for what float64 cannot hold.
+    NaN for chroma at lightness 0, and beyond float64's range.
     """
     J, C, h = broadcast(NAME, J, C, h)
-    eye = _Eye(conditions, settings)
+    eye = _Scalars(conditions, settings)
     C = np.maximum(C, 0.0)
     with np.errstate(all="ignore"):
         s = np.where(C > 0.0, C / np.abs(J / _MIDDLE) ** 0.7, 0.0)
@@ -256,5 +246,6 @@ def continued(
         x_B = (x_R + x_G - 9.0 * p) / 2.0
         x = np.stack([x_R, x_G, x_B], axis=-1)
         cones = 10.0 ** (x / eye.beta) * eye.background - eye.n
-        XYZ = cones @ np.linalg.inv(CONES_FROM_XYZ).T
-        return np.where(np.isfinite(XYZ).all(axis=-1)[..., None], XYZ, np.nan)
+        XYZ: Array = cones @ np.linalg.inv(k.D65_CONES_FROM_XYZ).T
+        finite = np.isfinite(XYZ).all(axis=-1, keepdims=True)
+        return np.where(finite, XYZ, np.nan)

@@ -1,4 +1,4 @@
-"""Inverses where there is no formula: a root in one unknown, and of any model in three.
+"""Numeric inverses: a root in one unknown, and the inverse of any model in three.
 
     model.forward; J, C, h -> [invert] -> XYZ
     model.continued; J, C, h -> [nearest_inverse] -> XYZ
@@ -17,40 +17,41 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.models import ciecam02
-from volspec.appearance.models.base import Appearance, Array, Model, broadcast
-from volspec.appearance.spec import ViewingConditions
+from volspec.appearance.models.base import Appearance, Array, Model, broadcast, opponents
+from volspec.appearance.models.cam import ciecam02
+from volspec.appearance.surround import ViewingConditions
 
 _EPSILON = float(np.finfo(np.float64).eps)
-# Next to what a model's responses can tell XYZ grow without bounds; a display shows 1.
+# Near the end of a model's responses XYZ grow without bounds; a display shows 1.
 _WITHIN_WHITES = 1000.0
-# 2^-12 of the way in lightness, and likewise in chroma, is below what an eye tells apart.
+# 2^-12 of the way in lightness, and likewise in chroma, is not noticeable.
 _HALVINGS = 12
 # In glare Hunt's eye bleaches until no light grey is without colour: then a darker one has to do.
 _GREYS = (0.2, 0.05, 0.01, 0.0)
 
 
-def root(function: Callable[[Array], Array], low: Array, high: Array, rounds: int = 100) -> Array:
-    """Where a function crosses 0 between two ends, for all elements at once [1].
+def find_root(
+    function: Callable[[Array], Array], low: Array, high: Array, iterations: int = 100
+) -> Array:
+    """Find the zero of a function between two ends, for all elements at once [1].
 
     Parameters
     ----------
     function : callable
         (...) to (...), elementwise.
     low, high : (...) float64
-        The ends.
-    rounds : int
+    iterations : int
         The most evaluations; some ten suffice for smooth functions.
 
     Returns
     -------
     (...) float64
-        NaN where the ends' values have one sign.
+        NaN if the ends' values have one sign.
 
     Examples
     --------
     >>> levels = np.array([2.0, 9.0, -1.0])
-    >>> root(lambda x: x**2 - levels, np.zeros(3), np.full(3, 4.0)).round(6).tolist()
+    >>> find_root(lambda x: x**2 - levels, np.zeros(3), np.full(3, 4.0)).round(6).tolist()
     [1.414214, 3.0, nan]
     """
     a, b = np.array(high, dtype=np.float64), np.array(low, dtype=np.float64)
@@ -59,7 +60,7 @@ def root(function: Callable[[Array], Array], low: Array, high: Array, rounds: in
     bracketed |= (f_a == 0.0) | (f_b == 0.0)
     c, f_c, t = a.copy(), f_a.copy(), np.full_like(a, 0.5)
     with np.errstate(all="ignore"):
-        for _ in range(rounds):
+        for _ in range(iterations):
             x = a + t * (b - a)
             f_x = function(x)
             same = np.sign(f_x) == np.sign(f_a)
@@ -85,11 +86,11 @@ def root(function: Callable[[Array], Array], low: Array, high: Array, rounds: in
 def nearest_inverse(
     model: Model, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
 ) -> Array:
-    """A model's inverse, continued; where none looks so, of the nearest on the way to grey.
+    """Invert a model; colours without an inverse are moved towards grey until one exists.
 
-    What the inverse does not know keeps its hue: lightness goes towards that of a grey of 20 %
-    until something colourless has it, then chroma towards 0 until it is known, and within 1000
-    times the white. So colours that a display shows go on without a jump, which tables need.
+    Hue is constant: lightness goes towards that of a grey of 20 % until a colourless XYZ has it,
+    then chroma towards 0 until there is an inverse within 1000 times the white. So the colours
+    of a display continue without a jump, which 3-D LUTs need.
 
     Parameters
     ----------
@@ -97,7 +98,6 @@ def nearest_inverse(
     J, C, h : (...) array_like
         Lightness, chroma, hue angle in degrees.
     conditions : ViewingConditions
-        Where the colours shall be seen.
 
     Returns
     -------
@@ -120,18 +120,18 @@ def nearest_inverse(
     >>> bool((nearest_inverse(hunt, -5.0, 0.0, 0.0, dark) < 0.01).all())
     True
     """
-    asked = broadcast(model.NAME, J, C, h)
+    look = broadcast(model.NAME, J, C, h)
     white = np.asarray(conditions.white_XYZ)
 
     def known(j: Array, c: Array, hue: Array) -> NDArray[np.bool_]:
         XYZ = model.continued(j, c, hue, conditions)
-        # NaN is not within.
+        # NaN compares as False.
         return np.asarray(np.all(np.abs(XYZ) <= _WITHIN_WHITES * white, axis=-1))
 
-    XYZ = model.continued(*asked, conditions)
+    XYZ = model.continued(*look, conditions)
     lost = np.asarray(~np.isfinite(XYZ).all(axis=-1))
     if lost.any():
-        j, c, hue = (each[lost] for each in asked)
+        j, c, hue = (each[lost] for each in look)
         greys = model.forward(np.outer(_GREYS, white), conditions).J
         grey = greys[np.argmax(known(greys, 0.0 * greys, 0.0 * greys))]
         way = j - grey
@@ -142,22 +142,16 @@ def nearest_inverse(
 
 
 def _longest(known: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]], count: int) -> Array:
-    """The share of each way, (N,) from 0 to 1, up to which it is known; by halving."""
-    share = np.ones(count)
-    rows = np.flatnonzero(~known(share, np.arange(count)))
+    """Return the largest known fraction of each way, (N,) from 0 to 1; by halving."""
+    fraction = np.ones(count)
+    rows = np.flatnonzero(~known(fraction, np.arange(count)))
     low, high = np.zeros(len(rows)), np.ones(len(rows))
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         inside = known(middle, rows)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
-    share[rows] = low
-    return share
-
-
-def _vector(seen: Appearance) -> Array:
-    """(..., 3): J, C cos h, C sin h, which have no seam."""
-    angle = np.radians(seen.h)
-    return np.stack([seen.J, seen.C * np.cos(angle), seen.C * np.sin(angle)], axis=-1)
+    fraction[rows] = low
+    return fraction
 
 
 def invert(
@@ -167,12 +161,12 @@ def invert(
     h: ArrayLike,
     conditions: ViewingConditions,
     tolerance: float = 1e-10,
-    rounds: int = 60,
+    iterations: int = 60,
 ) -> Array:
-    """Lightness, chroma and hue to XYZ, for any model that only goes forward.
+    """Invert any model from its forward alone.
 
     Levenberg-Marquardt [2] on the cube root of XYZ over the white, every pixel with its own
-    damping, from the XYZ that look so in CIECAM02; what fails begins anew nearer to grey.
+    damping, from CIECAM02's inverse; pixels that fail start again nearer to grey.
 
     Parameters
     ----------
@@ -181,16 +175,15 @@ def invert(
     J, C, h : (...) array_like
         Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
     conditions : ViewingConditions
-        Where the colours shall be seen.
     tolerance : float
-        How near J and the two parts of C must come, in their units.
-    rounds : int
+        Largest error of J and of the two parts of C, in their units.
+    iterations : int
         The most steps.
 
     Returns
     -------
     (..., 3) float64
-        NaN where no step came within the tolerance.
+        NaN if no step came within the tolerance.
 
     Raises
     ------
@@ -200,29 +193,31 @@ def invert(
     Examples
     --------
     >>> from volspec.appearance.models import cielab
-    >>> seen_under = ViewingConditions((95.05, 100, 108.88))
-    >>> invert(cielab.forward, 71.6, 47.79, 22.27, seen_under).round(1).tolist()
+    >>> daylight = ViewingConditions((95.05, 100, 108.88))
+    >>> invert(cielab.forward, 71.6, 47.79, 22.27, daylight).round(1).tolist()
     [57.1, 43.1, 32.0]
     """
+    target = opponents("numeric inverse", J, C, h).reshape(-1, 3)
     J, C, h = broadcast("numeric inverse", J, C, h)
-    C, angle = np.maximum(C, 0.0), np.radians(h)
-    target = np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1).reshape(-1, 3)
+    C = np.maximum(C, 0.0)
     white = np.asarray(conditions.white_XYZ)
 
     def miss(u: Array, rows: NDArray[np.intp]) -> Array:
-        return np.nan_to_num(_vector(forward(u**3 * white, conditions)) - target[rows], nan=1e9)
+        look = forward(u**3 * white, conditions)
+        vector = opponents("numeric inverse", look.J, look.C, look.h)
+        return np.nan_to_num(vector - target[rows], nan=1e9)
 
     u = np.full_like(target, np.nan)
     for start in _starts(J, C, h, conditions):
         rows = np.flatnonzero(np.isnan(u).any(axis=-1))
         if len(rows) == 0:
             break
-        u[rows] = _solve(miss, np.asarray(start).reshape(-1, 3)[rows], rows, tolerance, rounds)
+        u[rows] = _solve(miss, np.asarray(start).reshape(-1, 3)[rows], rows, tolerance, iterations)
     return (u**3 * white).reshape(*J.shape, 3)
 
 
 def _starts(J: Array, C: Array, h: Array, conditions: ViewingConditions) -> Iterator[Array]:
-    """Cube roots of XYZ / white to begin at: CIECAM02's, halfway to grey, grey."""
+    """Yield cube roots of XYZ / white to start at: CIECAM02's, halfway to grey, grey."""
     J = np.clip(J, 1.0, 120.0)
     XYZ = ciecam02.inverse(J, np.minimum(C, 120.0), h, conditions)
     neutral = ciecam02.inverse(J, np.zeros_like(J), h, conditions)
@@ -240,15 +235,15 @@ def _solve(
     u: Array,
     rows: NDArray[np.intp],
     tolerance: float,
-    rounds: int,
+    iterations: int,
 ) -> Array:
-    """Levenberg-Marquardt from u, (N, 3); NaN where it does not come within the tolerance."""
+    """Run Levenberg-Marquardt from u, (N, 3); NaN if it does not reach the tolerance."""
     u, r = u.copy(), miss(u, rows)
     damping = np.full(len(u), 1e-3)
     left = np.arange(len(u))
-    for _ in range(rounds):
-        # Steps go on below the tolerance: they double the digits. What no damping moves has come
-        # as near as it can.
+    for _ in range(iterations):
+        # Steps go on below the tolerance: they double the digits. A pixel that no damping moves is
+        # as near as it can be.
         near = np.abs(r[left]).max(axis=-1, initial=0.0) <= 1e-4 * tolerance
         left = left[~near & (damping[left] < 1e12)]
         if len(left) == 0:
@@ -256,8 +251,8 @@ def _solve(
         tried = u[left] + _step(u[left], r[left], damping[left], rows[left], miss)
         r_tried = miss(tried, rows[left])
         better = np.linalg.norm(r_tried, axis=-1) < np.linalg.norm(r[left], axis=-1)
-        taken = left[better]
-        u[taken], r[taken] = tried[better], r_tried[better]
+        accepted = left[better]
+        u[accepted], r[accepted] = tried[better], r_tried[better]
         damping[left] *= np.where(better, 0.05, 8.0)
         damping = np.maximum(damping, 1e-16)
     found = np.abs(r).max(axis=-1, initial=0.0) <= tolerance
@@ -271,17 +266,19 @@ def _step(
     rows: NDArray[np.intp],
     miss: Callable[[Array, NDArray[np.intp]], Array],
 ) -> Array:
-    """One damped Gauss-Newton step, (N, 3); slopes are central differences."""
+    """Return one damped Gauss-Newton step, (N, 3); slopes are central differences."""
     size = 1e-5 * np.maximum(np.abs(u), 0.05)
     columns = []
     for i in range(3):
-        moved = size[:, i : i + 1] * np.eye(3)[i]
-        columns.append((miss(u + moved, rows) - miss(u - moved, rows)) / (2.0 * size[:, i : i + 1]))
+        offset = size[:, i : i + 1] * np.eye(3)[i]
+        columns.append(
+            (miss(u + offset, rows) - miss(u - offset, rows)) / (2.0 * size[:, i : i + 1])
+        )
     slopes = np.stack(columns, axis=-1)
-    turned = slopes.swapaxes(-1, -2)
-    normal = turned @ slopes
+    transposed = slopes.swapaxes(-1, -2)
+    normal = transposed @ slopes
     diagonal = np.einsum("...ii->...i", normal)
     # A pixel's own scale keeps the matrix invertible where a response has no slope.
     floor = 1e-14 * diagonal.max(axis=-1, keepdims=True) + 1e-30
     normal = normal + np.eye(3) * (damping[:, None] * diagonal + floor)[:, None, :]
-    return -np.linalg.solve(normal, (turned @ r[..., None]))[..., 0]
+    return -np.linalg.solve(normal, (transposed @ r[..., None]))[..., 0]

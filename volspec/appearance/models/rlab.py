@@ -1,9 +1,10 @@
-"""RLAB: CIELAB's ease, a better adaptation, and a contrast that follows the surround.
+"""RLAB: CIELAB with a better adaptation and a contrast that follows the surround.
 
     XYZ -> cones, partly adapted -> XYZ under D65 -> power sigma -> L, a, b -> J, C, h
 
-Its ``J, C, h, H, s`` are L^R, C^R, h^R, H^R, s^R. D of the conditions is how much of the light's
-colour is discounted: 1 for prints in a lit room, 0 for self-luminous pictures (also for None).
+Its ``J, C, h, H, s`` are L^R, C^R, h^R, H^R, s^R. D of the conditions is the fraction of the
+light's colour that is discounted: 1 for prints in a lit room, 0 for self-luminous pictures (and
+None).
 
 References
 ----------
@@ -22,17 +23,15 @@ from volspec.appearance.models.base import (
     ROUNDING,
     Appearance,
     Array,
+    cone_adaptation,
+    cones_of_white,
+    degree_of_discounting,
+    interpolate_surround,
     only_defined,
     opponents,
 )
-from volspec.appearance.models.cones import (
-    adaptation,
-    at_surround,
-    cones_of_white,
-    discounting,
-)
-from volspec.appearance.passages import CurvePassage, signed_power, triples
-from volspec.appearance.spec import ViewingConditions
+from volspec.appearance.surround import ViewingConditions
+from volspec.appearance.transforms import CurveTransform, signed_power, triples
 
 NAME = "RLAB"
 
@@ -45,12 +44,12 @@ LAB_FROM_POWERS = np.array([[0.0, 100.0, 0.0], [430.0, -430.0, 0.0], [0.0, 170.0
 
 
 def exponent(surround: str | float) -> float:
-    """σ: 1/3.5 in the dark, 1/2.9 dim, 1/2.3 average, on straight lines between their ratios."""
-    return at_surround(surround, dark=1.0 / 3.5, dim=1.0 / 2.9, average=1.0 / 2.3)
+    """Return σ: 1/3.5 in the dark, 1/2.9 dim, 1/2.3 average, linear between their ratios."""
+    return interpolate_surround(surround, dark=1.0 / 3.5, dim=1.0 / 2.9, average=1.0 / 2.3)
 
 
 def reference_from_XYZ(conditions: ViewingConditions) -> Array:
-    """(3, 3) R A M: XYZ to those of equal appearance under D65 (eq. 70-83).
+    """Return (3, 3) R A M: XYZ to those of equal appearance under D65 (eq. 70-83).
 
     Raises
     ------
@@ -58,17 +57,18 @@ def reference_from_XYZ(conditions: ViewingConditions) -> Array:
         If the white excites a cone by nothing or less.
     """
     white = cones_of_white(NAME, conditions)
-    gains = adaptation(white, conditions.L_A, discounting(conditions)) / white
+    gains = cone_adaptation(white, conditions.L_A, degree_of_discounting(conditions)) / white
     return np.asarray(REFERENCE_FROM_ADAPTED @ (gains[:, None] * k.HPE_FROM_XYZ))
 
 
 def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
-    """XYZ to L^R, C^R, h^R, H^R and s^R; there is no brightness and no colourfulness.
+    """Return L^R, C^R, h^R, H^R and s^R; there is no brightness and no colourfulness.
 
     Parameters
     ----------
     XYZ : (..., 3) array_like
-        On the white's scale. What is negative under D65 keeps its sign and is not `defined`.
+        On the white's scale. A value that is negative under D65 keeps its sign and is not
+        `defined`.
     conditions : ViewingConditions
         Y_b has no influence.
 
@@ -82,11 +82,11 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
     A case that Fairchild prints, under illuminant A:
 
     >>> A = ViewingConditions((109.85, 100, 35.58), L_A=31.83, discount=True)
-    >>> seen = forward([19.01, 20.0, 21.78], A)
-    >>> [round(float(each), 2) for each in (seen.J, seen.C, seen.h)]
+    >>> look = forward([19.01, 20.0, 21.78], A)
+    >>> [round(float(each), 2) for each in (look.J, look.C, look.h)]
     [49.83, 54.87, 286.49]
     """
-    reference = triples("RLAB: XYZ", XYZ) @ reference_from_XYZ(conditions).T
+    reference = triples("RLAB.XYZ", XYZ) @ reference_from_XYZ(conditions).T
     Lab = signed_power(reference, exponent(conditions.surround)) @ LAB_FROM_POWERS.T
     J, a, b = np.moveaxis(Lab, -1, 0)
     C, h = np.hypot(a, b), np.degrees(np.arctan2(b, a)) % 360.0
@@ -101,19 +101,18 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """Lightness, chroma and hue to the XYZ that look so, in closed form.
+    """Return the XYZ of a lightness, chroma and hue, in closed form.
 
     Parameters
     ----------
     J, C, h : (...) array_like
         Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
     conditions : ViewingConditions
-        Where the colours shall be seen.
 
     Returns
     -------
     (..., 3) float64
-        XYZ on the white's scale; NaN where one is negative under the reference.
+        XYZ on the white's scale; NaN if one is negative under the reference.
 
     Raises
     ------
@@ -125,28 +124,27 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
 
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """`inverse` on below 0 too, powers with the sign of their base; never NaN."""
+    """Return `inverse`, continued below 0 by powers with the sign of their base; never NaN."""
     powers = opponents(NAME, J, C, h) @ np.linalg.inv(LAB_FROM_POWERS).T
     reference = signed_power(powers, 1.0 / exponent(conditions.surround))
     return np.asarray(reference @ np.linalg.inv(reference_from_XYZ(conditions)).T)
 
 
-def passage(source: ViewingConditions, target: ViewingConditions) -> CurvePassage:
-    """Inverse after forward in one step: a power per response between two matrices.
+def view_transform(source: ViewingConditions, target: ViewingConditions) -> CurveTransform:
+    """Make inverse after forward in one step: a power per response between two matrices.
 
     Equal J, C and h are equal X_ref^σ, Y_ref^σ, Z_ref^σ, so X_ref' = X_ref^(σ/σ').
 
     Parameters
     ----------
     source, target : ViewingConditions
-        Where the colours are seen, and where they shall look the same.
 
     Returns
     -------
-    CurvePassage
+    CurveTransform
     """
     ones = np.ones(3)
-    return CurvePassage(
+    return CurveTransform(
         response_from_XYZ=reference_from_XYZ(source),
         XYZ_from_response=np.asarray(np.linalg.inv(reference_from_XYZ(target)), np.float64),
         gain=ones,

@@ -13,8 +13,8 @@ from typing import Any
 
 from volspec.appearance import Display, Viewing
 from volspec.appearance.adaptation import ADAPTATIONS
-from volspec.appearance.live import CLOSED
-from volspec.appearance.models import MODELS
+from volspec.appearance.models import APPEARANCE_MODELS
+from volspec.appearance.scene_to_display import CLOSED
 from volspec.appearance.screen import Screen
 from volspec.appearance.spec import SURROUND_RATIOS
 from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
@@ -265,7 +265,7 @@ def read_pixel(
     opacity = float(image.alpha[y, x])
     XYZ = lit.scene_XYZ(image.coefficients[y, x], opacity)
     viewing = lit.viewing
-    model = MODELS[viewing.model if viewing.model in MODELS else "CIECAM02"]
+    model = APPEARANCE_MODELS[viewing.model if viewing.model in APPEARANCE_MODELS else "CIECAM02"]
     found = model.forward(XYZ, viewing.conditions(lit.white_XYZ))
     J, C, h = (
         (float(found.J), float(found.C), float(found.h))

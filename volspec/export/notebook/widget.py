@@ -36,7 +36,7 @@ from volspec.export.page import PageSpec, PageView, page_html, payload
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
-from volspec.relight.checks import pixel_type
+from volspec.relight.relighter import pixel_type
 from volspec.relight.spec import Pixels
 from volspec.scene.lights import NamedLight
 from volspec.spectra import Spectrum

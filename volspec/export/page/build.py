@@ -33,7 +33,7 @@ from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.bands import Progress
 from volspec.relight import RelightSpec
-from volspec.relight.packed import bounded
+from volspec.relight.layers import clamp_finite
 from volspec.scene import Scene
 from volspec.scene.export import TurntableTable
 from volspec.scene.lights import NamedLight
@@ -43,7 +43,7 @@ Codes = NDArray[np.int64]
 BITS = (8, 12)
 MOST_VIEWS = 360
 _WEB = Path(__file__).parent / "web"
-# Joined in this order: each uses those before it. illumination, conditions and passages are the
+# Joined in this order: each uses those before it. illumination, conditions and transforms are the
 # third copy of light matrices and CIECAM, after NumPy and GLSL: a page computes them offline, for
 # any weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares them.
 _SCRIPTS = [
@@ -304,15 +304,15 @@ def pack_view(image: CoefficientImage, bits: int) -> PackedView:
     bits : int
         Bits of a code, 8 to 12.
     """
-    alpha = bounded(np.asarray(image.alpha, np.float32))
-    coefficients = bounded(np.asarray(image.coefficients, np.float32))
+    alpha = clamp_finite(np.asarray(image.alpha, np.float32))
+    coefficients = clamp_finite(np.asarray(image.coefficients, np.float32))
     planes = np.concatenate([coefficients, alpha[..., None]], axis=-1).astype(np.float64)
     roots = np.copysign(np.sqrt(np.abs(planes)), planes)
     low, high = roots.min(axis=(0, 1)), roots.max(axis=(0, 1))
     steps = np.where(high > low, (high - low) / (2**bits - 1), 1.0)
     codes = np.rint((roots - low) / steps).astype(np.int64)
-    packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, zlib.Z_FILTERED)
-    data = packer.compress(residual_bytes(codes, bits)) + packer.flush()
+    band_packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, zlib.Z_FILTERED)
+    data = band_packer.compress(residual_bytes(codes, bits)) + band_packer.flush()
     return PackedView(
         base64.b64encode(data).decode("ascii"), tuple(low.tolist()), tuple(high.tolist())
     )

@@ -18,22 +18,20 @@ from numpy.typing import ArrayLike
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.appearance import constants as k
-from volspec.appearance.adaptation import ADAPTATIONS, guth, von_kries
-from volspec.appearance.adaptation.base import CONES_FROM_XYZ
+from volspec.appearance.adaptation import ADAPTATIONS, linear, nonlinear
+from volspec.appearance.constants import D65_CONES_FROM_XYZ
 from volspec.appearance.display import Gamut
-from volspec.appearance.live import CLOSED
 from volspec.appearance.models import rlab
+from volspec.appearance.scene_to_display import CLOSED
 from volspec.appearance.screen import Screen
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.spaces import SPACES, spectrum_colours
 from volspec.appearance.spec import SURROUND_RATIOS, SURROUNDS, Display, Viewing
-from volspec.appearance.wavelengths import spectrum_colours
 from volspec.basis import MODES, MaterialBasis
 from volspec.basis.materials import Basis
 from volspec.errors import ViewingError, VolspecWarning
 from volspec.relight import ErrorMap, RelightSpec
-from volspec.relight.packed import layer_count
-from volspec.relight.programs import picture_constants
-from volspec.relight.uniforms import screen_uniforms
+from volspec.relight.layers import layer_count
+from volspec.relight.programs import picture_constants, screen_uniforms
 from volspec.scene.lights import NamedLight
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra.datasets import colour_matching_functions
@@ -71,11 +69,11 @@ def constants() -> dict[str, Any]:
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
     return numbers | {
         "RGB_FROM_XYZ": _plain(SPACES["sRGB"].RGB_from_XYZ),
-        "CONES_FROM_XYZ": _plain(CONES_FROM_XYZ),
+        "CONES_FROM_XYZ": _plain(D65_CONES_FROM_XYZ),
         "RLAB_REFERENCE": _plain(rlab.REFERENCE_FROM_ADAPTED),
-        "adaptation_spaces": {name: _plain(m) for name, (m, _) in von_kries.SPACES.items()},
+        "adaptation_spaces": {name: _plain(m) for name, (m, _) in linear.VON_KRIES.items()},
         "guth": {
-            name: _plain(getattr(guth, name))
+            name: _plain(getattr(nonlinear, f"GUTH_{name}"))
             for name in ("GAIN", "NOISE", "POWER", "SIGMA", "ADAPTING")
         },
         "surrounds": [

@@ -12,9 +12,9 @@ import numpy as np
 from imgui_bundle import imgui
 from numpy.typing import NDArray
 
-from volspec.appearance import passage_of
-from volspec.appearance.passages import Passage
-from volspec.appearance.srgb import encode, linear_from_XYZ
+from volspec.appearance import view_transform
+from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.appearance.transforms import ViewTransform
 from volspec.errors import VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, colour_matching_functions, white_XYZ
@@ -42,8 +42,8 @@ def as_colour(codes: Array) -> Colour:
 @lru_cache(maxsize=512)
 def raw_colour(rig: LightRig) -> Colour:
     """Return white paper's colour without adaptation; sRGB codes 0 to 1, the largest 1."""
-    linear = np.maximum(linear_from_XYZ(white_from_rig(rig)), 0.0)
-    return as_colour(encode(linear / max(float(linear.max()), 1e-9)))
+    linear = np.maximum(linear_sRGB_from_XYZ(white_from_rig(rig)), 0.0)
+    return as_colour(encode_sRGB(linear / max(float(linear.max()), 1e-9)))
 
 
 # Rows are few, but dragging a temperature makes many rigs.
@@ -51,20 +51,20 @@ def raw_colour(rig: LightRig) -> Colour:
 def adapted_colour(rig: LightRig, spec: RelightSpec) -> Colour:
     """Return white paper's colour to an eye adapted to the light, if it can adapt."""
     white = white_from_rig(rig)
-    passage = adapting_transform(rig, spec, white)
-    if passage is None:
+    transform = adapting_transform(rig, spec, white)
+    if transform is None:
         return raw_colour(rig)
-    return as_colour(encode(linear_from_XYZ(passage.apply(_PAPER * white))))
+    return as_colour(encode_sRGB(linear_sRGB_from_XYZ(transform.apply(_PAPER * white))))
 
 
-def adapting_transform(rig: LightRig, spec: RelightSpec, white: Array) -> Passage | None:
+def adapting_transform(rig: LightRig, spec: RelightSpec, white: Array) -> ViewTransform | None:
     """Return the view transform from XYZ under a light to XYZ of the display.
 
     ``white`` is the XYZ of a perfect diffuser under the light. None if the light has no white
     to adapt to.
     """
     try:
-        return passage_of(given_viewing(spec.viewing, rig.total_lux), white)
+        return view_transform(given_viewing(spec.viewing, rig.total_lux), white)
     except VolspecError:
         return None
 
@@ -145,10 +145,10 @@ def column_colours(grid: SpectralGrid, count: int, alpha: float = 1.0) -> tuple[
     bands = colour_matching_functions(grid)
     XYZ = np.stack([column_heights(band, count) for band in bands], axis=1)
     # Add grey until the colour is in the display's gamut; equalise brightness, except at the ends.
-    linear = linear_from_XYZ(XYZ / bands.max() * 100.0)
+    linear = linear_sRGB_from_XYZ(XYZ / bands.max() * 100.0)
     linear -= np.minimum(linear.min(axis=1, keepdims=True), 0.0)
     strength = linear.max(axis=1, keepdims=True)
-    codes, reach = encode(linear / np.maximum(strength, 0.08)), max(count // 24, 1)
+    codes, reach = encode_sRGB(linear / np.maximum(strength, 0.08)), max(count // 24, 1)
     # A moving average hides the edges where a primary begins.
     padded = np.pad(codes, ((reach, reach), (0, 0)), mode="edge")
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=0)

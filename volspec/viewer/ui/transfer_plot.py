@@ -11,7 +11,7 @@ import numpy as np
 from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
-from volspec.appearance.srgb import encode, linear_from_XYZ
+from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import Basis
 from volspec.relight import RelightSpec
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
@@ -85,16 +85,16 @@ def _colour_functions(
     """Return functions from reflectances to (P, 3) XYZ under the lights, and on to sRGB codes."""
 
     def codes(XYZ: Array) -> Array:
-        return encode(linear_from_XYZ(XYZ))
+        return encode_sRGB(linear_sRGB_from_XYZ(XYZ))
 
     rig = light_rig(lights)
     if rig is None:
         return lambda spectra: np.zeros((len(spectra), 3)), codes
     light, observer_deg = rig.mixed(basis.grid), basis.observer_deg
-    passage = adapting_transform(rig, spec, white_XYZ(light, observer_deg))
+    transform = adapting_transform(rig, spec, white_XYZ(light, observer_deg))
     return (
         lambda spectra: XYZ_from_spectra(light, spectra, observer_deg),
-        codes if passage is None else lambda XYZ: codes(passage.apply(XYZ)),
+        codes if transform is None else lambda XYZ: codes(transform.apply(XYZ)),
     )
 
 

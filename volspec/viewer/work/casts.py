@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.relight.packed import PackedLayers
+from volspec.relight.layers import PackedLayers
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState

@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenGL import GL
 
+from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.basis import Basis, MaterialBasis
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
-from volspec.relight.packed import PackedLayers
-from volspec.relight.tables import HostTables, TableKey, is_tabled
+from volspec.relight.layers import PackedLayers
 from volspec.viewer.model.materials import same_channels
 
 # mallopt(3): blocks of this size or more get their own mapping.
@@ -84,7 +84,7 @@ class Pictures:
         self._frame: Any = None
         self._frame_of: Relighter | None = None
         self.current = False  # True if the last picture is drawn under the last lights
-        self.tables = HostTables()  # of models that no shader draws; `missing` lists those to add
+        self.tables = LutCache()  # of models that no shader draws; `missing` lists those to add
         self._queries = [context.query(time=True) for _ in range(2)]
         self.image: CoefficientImage | None = None
 
@@ -122,7 +122,7 @@ class Pictures:
                 known = self._relighters.items()
                 oldest = next(key for key, each in known if each is not self._frame_of)
                 self._relighters.pop(oldest).close()
-            relighter = Relighter(image, "gl", self._context, tables=self.tables, packed=packed)
+            relighter = Relighter(image, "gl", self._context, lut_cache=self.tables, packed=packed)
         else:
             relighter.update(image, packed)
         self._relighters[key] = relighter  # the newest last
@@ -130,12 +130,12 @@ class Pictures:
 
     def missing(
         self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None = None
-    ) -> tuple[TableKey, ...]:
+    ) -> tuple[LutKey, ...]:
         """Return the tables that `relight` would have to wait for under the same lights."""
-        if self._shown is None or rig is None or not is_tabled(spec.viewing.model):
+        if self._shown is None or rig is None or not needs_host_lut(spec.viewing.model):
             return ()
         self._paint(self._shown)
-        keys = (self._shown.missing_table(each, spec) for each in (rig, other) if each)
+        keys = (self._shown.missing_lut(each, spec) for each in (rig, other) if each)
         found = tuple(key for key in keys if key is not None)
         self.current &= not found
         return found

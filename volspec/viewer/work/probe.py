@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models import MODELS
+from volspec.appearance.models import APPEARANCE_MODELS
 from volspec.errors import VolspecError
 from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
@@ -69,8 +69,8 @@ def read(
 def _appearance_rows(XYZ: Array, lit: Illumination) -> Iterator[tuple[str, str]]:
     """Yield a colour's attributes in the viewing's model; CIECAM02 if that only adapts."""
     given = replace(lit.viewing, adapting="given")
-    name = given.model if given.model in MODELS else "CIECAM02"
-    look = MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
+    name = given.model if given.model in APPEARANCE_MODELS else "CIECAM02"
+    look = APPEARANCE_MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
     if not bool(look.defined):
         yield name, "not defined for this colour"
         return

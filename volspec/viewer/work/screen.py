@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from volspec.errors import RelightError, TableCancelled, VolspecError, one_line
+from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
+from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
-from volspec.relight.tables import HostTables, TableKey, is_tabled
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker, Tasks
@@ -159,22 +159,22 @@ class ErrorMapTexture:
 _REST_S = 0.1
 
 
-class TableWorker(LatestWorker[tuple[TableKey, ...], str]):
+class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
     """Computes tables in a thread; its results are error messages, empty if all went well."""
 
     _name = "volspec-tables"
 
-    def __init__(self, wake: Callable[[], object], tables: HostTables) -> None:
+    def __init__(self, wake: Callable[[], object], tables: LutCache) -> None:
         super().__init__(wake)
         self._tables = tables
 
-    def _results(self, job: tuple[TableKey, ...]) -> Iterator[str]:
+    def _results(self, job: tuple[LutKey, ...]) -> Iterator[str]:
         if not self._wait_idle(_REST_S):
             return
         try:
             for key in job:
                 self._tables.texels(key, self._is_superseded)
-        except TableCancelled:
+        except LutCancelled:
             return
         except MemoryError:
             yield "no memory for the colour table"
@@ -198,7 +198,7 @@ class Screen:
     ) -> None:
         self.pictures = Pictures(context)
         self._tabling = TableWorker(wake, self.pictures.tables)
-        self._tables: tuple[TableKey, ...] = ()  # those that the picture waits for
+        self._tables: tuple[LutKey, ...] = ()  # those that the picture waits for
         self.slices = SlicePictures(context)
         self.image: CoefficientImage | None = None  # the last cast
         self.whole = False  # True if it has the picture's full resolution
@@ -275,7 +275,9 @@ class Screen:
         self.pictures.repaint(state.transfer.basis)
         self.image = self.pictures.image
         # Coarse pictures would need tables of their own.
-        few = self.whole and self._meter.bands > 1 and not is_tabled(state.relight.viewing.model)
+        few = (
+            self.whole and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
+        )
         self._coarse = held and few
         whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands

@@ -1,6 +1,6 @@
-// One viewing condition as CIECAM02's and CAM16's scalars, and the passage between two of them.
+// One viewing condition as CIECAM02's and CAM16's scalars, and the transform between two of them.
 //
-// Twin of volspec/appearance/models/conditions.py and level.py; `k` is volspec/appearance/
+// Twin of volspec/appearance/models/cam.py and level.py; `k` is volspec/appearance/
 // constants.py as the page carries it.
 
 // F, c and N_c at a surround's ratio to white, linear between dark, dim and average.
@@ -52,7 +52,7 @@ function conditionsOf(k, seen, model) {
 }
 
 // What carries J, C and h from the scene to the display: uniforms of shaders/include/cam.glsl.
-function camPassage(k, model, scene, display) {
+function camTransform(k, model, scene, display) {
   const [from, to] = [scene, display].map((seen) => conditionsOf(k, seen, model));
   const chroma = (from.chromaScale / to.chromaScale) ** (1 / k.CHROMA_POWER);
   return {

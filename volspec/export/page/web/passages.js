@@ -1,6 +1,6 @@
-// From a scene under a light to the display: the passage that a look asks for.
+// From a scene under a light to the display: the transform that a look asks for.
 //
-// Twin of volspec/appearance/live.py and of what it calls: adaptation/*.py, models/rlab.py,
+// Twin of volspec/appearance/scene_to_display.py and of what it calls: adaptation/*.py, models/rlab.py,
 // models/cielab.py. What the shader draws has one of three forms: LINEAR, CURVE, CAM.
 
 // Cone responses to the white over its Y, kept within 1e-6 to 1e6.
@@ -119,9 +119,9 @@ function rlabReference(k, seen) {
   return product(k.RLAB_REFERENCE, scaledRows(k.HPE_FROM_XYZ, gains));
 }
 
-const PASSAGES = {
-  CIECAM02: (k, scene, display) => camPassage(k, 'CIECAM02', scene, display),
-  CAM16: (k, scene, display) => camPassage(k, 'CAM16', scene, display),
+const TRANSFORMS = {
+  CIECAM02: (k, scene, display) => camTransform(k, 'CIECAM02', scene, display),
+  CAM16: (k, scene, display) => camTransform(k, 'CAM16', scene, display),
   CIELAB: (k, scene, display) => linear(diagonal(display.white.map((x, i) => x / scene.white[i]))),
   RLAB: (k, scene, display) => curve(
     rlabReference(k, scene), inverted(rlabReference(k, display)),
@@ -147,9 +147,9 @@ function sceneConditions(look, white, lux) {
   };
 }
 
-function passageOf(k, look, white, lux, display) {
+function viewTransform(k, look, white, lux, display) {
   const scene = sceneConditions(look, white, lux);
-  if (!(look.model in ADAPTATIONS)) return PASSAGES[look.model](k, scene, display);
+  if (!(look.model in ADAPTATIONS)) return TRANSFORMS[look.model](k, scene, display);
   // The white moves, tones stay: the models that carry level are given one for both.
   const { L_A, Y_b, surround } = scene;
   return ADAPTATIONS[look.model](k, scene, { ...display, L_A, Y_b, surround });

@@ -1,8 +1,8 @@
 // The picture on WebGL 2: shaders/relight.frag, the desktop's own, one pass a light change.
 //
-//     illumination, passage -> uniforms -> [relight] -> canvas
+//     illumination, transform -> uniforms -> [relight] -> canvas
 //
-// Twin of volspec/relight/uniforms.py; a half-float texture of channels for each view.
+// Twin of volspec/relight/programs.py; a half-float texture of channels for each view.
 
 // Decoded views beyond this are made anew when they are turned to.
 const KEPT_BYTES = 256e6;
@@ -12,32 +12,32 @@ class Refused extends Error {}
 // What one side of the picture is drawn with: uniforms by GLSL name, and what is compiled in.
 function drawingOf(page, light, look) {
   const k = page.constants, channels = page.channels.count - 1;
-  const passage = passageOf(k, look, light.white, light.lux, page.display);
+  const transform = viewTransform(k, look, light.white, light.lux, page.display);
   const columns = transposed(light.matrix);
   columns[channels] = light.backdrop.map((x) => -x);
   while (columns.length % 4) columns.push([0, 0, 0]);
-  const first = passage.form === 'LINEAR' ? passage.matrix : identity();
+  const first = transform.form === 'LINEAR' ? transform.matrix : identity();
   const uniforms = {
     XYZ_from_layer: columns.flatMap((column) => applied(first, column)),
     backdrop_XYZ: applied(first, light.backdrop),
   };
-  const form = { FORM: passage.form, SAME_SURROUND: 0, OUTER: 0, FIELD: 0, CHECKED: 0 };
-  if (passage.form !== 'LINEAR') {
-    uniforms['passage.response_from_XYZ'] = transposed(passage.response_from_XYZ).flat();
-    uniforms['passage.linear_from_response'] = transposed(
-      product(k.RGB_FROM_XYZ, passage.XYZ_from_response)).flat();
+  const form = { FORM: transform.form, SAME_SURROUND: 0, OUTER: 0, FIELD: 0, CHECKED: 0 };
+  if (transform.form !== 'LINEAR') {
+    uniforms['view_transform.response_from_XYZ'] = transposed(transform.response_from_XYZ).flat();
+    uniforms['view_transform.linear_from_response'] = transposed(
+      product(k.RGB_FROM_XYZ, transform.XYZ_from_response)).flat();
   }
   let names = [];
-  if (passage.form === 'CURVE') {
-    form.OUTER = passage.outer.some((x) => x !== 1) ? 1 : 0;
+  if (transform.form === 'CURVE') {
+    form.OUTER = transform.outer.some((x) => x !== 1) ? 1 : 0;
     names = ['gain', 'power', 'shift', 'offset', ...(form.OUTER ? ['outer'] : [])];
-  } else if (passage.form === 'CAM') {
+  } else if (transform.form === 'CAM') {
     const near = (x) => Math.abs(x - 1) < 1e-7;
-    form.SAME_SURROUND = near(passage.lightness_power) && near(passage.chroma_gain) ? 1 : 0;
+    form.SAME_SURROUND = near(transform.lightness_power) && near(transform.chroma_gain) ? 1 : 0;
     names = ['scene_achromatic', 'display_achromatic'];
     if (!form.SAME_SURROUND) names.push('lightness_power', 'chroma_gain');
   }
-  for (const name of names) uniforms[`passage.${name}`] = [passage[name]].flat();
+  for (const name of names) uniforms[`view_transform.${name}`] = [transform[name]].flat();
   const eye = look.model === 'CAM16' ? 'CAM16' : 'CIECAM02';
   const gamut = look.gamut === 'reduce' && page.gamut[eye];
   if (gamut) Object.assign(uniforms, gamut);

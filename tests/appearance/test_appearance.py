@@ -1,0 +1,212 @@
+"""CIECAM02, viewing conditions and the display's encoding against colour-science and reason."""
+
+import numpy as np
+import pytest
+
+from tests.support.errors import refuses
+from volspec.appearance import SURROUNDS, Display, Viewing, ViewingConditions, view_transform
+from volspec.appearance.constants import (
+    ACHROMATIC,
+    CHROMA_SKEW,
+    CHROMA_SUM,
+    OPPONENT_A,
+    OPPONENT_B,
+    RESPONSE_FROM_OPPONENT,
+)
+from volspec.appearance.models.cam import CamConditions, CamTransform, forward, inverse
+from volspec.appearance.models.cielab import cielab, cielab_derivative
+from volspec.appearance.spaces import (
+    XYZ_FROM_sRGB,
+    decode_sRGB,
+    encode_sRGB,
+    linear_sRGB_from_XYZ,
+    sRGB_WHITE_XYZ,
+    to_uint8,
+)
+from volspec.errors import ShapeError, ViewingError
+
+WHITE_A = (109.85, 100.0, 35.58)
+CONDITIONS = {
+    "average under A": (WHITE_A, 63.66, 20.0, "average"),
+    "dim, dark background": ((96.42, 100.0, 82.49), 5.0, 8.0, "dim"),
+    "dark, bright background": ((87.12, 90.0, 112.95), 954.93, 60.0, "dark"),
+}
+
+
+def conditions(name: str) -> CamConditions:
+    white, L_A, Y_b, surround = CONDITIONS[name]
+    return CamConditions.of(white, L_A, Y_b, SURROUNDS[surround])
+
+
+def surfaces(white: tuple[float, ...], count: int = 2000) -> np.ndarray:
+    """XYZ over the sRGB gamut, moved to a white; the gamut's corners first."""
+    rng = np.random.default_rng(7)
+    corners = np.indices((2, 2, 2)).reshape(3, -1).T[1:]
+    linear = np.concatenate([corners, rng.random((count, 3)) ** 2.2])
+    return linear @ XYZ_FROM_sRGB.T * (np.asarray(white) / sRGB_WHITE_XYZ)
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_forward_model_agrees_with_colour_science(name):
+    import colour
+    from colour.appearance import InductionFactors_CIECAM02
+
+    white, L_A, Y_b, surround = CONDITIONS[name]
+    XYZ = surfaces(white)
+    ours = forward(XYZ, conditions(name))
+    theirs = colour.XYZ_to_CIECAM02(
+        XYZ, np.array(white), L_A, Y_b, InductionFactors_CIECAM02(*SURROUNDS[surround])
+    )
+    for correlate in "JChQMs":
+        a, b = getattr(ours, correlate), getattr(theirs, correlate)
+        worst = int(np.argmax(np.abs(a - b)))
+        # Two float64 evaluations of one formula; measured 4e-12.
+        assert abs(a[worst] - b[worst]) < 1e-9, (correlate, XYZ[worst], a[worst], b[worst])
+
+
+def test_hue_quadrature_is_0_to_400_at_the_unique_hues():
+    c = conditions("average under A")
+    hues = np.array([20.14, 90.0, 164.25, 237.53])
+    seen = forward(inverse(50.0, 20.0, hues, c), c)
+    np.testing.assert_allclose((seen.H + 1e-6) % 400.0, [0.0, 100.0, 200.0, 300.0], atol=1e-5)
+
+
+@pytest.mark.parametrize("name", CONDITIONS)
+def test_inverse_undoes_forward(name):
+    c = conditions(name)
+    XYZ = surfaces(c.white_XYZ)
+    seen = forward(XYZ, c)
+    np.testing.assert_allclose(inverse(seen.J, seen.C, seen.h, c), XYZ, atol=1e-10)
+
+
+@pytest.mark.parametrize("scene", CONDITIONS)
+@pytest.mark.parametrize("display", CONDITIONS)
+def test_one_step_transport_is_inverse_after_forward(scene, display):
+    XYZ = surfaces(CONDITIONS[scene][0])
+    seen = forward(XYZ, conditions(scene))
+    two_steps = inverse(seen.J, seen.C, seen.h, conditions(display))
+    one_step = CamTransform.between(conditions(scene), conditions(display)).apply(XYZ)
+    np.testing.assert_allclose(one_step, two_steps, atol=1e-9)
+
+
+def test_transport_between_equal_conditions_changes_nothing():
+    c = conditions("dim, dark background")
+    XYZ = surfaces(c.white_XYZ)
+    np.testing.assert_allclose(CamTransform.between(c, c).apply(XYZ), XYZ, atol=1e-10)
+
+
+def test_opponent_weights_give_the_standard_s_inverse():
+    printed = [[460.0, 451.0, 288.0], [460.0, -891.0, -261.0], [460.0, -220.0, -6300.0]]
+    np.testing.assert_allclose(RESPONSE_FROM_OPPONENT * 1403.0, printed, atol=1e-9)
+    # 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2, which the inverse of t rests on.
+    skewed = CHROMA_SUM + CHROMA_SKEW @ np.stack([OPPONENT_A, OPPONENT_B])
+    np.testing.assert_allclose(skewed, ACHROMATIC, atol=1e-15)
+
+
+def test_cielab_derivative_is_its_slope():
+    ratio = np.array([[0.5, 0.3, 0.9], [0.001, 0.02, 0.0], [-0.01, 1.0, 0.008]])
+    h = 1e-6
+    moved = (ratio[:, None] + h * np.eye(3), ratio[:, None] - h * np.eye(3))
+    slope = (cielab(moved[0], np.ones(3)) - cielab(moved[1], np.ones(3))) / (2 * h)
+    np.testing.assert_allclose(cielab_derivative(ratio), slope.swapaxes(1, 2), rtol=1e-6)
+
+
+@pytest.mark.parametrize("size", [1e6, 1e3, 1.0, 1e-9, 1e-30])
+def test_no_finite_input_gives_nan(size):
+    rng = np.random.default_rng(3)
+    XYZ = rng.uniform(-size, size, (50_000, 3))
+    for scene in CONDITIONS:
+        c = conditions(scene)
+        transform = CamTransform.between(c, conditions("average under A"))
+        assert np.isfinite(transform.apply(XYZ)).all()
+        seen = forward(XYZ, c)
+        for name in "JChHQMs":
+            assert np.isfinite(getattr(seen, name)).all(), (scene, name)
+        back = inverse(seen.J, seen.C, seen.h, c)
+        assert np.isfinite(back[seen.defined]).all() and seen.defined.mean() > 0.3, scene
+
+
+def test_black_and_colours_without_lightness_are_black():
+    c = conditions("average under A")
+    transform = CamTransform.between(c, conditions("dim, dark background"))
+    for XYZ in ([0.0, 0.0, 0.0], [-5.0, -5.0, -5.0], [0.0, -80.0, 30.0]):
+        assert np.array_equal(transform.apply(XYZ), np.zeros(3))
+    assert np.array_equal(inverse(0.0, 0.0, 120.0, c), np.zeros(3))
+    # Nothing is black and has a chroma, or is darker than black.
+    assert np.isnan(inverse([0.0, -3.0], [50.0, 0.0], [120.0, 10.0], c)).all()
+
+
+def test_white_keeps_full_lightness_and_loses_its_tint_at_complete_adaptation():
+    viewing = Viewing(D=1.0)
+    display = CamConditions.of_viewing(viewing.display.conditions)
+    shown = view_transform(viewing, WHITE_A).apply(WHITE_A)
+    np.testing.assert_allclose(forward(shown, display).J, 100.0, atol=1e-9)
+    tinted = view_transform(Viewing(D=0.6), WHITE_A).apply(WHITE_A)
+    # Less adapted eyes see more of tungsten's yellow.
+    assert shown[2] > tinted[2]
+
+
+def test_adapting_luminance_follows_from_illuminance_and_background():
+    assert Viewing(illuminance_lux=2000.0, Y_b=100.0).adapting_luminance == pytest.approx(
+        636.62, abs=5e-3
+    )
+    assert Viewing(L_A=12.0).adapting_luminance == 12.0
+
+
+def test_display_white_is_full_code_and_encoding_matches_colour_science():
+    from colour.models import eotf_inverse_sRGB
+
+    np.testing.assert_allclose(linear_sRGB_from_XYZ(sRGB_WHITE_XYZ), 1.0, atol=1e-14)
+    x = np.linspace(0.0, 1.0, 5001)
+    # The standard's two branches miss each other by 3e-8 at the toe; both sides are allowed.
+    np.testing.assert_allclose(encode_sRGB(x), eotf_inverse_sRGB(x), atol=4e-8)
+    np.testing.assert_allclose(decode_sRGB(encode_sRGB(x)), x, atol=1e-8)
+    assert to_uint8([0.0, 0.5, 1.0]).tolist() == [0, 128, 255]
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda: Viewing(model="ciecam"), "unknown Viewing.model"),
+        (lambda: Viewing(surround="dimm"), "unknown Viewing.surround"),
+        (lambda: Viewing(Y_b=-1.0), "range Viewing.Y_b"),
+        (lambda: Viewing(L_A=float("nan")), "range Viewing.L_A"),
+        (lambda: Viewing(D=1.5), "range Viewing.D"),
+        (lambda: Viewing(surround="bright"), "unknown Viewing.surround"),
+        (lambda: Viewing(Y_b=1e4), "range Viewing.Y_b"),
+        (lambda: Display(Y_b=1e300), "range Display.Y_b"),
+        (lambda: ViewingConditions(WHITE_A, Y_b=1e4), "range ViewingConditions.Y_b"),
+        (lambda: ViewingConditions((1.0985, 1, 0.3558)), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions((1e-300,) * 3), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions((1e300,) * 3), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions((95, 100, 1e-300)), "range ViewingConditions.white_XYZ"),
+        (lambda: ViewingConditions.of_lux(WHITE_A, 0.0), "range illuminance_lux"),
+        (lambda: Viewing(illuminance_lux=0.0), "range Viewing.illuminance_lux"),
+        (lambda: Viewing(D=0.5, discount=True), "conflict Viewing.D"),
+        (lambda: ViewingConditions(WHITE_A, D=1.0, discount=True), "conflict ViewingConditions.D"),
+        (lambda: Viewing(fov_deg=1e-300), "range Viewing.fov_deg"),
+        (lambda: Viewing(fov_deg=179.0), "range Viewing.fov_deg"),
+        (lambda: Viewing(exposure=1e30), "range Viewing.exposure"),
+        (lambda: Viewing(exposure=-1.0), "range Viewing.exposure"),
+        (lambda: Viewing(illuminance_lux=True), "type Viewing.illuminance_lux"),
+        (lambda: Display(L_A=-4.0), "range Display.L_A"),
+        (
+            lambda: CamConditions.of((0.0, 0.0, 0.0), 60.0, 20.0),
+            "range viewing conditions.white_XYZ",
+        ),
+        (
+            lambda: CamConditions.of((10.0, 1.0, 90.0), 60.0, 20.0, D=0.0),
+            "impossible viewing conditions",
+        ),
+    ],
+)
+def test_bad_conditions_are_refused_in_one_line(make, message):
+    refuses(make, message, ViewingError)
+
+
+def test_wrong_shapes_are_refused():
+    c = conditions("average under A")
+    with pytest.raises(ShapeError, match=r"expected \(\.\.\., 3\)"):
+        forward(np.zeros((4, 2)), c)
+    with pytest.raises(ShapeError, match="expected equal ones"):
+        inverse(np.zeros(3), np.zeros(2), 0.0, c)

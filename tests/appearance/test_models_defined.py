@@ -1,0 +1,177 @@
+"""Where a model is defined: a mask for every colour, and within it the inverse comes back."""
+
+import warnings
+
+import colour
+import numpy as np
+import pytest
+from colour.appearance import InductionFactors_CAM16, InductionFactors_CIECAM02
+
+from tests.appearance._models import CONDITIONS, colours, spectral_mixtures
+from tests.appearance.test_models_edges import ENDS
+from volspec.appearance import ViewingConditions
+from volspec.appearance.models import APPEARANCE_MODELS, cam16, ciecam02
+from volspec.appearance.models.base import opponents
+from volspec.appearance.models.cam import CamConditions, compress
+
+# Models whose formulas take powers of what may turn negative.
+CAMS = {"CIECAM02": InductionFactors_CIECAM02, "CAM16": InductionFactors_CAM16}
+# Columns are the primaries, Y = 100 for white: Rec. 2020, and ACES AP0 with its imaginary blue.
+REC_2020 = 100 * np.array(
+    [[0.636958, 0.144617, 0.168881], [0.2627, 0.677998, 0.059302], [0.0, 0.028073, 1.060985]]
+)
+ACES_AP0 = 100 * np.array(
+    [[0.9525524, 0.0, 0.0000937], [0.3439664, 0.7281661, -0.0721325], [0.0, 0.0, 1.0088252]]
+)
+
+
+# colour-science takes no D.
+ITS_OWN_D = [n for n, each in CONDITIONS.items() if each.D is None and not each.discount]
+
+
+def cube(XYZ_from_RGB):
+    """(17³, 3) XYZ of a cube of RGB."""
+    return np.indices((17, 17, 17)).reshape(3, -1).T / 16.0 @ XYZ_from_RGB.T
+
+
+def everything(conditions):
+    """(N, 3): cubes, surfaces down to nothing, lasers, and anything around them."""
+    rng = np.random.default_rng(6)
+    return np.concatenate(
+        [
+            cube(REC_2020),
+            cube(ACES_AP0),
+            colours(conditions.white_XYZ, 3000),
+            spectral_mixtures(),
+            rng.uniform(-50.0, 150.0, (5000, 3)),
+            rng.random((5000, 3)) * 10.0 ** rng.uniform(-6.0, 2.3, (5000, 1)),
+        ]
+    )
+
+
+def apart(back, XYZ):
+    """Greatest difference of each colour, relative to its greatest channel (or 1e-5 of white)."""
+    return np.abs(back - XYZ).max(axis=-1) / np.maximum(np.abs(XYZ).max(axis=-1), 1e-3)
+
+
+@pytest.mark.parametrize("name", APPEARANCE_MODELS)
+@pytest.mark.parametrize("where", CONDITIONS)
+def test_what_is_defined_comes_back(name, where):
+    conditions, model = CONDITIONS[where], APPEARANCE_MODELS[name]
+    XYZ = everything(conditions)
+    seen = model.forward(XYZ, conditions)
+    assert seen.defined.dtype == bool and seen.defined.shape == XYZ.shape[:-1]
+    back = model.inverse(seen.J, seen.C, seen.h, conditions)
+    error = np.where(seen.defined, apart(back, XYZ), 0.0)
+    i = int(np.argmax(error))
+    # Digits lost to opponent sums and powers; measured 1e-12.
+    assert error[i] <= 1e-9, (name, where, XYZ[i], back[i], error[i])
+
+
+@pytest.mark.parametrize("name", CAMS)
+@pytest.mark.parametrize("where", CONDITIONS)
+def test_surfaces_black_and_rec_2020_lie_within(name, where):
+    conditions = CONDITIONS[where]
+    for XYZ in (colours(conditions.white_XYZ), cube(REC_2020), np.zeros(3)):
+        assert np.all(APPEARANCE_MODELS[name].forward(XYZ, conditions).defined)
+
+
+def published_sums(XYZ, conditions, name):
+    """A / N_bb (eq. 35) and the sum under t (eq. 34) as printed, with the 0.1 of eq. 28."""
+    scalars = CamConditions.of_viewing(conditions, name)
+    a = compress(XYZ @ scalars.response_from_XYZ().T) + 0.1
+    return a @ [2.0, 1.0, 0.05] - 0.305, a @ [1.0, 1.0, 1.05]
+
+
+@pytest.mark.parametrize("name", CAMS)
+@pytest.mark.parametrize("where", CONDITIONS)
+def test_what_is_not_defined_is_nan_as_published(name, where):
+    """Powers of negative numbers, all but 1 in 500 of the widest colours: ours has two floors."""
+    conditions = CONDITIONS[where]
+    rng = np.random.default_rng(8)
+    XYZ = np.concatenate([cube(REC_2020), cube(ACES_AP0), rng.uniform(-50, 150, (5000, 3))])
+    defined = APPEARANCE_MODELS[name].forward(XYZ, conditions).defined
+    A, total = published_sums(XYZ, conditions, name)
+    with np.errstate(invalid="ignore"):
+        nan = np.isnan(A**0.5 * total**-0.9)
+    nan[0] = nan[17**3] = False  # black: A = 0
+    assert not defined[nan].any()
+    assert (~defined & ~nan).mean() < 2e-3
+    assert 10 < np.count_nonzero(nan[17**3 : 2 * 17**3]) < 100
+
+
+@pytest.mark.parametrize("name", CAMS)
+@pytest.mark.parametrize("where", ITS_OWN_D)
+def test_what_is_not_defined_does_not_come_back_in_colour_science(name, where):
+    """It takes powers with the sign of their base: lightness below 0 in place of NaN."""
+    conditions = CONDITIONS[where]
+    XYZ = cube(ACES_AP0)
+    defined = APPEARANCE_MODELS[name].forward(XYZ, conditions).defined
+    around = (conditions.white_XYZ, conditions.L_A, conditions.Y_b, CAMS[name](*conditions.factors))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        seen = getattr(colour, f"XYZ_to_{name}")(XYZ, *around)
+        back = getattr(colour, f"{name}_to_XYZ")(seen, *around)
+    assert not defined.all()
+    assert np.all(seen.J[~defined] < 0.0) and not np.any(apart(back, XYZ)[~defined] < 1e-3)
+    assert apart(back, XYZ)[defined].max() < 1e-6
+
+
+@pytest.mark.parametrize("name", APPEARANCE_MODELS)
+def test_the_mask_has_the_shape_of_the_colours(name):
+    conditions, model = CONDITIONS["room under A"], APPEARANCE_MODELS[name]
+    for shape in ((), (0,), (2, 3)):
+        defined = model.forward(np.full((*shape, 3), 20.0), conditions).defined
+        assert defined.shape == shape and defined.dtype == bool and np.all(defined)
+    with np.errstate(invalid="ignore"):
+        assert not model.forward([np.nan, 20.0, 20.0], conditions).defined
+
+
+@pytest.mark.parametrize("each", [ciecam02, cam16])
+def test_inverse_of_what_nothing_looks_like_is_nan(each):
+    conditions = CONDITIONS["office under D65"]
+    nothing = [(-1.0, 0.0, 0.0), (0.0, 5.0, 40.0), (50.0, 1e4, 250.0), (1e6, 0.0, 0.0)]
+    for J, C, h in nothing:
+        assert np.isnan(each.inverse(J, C, h, conditions)).all(), (J, C, h)
+    assert np.isnan(each.inverse(np.nan, 0.0, 0.0, conditions)).all()
+    np.testing.assert_array_equal(each.inverse(0.0, 0.0, 77.0, conditions), np.zeros(3))
+
+
+@pytest.mark.parametrize("name", APPEARANCE_MODELS)
+@pytest.mark.parametrize("where", ENDS)
+def test_inverse_gives_what_is_defined_and_looks_so_or_nan(name, where):
+    """Of looks down to the faintest and to the most chromatic."""
+    conditions, model, rng = ENDS[where], APPEARANCE_MODELS[name], np.random.default_rng(3)
+    J, C, h = rng.uniform([0.0, 0.0, 0.0], [140.0, 200.0, 360.0], (8000, 3)).T
+    J[:1000], C[500:2000] = 10.0 ** rng.uniform(-9, 0, 1000), 10.0 ** rng.uniform(-6, 1, 1500)
+    back = model.inverse(J, C, h, conditions)
+    known = np.isfinite(back).all(axis=-1)
+    assert 0.03 < known.mean() < 1.0
+    seen = model.forward(back[known], conditions)
+    assert seen.defined.all()
+    asked, found = opponents(name, J, C, h)[known], opponents(name, seen.J, seen.C, seen.h)
+    off = np.abs(found - asked).max(axis=-1) / np.maximum(np.abs(asked).max(axis=-1), 1.0)
+    # Next to the border a hair of J moves XYZ by whites.
+    assert off.max() <= 1e-6 and np.quantile(off, 0.95) <= 1e-9
+
+
+def test_looks_that_a_tester_found_to_have_no_colour_have_none():
+    under_A = ViewingConditions.of_lux((109.85, 100.0, 35.58), 1000.0)
+    for name, look in {
+        "CIELAB": (25.0, 163.0, 125.0),
+        "RLAB": (25.0, 163.0, 125.0),
+        "Hunt": (49.89, 189.4, 89.0),
+        "Nayatani95": (0.1476, 7.8821, 44.83),
+    }.items():
+        assert np.isnan(APPEARANCE_MODELS[name].inverse(*look, under_A)).all(), name
+
+
+@pytest.mark.parametrize("name", APPEARANCE_MODELS)
+def test_inverse_is_the_continued_one_where_forward_is_defined(name):
+    conditions, model = CONDITIONS["room under A"], APPEARANCE_MODELS[name]
+    XYZ = everything(conditions)
+    seen = model.forward(XYZ, conditions)
+    back, on = (f(seen.J, seen.C, seen.h, conditions) for f in (model.inverse, model.continued))
+    np.testing.assert_array_equal(back[seen.defined], on[seen.defined])
+    beyond = ~seen.defined & (apart(on, XYZ) < 1e-9)
+    assert np.isnan(back[beyond]).all()

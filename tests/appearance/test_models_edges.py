@@ -1,0 +1,181 @@
+"""Appearance models at their ends: black, the dark, imaginary colours, unknown names."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.appearance._models import CONDITIONS, D65, A, colours
+from volspec.appearance import ViewingConditions
+from volspec.appearance.adaptation import ADAPTATIONS
+from volspec.appearance.models import APPEARANCE_MODELS, hunt, model, nayatani95, rlab
+from volspec.appearance.models.hunt import HuntConditions
+from volspec.appearance.models.numeric import invert
+from volspec.appearance.spec import MODELS as VIEWED
+from volspec.cli.comparison import NOTES
+from volspec.errors import ViewingError
+
+ENDS = {
+    **CONDITIONS,
+    "no light": ViewingConditions(D65, 0.0, 20.0),
+    "black background": ViewingConditions(D65, 63.66, 0.0),
+    "neither": ViewingConditions(A, 0.0, 0.0, "dark"),
+    "glare": ViewingConditions(A, 1e8, 1000.0),
+    "monochromatic": ViewingConditions((150.0, 100.0, 1e-4), 50.0, 20.0),
+}
+
+
+def correlates(seen):
+    values = (seen.J, seen.C, seen.h, seen.H, seen.Q, seen.M, seen.s)
+    return [value for value in values if value is not None]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("where", ENDS)
+@pytest.mark.parametrize("name", APPEARANCE_MODELS)
+def test_forward_gives_numbers_for_every_finite_colour(name, where):
+    rng = np.random.default_rng(5)
+    for size in (1e5, 1e3, 1.0, 1e-9, 0.0):
+        XYZ = rng.uniform(-size, size, (2000, 3))
+        for value in correlates(APPEARANCE_MODELS[name].forward(XYZ, ENDS[where])):
+            assert np.isfinite(value).all(), (name, where, size)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("where", ENDS)
+@pytest.mark.parametrize("name", APPEARANCE_MODELS)
+def test_inverse_gives_numbers_or_nan_and_no_warning(name, where):
+    J, C, h = np.meshgrid([-5.0, 0.0, 1e-9, 30.0, 100.0, 250.0], [0.0, 1.0, 300.0], [0.0, 200.0])
+    for backwards in (APPEARANCE_MODELS[name].inverse, APPEARANCE_MODELS[name].continued):
+        back = backwards(J, C, h, ENDS[where])
+        assert not np.isinf(back).any()
+        assert (np.isnan(back).all(axis=-1) == np.isnan(back).any(axis=-1)).all()
+    if name in ("CIELAB", "RLAB"):
+        assert np.isfinite(back).all()
+
+
+@pytest.mark.parametrize("name", ["CIELAB", "RLAB", "Hunt", "Nayatani95"])
+def test_colours_of_the_display_are_defined_and_imaginary_ones_are_not(name):
+    conditions = CONDITIONS["prints under D50"]
+    XYZ = colours(conditions.white_XYZ)[:-1]
+    XYZ = XYZ[XYZ[:, 1] > 1.0]
+    assert APPEARANCE_MODELS[name].forward(XYZ, conditions).defined.all()
+    assert not APPEARANCE_MODELS[name].forward([-60.0, -20.0, -50.0], conditions).defined
+
+
+@pytest.mark.parametrize("name", APPEARANCE_MODELS)
+def test_white_has_lightness_100_where_it_is_complete(name):
+    seen = APPEARANCE_MODELS[name].forward(D65, CONDITIONS["office under D65"])
+    # RLAB's matrix has four decimals, and Nayatani's white is as light as its eye is lit.
+    limit = {"RLAB": 0.02, "Nayatani95": 20.0}.get(name, 1e-9)
+    assert abs(float(seen.J) - 100.0) <= limit
+
+
+@pytest.mark.parametrize("name", ["RLAB", "Hunt", "Nayatani95"])
+def test_white_that_no_light_has_is_refused(name):
+    with pytest.raises(ViewingError, match=r"Is it a real light's\?"):
+        APPEARANCE_MODELS[name].forward(D65, ViewingConditions((900.0, 100.0, 1.0)))
+
+
+def test_surround_moves_rlab_and_hunt_smoothly_between_the_named_ones():
+    assert rlab.exponent(0.0) == pytest.approx(1 / 3.5)
+    assert rlab.exponent("dim") == rlab.exponent(0.1) == pytest.approx(1 / 2.9)
+    assert rlab.exponent(0.15) == pytest.approx((1 / 2.9 + 1 / 2.3) / 2)
+    assert rlab.exponent(1.0) == rlab.exponent("average") == pytest.approx(1 / 2.3)
+    found = [
+        (HuntConditions.of(ViewingConditions(D65, surround=s), hunt.NORMAL))
+        for s in (0.0, 0.1, 0.2, 0.05)
+    ]
+    expected = [(0.7, 10.0), (1.0, 25.0), (1.0, 75.0), (0.85, 17.5)]
+    for eye, (N_c, N_b) in zip(found, expected, strict=True):
+        assert (eye.N_c, eye.N_b) == pytest.approx((N_c, N_b))
+
+
+def test_darker_surrounds_lower_contrast_and_light_raises_colourfulness():
+    """Bartleson-Breneman in RLAB and Hunt; the Hunt effect in Hunt and Nayatani."""
+    greys = np.array(D65) * np.array([[0.1], [0.5]])
+    for each in (rlab, hunt):
+        ratio = [
+            np.divide(*each.forward(greys, ViewingConditions(D65, surround=s)).J)
+            for s in ("dark", "dim", "average")
+        ]
+        assert ratio[0] > ratio[1] > ratio[2]
+    for each in (hunt, nayatani95):
+        M = [
+            float(each.forward([57.06, 43.06, 31.96], ViewingConditions(D65, L_A)).M)
+            for L_A in (1.0, 30.0, 1000.0)
+        ]
+        assert M[0] < M[1] < M[2]
+
+
+@pytest.mark.parametrize("each", [rlab, hunt])
+def test_degree_of_adaptation_runs_from_none_discounted_to_all(each):
+    XYZ = colours(A)[7:50]
+
+    def seen(**others):
+        return each.forward(XYZ, ViewingConditions(A, 63.66, **others))
+
+    for name in "JCh":
+        np.testing.assert_array_equal(getattr(seen(D=0.0), name), getattr(seen(), name))
+        np.testing.assert_array_equal(
+            getattr(seen(D=1.0), name), getattr(seen(discount=True), name)
+        )
+    white = [
+        float(each.forward(np.array(A), ViewingConditions(A, 63.66, D=D)).C)
+        for D in (0.0, 0.5, 1.0)
+    ]
+    # What is not discounted stays yellow.
+    assert white[0] > white[1] > white[2] and white[2] < 0.2
+
+
+def test_example_of_the_docs_runs_as_written():
+    page = (Path(__file__).parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
+    code, *_ = page.split("```python\n")[1].split("```")
+    space: dict = {}
+    exec(code, space)
+    assert f'# "{space["composition"](space["seen"].H)}"' in code
+    np.testing.assert_allclose(space["XYZ"], [57.06, 43.06, 31.96], rtol=1e-12)
+
+
+def test_unknown_model_is_refused_with_a_guess():
+    assert model("Nayatani95") is nayatani95
+    assert {each.NAME for each in APPEARANCE_MODELS.values()} == set(APPEARANCE_MODELS)
+    # What a viewing may ask for is told, and has a note in the picture of all.
+    assert sorted(VIEWED) == sorted([*APPEARANCE_MODELS, *ADAPTATIONS]) == sorted(NOTES)
+    with pytest.raises(ViewingError, match="did you mean 'Nayatani95'") as caught:
+        model("nayatani")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "make, message",
+    [
+        (lambda: hunt.HuntSettings(N_b=0.0), "HuntSettings.N_b is 0.0"),
+        (lambda: hunt.HuntSettings(p=2.0), "HuntSettings.p is 2.0"),
+        (lambda: hunt.HuntSettings(proximal_XYZ=(0, 0, 0)), "HuntSettings.proximal_XYZ"),
+        (lambda: nayatani95.NayataniSettings(n=0.0), "NayataniSettings.n is 0.0"),
+        (
+            lambda: hunt.forward(D65, ViewingConditions(D65), hunt.HuntSettings(N_b=1e6)),
+            "use a smaller N_b",
+        ),
+    ],
+)
+def test_settings_out_of_range_are_refused_in_one_line(make, message):
+    with pytest.raises(ViewingError, match=message) as caught:
+        make()
+    assert "\n" not in str(caught.value)
+
+
+def test_models_leave_colour_science_unloaded():
+    code = (
+        "import sys, volspec.appearance.models as m; m.model('Hunt');"
+        "sys.exit('colour' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_numerical_inverse_of_nothing_is_nothing():
+    conditions = CONDITIONS["television"]
+    assert invert(rlab.forward, np.zeros(0), np.zeros(0), np.zeros(0), conditions).shape == (0, 3)

@@ -1,0 +1,184 @@
+"""Every appearance model forward, against colour-science 0.4.7 where that is right."""
+
+import warnings
+
+import colour
+import numpy as np
+import pytest
+from colour.appearance import InductionFactors_CAM16, InductionFactors_CIECAM02
+from colour.appearance import hunt as colour_hunt
+
+from tests.appearance._models import CONDITIONS, D65, A, colours, worst, worst_hue
+from volspec.appearance import ViewingConditions
+from volspec.appearance.models import APPEARANCE_MODELS, Appearance, cielab, hunt, nayatani95, rlab
+from volspec.appearance.models.base import degree_of_discounting
+from volspec.appearance.models.hunt import HuntConditions, cct_mccamy
+
+# Two float64 evaluations of one formula, relative to 1 or the value.
+LIMIT = 1e-9
+
+
+@pytest.fixture(params=CONDITIONS)
+def seen(request):
+    conditions = CONDITIONS[request.param]
+    return conditions, np.asarray(conditions.white_XYZ), colours(conditions.white_XYZ)
+
+
+@pytest.mark.parametrize("name", ["CIECAM02", "CAM16"])
+def test_ciecam02_and_cam16_agree_with_colour_science(seen, name):
+    conditions, white, XYZ = seen
+    factors = {"CIECAM02": InductionFactors_CIECAM02, "CAM16": InductionFactors_CAM16}[name]
+    F, c, N_c = conditions.factors
+    D = 1.0 if conditions.discount else conditions.D
+    if D is not None:
+        # colour-science takes no D but through F, of which D is a multiple.
+        F = D / (1.0 - np.exp(-(conditions.L_A + 42.0) / 92.0) / 3.6)
+    theirs = getattr(colour, f"XYZ_to_{name}")(
+        XYZ[:-1], white, conditions.L_A, conditions.Y_b, factors(F, c, N_c)
+    )
+    ours = APPEARANCE_MODELS[name].forward(XYZ[:-1], conditions)
+    worst_hue(ours, theirs, XYZ, LIMIT)
+    coloured = theirs.C > 1e-6
+    # s of a neutral is the square root of rounding, and its hue is rounding alone.
+    worst(ours.s[coloured], theirs.s[coloured], XYZ[:-1][coloured], LIMIT, "s")
+    for correlate in "JCQM":
+        worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
+    # Between red and 0 degrees colour-science has another hue quadrature (see the faults).
+    bluer = coloured & (ours.h > 21.0) & (ours.h < 237.0)
+    worst(ours.H[bluer], theirs.H[bluer], XYZ[:-1][bluer], 1e-6, "H")
+
+
+def test_cielab_agrees_with_colour_science(seen):
+    conditions, white, XYZ = seen
+    ours = cielab.forward(XYZ[:-1] * (100.0 / white[1]), scaled(conditions))
+    white_100 = np.asarray(scaled(conditions).white_XYZ)
+    theirs = colour.XYZ_to_Lab(XYZ[:-1] / white[1], colour.XYZ_to_xy(white_100))
+    J, C, h = np.moveaxis(colour.models.Lab_to_LCHab(theirs), -1, 0)
+    worst(ours.J, J, XYZ, LIMIT, "J")
+    worst(ours.C, C, XYZ, LIMIT, "C")
+    worst_hue(ours, Appearance(J=J, C=C, h=h, defined=np.isfinite(J)), XYZ, LIMIT)
+
+
+def scaled(conditions: ViewingConditions) -> ViewingConditions:
+    X, Y, Z = conditions.white_XYZ
+    return ViewingConditions((100 * X / Y, 100.0, 100 * Z / Y))
+
+
+def test_rlab_agrees_with_colour_science(seen):
+    conditions, white, XYZ = seen
+    theirs = colour.XYZ_to_RLAB(
+        XYZ[:-1],
+        white,
+        conditions.L_A,
+        rlab.exponent(conditions.surround),
+        degree_of_discounting(conditions),
+    )
+    ours = rlab.forward(XYZ[:-1], conditions)
+    worst_hue(ours, theirs, XYZ, LIMIT)
+    for correlate in "JCs":
+        worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
+    assert ours.defined.all()
+
+
+def test_nayatani_agrees_with_colour_science(seen):
+    conditions, white, XYZ = seen
+    E_o = 100.0 * np.pi * conditions.L_A / conditions.Y_b
+    theirs = colour.XYZ_to_Nayatani95(XYZ, white, conditions.Y_b, E_o, 1000.0)
+    ours = nayatani95.forward(XYZ, conditions)
+    worst_hue(ours, theirs, XYZ, LIMIT)
+    worst(ours.J, theirs.L_star_P, XYZ, LIMIT, "J")
+    # colour-science lets chroma turn negative with lightness.
+    worst(ours.C, np.abs(theirs.C), XYZ, LIMIT, "C")
+    worst(ours.M, np.abs(theirs.M), XYZ, LIMIT, "M")
+    for correlate in "Qs":
+        worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
+    np.testing.assert_array_equal(ours.defined, ours.J >= 0.0)
+
+
+def colour_science_hunt(XYZ, conditions, **others):
+    """XYZ_to_Hunt without its warnings on what it assumes."""
+    eye = HuntConditions.of(conditions, hunt.NORMAL)
+    white = np.asarray(conditions.white_XYZ)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return colour.XYZ_to_Hunt(
+            XYZ,
+            white,
+            white * (conditions.Y_b / white[1]),
+            conditions.L_A,
+            colour_hunt.InductionFactors_Hunt(eye.N_c, eye.N_b),
+            CCT_w=cct_mccamy(conditions.white_XYZ),
+            discount_illuminant=conditions.discount,
+            **others,
+        )
+
+
+def hunt_white_brightness(conditions, own_hue):
+    """Q_w from colour-science's parts, with e_s at the white's own hue (eq. 40-54)."""
+    eye = HuntConditions.of(conditions, hunt.NORMAL)
+    white = np.asarray(conditions.white_XYZ)
+    rgb = colour_hunt.chromatic_adaptation(
+        white,
+        white,
+        white * eye.n,
+        np.asarray(conditions.L_A),
+        np.asarray(eye.F_L),
+        discount_illuminant=conditions.discount,
+    )
+    differences = colour_hunt.colour_difference_signals(rgb)
+    e_s = colour_hunt.eccentricity_factor(colour_hunt.hue_angle(differences) + own_hue)
+    M_yb = colour_hunt.yellowness_blueness_response(differences, e_s, eye.N_c, eye.N_bb, eye.F_t)
+    M_rg = colour_hunt.redness_greenness_response(differences, e_s, eye.N_c, eye.N_bb)
+    A_a = colour_hunt.achromatic_post_adaptation_signal(rgb)
+    L_AS = 2.26 * eye.scotopic / 5.0
+    A_w = colour_hunt.achromatic_signal(L_AS, eye.Y_w, eye.Y_w, eye.N_bb, A_a)
+    return colour_hunt.brightness_correlate(A_w, A_w, np.hypot(M_yb, M_rg), eye.N_b)
+
+
+# colour-science has no partial degree_of_discounting: D = 0.4 stays out.
+HUNT = [name for name in CONDITIONS if CONDITIONS[name].D is None]
+
+
+@pytest.mark.parametrize("name", HUNT)
+def test_hunt_agrees_with_colour_science(name):
+    conditions = CONDITIONS[name]
+    XYZ, eye = colours(conditions.white_XYZ)[:-1], HuntConditions.of(CONDITIONS[name], hunt.NORMAL)
+    theirs, ours = colour_science_hunt(XYZ, conditions), hunt.forward(XYZ, conditions)
+    worst_hue(ours, theirs, XYZ, LIMIT)
+    for correlate in "Qs":
+        worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
+    # J, C and M need Q_w, which colour-science takes with the sample's e_s (see the faults).
+    Q_w = hunt_white_brightness(conditions, own_hue=0.0)
+    J = colour_hunt.lightness_correlate(eye.n, 1.0, theirs.Q, Q_w)
+    C = colour_hunt.chroma_correlate(theirs.s, eye.n, 1.0, theirs.Q, Q_w)
+    worst(ours.J, J, XYZ, LIMIT, "J")
+    worst(ours.C, np.abs(C), XYZ, LIMIT, "C")
+    M = colour_hunt.colourfulness_correlate(eye.F_L, np.abs(C))
+    worst(ours.M, M, XYZ, LIMIT, "M")
+
+
+def test_hunt_with_helson_judd_agrees_with_colour_science():
+    conditions = CONDITIONS["room under A"]
+    XYZ = colours(A)[:-1]
+    ours = hunt.forward(XYZ, conditions, hunt.HuntSettings(helson_judd=True))
+    theirs = colour_science_hunt(XYZ, conditions, helson_judd_effect=True)
+    plain = hunt.forward(XYZ, conditions)
+    worst_hue(ours, theirs, XYZ, LIMIT)
+    for correlate in "Qs":
+        worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
+        assert np.abs(getattr(ours, correlate) - getattr(plain, correlate)).max() > 0.1
+
+
+def test_hunt_settings_reach_the_model():
+    conditions = CONDITIONS["office under D65"]
+    XYZ = colours(D65)[7:50]
+    plain = hunt.forward(XYZ, conditions)
+    for settings in (
+        hunt.HuntSettings(N_b=300.0),
+        hunt.HuntSettings(N_c=0.7),
+        hunt.HuntSettings(L_AS=1.0),
+        hunt.HuntSettings(CCT_kelvin=2856.0),
+        hunt.HuntSettings(p=-0.5, proximal_XYZ=(30.0, 20.0, 10.0)),
+    ):
+        moved = hunt.forward(XYZ, conditions, settings)
+        assert np.abs(moved.J - plain.J).max() + np.abs(moved.C - plain.C).max() > 0.1

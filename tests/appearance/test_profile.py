@@ -1,0 +1,178 @@
+"""A display's profile is the space that it was written from."""
+
+from __future__ import annotations
+
+import re
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import ImageCms
+
+from volspec import Display
+from volspec.appearance.profile import read_profile
+from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
+from volspec.errors import SceneError, ViewingError
+from volspec.export.png import icc_profile
+from volspec.scene import Scene
+from volspec.scene.tables import ViewingTable
+
+
+@pytest.mark.parametrize("space", SPACES.values(), ids=lambda s: s.name)
+def test_what_is_written_is_read(space: ColourSpace, tmp_path: Path) -> None:
+    path = tmp_path / "monitor.icc"
+    path.write_bytes(icc_profile(space))
+    read = read_profile(path)
+    assert np.abs(read.XYZ_from_RGB - space.XYZ_from_RGB).max() < 0.02
+    codes = np.linspace(0.0, 1.0, 101)
+    assert np.abs(read.encode(space.decode(codes)) - codes).max() < 1e-3
+
+
+def test_a_profile_of_another_maker_with_a_sampled_curve_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "little.icm"
+    path.write_bytes(ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes())
+    read = read_profile(path)
+    assert np.abs(read.XYZ_from_RGB - SPACES["sRGB"].XYZ_from_RGB).max() < 0.1
+    assert Display(space=str(path)).colours == read
+
+
+def table(values: np.ndarray) -> bytes:
+    words = np.rint(values * 65535).astype(">u2")
+    return b"curv" + struct.pack(">II", 0, len(words)) + words.tobytes()
+
+
+def with_curves(curve: bytes) -> bytes:
+    """sRGB's profile with other curves behind it."""
+    data = bytearray(icc_profile(SPACES["sRGB"]))
+    start = len(data)
+    (count,) = struct.unpack_from(">I", data, 128)
+    for i in range(count):
+        at = 132 + 12 * i
+        if data[at : at + 4] in (b"rTRC", b"gTRC", b"bTRC"):
+            struct.pack_into(">II", data, at + 4, start, len(curve))
+    return bytes(data) + curve
+
+
+@pytest.mark.parametrize("name", ["sRGB", "Adobe RGB (1998)", "DCI-P3"])
+def test_sampled_curves_become_the_power_that_they_are(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "sampled.icc"
+    codes = np.linspace(0.0, 1.0, 1024)
+    path.write_bytes(with_curves(table(SPACES[name].decode(codes))))
+    assert np.abs(read_profile(path).encode(SPACES[name].decode(codes)) - codes).max() < 0.003
+
+
+@pytest.mark.parametrize(
+    ("exponent", "size"), [(1.0, 2), (1.0, 3), (1.0, 4096), (2.2, 16), (2.2, 256)]
+)
+def test_tables_of_few_numbers_are_read(exponent: float, size: int, tmp_path: Path) -> None:
+    path = tmp_path / "few.icc"
+    path.write_bytes(with_curves(table(np.linspace(0.0, 1.0, size) ** exponent)))
+    assert 1.0 / read_profile(path).transfer.power == pytest.approx(exponent, rel=0.01)
+
+
+def of_class(data: bytes, start: int, what: bytes) -> bytes:
+    """A profile whose header says something else."""
+    return data[:start] + what + data[start + 4 :]
+
+
+SRGB = icc_profile(SPACES["sRGB"])
+ZEROS = np.zeros(256)
+BAD = {
+    "no profile": (b"no profile", "no ICC profile; give"),
+    "cut": (SRGB[:300], "damaged|has no"),
+    "S curve": (
+        with_curves(table((1 - np.cos(np.pi * np.linspace(0, 1, 256))) / 2)),
+        "neither sRGB's nor a power",
+    ),
+    "lifted": (with_curves(b"para" + struct.pack(">IHH", 0, 1, 0) + bytes(12)), "lift black"),
+    "no rXYZ": (SRGB.replace(b"rXYZ", b"xXYZ"), "has no rXYZ"),
+    "zeros": (with_curves(table(ZEROS)), "go from 0.000 to 0.000"),
+    "only white": (with_curves(table(np.r_[ZEROS, 1.0])), "neither sRGB's nor a power"),
+    "table too short": (with_curves(b"curv" + struct.pack(">II", 0, 9) + bytes(8)), "damaged"),
+    "table of 2^32": (with_curves(b"curv" + struct.pack(">II", 0, 2**32 - 1)), "damaged"),
+    "gamma 0": (with_curves(b"curv" + struct.pack(">IIH", 0, 1, 0)), "gamma is 0.0"),
+    "g 0": (with_curves(b"para" + struct.pack(">IHHi", 0, 0, 0, 0)), "g is 0.0"),
+    "type 9": (with_curves(b"para" + struct.pack(">IHHi", 0, 9, 0, 0)), "damaged"),
+    "printer": (of_class(SRGB, 12, b"prtr"), "device class is 'prtr', not 'mntr'; give"),
+    "scanner": (of_class(SRGB, 12, b"scnr"), "device class is 'scnr'"),
+    "grey": (of_class(SRGB, 16, b"GRAY"), "colour space is 'GRAY', not 'RGB'"),
+    "CMYK": (of_class(SRGB, 16, b"CMYK"), "colour space is 'CMYK'"),
+    "LUT": (of_class(SRGB, 20, b"Lab "), "connection space is 'Lab', not 'XYZ'"),
+    "no light": (re.sub(rb"XYZ \0{4}.{12}", b"XYZ " + bytes(16), SRGB, flags=re.DOTALL), "bad.icc"),
+}
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("data, what", BAD.values(), ids=BAD)
+def test_what_cannot_be_used_is_said_in_one_line_that_names_the_file(
+    data: bytes, what: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "bad.icc"
+    path.write_bytes(data)
+    with pytest.raises(ViewingError, match=what) as caught:
+        Display(space=str(path))
+    assert "\n" not in str(caught.value) and "bad.icc" in str(caught.value)
+
+
+def test_no_file_and_a_folder_come_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(ViewingError, match=r"missing\.icc.*no such file; check the path"):
+        Display(space=str(tmp_path / "missing.icc"))
+    (tmp_path / "folder.icc").mkdir()
+    with pytest.raises(ViewingError, match=r"folder\.icc.*is a folder; give"):
+        Display(space=tmp_path / "folder.icc")
+
+
+def test_a_path_is_as_good_as_its_text(tmp_path: Path) -> None:
+    path = tmp_path / "p3.icc"
+    path.write_bytes(icc_profile(SPACES["Display P3"]))
+    assert Display(space=path) == Display(space=str(path))
+    assert Display(space=path).colours == read_profile(path)
+
+
+def scene_for(folder: Path, display: str) -> Scene:
+    """The engine under a display that its scene describes."""
+    shipped = Path(__file__).parents[2] / "data"
+    text = (shipped / "scenes" / "engine.toml").read_text(encoding="utf-8")
+    text = text.replace('"../', f'"{shipped.as_posix()}/')
+    scene = folder / "scene.toml"
+    scene.write_text(f"{text}\n[viewing.display]\n{display}\n", encoding="utf-8")
+    return Scene.load(scene)
+
+
+def test_a_scene_finds_the_profile_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "p3.icc").write_bytes(icc_profile(SPACES["Display P3"]))
+    colours = scene_for(tmp_path, 'space = "p3.icc"').relight.viewing.display.colours
+    assert colours.primaries_xy[0] == pytest.approx((0.68, 0.32), abs=1e-3)
+
+
+def test_the_note_in_an_image_needs_no_profile_and_names_no_path(tmp_path: Path) -> None:
+    (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
+    scene = scene_for(tmp_path, 'space = "mine.icc"')
+    note = scene.viewing.model_dump_json()
+    assert str(tmp_path) not in note and ".icc" not in note
+    (tmp_path / "mine.icc").unlink()
+    again = ViewingTable.model_validate_json(note).spec().viewing
+    assert again == scene.relight.viewing
+    assert again.display.colours.name == "mine"
+
+
+def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path: Path) -> None:
+    xy = "primaries_xy = [[0.68, 0.32], [0.265, 0.69], [0.15, 0.06]], white_xy = [0.3127, 0.329]"
+    measured = scene_for(tmp_path, f"space = {{ {xy}, transfer = 2.2 }}")
+    assert measured.relight.viewing.display.colours == ColourSpace(
+        "display", SPACES["Display P3"].primaries_xy, (0.3127, 0.329), Transfer.gamma(2.2)
+    )
+    for numbers, what in {
+        f"{xy}, transfer = 0.0": "gamma is 0.0",
+        f"{xy}, transfer = {{ power = 0.4, toe = 0.5 }}": "the segments are",
+        xy: r"viewing.display.space: transfer is missing; add transfer = 2.2",
+        f"{xy}, transfr = 2.2": r"viewing.display.space.transfr: unknown key; did you mean",
+        f'{xy}, transfer = "2.2"': r"viewing.display.space.transfer: .*'2.2'",
+        xy.replace("0.329]", "3.0]") + ", transfer = 2.2": "lies outside of the primaries",
+    }.items():
+        with pytest.raises(SceneError, match=what) as caught:
+            scene_for(tmp_path, f"space = {{ {numbers} }}")
+        assert "\n" not in str(caught.value)
+    with pytest.raises(SceneError, match=r"viewing\.display\.space: .*it is 5"):
+        scene_for(tmp_path, "space = 5")

@@ -1,0 +1,154 @@
+"""Display spaces: sRGB as it always was, others against colour-science, curves both ways."""
+
+import numpy as np
+import pytest
+
+from tests.support.errors import refuses
+from volspec.appearance.display import colour_space
+from volspec.appearance.spaces import (
+    BT_1886,
+    SPACES,
+    ColourSpace,
+    Transfer,
+    decode_sRGB,
+    encode_sRGB,
+    sRGB_CURVE,
+)
+from volspec.errors import ViewingError
+
+# Their names in colour-science; its DCI-P3 rounds nothing, its BT.2020 has the camera's curve.
+THEIRS = {
+    "sRGB": "sRGB",
+    "Display P3": "Display P3",
+    "DCI-P3": "DCI-P3",
+    "Rec. 709": "ITU-R BT.709",
+    "Rec. 2020": "ITU-R BT.2020",
+    "Adobe RGB (1998)": "Adobe RGB (1998)",
+}
+CURVES = {space.name: space.transfer for space in SPACES.values()}
+
+
+def test_srgb_clips_and_encodes_as_its_space():
+    x = np.linspace(0.0, 1.0, 4097)
+    assert np.array_equal(SPACES["sRGB"].encode(x), encode_sRGB(x))
+    assert np.array_equal(SPACES["sRGB"].decode(x), decode_sRGB(x))
+    assert encode_sRGB([-1.0, 2.0]).tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_matrices_agree_with_colour_science(name):
+    import colour
+
+    theirs = colour.RGB_COLOURSPACES[THEIRS[name]]
+    derived = colour.normalised_primary_matrix(theirs.primaries, theirs.whitepoint)
+    # Two float64 solutions of one system; measured 3e-16.
+    np.testing.assert_allclose(SPACES[name].XYZ_from_RGB / 100.0, derived, atol=1e-12)
+
+
+def test_curves_agree_with_colour_science():
+    import colour
+
+    x = np.linspace(0.0, 1.0, 1001)
+    np.testing.assert_allclose(BT_1886.decode(x), colour.models.eotf_BT1886(x), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_white_is_one_in_every_channel_and_has_Y_100(name):
+    space = SPACES[name]
+    np.testing.assert_allclose(space.XYZ_from_RGB.sum(axis=1), space.white_XYZ, rtol=1e-14)
+    np.testing.assert_allclose(space.RGB_from_XYZ @ space.white_XYZ, 1.0, rtol=1e-13)
+    assert space.white_XYZ[1] == 100.0
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_curves_are_odd_monotone_and_undone(name):
+    curve = CURVES[name]
+    x = np.linspace(-1.5, 1.5, 3001)
+    V = curve.encode(x)
+    assert np.array_equal(V, -curve.encode(-x))
+    assert np.all(np.diff(V) > 0.0)
+    # sRGB's two thresholds, 0.0031308 and 0.04045, meet to 1e-8 only.
+    np.testing.assert_allclose(curve.decode(V), x, atol=1e-8)
+    np.testing.assert_allclose(curve.encode([0.0, 1.0]), [0.0, 1.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("curve", CURVES.values())
+def test_curves_are_total(curve):
+    wild = np.array([0.0, -0.0, 5e-324, -1e300, 1e300])
+    assert np.isfinite(curve.encode(wild)).all()
+    assert np.isfinite(curve.decode(np.array([0.0, -0.0, 5e-324, -1e60, 1e60]))).all()
+    assert curve.encode(np.zeros((2, 0, 3))).shape == (2, 0, 3)
+
+
+def test_icc_parametric_curves_of_type_0_and_3():
+    V = np.linspace(0.0, 1.0, 257)
+    np.testing.assert_allclose(Transfer.icc(2.2).decode(V), V**2.2, rtol=1e-14)
+    # sRGB as profiles hold it, in s15Fixed16 numbers.
+    g, a, b, c, d = (
+        round(v * 65536) / 65536 for v in (2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045)
+    )
+    curve = Transfer.icc(g, a, b, c, d)
+    written = np.where(d <= V, (a * V + b) ** g, c * V)
+    np.testing.assert_allclose(curve.decode(V), written, atol=5e-5)
+    np.testing.assert_allclose(curve.decode(V), sRGB_CURVE.decode(V), atol=5e-5)
+
+
+def test_a_matrix_and_curve_by_hand_makes_a_space():
+    # A panel measured with a photometer.
+    panel = ColourSpace(
+        "my panel",
+        np.array([[0.65, 0.33], [0.31, 0.61], [0.15, 0.05]]),
+        np.array([0.31, 0.33]),
+        Transfer.icc(2.35),
+    )
+    XYZ = np.array([0.2, 0.5, 0.7]) @ panel.XYZ_from_RGB.T
+    np.testing.assert_allclose(panel.RGB_from_XYZ @ XYZ, [0.2, 0.5, 0.7], rtol=1e-13)
+    assert colour_space(panel) is panel and colour_space("sRGB") is SPACES["sRGB"]
+    assert hash(panel) == hash(panel)
+
+
+def test_imaginary_primaries_are_a_space_too():
+    # ACES AP0 (SMPTE ST 2065-1), whose blue has y < 0.
+    AP0 = ((0.7347, 0.2653), (0.0, 1.0), (0.0001, -0.077))
+    aces = ColourSpace("ACES2065-1", AP0, (0.32168, 0.33767), Transfer.gamma(1.0))
+    # The matrix of the standard, four printed digits.
+    np.testing.assert_allclose(aces.XYZ_from_RGB[1] / 100, [0.3440, 0.7282, -0.0721], atol=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("make", "part"),
+    [
+        (lambda: Transfer.gamma(0.0), "range Transfer.gamma"),
+        (lambda: Transfer.gamma(-2.2), "range Transfer.gamma"),
+        (lambda: Transfer.gamma(float("nan")), "range Transfer.gamma"),
+        (lambda: Transfer.icc(0.0), "range Transfer.icc.g"),
+        (lambda: Transfer.icc(2.4, 0.9, 0.0), "range Transfer.icc"),
+        (lambda: Transfer.icc(2.4, 1.0, 0.0, 1.0, 0.0, 0.01), "unsupported Transfer.icc"),
+        (lambda: Transfer.icc(2.4, 0.9, 0.1), "conflict Transfer"),
+        (
+            lambda: Transfer.icc(2.4, 1 / 1.055, 0.055 / 1.055, 0.0, 0.04),
+            "range Transfer.icc.c",
+        ),
+        (lambda: Transfer(1 / 2.4, 1.055, 12.0, 0.0031308), "conflict Transfer"),
+        (lambda: Transfer(1 / 2.4, 1.0, 1.0, 1.0), "range Transfer.toe"),
+        (lambda: colour_space("srbg"), "unknown colour space"),
+        (
+            lambda: ColourSpace("x", ((0.1, 0.1), (0.2, 0.2), (0.3, 0.3)), (0.2, 0.2), BT_1886),
+            "range ColourSpace.primaries_xy",
+        ),
+        (
+            lambda: ColourSpace("x", ((0.6, 0.3), (0.3, 0.6), (0.15, 0.0)), (0.3, 0.3), BT_1886),
+            "range ColourSpace.primaries_xy[2]",
+        ),
+        (
+            lambda: ColourSpace("x", ((0.6, 0.3), (0.3, 0.6), (0.15, 0.06)), (0.6, 0.6), BT_1886),
+            "range ColourSpace.white_xy",
+        ),
+        (
+            lambda: ColourSpace("x", ((0.6, 0.3), (0.3, 0.6)), (0.3, 0.3), BT_1886),
+            "shape ColourSpace.primaries_xy",
+        ),
+    ],
+)
+def test_bad_spaces_are_one_clear_line(make, part):
+    refuses(make, part, ViewingError)

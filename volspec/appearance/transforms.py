@@ -1,0 +1,127 @@
+"""View transforms: XYZ under one viewing condition to the XYZ of equal appearance under another.
+
+    adaptation, models -> [transforms] -> cpu | shaders/relight.frag
+
+Whatever a model consists of, a pixel's arithmetic has one of few forms, and the shader draws each
+of them: a matrix, or a curve per response between two matrices. (The opponent models, CIECAM02
+and CAM16, have a form of their own, `volspec.appearance.models.cam.CamTransform`.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import ShapeError, ViewingError
+
+Array = NDArray[np.float64]
+
+
+@runtime_checkable
+class ViewTransform(Protocol):
+    """Takes colours from one viewing condition to another."""
+
+    def apply(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3) XYZ of equal appearance; total on finite input."""
+
+
+@runtime_checkable
+class ClosedTransform(ViewTransform, Protocol):
+    """A view transform in closed form: shaders draw it, and it can be undone."""
+
+    def undo(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3) XYZ that `apply` takes to these."""
+
+
+def triples(name: str, values: ArrayLike) -> Array:
+    """Return values as float64 triples.
+
+    Raises
+    ------
+    ShapeError
+        If they are no numbers, or the last axis is not 3.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ShapeError.refused(name, values, "expected numbers, (..., 3)", "type") from None
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ShapeError(f"has shape {array.shape}", "expected (..., 3)", field=name)
+    return array
+
+
+def signed_power(values: ArrayLike, exponent: ArrayLike) -> Array:
+    """Return |x|^p with the sign of x."""
+    x = np.asarray(values, dtype=np.float64)
+    p = np.asarray(exponent, dtype=np.float64)
+    return np.asarray(np.copysign(np.abs(x) ** p, x), dtype=np.float64)
+
+
+def _inverted(matrix: Array) -> Array:
+    try:
+        return np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    except np.linalg.LinAlgError as error:
+        raise ViewingError(
+            f"adaptation: the matrix {matrix.round(4).tolist()} cannot be inverted",
+            "use another white or D",
+            code="impossible",
+        ) from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearTransform:
+    """XYZ' = matrix · XYZ, the form of all adaptations of the von Kries kind.
+
+    Parameters
+    ----------
+    matrix : (3, 3)
+    """
+
+    matrix: Array
+
+    def apply(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3) XYZ of equal appearance."""
+        return triples("adaptation.XYZ", XYZ) @ self.matrix.T
+
+    def undo(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3) XYZ that `apply` takes to these."""
+        return triples("adaptation.XYZ", XYZ) @ _inverted(self.matrix).T
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CurveTransform:
+    """A curve per response, between two matrices.
+
+        r   = response_from_XYZ · XYZ
+        r'  = (gain · (r + shift)^power + offset)^outer        powers with the sign of their base
+        XYZ' = XYZ_from_response · r'
+
+    Parameters
+    ----------
+    response_from_XYZ, XYZ_from_response : (3, 3)
+    gain, power, shift, offset, outer : (3,)
+    """
+
+    response_from_XYZ: Array
+    XYZ_from_response: Array
+    gain: Array
+    power: Array
+    shift: Array
+    offset: Array
+    outer: Array
+
+    def apply(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3) XYZ of equal appearance."""
+        r = triples("adaptation.XYZ", XYZ) @ self.response_from_XYZ.T
+        inner = self.gain * signed_power(r + self.shift, self.power) + self.offset
+        return signed_power(inner, self.outer) @ self.XYZ_from_response.T
+
+    def undo(self, XYZ: ArrayLike) -> Array:
+        """Return the (..., 3) XYZ that `apply` takes to these."""
+        r = triples("adaptation.XYZ", XYZ) @ _inverted(self.XYZ_from_response).T
+        inner = (signed_power(r, 1.0 / self.outer) - self.offset) / self.gain
+        r = signed_power(inner, 1.0 / self.power) - self.shift
+        return r @ _inverted(self.response_from_XYZ).T

@@ -1,0 +1,237 @@
+"""Coefficients as the engines hold them: checked, finite, four channels to a texture's layer.
+
+    coefficient image -> [layers] -> cpu | gpu
+    kernel -> [SharedLayers] -> gpu
+
+`pack_layers` packs on the host, its twin ``kernels/layers.cl`` on an OpenCL device, where a cast
+can write into OpenGL's memory without a copy on the host.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sized
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._gpu.opencl import Compute
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sharing import Sharing
+from volspec._gpu.sources import assemble
+from volspec.errors import RelightError, ShapeError
+
+if TYPE_CHECKING:
+    from volspec.raycast.image import CoefficientImage
+
+Pixels32 = NDArray[np.float32]
+Shape = tuple[int, ...]
+
+# Far beyond any light; three channels of it, times a matrix, still fit the shader's float32.
+LIMIT = 1e9
+_WORK_GROUP = (64, 1, 1)
+
+
+def coefficient_shape(image: CoefficientImage) -> Shape:
+    """Return (H, W, L·M), if an image's arrays, basis and groups fit together.
+
+    Raises
+    ------
+    RelightError
+        If it is no image.
+    ShapeError
+        If they do not.
+    """
+    if not hasattr(image, "coefficients"):
+        raise RelightError.refused(
+            "Relighter.image",
+            image,
+            "expected a CoefficientImage, from volspec.raycast or CoefficientImage.load",
+            "type",
+        )
+    coefficients, alpha = np.shape(image.coefficients), np.shape(image.alpha)
+    size = image.basis.size * len(image.groups)
+    if len(coefficients) != 3 or coefficients != alpha + (size,) or not math.prod(alpha):
+        raise ShapeError(
+            f"coefficients have shape {coefficients}, alpha {alpha}, the basis and groups {size} "
+            "channels",
+            "expected (H, W, L·M), (H, W) and L·M",
+            field="relight",
+        )
+    return coefficients
+
+
+def require_fit(shape: Shape, groups: Sized, old: CoefficientImage) -> None:
+    """Refuse another shape or number of light groups than a Relighter was made for.
+
+    Raises
+    ------
+    ShapeError
+        If one differs.
+    """
+    if shape != old.coefficients.shape:
+        raise ShapeError(
+            f"the image has shape {shape}, this Relighter was made for {old.coefficients.shape}",
+            "make another Relighter",
+            field="relight",
+            given=shape,
+        )
+    if len(groups) != len(old.groups):
+        raise ShapeError(
+            f"the image has {len(groups)} light groups, this Relighter was made for "
+            f"{len(old.groups)}",
+            "make another Relighter",
+            field="relight.groups",
+            given=len(groups),
+        )
+
+
+def float32_arrays(image: CoefficientImage) -> tuple[Pixels32, Pixels32]:
+    """Return contiguous coefficients (H, W, L·M) and alpha (H, W) of a checked image."""
+    coefficient_shape(image)
+    coefficients = np.ascontiguousarray(image.coefficients, dtype=np.float32)
+    return coefficients, np.ascontiguousarray(image.alpha, dtype=np.float32)
+
+
+def clamp_finite(values: Pixels32) -> Pixels32:
+    """Copy values, clamped to ±1e9 and NaN as 0, so that no frame can hold a NaN; any shape."""
+    return _zero_nan(np.clip(values, -LIMIT, LIMIT))
+
+
+def layer_count(channels: int) -> int:
+    """Return the number of RGBA layers for the channels and alpha."""
+    return math.ceil((channels + 1) / 4)
+
+
+def pack_layers(coefficients: Pixels32, alpha: Pixels32) -> Pixels32:
+    """Pack channels, alpha and zeros, four to a layer: (layers, H, W, 4), as `clamp_finite`."""
+    height, width, channels = coefficients.shape
+    layers = np.zeros((layer_count(channels), height, width, 4), dtype=np.float32)
+    for i in range(channels):
+        # Channel by channel: NumPy moves single numbers at a stride faster than short rows.
+        np.clip(coefficients[..., i], -LIMIT, LIMIT, out=layers[i // 4, ..., i % 4])
+    np.clip(alpha, -LIMIT, LIMIT, out=layers[channels // 4, ..., channels % 4])
+    return _zero_nan(layers)
+
+
+def _zero_nan(values: Pixels32) -> Pixels32:
+    # The minimum is NaN if anything is, and ten times quicker than looking at each.
+    if np.isnan(values.min()):
+        np.nan_to_num(values, copy=False, nan=0.0)
+    return values
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedLayers:
+    """An image's channels as texture layers: packed on one thread, uploaded on another.
+
+    Parameters
+    ----------
+    layers : (layers, H, W, 4) float32
+        As `pack_layers` makes them.
+    """
+
+    layers: Pixels32
+
+    @classmethod
+    def of(cls, image: CoefficientImage) -> Self:
+        """Pack an image: most of the work of its `Relighter.update`.
+
+        Raises
+        ------
+        ShapeError
+            If the image's arrays do not fit together.
+        """
+        return cls(pack_layers(*float32_arrays(image)))
+
+    def require(self, height: int, width: int, channels: int) -> None:
+        """Refuse an image of another shape.
+
+        Raises
+        ------
+        ShapeError
+            If the layers are not those of (H, W, L·M).
+        """
+        expected = layer_count(channels), height, width, 4
+        if self.layers.shape != expected:
+            raise ShapeError(
+                f"the packed layers have shape {self.layers.shape}, the image needs {expected}",
+                "give PackedLayers.of(image)",
+                field="relight.packed",
+            )
+
+
+def band_packer(
+    compute: Compute, shape: tuple[int, int, int], layers: Any, *, half: bool
+) -> Callable[[Any, Any, slice], Any]:
+    """Make the function that packs a band of a picture (``kernels/layers.cl``).
+
+    Parameters
+    ----------
+    compute : Compute
+    shape : (H, W, L·M)
+        The whole picture's.
+    layers : cl.Buffer or cl.GLBuffer
+        (layers, H, W, 4) float32, written.
+    half : bool
+        Round channels as half-float pictures are.
+
+    Returns
+    -------
+    callable
+        Takes the band's coefficients (h, W, L·M) and alpha (h, W), both float32 on the device,
+        and its lines of the picture; queues a launch and returns its event.
+    """
+    height, width, channels = shape
+    constants = {
+        "CHANNELS": channels,
+        "LIMIT": LIMIT,
+        "HALF": half,
+        "LARGEST_HALF": float(np.finfo(np.float16).max),
+    }
+    source = assemble("kernels/layers.cl", prelude(constants, "opencl"))
+    kernel = compute.kernel(source, "pack_layers")
+    columns = -(-width // _WORK_GROUP[0]) * _WORK_GROUP[0]
+
+    def pack(coefficients: Any, alpha: Any, lines: slice) -> Any:
+        size = columns, lines.stop - lines.start, layer_count(channels)
+        numbers = (np.int32(n) for n in (width, height, lines.start))
+        return kernel(compute.queue, size, _WORK_GROUP, coefficients, alpha, layers, *numbers)
+
+    return pack
+
+
+@dataclass(frozen=True, slots=True)
+class SharedLayers:
+    """An OpenGL buffer for one picture's channels, which OpenCL writes.
+
+    The picture on display does not change until `Relighter.update` takes the buffer.
+
+    Parameters
+    ----------
+    sharing : Sharing
+        The context that the caster's device shares.
+    buffer : moderngl.Buffer
+        (layers, H, W, 4) float32.
+    shape : (H, W, L·M)
+        The picture's.
+    """
+
+    sharing: Sharing
+    buffer: Any
+    shape: tuple[int, int, int]
+
+    @contextmanager
+    def receiving(self, compute: Compute, half: bool) -> Iterator[Callable[[Any, Any, slice], Any]]:
+        """Lend the buffer to a cast: the `band_packer` for its bands.
+
+        Raises
+        ------
+        OpenCLError
+            If the driver does not share the buffer, or the kernel does not build.
+        """
+        with self.sharing.acquired(compute.queue, self.buffer) as layers:
+            yield band_packer(compute, self.shape, layers, half=half)
