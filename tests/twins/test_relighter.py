@@ -360,11 +360,11 @@ def test_an_unlit_rig_and_other_bad_arguments_are_refused():
         (lambda: LightRig((A,), weights=("much",)), ViewingError, "type LightRig.weights[0]"),
         (lambda: LightRig(("A",)), ViewingError, "type LightRig.lights[0]"),
         (lambda: LightRig((A, black), (), lux).mixed(GRID), SpectrumError, "conflict "),
-        (lambda: LightRig((A, stolen)).mixed(GRID), SpectrumError, "invalid "),
+        (lambda: LightRig((A, stolen)).mixed(GRID), SpectrumError, "range "),
         (
             lambda: relight(image, stolen, **lit),
             SpectrumError,
-            "invalid ",
+            "range ",
         ),
         (lambda: relight(image, A, dtype="wide", **lit), RelightError, "type relight.dtype"),
         (

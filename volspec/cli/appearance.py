@@ -70,10 +70,13 @@ def adapt(
     import numpy as np
 
     from volspec.appearance.adaptation import ADAPTATIONS, adaptation, outside
-    from volspec.appearance.models import MODELS
+    from volspec.appearance.models import APPEARANCE_MODELS
 
     _require_kind(
-        method, ADAPTATIONS, MODELS, "an appearance model; use volspec appearance --model"
+        method,
+        ADAPTATIONS,
+        APPEARANCE_MODELS,
+        "an appearance model; use volspec appearance --model",
     )
     with in_options():
         transform = adaptation(method)(viewing.conditions(source), viewing.conditions(target))
@@ -133,7 +136,7 @@ def appearance(
         The picture's PNG file.
     """
     from volspec.appearance.adaptation import ADAPTATIONS
-    from volspec.appearance.models import MODELS
+    from volspec.appearance.models import APPEARANCE_MODELS
     from volspec.appearance.models import model as find
 
     if model is not None and "all" in model and len(model) > 1:
@@ -158,9 +161,11 @@ def appearance(
     viewing.require_no_picture()
     with in_options():
         seen = viewing.conditions(white)
-    asked = list(MODELS) if model == ["all"] else model or ["CIECAM02"]
+    asked = list(APPEARANCE_MODELS) if model == ["all"] else model or ["CIECAM02"]
     for name in asked:
-        _require_kind(name, MODELS, ADAPTATIONS, "an adaptation; use volspec adapt --method")
+        _require_kind(
+            name, APPEARANCE_MODELS, ADAPTATIONS, "an adaptation; use volspec adapt --method"
+        )
     models = {name: find(name) for name in asked}
     names = JCH if inverse else XYZ
     colours = read_triples(values or (), table, names)
