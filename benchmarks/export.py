@@ -30,6 +30,8 @@ from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import asset
 from volspec.pipeline import Raycaster, Relighter
 from volspec.scene import Scene
+from volspec.scene.file import scene_file
+from volspec.settings import plain
 from volspec.spectra import light_set
 
 ASKED = 8.0
@@ -46,8 +48,7 @@ def scene_of(lights: int) -> Scene:
         {"name": f"{i:02d} {spectrum.name}", "spectrum": spectrum.name}
         for i, spectrum in enumerate(light_set("spiky")[:lights])
     ]
-    data = scene.file.model_dump(exclude_unset=True)
-    return Scene(type(scene.file).model_validate({**data, "light": rows}), scene.path)
+    return Scene(scene_file({**plain(scene.file), "light": rows}, scene.path), scene.path)
 
 
 def digests(folder: Path) -> dict[str, str]:

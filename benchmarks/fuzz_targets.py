@@ -13,6 +13,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -123,9 +124,9 @@ def _read_image(path: Path) -> None:
     from volspec.export.compositing import Recipe
     from volspec.export.recipes import blender_script, nuke_group
     from volspec.raycast import CoefficientImage
-    from volspec.scene import viewing_of
+    from volspec.scene import stored_relight_spec
 
-    viewing_of(CoefficientImage.load(path))
+    stored_relight_spec(CoefficientImage.load(path))
     nuke_group(Recipe.load(path), path)
     blender_script(path)
 
@@ -193,11 +194,11 @@ def _profiles() -> Iterable[bytes]:
 def _read_scene(path: Path) -> None:
     """Read and resolve; to train a basis takes seconds, and is no reader's work."""
     from volspec.scene import Scene
-    from volspec.scene.reading import scene_data, scene_file
-    from volspec.scene.tables import BasisTable
+    from volspec.scene.file import scene_data, scene_file
+    from volspec.scene.specs import BasisSpec
 
     file = scene_file(scene_data(path), path)
-    scene = Scene(file.model_copy(update={"basis": BasisTable(name="general-5")}), path)
+    scene = Scene(replace(file, basis=BasisSpec(name="general-5")), path)
     scene.camera(scene.volume())
 
 

@@ -17,11 +17,11 @@ from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.cli.viewing import PictureOptions
-from volspec.errors import InputError
+from volspec.errors import InputError, SceneError
 from volspec.export.png import icc_profile
 from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec, relight
-from volspec.scene.tables import ViewingTable
+from volspec.settings import read_table
 from volspec.spectra import light, reflectance_set
 
 GENERAL = SpectralBasis.load("general-7")
@@ -33,6 +33,8 @@ SCENE = {
     "Y_b": 18.0,
     "display": {"preset": "cinema", "space": "DCI-P3", "mark": True, "L_A": 3.0},
 }
+
+OWN = read_table(RelightSpec, SCENE, SceneError)
 
 
 @pytest.fixture
@@ -55,12 +57,11 @@ def call(*words: str | Path) -> int:
 
 def onto(**options: object) -> Viewing:
     """The scene's viewing with options in place of what it says."""
-    table = ViewingTable.model_validate(SCENE)
-    return PictureOptions(**options).onto(table).spec().viewing
+    return PictureOptions(**options).onto(OWN).viewing
 
 
 def test_what_is_left_out_is_as_in_the_scene() -> None:
-    own = ViewingTable.model_validate(SCENE).spec().viewing
+    own = OWN.viewing
     assert onto() == own
     assert onto(exposure=2.0) == replace(own, exposure=2.0)
     assert onto(surround=0.1, Y_b=20.0, L_A=9.0) == replace(own, surround=0.1, Y_b=20.0, L_A=9.0)
@@ -69,22 +70,20 @@ def test_what_is_left_out_is_as_in_the_scene() -> None:
 
 
 def test_what_says_the_same_in_the_scene_gives_way() -> None:
-    own = ViewingTable.model_validate(SCENE).spec().viewing
+    own = OWN.viewing
     assert onto(lux=50.0) == replace(own, illuminance_lux=50.0, L_A=None)
     assert onto(D=0.5) == replace(own, D=0.5, discount=False)
     room = replace(preset("dim room").display("DCI-P3"), mark=True)
     assert onto(preset="dim room") == replace(own, display=room)
-    table = ViewingTable(D=0.5)
-    assert PictureOptions(discount=True).onto(table) == table.model_copy(
-        update={"discount": True, "D": None}
-    )
+    half = RelightSpec(Viewing(D=0.5))
+    assert PictureOptions(discount=True).onto(half).viewing == Viewing(discount=True)
 
 
 def test_lux_and_L_A_go_together_where_lights_are_held_against_the_lux() -> None:
     options = PictureOptions(lux=50.0, L_A=9.0)
     with pytest.raises(InputError, match="give one of them"):
-        options.onto(ViewingTable())
-    viewing = options.onto(ViewingTable(level="absolute")).spec().viewing
+        options.onto(RelightSpec())
+    viewing = options.onto(RelightSpec(level="absolute")).viewing
     assert (viewing.illuminance_lux, viewing.L_A) == (50.0, 9.0)
 
 

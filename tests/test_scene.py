@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec import ClipPlane, CoefficientImage, RaycastSpec, Scene
 from volspec.errors import CastCancelled, SceneError
-from volspec.scene import viewing_of
-from volspec.scene.tables import RaycastTable
+from volspec.scene import stored_relight_spec
+from volspec.settings import file_keys
 from volspec.spectra import light
 from volspec.volume import Volume, phantom
 
@@ -108,9 +109,8 @@ def test_a_volume_is_down_sampled(folder: Path) -> None:
 def test_every_setting_of_a_cast_can_be_given(folder: Path) -> None:
     """And has RaycastSpec's default; groups have tables of their own, tile_ms is the machine's."""
     elsewhere = {"groups", "tile_ms"}
-    table = RaycastTable.model_fields
+    table = file_keys(RaycastSpec)
     assert set(table) == {field.name for field in fields(RaycastSpec)} - elsewhere
-    assert RaycastTable().spec(RaycastSpec().groups) == RaycastSpec()
     asked = {
         "step_mm": 0.7, "ambient": 0.2, "diffuse": 0.6, "specular": 0.1, "shininess": 9,
         "alpha_stop": 0.9, "flat_gradient": 0.1, "mode": "average", "jitter": 0.5, "seed": 4,
@@ -188,7 +188,7 @@ def test_viewing_and_lux_reach_the_picture(folder: Path) -> None:
     scene = load(folder, text + '[viewing]\nlevel = "absolute"\nilluminance_lux = 100\nY_b = 30\n')
     assert scene.lights[0].rig.total_lux == 25 and scene.relight.level == "absolute"
     assert scene.relight.viewing.Y_b == 30
-    assert viewing_of(scene.render()).spec().viewing == scene.relight.viewing
+    assert stored_relight_spec(scene.render()).viewing == scene.relight.viewing
 
 
 def test_an_explicit_camera_is_taken(folder: Path) -> None:
@@ -202,89 +202,93 @@ CHANGES = {
     "unknown key": (
         "width = 24",
         "widht = 24",
-        r"output\.widht: unknown key; did you mean 'width'",
+        "unknown output.widht",
     ),
-    "unknown table": ("[output]", "[otuput]", "otuput"),
-    "missing table": ("[transfer]", "[transfr]", "transfr: unknown key; did you mean 'transfer'"),
-    "missing key": ('spectrum = "D65"', "", r"light\.1: spectrum is missing; add spectrum = .D65."),
-    "blank name": ('name = "shell"', 'name = " "', r"material\.1\.name: is blank; give a name"),
-    "wrong type": ("width = 24", 'width = "wide"', r"output\.width: .*'wide'"),
-    "picture of no pixels": ("width = 24", "width = 0", r"output\.width: .*it is 0"),
-    "picture too large": ("width = 24", "width = 1000000000", r"output\.width"),
-    "unknown light": ('"D65"', '"D56"', r"\[\[light\]\] .*D56.*D65"),
-    "unknown reflectance": ('"copper"', '"cooper"', r"\[\[material\]\] .*cooper.*copper"),
+    "unknown table": ("[output]", "[otuput]", "unknown otuput"),
+    "missing table": ("[transfer]", "[transfr]", "unknown transfr"),
+    "missing key": ('spectrum = "D65"', "", "missing light[0].spectrum"),
+    "blank name": ('name = "shell"', 'name = " "', "missing material[0].name"),
+    "wrong type": ("width = 24", 'width = "wide"', "type output.width"),
+    "picture of no pixels": ("width = 24", "width = 0", "range output.width"),
+    "picture too large": ("width = 24", "width = 1000000000", "range output.width"),
+    "unknown light": ('"D65"', '"D56"', "unknown light[0]"),
+    "unknown reflectance": ('"copper"', '"cooper"', "unknown material[1].reflectance"),
     "unknown material": (
         'material = "shell"',
         'material = "shel"',
-        r"\[transfer\] .*'shel'.*shell",
+        "unknown transfer.points[0].material",
     ),
-    "opacity": ("opacity = 0.4", "opacity = 1.4", r"\[transfer\] .*opacity 1.4"),
-    "no points": ("points = [", "points = []\nx = [", "transfer"),
-    "same name twice": ('name = "core"', 'name = "shell"', "two .*material.* named 'shell'"),
+    "opacity": ("opacity = 0.4", "opacity = 1.4", "range transfer.points[1].opacity"),
+    "no points": ("points = [", "points = []\nx = [", "unknown transfer.x"),
+    "same name twice": ('name = "core"', 'name = "shell"', "duplicate material[1].name"),
     "orbit and position": (
         "[output]",
         "[camera]\nzoom = 2\nposition_mm = [0, 9, 0]\n[output]",
-        "position_mm or zoom",
+        "conflict camera.position_mm",
     ),
-    "negative weight": ('"D65"', '"D65"\nweight = -1', r"light.1.weight: .* equal to 0 .it is -1"),
+    "negative weight": ('"D65"', '"D65"\nweight = -1', "range light[0].weight"),
     "size of a shipped basis": (
         "[output]",
         '[basis]\nname = "general-5"\nsize = 5\n[output]',
-        "not both",
+        "conflict basis.name",
     ),
-    "a table misspelt": ("[output]", "[rycast]\n[output]", "rycast: .* did you mean 'raycast'"),
-    "volume without a table": ("[volume]\nfile", "volume", "volume: give a table, { key"),
+    "a table misspelt": ("[output]", "[rycast]\n[output]", "unknown rycast"),
+    "volume without a table": ("[volume]\nfile", "volume", "type volume"),
     "no voxels left": (
         '"ball.npy"',
         '"ball.npy"\ndownsample = 12',
-        r"\[volume\] .*12 voxels leave one",
+        "range volume",
     ),
-    "down-sampled by none": ('"ball.npy"', '"ball.npy"\ndownsample = 0', r"\[volume\] .*by 0"),
-    "down-sampled by half": ('"ball.npy"', '"ball.npy"\ndownsample = 1.5', r"volume\.downsample"),
+    "down-sampled by none": ('"ball.npy"', '"ball.npy"\ndownsample = 0', "range volume"),
+    "down-sampled by half": (
+        '"ball.npy"',
+        '"ball.npy"\ndownsample = 1.5',
+        "type volume.downsample",
+    ),
     "two spacings": (
         '"ball.npy"',
         '"ball.npy"\nspacing_mm = [1, 1]',
-        r"volume\.spacing_mm: number 3 is missing; add it \(it is \[1, 1\]",
+        "shape volume.spacing_mm",
     ),
     **{
         row: ("[output]", f"[raycast]\n{row}\n[output]", message)
         for row, message in (
-            ('mode = "maximun"', r"mode is 'maximun'; did you mean 'maximum'"),
-            ("jitter = 2", r"jitter is 2"),
-            ("half = 1", r"raycast\.half: .*boolean \(it is 1\)"),
-            ("light_cell = 40", r"raycast\.light_cell: unknown key; did you mean 'light_cells'"),
-            ("crop_voxels = [[9, 2], [0, 9], [0, 9]]", r"\[raycast\] .*along x is 9 to 2"),
-            ("crop_voxels = [[90, 99], [0, 9], [0, 9]]", "along x is 90 to 99.*reaches from 0"),
-            ("crop_voxels = [[2, 9]]", r"raycast\.crop_voxels: number 2 is missing"),
+            ('mode = "maximun"', "unknown raycast.mode"),
+            ("jitter = 2", "range raycast.jitter"),
+            ("half = 1", "type raycast.half"),
+            ("light_cell = 40", "unknown raycast.light_cell"),
+            ("crop_voxels = [[9, 2], [0, 9], [0, 9]]", "range raycast.crop_voxels"),
+            ("crop_voxels = [[90, 99], [0, 9], [0, 9]]", "range raycast.crop_voxels"),
+            ("crop_voxels = [[2, 9]]", "shape raycast.crop_voxels"),
             (
                 "clip_planes = [{ point_mm = [5, 5, 5] }]",
-                r"raycast\.clip_planes\.1: normal is missing; add normal = \[0, 0, 1\]",
+                "missing raycast.clip_planes[0].normal",
             ),
             (
                 "clip_planes = [{ point_mm = [5, 5, 5], normal = [0, 0, 0] }]",
-                r"normal is \(0.0, 0.0, 0.0\)",
+                "range raycast.clip_planes[0].normal",
             ),
-            ("step_mm = 1e-9", r"step_mm.* 1e-09.* steps; give 1 to"),
+            ("step_mm = 1e-9", "range raycast.step_mm"),
         )
     },
     "adapted twice": (
         "[output]",
         "[viewing]\nD = 0.5\ndiscount = true\n[output]",
-        r"\[viewing\] .*D: 0.5 .*discount.*give one of them",
+        "conflict viewing.D",
     ),
-    "background beyond all": ("[output]", "[viewing]\nY_b = 1e4\n[output]", "Y_b is 10000.0"),
+    "background beyond all": ("[output]", "[viewing]\nY_b = 1e4\n[output]", "range viewing.Y_b"),
     "lit by nothing": (
         "[output]",
         "[viewing]\nilluminance_lux = 0\n[output]",
-        "illuminance_lux is 0.0",
+        "range viewing.illuminance_lux",
     ),
     "profile that is gone": (
         "[output]",
         '[viewing.display]\nspace = "gone.icc"\n[output]',
-        r"\[viewing\] colour space '.*gone.icc': no such file; check",
+        "not-found viewing.display.space",
     ),
-    "not TOML": ("[volume]", "[volume", "not valid TOML"),
-    "missing volume": ("ball.npy", "bell.npy", "bell.npy: no such file"),
+    "not TOML": ("[volume]", "[volume", "syntax "),
+    "missing volume": ("ball.npy", "bell.npy", "not-found volume"),
 }
 
 
@@ -292,9 +296,9 @@ CHANGES = {
 def test_mistakes_are_named_in_one_line(folder: Path, change: str) -> None:
     old, new, message = CHANGES[change]
     assert old in GOOD
-    with pytest.raises(SceneError, match=message) as caught:
+    with raises(SceneError, *message.split(" ")) as caught:
         load(folder, GOOD.replace(old, new)).render()
-    assert "\n" not in str(caught.value) and "scene.toml" in str(caught.value)
+    assert "scene.toml: " in str(caught.value)
 
 
 def test_a_missing_scene_is_named(tmp_path: Path) -> None:
@@ -303,14 +307,14 @@ def test_a_missing_scene_is_named(tmp_path: Path) -> None:
 
 
 def test_basis_is_either_named_or_trained(folder: Path) -> None:
-    with pytest.raises(SceneError, match="not both"):
+    with pytest.raises(SceneError, match="give one of them"):
         load(folder, GOOD + '[basis]\nname = "general-7"\ntrain = "scene"\n')
 
 
 def test_an_empty_scene_is_told_what_to_add(folder: Path) -> None:
-    with pytest.raises(SceneError, match=r"there is no \[volume\]; add one"):
+    with pytest.raises(SceneError, match=r"volume: missing; add"):
         load(folder, "")
-    with pytest.raises(SceneError, match=r"there is no \[\[light\]\]; add one"):
+    with pytest.raises(SceneError, match=r"light is \[\]; give at least 1"):
         load(folder, "light = []\n" + GOOD[: GOOD.index("[[light]]")])
 
 

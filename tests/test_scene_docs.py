@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from pathlib import Path
-from typing import Any, get_args
 
 import numpy as np
 import pytest
-from pydantic_core import PydanticUndefined
 
-from volspec import _tables as shared
 from volspec.pipeline import Relighter
 from volspec.relight import RelightSpec
-from volspec.scene import Scene, SceneFile, export, spectra, tables, transfer
-from volspec.scene import lights as light_tables
+from volspec.scene import Scene
 from volspec.transfer import (
     Isosurfaces,
     LabelFunction,
@@ -26,73 +21,6 @@ from volspec.transfer import (
 ROOT = Path(__file__).resolve().parent.parent
 TEXT = (ROOT / "docs" / "scenes.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)
-SECTIONS: dict[str, type[shared.Table]] = {
-    "Top of the file": SceneFile,
-    "`[volume]`": tables.VolumeTable,
-    "`[[material]]`": tables.MaterialTable,
-    "numbers": spectra.SpectrumTable,
-    "`[transfer]`": transfer.TransferTable,
-    "points": transfer.PointTable,
-    "regions": transfer.RegionTable,
-    "labels": transfer.LabelTable,
-    "`[basis]`": tables.BasisTable,
-    "`[camera]`": tables.CameraTable,
-    "`[raycast]`": tables.RaycastTable,
-    "clip_planes": tables.PlaneTable,
-    "`[[group]]`": light_tables.GroupTable,
-    "ambient": light_tables.AmbientTable,
-    "headlight": light_tables.HeadlightTable,
-    "directional": light_tables.DirectionalTable,
-    "point": light_tables.PointLightTable,
-    "`[[light]]`": light_tables.LightTable,
-    "`[viewing]`": tables.ViewingTable,
-    "`[viewing.display]`": shared.DisplayTable,
-    "space": shared.SpaceTable,
-    "transfer of a space": shared.CurveTable,
-    "`[output]`": tables.OutputTable,
-    "`[export]`": export.ExportTable,
-    "turntable": export.TurntableTable,
-    "sweep": export.SweepTable,
-    "`[[keyframe]]`": export.KeyframeTable,
-    "camera of a keyframe": export.KeyCameraTable,
-    "transfer of a keyframe": export.KeyTransferTable,
-    "viewing of a keyframe": export.KeyViewingTable,
-}
-
-
-def section(title: str) -> str:
-    found = re.search(rf"^##+ {re.escape(title)}\n(.*?)(?=^##|\Z)", TEXT, re.DOTALL | re.MULTILINE)
-    assert found, title
-    return found[1]
-
-
-def all_tables(kind: Any) -> set[type[shared.Table]]:
-    """A scene's table and all that can stand in it."""
-    found = {kind} if isinstance(kind, type) and issubclass(kind, shared.Table) else set()
-    fields = kind.model_fields.values() if found else ()
-    inner = [*get_args(kind), *(field.annotation for field in fields)]
-    return found.union(*(all_tables(each) for each in inner))
-
-
-def test_every_table_has_its_section() -> None:
-    assert set(SECTIONS.values()) == all_tables(SceneFile)
-
-
-@pytest.mark.parametrize("title", SECTIONS)
-def test_every_key_is_told_with_its_default(title: str) -> None:
-    told = dict(re.findall(r"^\| `(\w+)` \| (.*?) \|", section(title), re.MULTILINE))
-    fields = SECTIONS[title].model_fields
-    assert set(told) == set(fields)
-    for key, field in fields.items():
-        if field.is_required():
-            assert told[key] == "needed", key
-        elif isinstance(field.default, str | int | float | tuple):
-            # As TOML has it: words instead of code stand for what is worked out.
-            value = tomllib.loads(f"x = {told[key].strip('`')}")["x"]
-            assert (tuple(value) if isinstance(value, list) else value) == field.default, key
-        else:
-            assert told[key] and "`" not in told[key], key
-            assert field.default in (None, PydanticUndefined) or title == "Top of the file", key
 
 
 @pytest.fixture(scope="module")

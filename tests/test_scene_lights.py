@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.errors import SceneError
 from volspec.pipeline import raycast, relight
 from volspec.raycast import (
@@ -19,6 +20,7 @@ from volspec.raycast import (
 )
 from volspec.relight import LightRig
 from volspec.scene import Scene, SceneFile
+from volspec.settings import plain, read_table
 from volspec.spectra import light
 from volspec.spectra.lamps import lamp_illuminance_lux
 from volspec.volume import phantom
@@ -142,9 +144,8 @@ def test_a_scene_keeps_the_watts_that_were_written(tmp_path: Path) -> None:
     scene = load(tmp_path, row("bulb", LAMP, more="power_W = 60\ndistance_m = 2"))
     written = {"name": "bulb", "spectrum": LAMP, "power_W": 60, "distance_m": 2}
     (kept,) = scene.file.light
-    assert kept.model_dump(exclude_unset=True) == written
-    again = SceneFile.model_validate(scene.file.model_dump(exclude_unset=True))
-    assert again == scene.file
+    assert plain(kept) == written
+    assert read_table(SceneFile, plain(scene.file), SceneError) == scene.file
 
 
 def test_a_basis_is_chosen_by_the_lights_of_every_row(tmp_path: Path) -> None:
@@ -161,95 +162,95 @@ DAY = row("day")
 WRONG = {
     "an unknown group": (
         GROUPS + DAY + row("x", "A", "kye"),
-        r"light\.2\.group: no \[\[group\]\] is named 'kye'; did you mean 'key'\?",
+        "unknown light[1].group",
     ),
-    "a group without any": (row("x", "A", "lihgt"), r"'lihgt'; did you mean 'light'"),
+    "a group without any": (row("x", "A", "lihgt"), "unknown light[0].group"),
     "one name and group twice": (
         GROUPS + row("x", "A", "key") + row("x", "D65", "key"),
-        r"two \[\[light\]\] are named 'x' and shine from group 'key'",
+        "duplicate light[1].name",
     ),
-    "one name twice": (DAY + DAY, r"two \[\[light\]\] are named 'day' and shine from all groups"),
+    "one name twice": (DAY + DAY, "duplicate light[1].name"),
     "some lux": (
         GROUPS + row("x", "A", "key", "illuminance_lux = 5") + row("x"),
-        "light 'x': 1 of 2 rows have illuminance_lux or power_W; give one of them to all rows",
+        "missing light",
     ),
     "lux twice": (
         row("x", LAMP, more="illuminance_lux = 5\npower_W = 60\ndistance_m = 1"),
-        r"light\.1: illuminance_lux and power_W and distance_m both say how bright it is",
+        "conflict light[0].illuminance_lux",
     ),
     "watts without metres": (
         row("x", LAMP, more="power_W = 60"),
-        r"light\.1: power_W without distance_m; a lamp's lux",
+        "missing light[0].distance_m",
     ),
     "metres without watts": (
         row("x", LAMP, more="distance_m = 1"),
-        r"light\.1: distance_m without power_W; a lamp's lux",
+        "missing light[0].power_W",
     ),
     "a beam alone": (
         row("x", LAMP, more="beam_deg = 60"),
-        r"light\.1: beam_deg without power_W and distance_m; a lamp's lux",
+        "missing light[0].power_W",
     ),
     "watts of daylight": (
         row("x", "D65", more="power_W = 60\ndistance_m = 1"),
-        r"\[\[light\]\] x: light 'D65': only a lamp's light is counted from its watts; take one",
+        "unsupported light[0]",
     ),
     "watts of a mix": (
         row("x", f"{LAMP}+A", more="power_W = 60\ndistance_m = 1"),
-        r"\[\[light\]\] x: light 'lamp:tungsten-2850\+A': only a lamp's light is counted",
+        "unsupported light[0]",
     ),
     "watts of a candle": (
         row("x", "lamp:candle-1900", more="power_W = 60\ndistance_m = 1"),
-        r"\[\[light\]\] x: lamp 'candle-1900': the table has no lumens per watt",
+        "missing light[0]",
     ),
     "a lamp at no distance": (
         row("x", LAMP, more="power_W = 60\ndistance_m = 0"),
-        r"\[\[light\]\] x: lamp: distance_m is 0\.0; expected a finite number above 0",
+        "range light[0]",
     ),
     "some watts": (
         GROUPS + row("x", LAMP, "key", "power_W = 60\ndistance_m = 1") + row("x"),
-        "light 'x': 1 of 2 rows have illuminance_lux or power_W",
+        "missing light",
     ),
     "no light": (
         GROUPS + row("x", "A", "key", "weight = 0"),
-        r"weights: the lights give no light",
+        "impossible light[0].weights",
     ),
     "a group that is off": (
         group('{ kind = "headlight", intensity = 0 }', "off") + GROUPS + row("x", "A", "off"),
-        r"\[\[light\]\] x: .*group 'off' gave none",
+        "invalid light[0]",
     ),
-    "an unknown light": (GROUPS + row("x", "D56"), r"\[\[light\]\] x: .*'D56'.*'D65'"),
-    "two groups of one name": (GROUPS + group(KEY) + DAY, r"two \[\[group\]\] are named 'key'"),
-    "a name that parts": (group(KEY, "a=b") + DAY, r"group\.1\.name: = and ; .*it is 'a=b'"),
-    "no name": (group(KEY, "") + DAY, r"group\.1\.name: .*it is ''"),
-    "no source": (group("") + DAY, r"group\.1\.sources: .*at least 1"),
+    "an unknown light": (GROUPS + row("x", "D56"), "unknown light[0]"),
+    "two groups of one name": (GROUPS + group(KEY) + DAY, "duplicate group[2].name"),
+    "a name that parts": (group(KEY, "a=b") + DAY, "syntax group[0].name"),
+    "no name": (group(KEY, "") + DAY, "missing group[0].name"),
+    "no source": (group("") + DAY, "missing group[0].sources"),
     "nine groups": (
         "".join(group(KEY, str(i)) for i in range(9)) + DAY,
-        r"9 light groups with 9 sources",
+        "size group",
     ),
     "an unknown kind": (
         group('{ kind = "spot" }') + DAY,
-        r"group\.1\.sources\.1: kind is 'spot'; .*give ambient, headlight, directional, point",
+        "unknown group[0].sources[0].kind",
     ),
     "no kind": (
         group(f"{KEY}, {{ intensity = 1 }}") + DAY,
-        r"group\.1\.sources\.2: kind is missing; give ambient",
+        "unknown group[0].sources[1].kind",
     ),
-    "a word for a source": (group('"ambient"') + DAY, r"group\.1\.sources\.1: give a table"),
+    "a word for a source": (group('"ambient"') + DAY, "unknown group[0].sources[0]"),
     "no direction": (
         group('{ kind = "directional" }') + DAY,
-        r"group\.1\.sources\.1: towards is missing; add towards = \[1",
+        "missing group[0].sources[0].towards",
     ),
     "direction 0": (
         group('{ kind = "directional", towards = [0, 0, 0] }') + DAY,
-        r"towards is \(0.0, 0.0, 0.0\)",
+        "range group[0].sources[0].towards",
     ),
     "another frame": (
         group('{ kind = "point", position_mm = [0, 0, 9], frame = "cam" }') + DAY,
-        r"frame is 'cam'",
+        "unknown group[0].sources[0].frame",
     ),
     "negative intensity": (
         group('{ kind = "ambient", intensity = -1 }') + DAY,
-        r"intensity is -1",
+        "range group[0].sources[0].intensity",
     ),
 }
 # Keys that belong to other kinds, and the kinds that lack them.
@@ -262,9 +263,9 @@ STRANGERS = {
 
 
 def refused(folder: Path, text: str, message: str) -> None:
-    with pytest.raises(SceneError, match=message) as caught:
+    with raises(SceneError, *message.split(" ")) as caught:
         load(folder, text)
-    assert "\n" not in str(caught.value) and "scene.toml: " in str(caught.value)
+    assert "scene.toml: " in str(caught.value)
 
 
 @pytest.mark.parametrize("case", WRONG)
@@ -277,5 +278,4 @@ def test_a_source_refuses_the_keys_of_other_kinds_by_name(tmp_path: Path, kind: 
     needed = {"directional": "towards = [0, 0, 1], ", "point": "position_mm = [0, 0, 1], "}
     for key in STRANGERS[kind]:
         source = f'{{ kind = "{kind}", {needed.get(kind, "")}{key} = true }}'
-        message = rf"group\.1\.sources\.1\.{key}: unknown key; .*known: kind, .*intensity"
-        refused(tmp_path, group(source) + DAY, message)
+        refused(tmp_path, group(source) + DAY, f"unknown group[0].sources[0].{key}")

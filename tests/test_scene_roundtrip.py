@@ -11,20 +11,29 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from volspec.appearance.presets import PRESETS
+from volspec.appearance.spaces import SPACES as COLOUR_SPACES
+from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.scene import Scene, SceneFile, write_scene
-from volspec.scene.moving import moved_scene
-from volspec.scene.reading import scene_data, scene_file
+from volspec.scene.file import scene_data, scene_file
+from volspec.scene.writing import rebased
 
 SHIPPED = sorted((Path(__file__).resolve().parent.parent / "data" / "scenes").glob("*.toml"))
 
 # Numbers that TOML and Python write apart, and texts that need quotes.
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False) | st.sampled_from([0.0, 1e-9, 1e300, 30.0, 0.2])
 POSITIVE = NUMBERS.map(abs)
+ABOVE = POSITIVE.filter(bool)
+UNIT, WEIGHT = st.floats(0, 1), st.floats(0, 1e6) | st.sampled_from([1e-9, 30.0])
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="=;"), min_size=1, max_size=12)
 NAMES = TEXTS.filter(lambda text: bool(text.strip()))
+GROUPS = NAMES.filter(lambda text: text.isprintable() and text == text.strip())
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
 PAIRS = st.tuples(NUMBERS, NUMBERS)
+RISING = st.tuples(NUMBERS, NUMBERS).map(sorted).filter(lambda pair: pair[0] < pair[1])
+DIRECTIONS = VECTORS.filter(any)
 FLAGS = st.booleans()
+FRAMES = st.sampled_from(["world", "camera"])
 
 
 def some(**keys: st.SearchStrategy[Any]) -> st.SearchStrategy[dict[str, Any]]:
@@ -58,40 +67,42 @@ TRANSFERS = (
     )
 )
 SOURCES = (
-    has({"kind": st.just("ambient")}, occlusion=FLAGS, radius_mm=NUMBERS, intensity=NUMBERS)
-    | has({"kind": st.just("headlight")}, intensity=NUMBERS)
-    | has({"kind": st.just("directional"), "towards": VECTORS}, shadows=FLAGS)
-    | has({"kind": st.just("point"), "position_mm": VECTORS}, falloff_mm=NUMBERS, frame=TEXTS)
+    has({"kind": st.just("ambient")}, occlusion=FLAGS, radius_mm=ABOVE, intensity=WEIGHT)
+    | has({"kind": st.just("headlight")}, intensity=WEIGHT)
+    | has({"kind": st.just("directional"), "towards": DIRECTIONS}, shadows=FLAGS)
+    | has({"kind": st.just("point"), "position_mm": VECTORS}, falloff_mm=ABOVE, frame=FRAMES)
 )
-CAMERAS = some(azimuth_deg=NUMBERS, zoom=NUMBERS, up=VECTORS) | has(
-    {"position_mm": VECTORS}, fov_deg=NUMBERS, target_mm=VECTORS
+CAMERAS = some(azimuth_deg=NUMBERS, zoom=ABOVE, up=DIRECTIONS) | has(
+    {"position_mm": VECTORS}, fov_deg=st.floats(1, 179), target_mm=VECTORS
 )
 BASES = (
     has({"name": TEXTS})
     | some(size=st.integers(3, 16), train=st.just("scene"), positive=FLAGS, grid_nm=VECTORS)
     | has({"method": st.just("materials")}, observer_deg=st.just(10))
 )
-SPACES = TEXTS | has(
+SPACES = st.sampled_from(list(COLOUR_SPACES)) | has(
     {
-        "primaries_xy": st.tuples(PAIRS, PAIRS, PAIRS),
-        "white_xy": PAIRS,
-        "transfer": NUMBERS | has({"power": NUMBERS}, toe=NUMBERS),
+        "primaries_xy": st.tuples(*(st.just(xy) for xy in COLOUR_SPACES["DCI-P3"].primaries_xy)),
+        "white_xy": st.tuples(st.floats(0.3, 0.33), st.floats(0.3, 0.33)),
+        "transfer": st.floats(0.5, 3) | has({"power": st.floats(0.4, 1)}, toe=st.just(0)),
     }
 )
 VIEWINGS = some(
-    model=TEXTS,
-    exposure=NUMBERS,
-    surround=TEXTS | NUMBERS,
-    backdrop=NUMBERS,
-    D=NUMBERS,
-    display=some(preset=TEXTS, space=SPACES, mark=FLAGS, L_A=NUMBERS),
+    model=st.sampled_from(MODELS),
+    exposure=st.floats(1e-6, 1e6),
+    surround=st.sampled_from(list(SURROUNDS)) | UNIT,
+    backdrop=UNIT,
+    D=UNIT,
+    display=some(
+        preset=st.sampled_from(list(PRESETS)), space=SPACES, mark=FLAGS, L_A=st.floats(0, 1e4)
+    ),
 )
 CASTS = some(
-    ambient=NUMBERS,
+    ambient=WEIGHT,
     shininess=st.integers(1, 1024),
     half=FLAGS,
-    crop_voxels=st.tuples(PAIRS, PAIRS, PAIRS),
-    clip_planes=st.lists(has({"point_mm": VECTORS, "normal": VECTORS}), max_size=3),
+    crop_voxels=st.tuples(RISING, RISING, RISING),
+    clip_planes=st.lists(has({"point_mm": VECTORS, "normal": DIRECTIONS}), max_size=3),
 )
 
 
@@ -114,7 +125,7 @@ def scene_files(draw: st.DrawFn) -> SceneFile:
     materials = [{"name": name, "reflectance": draw(TEXTS | SPECTRA)} for name in names]
     if "points" in transfer and draw(FLAGS):
         materials[0]["filter"] = draw(TEXTS | SPECTRA)
-    groups = draw(st.lists(NAMES, max_size=2, unique=True))
+    groups = draw(st.lists(GROUPS, max_size=2, unique=True))
     places = [None, *(groups or ["light"])]
     lights = draw(
         st.lists(
@@ -143,7 +154,7 @@ def scene_files(draw: st.DrawFn) -> SceneFile:
         "viewing": draw(VIEWINGS),
         "output": draw(some(width=st.integers(1, 8192))),
     }
-    return SceneFile.model_validate(data)
+    return scene_file(data, "scene.toml")
 
 
 MANY = settings(
@@ -191,7 +202,7 @@ def test_a_scene_that_ships_is_written_as_it_stands(tmp_path: Path, shipped: Pat
     again = write_scene(like.file, beside.with_name("again.toml"), like)
     assert again.read_bytes() == shipped.read_bytes()
     away = write_scene(like.file, tmp_path / "a" / "b" / "away.toml", like)
-    assert moved_scene(read(away), away.parent, beside) == like.file
+    assert rebased(read(away), away.parent, beside) == like.file
     assert comments(away.read_text("utf-8")) == comments(shipped.read_text("utf-8"))
     assert lines(away)[0] == "#:schema ../../scenes/scene.schema.json"
     anew = write_scene(like.file, tmp_path / "anew.toml")

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene, write_scene
-from volspec.scene.spectra import SpectrumTable
+from volspec.scene.specs import SpectrumNumbers
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.volume import phantom
 
@@ -51,7 +53,7 @@ def test_numbers_are_what_a_file_of_them_is(tmp_path: Path) -> None:
 def test_a_filter_may_be_numbers(tmp_path: Path) -> None:
     scene = load(tmp_path, paint=f'"copper"\nfilter = {RAMP}')
     assert scene.render().alpha.max() > 0.5
-    assert scene.file.material[0].filter == SpectrumTable(
+    assert scene.file.material[0].filter == SpectrumNumbers(
         wavelengths_nm=(390, 710), values=(0.2, 0.8)
     )
 
@@ -65,13 +67,10 @@ def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Pa
         "orange",
         {"designed": "by hand", "instrument": "a mouse"},
     )
-    file = scene.file.model_copy(
-        update={
-            "light": [scene.file.light[0].model_copy(update={"spectrum": SpectrumTable.of(lamp)})],
-            "material": [
-                scene.file.material[0].model_copy(update={"reflectance": SpectrumTable.of(paint)})
-            ],
-        }
+    file = replace(
+        scene.file,
+        light=[replace(scene.file.light[0], spectrum=SpectrumNumbers.of(lamp))],
+        material=[replace(scene.file.material[0], reflectance=SpectrumNumbers.of(paint))],
     )
     path = write_scene(file, tmp_path / "numbers.toml", scene)
     again = Scene.load(path)
@@ -86,9 +85,9 @@ def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Pa
 
 def test_numbers_have_a_header_of_their_own_and_eight_to_a_line(tmp_path: Path) -> None:
     scene = load(tmp_path)
-    table = SpectrumTable(wavelengths_nm=tuple(range(400, 410)), values=(0.5,) * 10)
-    row = scene.file.light[0].model_copy(update={"spectrum": table})
-    file = scene.file.model_copy(update={"light": [row]})
+    table = SpectrumNumbers(wavelengths_nm=tuple(range(400, 410)), values=(0.5,) * 10)
+    row = replace(scene.file.light[0], spectrum=table)
+    file = replace(scene.file, light=[row])
     text = write_scene(file, tmp_path / "new.toml", scene).read_text()
     assert text.endswith(
         """[[light]]
@@ -114,30 +113,27 @@ def test_a_reflectance_above_one_is_warned_about(tmp_path: Path) -> None:
 
 
 WRONG = {
-    "lengths": (RAMP.replace("0.8", "0.8, 1"), r"{}: spectrum: wavelengths have shape \(2,\)"),
-    "one number": ("{ wavelengths_nm = [500], values = [1] }", r"{}: .*length.* at least 2"),
-    "order": (RAMP.replace("390", "720"), r"{}: .*720 nm is followed by 710 nm; sort"),
-    "not finite": (RAMP.replace("0.8", "nan"), "{}: .*value number 2 is nan, not finite"),
-    "text": (RAMP.replace("0.8", '"0.8"'), r"{}\.values\.2: .*number \(it is '0.8'\)"),
-    "missing": (
-        "{ values = [1, 2] }",
-        r"{}: wavelengths_nm is missing; add wavelengths_nm = \[400, 700\]",
-    ),
-    "misspelt": (RAMP.replace("values", "value"), r"{}\.value: unknown key; did you mean 'values'"),
-    "a number": ("7", r"{}: Input should be a valid string \(it is 7\)"),
+    "lengths": (RAMP.replace("0.8", "0.8, 1"), "invalid", ""),
+    "one number": ("{ wavelengths_nm = [500], values = [1] }", "invalid", ""),
+    "order": (RAMP.replace("390", "720"), "invalid", ""),
+    "not finite": (RAMP.replace("0.8", "nan"), "invalid", ""),
+    "text": (RAMP.replace("0.8", '"0.8"'), "type", ".values[1]"),
+    "missing": ("{ values = [1, 2] }", "missing", ".wavelengths_nm"),
+    "misspelt": (RAMP.replace("values", "value"), "unknown", ".value"),
+    "a number": ("7", "type", ""),
 }
 
 
-@pytest.mark.parametrize("where", ["light.1.spectrum", "material.1.reflectance"])
+@pytest.mark.parametrize("where", ["light[0].spectrum", "material[0].reflectance"])
 @pytest.mark.parametrize("case", WRONG)
 def test_numbers_that_are_no_spectrum_are_refused_by_name(
     tmp_path: Path, case: str, where: str
 ) -> None:
-    given, message = WRONG[case]
+    given, code, key = WRONG[case]
     words = {"spectrum": given} if where.startswith("light") else {"paint": given}
-    with pytest.raises(SceneError, match=message.format(where.replace(".", r"\."))) as caught:
+    with raises(SceneError, None if code == "invalid" else code, where + key) as caught:
         load(tmp_path, **words)
-    assert "\n" not in str(caught.value) and "scene.toml: " in str(caught.value)
+    assert "scene.toml: " in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -145,24 +141,24 @@ def test_numbers_that_are_no_spectrum_are_refused_by_name(
     [
         (
             {"spectrum": RAMP.replace("0.2", "-0.5")},
-            r"\[\[light\]\] day: spectrum\.values: power -0\.5 at 390 nm is negative",
+            "range light[0]",
         ),
         (
             {"spectrum": RAMP.replace("710", "500")},
-            r"\[\[light\]\] day: spectrum\.values: spectrum covers 390-500 nm",
+            "range light[0]",
         ),
         (
             {"paint": RAMP.replace("0.8", "80")},
-            r"\[\[material\]\] ball: reflectance: values: reflectance 80 .*divide by 100",
+            "range material[0].reflectance",
         ),
         (
             {"spectrum": RAMP, "more": "power_W = 100\ndistance_m = 1\n"},
-            r"light\.1: power_W is for lamps by name.*give illuminance_lux",
+            "conflict light[0].power_W",
         ),
     ],
 )
 def test_numbers_that_nothing_shines_or_reflects_with_are_refused(
     tmp_path: Path, words: dict[str, str], message: str
 ) -> None:
-    with pytest.raises(SceneError, match=message):
+    with raises(SceneError, *message.split(" ")):
         load(tmp_path, **words)

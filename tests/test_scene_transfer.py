@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec.basis import SpectralBasis
 from volspec.errors import SceneError
 from volspec.pipeline import raycast
 from volspec.scene import Scene
 from volspec.scene.basis import use_of
-from volspec.scene.transfer import TransferTable
+from volspec.scene.transfer import TransferSpec
+from volspec.settings import read_table
 from volspec.spectra import reflectance
 from volspec.transfer import (
     Isosurfaces,
@@ -131,7 +133,7 @@ def test_use_sees_the_materials_of_every_kind() -> None:
     """By hand: opacity times the values covered; of labels and surfaces the opacity alone."""
 
     def use(**rows: object) -> dict[str, float]:
-        return use_of(TransferTable.model_validate(rows))
+        return use_of(read_table(TransferSpec, rows, SceneError))
 
     look = {"opacity": 0.5, "material": "a"}
     other = {"opacity": 0.4, "material": {"a": 0.25, "b": 0.5}}
@@ -169,57 +171,66 @@ def test_labels_are_down_sampled_by_their_most_frequent(tmp_path: Path) -> None:
 
 LOOK = 'opacity = 1, material = "core"'
 WRONG = {
-    "none": ("reference_step_mm = 1", "transfer: give one of points, .*; none is given"),
-    "two": (POINTS + LABELS, "transfer: give one of .*; points and labels are given"),
-    "no rows": ("labels = []", r"transfer\.labels: .*at least 1"),
+    "none": ("reference_step_mm = 1", "missing transfer"),
+    "two": (POINTS + LABELS, "conflict transfer"),
+    "no rows": ("labels = []", "missing transfer.labels"),
     "gradients of regions": (
         REGIONS + "gradient_opacity = [[0, 0], [1, 1]]",
-        "transfer: gradient_opacity is for points, not regions",
+        "conflict transfer.gradient_opacity",
     ),
-    "falling gradients": (POINTS + "gradient_opacity = [[3, 0], [1, 1]]", "let gradients rise"),
-    "a step of surfaces": (SURFACES + "reference_step_mm = 1", "surfaces have no thickness"),
-    "a label twice": (LABELS.replace("label = 2", "label = 1"), "labels: 1 is given twice"),
-    "a label below 0": (f"labels = [{{ label = -1, {LOOK} }}]", "label -1 is out of range"),
-    "half a label": (f"labels = [{{ label = 1.5, {LOOK} }}]", r"labels\.1\.label: .*1\.5"),
+    "falling gradients": (
+        POINTS + "gradient_opacity = [[3, 0], [1, 1]]",
+        "range transfer.gradient_opacity[1].gradient",
+    ),
+    "a step of surfaces": (
+        SURFACES + "reference_step_mm = 1",
+        "conflict transfer.reference_step_mm",
+    ),
+    "a label twice": (
+        LABELS.replace("label = 2", "label = 1"),
+        "duplicate transfer.labels[1].label",
+    ),
+    "a label below 0": (f"labels = [{{ label = -1, {LOOK} }}]", "range transfer.labels"),
+    "half a label": (f"labels = [{{ label = 1.5, {LOOK} }}]", "type transfer.labels[0].label"),
     "values that fall": (
         f"regions = [{{ values = [9, 1], gradients = [0, 1], {LOOK} }}]",
-        r"\[transfer\] Region.values is \(9.0, 1.0\)",
+        "range transfer.values",
     ),
     "one value": (
         f"regions = [{{ values = [9], gradients = [0, 1], {LOOK} }}]",
-        r"transfer\.regions\.1\.values: number 2 is missing",
+        "shape transfer.regions[0].values",
     ),
     "nine surfaces": (
         f"surfaces = [{', '.join(f'{{ value = {v}, {LOOK} }}' for v in range(9))}]",
-        r"\[transfer\] Isosurfaces.surfaces: 9 surfaces, at most 8",
+        "size transfer.surfaces",
     ),
     "a misspelt key": (
         'surfaces = [{ value = 1, opacty = 1, material = "core" }]',
-        r"transfer\.surfaces\.1\.opacty: unknown key; did you mean 'opacity'",
+        "unknown transfer.surfaces[0].opacty",
     ),
     "a key of another kind": (
         f"surfaces = [{{ value = 1, softness = 1, {LOOK} }}]",
-        r"surfaces\.1\.softness: unknown key; known: opacity, material, value",
+        "unknown transfer.surfaces[0].softness",
     ),
     "an unknown material": (
         'labels = [{ label = 1, opacity = 1, material = "cor" }]',
-        r"\[transfer\] LabelFunction.labels\[1\].material: no material 'cor'; did you mean 'core'",
+        "unknown transfer.labels[1].material",
     ),
     "no material": (
         "labels = [{ label = 1, opacity = 1, material = 5 }]",
-        r"transfer\.labels\.1\.material: .*it is 5",
+        "type transfer.labels[0].material",
     ),
     "a share in words": (
         'labels = [{ label = 1, opacity = 1, material = { core = "x" } }]',
-        r"transfer\.labels\.1\.material\.core: .*it is 'x'",
+        "type transfer.labels[0].material.core",
     ),
 }
 
 
 def refused(folder: Path, message: str, *words: str) -> None:
-    with pytest.raises(SceneError, match=message) as caught:
+    with raises(SceneError, *message.split(" ")) as caught:
         load(folder, *words).render()
-    assert "\n" not in str(caught.value) and "scene.toml: " in str(caught.value)
+    assert "scene.toml: " in str(caught.value)
 
 
 @pytest.mark.parametrize("case", WRONG)
@@ -231,11 +242,11 @@ def test_mistakes_are_named_in_one_line(tmp_path: Path, case: str) -> None:
 @pytest.mark.parametrize(
     ("transfer", "filter", "more", "message"),
     [
-        (POINTS, "glod", "", r"\[\[material\]\] core: filter: .*'glod'.*'gold'"),
-        (SURFACES, "gold", "", r"material\.2\.filter: only \[transfer\] points .*not surfaces"),
-        (POINTS, "gold", '[basis]\nmethod = "materials"', r"\[transfer\] .*filters need channels"),
-        (LABELS, "", "[raycast]\npreintegrated = true", "preintegrated .*labels"),
-        (SURFACES, "", '[raycast]\nmode = "maximum"', "mode 'maximum' .*isosurfaces"),
+        (POINTS, "glod", "", "unknown material[1].filter"),
+        (SURFACES, "gold", "", "conflict material[1].filter"),
+        (POINTS, "gold", '[basis]\nmethod = "materials"', "conflict transfer.filters"),
+        (LABELS, "", "[raycast]\npreintegrated = true", "conflict raycast"),
+        (SURFACES, "", '[raycast]\nmode = "maximum"', "conflict raycast"),
     ],
 )
 def test_what_does_not_go_together_is_refused(

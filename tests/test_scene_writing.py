@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,9 @@ import pytest
 
 from volspec.errors import InputError, SceneError
 from volspec.scene import Scene, SceneFile, write_scene
-from volspec.scene.reading import scene_data, scene_file
-from volspec.scene.tables import BasisTable, CameraTable, MaterialTable, OutputTable
-from volspec.scene.transfer import PointTable
+from volspec.scene.file import scene_data, scene_file
+from volspec.scene.specs import BasisSpec, CameraSpec, MaterialSpec, OutputSpec
+from volspec.scene.transfer import PointSpec
 from volspec.spectra import Spectrum
 from volspec.volume import phantom
 
@@ -82,7 +83,7 @@ def scene(folder: Path) -> Scene:
 
 
 def changed(scene: Scene, **update: object) -> SceneFile:
-    return scene.file.model_copy(update=update)
+    return replace(scene.file, **update)
 
 
 def lines(path: Path) -> list[str]:
@@ -104,7 +105,7 @@ def test_saving_where_it_was_read_changes_nothing(scene: Scene) -> None:
 
 
 def test_one_changed_value_is_one_changed_line(scene: Scene) -> None:
-    camera = scene.file.camera.model_copy(update={"zoom": 2.5})
+    camera = replace(scene.file.camera, zoom=2.5)
     path = write_scene(changed(scene, camera=camera), scene.folder / "new.toml", scene)
     old, new = lines(scene.path), lines(path)
     assert [pair for pair in zip(old, new, strict=True) if pair[0] != pair[1]] == [
@@ -113,7 +114,7 @@ def test_one_changed_value_is_one_changed_line(scene: Scene) -> None:
 
 
 def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
-    table = CameraTable(azimuth_deg=30.0, elevation_deg=20.0, zoom=1.0, fov_deg=10.0)
+    table = CameraSpec(azimuth_deg=30.0, elevation_deg=20.0, zoom=1.0, fov_deg=10.0)
     path = write_scene(changed(scene, camera=table), scene.folder / "new.toml", scene)
     there = lines(path)
     assert "azimuth_deg = 30  # the default, but said" in there
@@ -122,20 +123,20 @@ def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
 
 
 def test_keys_that_exclude_each_other_take_turns(scene: Scene) -> None:
-    placed = CameraTable(position_mm=(0, -40, 5))
+    placed = CameraSpec(position_mm=(0, -40, 5))
     path = write_scene(changed(scene, camera=placed), scene.folder / "new.toml", scene)
     assert read(path).camera == placed
-    based = changed(scene, basis=BasisTable(name="general-5"))
+    based = changed(scene, basis=BasisSpec(name="general-5"))
     there = Scene.load(write_scene(based, path, scene))
-    back = write_scene(changed(there, basis=BasisTable(method="materials")), path, there)
-    assert read(back).basis == BasisTable(method="materials")
+    back = write_scene(changed(there, basis=BasisSpec(method="materials")), path, there)
+    assert read(back).basis == BasisSpec(method="materials")
     assert comments(back.read_text()) == comments(TEXT)
 
 
 def test_comments_go_with_the_rows_below_them(scene: Scene) -> None:
     """Rows swapped, one renamed, one added: each keeps the comment above it."""
     shell, core = scene.file.material
-    hull = MaterialTable(name="hull", reflectance="white")
+    hull = MaterialSpec(name="hull", reflectance="white")
     file = changed(scene, material=[core, hull, shell])
     text = write_scene(file, scene.folder / "new.toml", scene).read_text()
     core_at, hull_at, shell_at = (text.index(f'name = "{n}"') for n in ("core", "hull", "shell"))
@@ -152,7 +153,7 @@ def test_a_row_that_goes_takes_its_comment_and_no_other(scene: Scene) -> None:
 
 
 def test_a_renamed_row_keeps_its_lines(scene: Scene) -> None:
-    day = scene.file.light[0].model_copy(update={"name": "noon"})
+    day = replace(scene.file.light[0], name="noon")
     file = changed(scene, light=[day, scene.file.light[1]])
     path = write_scene(file, scene.folder / "new.toml", scene)
     assert path.read_text() == TEXT.replace('name = "day"', 'name = "noon"')
@@ -161,9 +162,9 @@ def test_a_renamed_row_keeps_its_lines(scene: Scene) -> None:
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_points_are_added_and_taken_away_line_by_line(scene: Scene, count: int) -> None:
     low, middle, high = scene.file.transfer.points or ()
-    added = PointTable(value=0.75, opacity=0.45, material="core")
+    added = PointSpec(value=0.75, opacity=0.45, material="core")
     points = {2: [low, high], 3: [low, added, high], 4: [low, middle, added, high]}[count]
-    table = scene.file.transfer.model_copy(update={"points": points})
+    table = replace(scene.file.transfer, points=points)
     path = write_scene(changed(scene, transfer=table), scene.folder / "new.toml", scene)
     assert read(path).transfer == table
     there = lines(path)
@@ -173,8 +174,9 @@ def test_points_are_added_and_taken_away_line_by_line(scene: Scene, count: int) 
 
 
 def test_new_tables_stand_apart_and_the_last_comment_stays_last(scene: Scene) -> None:
-    display = scene.file.viewing.display.model_copy(update={"white_cd_m2": 120.0})
-    viewing = scene.file.viewing.model_copy(update={"exposure": 2.0, "display": display})
+    eye = scene.file.viewing.viewing
+    display = replace(eye.display, white_cd_m2=120.0, L_A=None)
+    viewing = replace(scene.file.viewing, viewing=replace(eye, exposure=2.0, display=display))
     path = write_scene(changed(scene, viewing=viewing), scene.folder / "new.toml", scene)
     end = "\n[viewing]\nexposure = 2\n\n[viewing.display]\nwhite_cd_m2 = 120\n"
     assert path.read_text() == TEXT + end
@@ -207,11 +209,11 @@ def test_any_layout_says_what_it_is_told(folder: Path, layout: Callable[[str], s
     source = folder / "scene.toml"
     source.write_bytes(layout(TEXT).encode())
     scene = Scene.load(source)
-    volume = scene.file.volume.model_copy(update={"spacing_mm": (1.0, 1.0, 2.0)})
-    display = scene.file.viewing.display.model_copy(update={"L_A": None, "mark": True})
-    update = {"exposure": 3.0, "mode": "exact", "display": display}
-    viewing = scene.file.viewing.model_copy(update=update)
-    made = {"volume": volume, "viewing": viewing, "output": OutputTable(), "basis": BasisTable()}
+    volume = replace(scene.file.volume, spacing_mm=(1.0, 1.0, 2.0))
+    eye = scene.file.viewing.viewing
+    eye = replace(eye, exposure=3.0, display=replace(eye.display, L_A=12.0, mark=True))
+    viewing = replace(scene.file.viewing, viewing=eye, mode="exact")
+    made = {"volume": volume, "viewing": viewing, "output": OutputSpec(), "basis": BasisSpec()}
     file = changed(scene, **made)
     path = write_scene(file, folder / "new.toml", scene)
     assert read(path) == file
@@ -261,7 +263,7 @@ def test_a_link_to_a_folder_is_no_detour(folder: Path) -> None:
 
 def test_what_is_no_file_yet_is_written_as_numbers(scene: Scene) -> None:
     paint = Spectrum(scene.basis.grid.wavelengths_nm, np.linspace(0.1, 0.7, 31), "paint")
-    row = scene.file.material[0].model_copy(update={"reflectance": "new.toml#paint"})
+    row = replace(scene.file.material[0], reflectance="new.toml#paint")
     file = changed(scene, material=[row, scene.file.material[1]])
     made = Scene(file, scene.path, {"new.toml#paint": paint})
     again = Scene.load(made.save(scene.folder / "made.toml"))
@@ -276,14 +278,14 @@ def test_a_scene_whose_file_is_gone_is_written_anew(scene: Scene) -> None:
 
 def test_what_is_no_scene_is_not_written(scene: Scene) -> None:
     before = scene.path.read_bytes()
-    both = scene.file.camera.model_copy(update={"position_mm": (0.0, 9.0, 0.0)})
-    with pytest.raises(SceneError, match=r"scene\.toml: is not written.*position_mm or") as caught:
+    both = replace(scene.file.camera, zoom=2.0, position_mm=(0.0, 9.0, 0.0))
+    with pytest.raises(SceneError, match=r"scene\.toml: not written.*position_mm") as caught:
         write_scene(changed(scene, camera=both), scene.path, scene)
     assert "\n" not in str(caught.value) and scene.path.read_bytes() == before
     with pytest.raises(SceneError, match=r"scene\.txt: scenes are TOML; name it \.toml"):
         scene.save(scene.folder / "scene.txt")
     with pytest.raises(InputError, match="cannot write there"):
         scene.save(scene.path / "below.toml")
-    lost = scene.file.light[0].model_copy(update={"spectrum": "D56*0.5+A"})
+    lost = replace(scene.file.light[0], spectrum="D56*0.5+A")
     with pytest.raises(SceneError, match=r"\[\[light\]\] day: .*D56"):
         write_scene(changed(scene, light=[lost]), scene.folder.parent / "x.toml", scene)

@@ -24,11 +24,17 @@ volspec.errors.ViewingError: power: unknown key; did you mean 'power_W'? known: 
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import inspect
+import os
+import re
+import textwrap
 import types
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 from typing import (
     Annotated,
     Any,
@@ -124,6 +130,7 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
         made: Any = cls
         made.__pydantic_config__ = _CONFIG
         made.__get_pydantic_core_schema__ = classmethod(_core_schema)
+        made.__get_pydantic_json_schema__ = classmethod(_json_schema)
         made.settings_error = error
         made.settings_adapter = adapter = TypeAdapter(cls)
         validate = adapter.validator.validate_python
@@ -147,8 +154,13 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
 
 def kind_of(value: Any) -> str:
     """Discriminate classes that have a ``kind``, tagged ``<kind>``."""
-    kind = value.get("kind") if isinstance(value, Mapping) else getattr(value, "kind", None)
+    kind = value.get("kind") if isinstance(value, Mapping) else _kind(type(value))
     return f"<{kind}>"
+
+
+def _kind(cls: Any) -> str:
+    kind = getattr(cls, "kind", "")
+    return kind if isinstance(kind, str) else ""
 
 
 def value_or_table(value: object) -> str:
@@ -196,8 +208,8 @@ def try_table(
         return None, [each.as_error(error) for each in _faults(fault, cls)]
 
 
-def plain(value: Any) -> Any:
-    """Return settings as a table of a file, without keys equal to their defaults.
+def plain(value: Any, defaults: bool = False) -> Any:
+    """Return settings as a table of a file; keys equal to their defaults only if asked to.
 
     Examples
     --------
@@ -206,28 +218,29 @@ def plain(value: Any) -> Any:
     {'ambient': 0.5, 'specular': 1}
     """
     if is_settings(type(value)):
-        return value.to_table() if hasattr(value, "to_table") else table_of(value)
+        return value.to_table() if hasattr(value, "to_table") else table_of(value, defaults)
     if isinstance(value, Mapping):
-        return {key: plain(each) for key, each in value.items()}
+        return {key: plain(each, defaults) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(each) for each in value]
+        return [plain(each, defaults) for each in value]
     # As people write them; every such field takes whole numbers.
     if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
         return int(value)
     return value
 
 
-def table_of(value: Any) -> dict[str, Any]:
+def table_of(value: Any, defaults: bool = False) -> dict[str, Any]:
     """Return the fields of settings as `plain` does, without the class's own ``to_table``."""
     cls: Any = type(value)
-    table: dict[str, Any] = {"kind": cls.kind} if hasattr(cls, "kind") else {}
+    table: dict[str, Any] = {"kind": cls.kind} if _kind(cls) else {}
     names = [field.name for field in dataclasses.fields(cls)]
     for name in dict.fromkeys((*getattr(cls, "row_keys", ()), *names)):
-        marks = _metadata(hints(cls)[name])
-        each, default = plain(getattr(value, name)), default_of(cls, name)
+        marks = metadata(hints(cls)[name])
+        each = plain(getattr(value, name), defaults)
+        written = defaults or each != plain(default_of(cls, name))
         if FLAT in marks:
             table |= each
-        elif PYTHON_ONLY not in marks and each is not None and each != plain(default):
+        elif PYTHON_ONLY not in marks and each is not None and written:
             table[name] = each
     return table
 
@@ -246,17 +259,64 @@ def hints(cls: Any) -> dict[str, Any]:
 
 
 @cache
+def descriptions(cls: Any) -> dict[str, str]:
+    """Return the docstrings below a class's fields, each in one line."""
+    found: dict[str, str] = {}
+    for base in reversed(cls.__mro__[:-1]):
+        tree: Any = ast.parse(textwrap.dedent(inspect.getsource(base)))
+        for field, text in pairwise(tree.body[0].body):
+            documented = isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+            if isinstance(field, ast.AnnAssign) and documented:
+                found[ast.unparse(field.target)] = " ".join(ast.literal_eval(text.value).split())
+    return found
+
+
+@cache
 def file_keys(cls: Any) -> dict[str, tuple[type, str]]:
     """Return the keys of a class's table in files: {key: (owner, field)}, ``""`` for no field."""
-    keys: dict[str, tuple[type, str]] = {"kind": (cls, "")} if hasattr(cls, "kind") else {}
+    keys: dict[str, tuple[type, str]] = {"kind": (cls, "")} if _kind(cls) else {}
     keys |= dict.fromkeys(getattr(cls, "file_keys", {}), (cls, ""))
     for field in dataclasses.fields(cls):
-        marks = _metadata(hints(cls)[field.name])
+        marks = metadata(hints(cls)[field.name])
         if FLAT in marks:
             keys |= file_keys(classes_in(hints(cls)[field.name])[0])
         elif PYTHON_ONLY not in marks:
             keys[field.name] = (cls, field.name)
     return keys
+
+
+def json_schema(cls: Any) -> dict[str, Any]:
+    """Return the JSON schema of a class's tables in files."""
+    schema = cls.settings_adapter.json_schema()
+    for each in (*schema.get("$defs", {}).values(), schema):
+        if "description" in each:  # of a class the first paragraph
+            each["description"] = " ".join(each["description"].split("\n\n")[0].split())
+    return schema
+
+
+def _json_schema(cls: Any, source: Any, handler: Any) -> dict[str, Any]:
+    """Describe a class's table: pydantic's account, without what Python alone takes."""
+    made = handler(source)
+    schema = handler.resolve_ref_schema(made)
+    properties: dict[str, Any] = {}
+    for key, (owner, name) in file_keys(cls).items():
+        if key == "kind":
+            kind = {"const": cls.kind, "type": "string", "description": "Kind of source."}
+            properties[key] = kind
+            schema["required"] = ["kind", *schema.get("required", [])]
+        elif not name:
+            info: FieldInfo = cls.file_keys[key]
+            properties[key] = {
+                "type": "string",
+                "default": info.default,
+                "description": info.description,
+            }
+        elif owner is cls:
+            properties[key] = {**schema["properties"][key], "description": descriptions(cls)[name]}
+        else:
+            properties[key] = json_schema(owner)["properties"][key]
+    schema["properties"] = properties
+    return dict(made)
 
 
 def classes_in(hint: Any) -> list[type]:
@@ -291,7 +351,7 @@ def expected(hint: Any) -> str:
     >>> expected(Literal["clip", "reduce"] | Fraction)
     'clip, reduce or a number from 0 to 1'
     """
-    marks = _metadata(hint)
+    marks = metadata(hint)
     extra = [mark.name for mark in marks if isinstance(mark, Unit)]
     for mark in marks:
         if isinstance(mark, Hint) and mark.whole:
@@ -355,7 +415,7 @@ def _listed(words: Sequence[str]) -> str:
     return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
-def _metadata(hint: Any) -> list[Any]:
+def metadata(hint: Any) -> list[Any]:
     """Return what an annotation adds to its type; a `pydantic.Field` as its limits."""
     found = []
     for mark in get_args(hint)[1:] if get_origin(hint) is Annotated else ():
@@ -389,7 +449,7 @@ def _fields_from_table(cls: Any, table: Mapping[str, Any], folder: object) -> Ma
         table = cls.from_table(table, folder)
     fields = {key: value for key, value in table.items() if key != "kind" or "kind" not in keys}
     for field in dataclasses.fields(cls):
-        if FLAT in _metadata(hints(cls)[field.name]):
+        if FLAT in metadata(hints(cls)[field.name]):
             (inner,) = classes_in(hints(cls)[field.name])
             own = {key: fields.pop(key) for key in file_keys(inner) if key in fields}
             fields[field.name] = own
@@ -435,23 +495,23 @@ class _Fault:
             steps = steps[:-1]
         for part in steps:
             if isinstance(part, int):
-                path, hint = f"{path}[{part}]", _item(hint, part)
+                path, hint = f"{path}[{part}]", item_hint(hint, part)
                 owners = tuple(classes_in(hint))
                 continue
             owners = tuple(classes_in(hint)) or owners
             if part == "<value>":
                 break
             if part.startswith("<"):
-                kinds = [each for each in owners if f"<{getattr(each, 'kind', '')}>" == part]
+                kinds = [each for each in owners if f"<{_kind(each)}>" == part]
                 hint = kinds[0] if kinds else hint
                 continue
             owner = next((each for each in owners if part in hints(each)), None)
             if classes_in(hint) and (owner is not None or part is steps[-1]):
                 hint = hints(owner)[part] if owner is not None else None
-                if FLAT in _metadata(hint):
+                if FLAT in metadata(hint):
                     continue
             elif _is_mapping(hint) and part != "[key]":
-                hint = _item(hint, part)
+                hint = item_hint(hint, part)
             else:  # a kind of value that pydantic has tried
                 continue
             path = f"{path}.{part}" if path else part
@@ -495,8 +555,10 @@ class _Fault:
             unknown = _unknown_key(self.classes[0], self.key)
             return unknown.problem, unknown.remedy, code
         if kind.startswith("union_tag") and isinstance(given, Mapping):
-            kinds = [getattr(each, "kind", "") for each in self.classes]
-            return "", f"{nearest(str(given.get('kind')), kinds)}give {', '.join(kinds)}", code
+            kinds = [_kind(each) for each in self.classes]
+            guess = nearest(str(given.get("kind")), kinds)
+            problem = "" if "kind" in given else "missing"
+            return problem, f"{guess}give {', '.join(kinds)}", code
         if kind == "missing" and isinstance(self.account["loc"][-1], str):
             return "missing", self._example(), code
         if kind == "value_error":
@@ -548,7 +610,63 @@ def _faults(error: ValidationError, root: type) -> list[_Fault]:
             known = file_keys(fault.classes[0])
             guess = nearest(fault.key, known)
             meant |= {parent + key for key in known if repr(key) in guess}
-    return [f for f in ordered if f.fault != "missing" or f.field not in meant]
+    # A list whose only row is wrong counts as empty.
+    paths = [fault.field for fault in ordered]
+    empty = {p for p in paths if any(other.startswith(f"{p}[") for other in paths)}
+    return [
+        each
+        for each in ordered
+        if not (each.fault == "missing" and each.field in meant)
+        and not (each.fault == "too_short" and each.field in empty)
+    ]
+
+
+class FileFaults(InputError):
+    """Faults of one file; its text is the first, after the file's name.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    faults : sequence of InputError
+    rows : {key: names}
+        Names of the rows of ``[[key]]``: people find a row by its name.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        faults: Sequence[InputError],
+        rows: Mapping[str, Sequence[object]] | None = None,
+    ) -> None:
+        first = faults[0]
+        super().__init__(
+            first.problem, first.remedy, code=first.code, field=first.field, given=first.given
+        )
+        self.lines = [f"{os.fspath(path)}: {_line(each, rows or {})}" for each in faults]
+
+    def __str__(self) -> str:
+        return self.lines[0]
+
+
+def _line(error: InputError, rows: Mapping[str, Sequence[object]]) -> str:
+    """Return an error's text with a row's name, or its number from 1, instead of its index."""
+    found = re.fullmatch(r"(\w+)\[(\d+)\]\.?(.*)", error.field)
+    if found is None:
+        return str(error)
+    key, index, rest = found[1], int(found[2]), found[3]
+    name = rows[key][index] if index < len(rows.get(key, ())) else None
+    row = name if isinstance(name, str) and name.strip() else index + 1
+    return f"[[{key}]] {row}: {error.at(rest)}"
+
+
+def row_names(tables: Mapping[str, Any]) -> dict[str, list[object]]:
+    """Return the names of rows in a file's tables: {key: names}."""
+    return {
+        key: [row.get("name") if isinstance(row, Mapping) else None for row in rows]
+        for key, rows in tables.items()
+        if isinstance(rows, list)
+    }
 
 
 def _constructor_error(error: ValidationError, cls: Any) -> Exception:
@@ -583,11 +701,11 @@ def _by_name(cls: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> dict[s
     return {**dict(zip(names, args, strict=False)), **kwargs}
 
 
-def _item(hint: Any, index: Any) -> Any:
+def item_hint(hint: Any, index: Any) -> Any:
     """Return the annotation of an entry of a list, tuple or mapping."""
     base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if get_origin(base) in (Union, types.UnionType):
-        found = [_item(part, index) for part in get_args(base)]
+        found = [item_hint(part, index) for part in get_args(base)]
         return next((each for each in found if each is not None), None)
     inner = get_args(base)
     if get_origin(base) in (dict, Mapping):

@@ -3,55 +3,64 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from volspec import Display
-from volspec._tables import DisplayTable
-from volspec.appearance.presets import preset
+from volspec.appearance.presets import PRESETS, preset
 from volspec.appearance.spaces import SPACES
-from volspec.errors import ViewingError
+from volspec.errors import SceneError
 from volspec.export.frames import read_frame_text, write_frame
 from volspec.export.png import icc_profile
-from volspec.scene.tables import ViewingTable
+from volspec.settings import plain, read_table
+
+
+def read(**keys: object) -> Display:
+    return read_table(Display, keys, SceneError)
 
 
 def test_an_empty_table_is_the_default_display() -> None:
-    assert ViewingTable().spec().viewing.display == Display()
-    assert DisplayTable().display() == preset("sRGB").display()
+    assert read() == Display() == preset("sRGB").display()
 
 
 def test_a_table_changes_what_it_names_of_its_preset() -> None:
-    table = ViewingTable.model_validate(
-        {"display": {"preset": "cinema", "space": "DCI-P3", "gamut": "reduce", "Y_b": 10.0}}
-    )
-    display = table.spec().viewing.display
+    display = read(preset="cinema", space="DCI-P3", gamut="reduce", Y_b=10.0)
     assert display == Display(0.2 * 48.0, 10.0, "dark", "DCI-P3", "reduce", False, 48.0)
-    again = ViewingTable.model_validate_json(table.model_dump_json())
-    assert again.spec().viewing == table.spec().viewing
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_displays_are_written_by_preset_or_by_numbers(name: str) -> None:
+    display = replace(PRESETS[name].display("Display P3", "reduce"), mark=True)
+    assert plain(display).get("preset", "sRGB") == name
+    assert read(**plain(display)) == display
+    odd = replace(display, L_A=None, white_cd_m2=123.0, Y_b=17.0)
+    own = replace(odd, space=replace(SPACES["Display P3"], name="mine"))
+    for each in (odd, own):
+        assert read(**plain(each)) == each
 
 
 def test_a_white_without_L_A_lights_the_eye_by_itself() -> None:
-    display = DisplayTable(white_cd_m2=300.0, Y_b=10.0).display()
-    assert pytest.approx(30.0) == display.conditions.L_A
-    assert DisplayTable(white_cd_m2=300.0, L_A=4.0).display().conditions.L_A == 4.0
+    assert pytest.approx(30.0) == read(white_cd_m2=300.0, Y_b=10.0).conditions.L_A
+    assert read(white_cd_m2=300.0, L_A=4.0).conditions.L_A == 4.0
 
 
 @pytest.mark.parametrize(
-    ("keys", "part"),
+    ("keys", "expected", "guess"),
     [
-        ({"space": "Display P4"}, "did you mean 'Display P3'"),
-        ({"gamut": "reduced"}, "did you mean 'reduce'"),
-        ({"preset": "cinma"}, "did you mean 'cinema'"),
-        ({"white_cd_m2": 0.0}, "Display.white_cd_m2 is 0.0"),
+        ({"space": "Display P4"}, "unknown space", "'Display P3'"),
+        ({"gamut": "reduced"}, "unknown gamut", "'reduce'"),
+        ({"preset": "cinma"}, "unknown preset", "'cinema'"),
+        ({"white_cd_m2": 0.0}, "range white_cd_m2", ""),
     ],
 )
-def test_what_is_wrong_is_named(keys: dict[str, object], part: str) -> None:
-    with pytest.raises(ViewingError, match=part) as caught:
-        DisplayTable.model_validate(keys).display()
-    assert "\n" not in str(caught.value)
+def test_what_is_wrong_is_named(keys: dict[str, object], expected: str, guess: str) -> None:
+    with raises(SceneError, *expected.split()) as caught:
+        read(**keys)
+    assert guess in str(caught.value)
 
 
 @pytest.mark.parametrize("name", SPACES)

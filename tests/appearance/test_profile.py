@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import struct
 from pathlib import Path
@@ -15,8 +16,10 @@ from volspec.appearance.profile import read_profile
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.errors import SceneError, ViewingError
 from volspec.export.png import icc_profile
+from volspec.relight import RelightSpec
 from volspec.scene import Scene
-from volspec.scene.tables import ViewingTable
+from volspec.scene.model import viewing_note
+from volspec.settings import read_table
 
 
 @pytest.mark.parametrize("space", SPACES.values(), ids=lambda s: s.name)
@@ -149,10 +152,10 @@ def test_a_scene_finds_the_profile_beside_it(tmp_path: Path) -> None:
 def test_the_note_in_an_image_needs_no_profile_and_names_no_path(tmp_path: Path) -> None:
     (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
     scene = scene_for(tmp_path, 'space = "mine.icc"')
-    note = scene.viewing.model_dump_json()
+    note = viewing_note(scene.relight)
     assert str(tmp_path) not in note and ".icc" not in note
     (tmp_path / "mine.icc").unlink()
-    again = ViewingTable.model_validate_json(note).spec().viewing
+    again = read_table(RelightSpec, json.loads(note), SceneError).viewing
     assert again == scene.relight.viewing
     assert again.display.colours.name == "mine"
 
@@ -166,13 +169,13 @@ def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path: Path) -> None:
     for numbers, what in {
         f"{xy}, transfer = 0.0": "gamma is 0.0",
         f"{xy}, transfer = {{ power = 0.4, toe = 0.5 }}": "the segments are",
-        xy: r"viewing.display.space: transfer is missing; add transfer = 2.2",
+        xy: r"viewing.display.space.transfer: missing; add transfer = 2.2",
         f"{xy}, transfr = 2.2": r"viewing.display.space.transfr: unknown key; did you mean",
-        f'{xy}, transfer = "2.2"': r"viewing.display.space.transfer: .*'2.2'",
+        f'{xy}, transfer = "2.2"': r"viewing.display.space.transfer is .*'2.2'",
         xy.replace("0.329]", "3.0]") + ", transfer = 2.2": "lies outside of the primaries",
     }.items():
         with pytest.raises(SceneError, match=what) as caught:
             scene_for(tmp_path, f"space = {{ {numbers} }}")
         assert "\n" not in str(caught.value)
-    with pytest.raises(SceneError, match=r"viewing\.display\.space: .*it is 5"):
+    with pytest.raises(SceneError, match=r"viewing\.display\.space is 5"):
         scene_for(tmp_path, "space = 5")

@@ -21,7 +21,7 @@ from volspec.raycast import Camera
 from volspec.relight import LightRig
 from volspec.relight.spec import mixed_rig
 from volspec.scene import Scene, write_scene
-from volspec.scene.export import KeyframeTable
+from volspec.scene.export import KeyCamera, Keyframe, KeyTransfer, KeyViewing
 from volspec.spectra import light
 from volspec.transfer import TransferFunction
 
@@ -331,65 +331,65 @@ def test_lux_count_where_all_that_shine_carry_them() -> None:
     [
         (
             '[export]\nlights = ["dai"]',
-            "export.lights.1: no [[light]] is named 'dai'; did you mean",
+            "unknown export.lights[0]",
         ),
-        ("[export]\nlights = []", "lights: is empty"),
-        ("[export.turntable]\nframes = 0", "export.turntable.frames"),
-        ("[export.turntable]\nframes = 9\ndegrees = nan", "export.turntable.degrees"),
-        ("[export.turntable]\nframes = 9\naxis = [0, 0, 0]", "give a direction"),
-        ("[export]\nfps = -1", "export.fps"),
+        ("[export]\nlights = []", "missing export.lights"),
+        ("[export.turntable]\nframes = 0", "range export.turntable.frames"),
+        ("[export.turntable]\nframes = 9\ndegrees = nan", "range export.turntable.degrees"),
+        ("[export.turntable]\nframes = 9\naxis = [0, 0, 0]", "range export.turntable.axis"),
+        ("[export]\nfps = -1", "range export.fps"),
         (
             "[export]\nturntable = { frames = 4 }\nsweep = { frames = 3 }",
-            "turntable has 4 frames, sweep 3; leave out the sweep's",
+            "conflict export.sweep.frames",
         ),
-        ("[export]\nbits = 12", "export.bits"),
-        ('[export]\nshows = "scene"', 'shows = "scene" is for format = "exr"'),
-        ('[export]\nformat = "exr"\nbits = 16', 'bits = 16 is for format = "png"'),
-        ('[export]\nprimaries = "ACES AP0"', "PNG has the display's, leave it out"),
-        ('[export]\nformat = "coefficients"\ntransparent = true', "leave transparent out"),
-        ("[[keyframe]]\ntime_s = -1", "keyframe.1.time_s"),
-        ("[[keyframe]]\ntime_s = 1\n[[keyframe]]\ntime_s = 1", "give times that rise"),
-        ("[[keyframe]]\ntime_s = 0\nlights = { day = 0 }", "no weight is above 0"),
-        ("[[keyframe]]\ntime_s = 0\nlights = { dya = 1 }", "no [[light]] is named 'dya'"),
-        ("[[keyframe]]\ntime_s = 0\nlights = { day = nan }", "keyframe.1.lights.day"),
-        ("[[keyframe]]\ntime_s = 0\n[export]\nturntable = { frames = 3 }", "leave out one"),
+        ("[export]\nbits = 12", "type export.bits"),
+        ('[export]\nshows = "scene"', "conflict export.shows"),
+        ('[export]\nformat = "exr"\nbits = 16', "conflict export.bits"),
+        ('[export]\nprimaries = "ACES AP0"', "conflict export.primaries"),
+        ('[export]\nformat = "coefficients"\ntransparent = true', "conflict export.transparent"),
+        ("[[keyframe]]\ntime_s = -1", "range keyframe[0].time_s"),
+        ("[[keyframe]]\ntime_s = 1\n[[keyframe]]\ntime_s = 1", "range keyframe[1].time_s"),
+        ("[[keyframe]]\ntime_s = 0\nlights = { day = 0 }", "range keyframe[0].lights"),
+        ("[[keyframe]]\ntime_s = 0\nlights = { dya = 1 }", "unknown keyframe[0].lights"),
+        ("[[keyframe]]\ntime_s = 0\nlights = { day = nan }", "range keyframe[0].lights.day"),
+        (
+            "[[keyframe]]\ntime_s = 0\n[export]\nturntable = { frames = 3 }",
+            "conflict export.turntable",
+        ),
         (
             "[[keyframe]]\ntime_s = 0\nlights = { day = 1 }\n[[keyframe]]\ntime_s = 9",
-            "all or in none",
+            "missing keyframe[1].lights",
         ),
         (
             '[[keyframe]]\ntime_s = 0\nlights = { day = 1 }\n[export]\nlights = ["day"]',
-            "export.lights: keyframe.1 has lights, too",
+            "conflict export.lights",
         ),
         (
             "[[keyframe]]\ntime_s = 0\ncamera = { up = [0, 0, 0] }",
-            "keyframe.1.camera.up: has no length; give a direction (it is [0, 0, 0])",
+            "range keyframe[0].camera.up",
         ),
         (
             "[camera]\northographic = true\n"
             "[[keyframe]]\ntime_s = 0\ncamera = { position_mm = [0, 0, 9] }",
-            "keyframe.1.camera.position_mm: [camera] is orthographic; give position_mm or "
-            "orthographic, not both",
+            "conflict keyframe[0].camera.position_mm",
         ),
         (
             "[[keyframe]]\ntime_s = 0\ncamera = { position_mm = [0, 0, 9] }\n"
             "[[keyframe]]\ntime_s = 1\ncamera = { zoom = 2 }",
-            "keyframe.2.camera.zoom: is of an orbit, keyframe.1.camera.position_mm of a place; "
-            "give one kind",
+            "conflict keyframe[1].camera.zoom",
         ),
         (
             "[camera]\nposition_mm = [0, 0, 9]\n"
             "[[keyframe]]\ntime_s = 1\ncamera = { azimuth_deg = 2 }",
-            "keyframe.1.camera.azimuth_deg: is of an orbit, [camera]'s position_mm of a place",
+            "conflict keyframe[0].camera.azimuth_deg",
         ),
-        ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e9", "more than 100000 frames"),
-        ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e308", "more than 100000 frames"),
+        ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e9", "size keyframe"),
+        ("[[keyframe]]\ntime_s = 0\n[[keyframe]]\ntime_s = 1e308", "size keyframe"),
     ],
 )
 def test_a_table_that_cannot_be_is_refused_by_name(scene: Make, more: str, said: str) -> None:
-    with pytest.raises(SceneError) as caught:
+    with raises(SceneError, *said.split(" ")):
         scene(more)
-    assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
 KEY = "[[keyframe]]\ntime_s = {}\ncamera = {{ {} = {}, target_mm = [8, 8, 8] }}\n".format
@@ -474,18 +474,12 @@ def test_at_absolute_level_lights_without_lux_are_refused_before_the_cast(scene:
 
 def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
     made = scene("# What it is for.\n[export]\nfps = 10 # slow\nsweep = { closed = true }\n")
-    rows = [
-        KeyframeTable.model_validate(row)
-        for row in (
-            {"time_s": 0, "camera": {"azimuth_deg": 1.5}, "viewing": {"L_A": 20}},
-            {"time_s": 2, "transfer": {"shift": -0.25}, "camera": {"fov_deg": 20}},
-        )
-    ]
-    file = made.file.model_copy(
-        update={
-            "keyframe": rows,
-            "export": made.file.export.model_copy(update={"fps": 12.5, "lights": ["day", "lamp"]}),
-        }
+    rows = (
+        Keyframe(0, KeyCamera(azimuth_deg=1.5), viewing=KeyViewing(L_A=20)),
+        Keyframe(2, KeyCamera(fov_deg=20), KeyTransfer(shift=-0.25)),
+    )
+    file = replace(
+        made.file, keyframe=rows, export=replace(made.file.export, fps=12.5, lights=("day", "lamp"))
     )
     write_scene(file, made.path.with_name("written.toml"), made)
     text = made.path.with_name("written.toml").read_text()

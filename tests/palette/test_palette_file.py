@@ -267,11 +267,11 @@ def test_addresses_that_lead_nowhere_are_refused(
     ("old", "new", "message"),
     [
         ("rounds = 2", "round = 2", "criteria.round: unknown key; did you mean 'rounds'"),
-        ("rounds = 2", "rounds = 0", "[criteria] criteria: rounds is 0"),
+        ("rounds = 2", "rounds = 0", "criteria.rounds is 0"),
         (
             "upper = 4",
             'upper = "all"',
-            "light.2.upper: Input should be a valid number, or 'none' (it is 'all')",
+            "[[light]] split 1: upper is 'all'",
         ),
         ('"D65"', '"D66"', "[[light]] day: light 'D66' is unknown; did you mean 'D65'"),
         ('name = "red"', 'name = "red"\nvalues = [1.0]', "1 values, but 31 bands"),
@@ -279,34 +279,42 @@ def test_addresses_that_lead_nowhere_are_refused(
         ('"#ca0020"', '"#ca00"', "cell 1: colour '#ca00': expected #rrggbb"),
         ('"#ca0020"', '"crimsom"', "did you mean 'crimson'"),
         ('"#ca0020"', "[202, 0, 32]", "has a code of 202, which no display shows; divide by 255"),
-        ('"#ca0020"', "[0.1, 0.2]", "cell 1 colour is [0.1, 0.2]; give [r, g, b]"),
+        ('"#ca0020"', "[0.1, 0.2]", "cell 1 colour is (0.1, 0.2)"),
         ("weight = 4", "weight = 0", "weight is 0"),
-        ("weight = 4", "weight = 4\nmust = true", "must and weight"),
+        ("weight = 4", "weight = 4\nmust = true", "[[cell]] 2: weight: given with must"),
         ("weight = 4", "black = true", "asks for free and black; give one of colour"),
-        ("weight = 4", "distance = 4", "distance is for distinct cells"),
-        ('free = "m"', 'same = ["red", "day"]', "high is for free cells"),
-        ('reflectance = "*"', 'at = ["red", "day"]', "cell.2: give at = "),
+        ("weight = 4", "distance = 4", "[[cell]] 2: distance: for distinct cells"),
+        ('free = "m"', 'same = ["red", "day"]', "[[cell]] 2: high: for free cells"),
+        ('reflectance = "*"', 'at = ["red", "day"]', "[[cell]] 2: at: no place, or two"),
         (
             '"*"\nlight = "split 1"',
             '["red", "rod"]\nlight = "day"',
             "no reflectance is named 'rod'",
         ),
         ('light = "split 1"', 'light = ["day", "split 1"]', "(red, day) is asked for twice"),
-        ('spectrum = "D65"', 'spectrum = "D65"\nupper = 3', "stands as it is, but has upper"),
-        ('name = "day"', 'name = "day"\nvalues = [1.0]', "has spectrum and values; give one"),
+        (
+            'spectrum = "D65"',
+            'spectrum = "D65"\nupper = 3',
+            "[[light]] day: design: it is not designed, but has upper",
+        ),
+        (
+            'name = "day"',
+            'name = "day"\nvalues = [1.0]',
+            "[[light]] day: values: given with spectrum",
+        ),
         ("[420, 680]", "[680, 420]", "band_nm is (680.0, 420.0); the band is empty"),
         ("title", "[viewing]\nmodel = 'CAT2'\n[extra]\ntitle", "extra: unknown key"),
         (
             "[criteria]",
             "[viewing]\nmodel = 'CAT2'\n[criteria]",
-            "[viewing] Viewing.model is 'CAT2'",
+            "viewing.model is 'CAT2'",
         ),
         ("[criteria]", "[criteria]\nsubspace = 1.0", "but the basis is missing"),
         ("[criteria]", "[criteria]\ngrid_nm = [400, 700]", "criteria.grid_nm"),
         ("[[cell]]", "[[kell]]", "kell: unknown key; did you mean 'cell'"),
         ("rounds = 2", "grid_nm = [400, 700, 0.01]", "grid_nm has 30001 bands; a design takes up"),
-        ('name = "red"', 'name = " "', "reflectance.1.name: is blank; give a name"),
-        ('name = "red"', "", 'reflectance.1: name is missing; add name = "day"'),
+        ('name = "red"', 'name = " "', "[[reflectance]] 1: name is ' '"),
+        ('name = "red"', "", "[[reflectance]] 1: name: missing"),
         ("upper = 4", "upper = 0", "lower: 0 is not below upper 0; leave a range between them"),
     ],
 )
@@ -384,7 +392,7 @@ def test_a_byte_order_mark_is_read_and_line_ends_are_kept(tmp_path: Path) -> Non
 
 
 def test_an_empty_palette_and_a_missing_one_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(PaletteError, match=r"there is no \[\[light\]\]; add one"):
+    with pytest.raises(PaletteError, match=r"light: missing; add \[\[light\]\]"):
         vs.load_palette(written(tmp_path, ""))
     with pytest.raises(SpectrumError) as refused:
         vs.light("none.toml#x", folder=tmp_path)

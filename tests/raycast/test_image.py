@@ -17,7 +17,7 @@ from volspec._files import write_whole
 from volspec.basis import SpectralBasis
 from volspec.errors import ImageError, InputError, ShapeError
 from volspec.raycast import CoefficientImage
-from volspec.scene import viewing_of
+from volspec.scene import stored_relight_spec
 
 
 @pytest.fixture(scope="module")
@@ -261,7 +261,7 @@ def test_a_viewing_note_that_cannot_be_read_is_told_in_one_line(
 ) -> None:
     noted = dataclasses.replace(image, notes={"viewing": note})
     with raises(ImageError):
-        viewing_of(noted)
+        stored_relight_spec(noted)
 
 
 def test_missing_truncated_and_foreign_files_are_refused(

@@ -24,7 +24,7 @@ from volspec.errors import ImageError, SceneError, ViewingError
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, LightRig, Relighter, RelightSpec
 from volspec.relight.measured_viewing import ViewingMeter
-from volspec.scene import Scene, viewing_of
+from volspec.scene import Scene, stored_relight_spec
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
 
@@ -264,7 +264,7 @@ def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
     assert (scene.relight.viewing.adapting, scene.relight.viewing.fov_deg) == ("picture", 25.0)
     scene.render().save(tmp_path / "image.exr")
     again = CoefficientImage.load(tmp_path / "image.exr")
-    assert viewing_of(again).spec().viewing == scene.relight.viewing
+    assert stored_relight_spec(again).viewing == scene.relight.viewing
     assert json.loads(again.notes["viewing"])["fov_deg"] == 25.0
     (tmp_path / "scene.toml").write_text(SCENE.replace('"picture"', '"pixels"'), encoding="utf-8")
     with pytest.raises(SceneError, match=r"\[viewing\].*did you mean 'pixel'"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 import volspec as vs
@@ -67,10 +69,10 @@ def painted(scene: vs.Scene, material: str, like: str) -> vs.Scene:
     """Return the scene with a material of another's reflectance, to measure hiding by."""
     spectra = {f"{name}!": spectrum for name, spectrum in scene.materials.items()}
     rows = [
-        row.model_copy(update={"reflectance": f"{like if row.name == material else row.name}!"})
+        replace(row, reflectance=f"{like if row.name == material else row.name}!")
         for row in scene.file.material
     ]
     spectra |= {f"{light.name}!": light.spectrum for light in scene.lights}
-    lights = [row.model_copy(update={"spectrum": f"{row.name}!"}) for row in scene.file.light]
-    file = scene.file.model_copy(update={"material": rows, "light": lights})
+    lights = [replace(row, spectrum=f"{row.name}!") for row in scene.file.light]
+    file = replace(scene.file, material=rows, light=lights)
     return vs.Scene(file, scene.path, spectra)

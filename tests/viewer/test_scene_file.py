@@ -10,8 +10,6 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.viewer import SCENES, assert_same_picture, opened
-from volspec.appearance import Display
-from volspec.appearance.presets import PRESETS
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, SceneError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
@@ -19,7 +17,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, light_rows, lights, transfer_edits
 from volspec.viewer.model.light_rows import LightRow, light_rig
-from volspec.viewer.model.scene_file import display_table, export_scene, scene_from_state
+from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
 
 
@@ -117,23 +115,6 @@ def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
     again = assert_same_picture(camera.orbit(state, 0.1, 0.0), tmp_path / "there")
     assert again.document.file is not None
     assert again.document.file.volume.file == "../ball.npy"
-
-
-@pytest.mark.parametrize("name", sorted(PRESETS))
-def test_displays_by_preset_and_by_numbers_come_back(name: str) -> None:
-    display = replace(PRESETS[name].display("Display P3", "reduce"), mark=True)
-    assert display_table(display).preset == name or PRESETS[name] != PRESETS["sRGB"]
-    assert display_table(display).display() == display
-    odd = replace(display, L_A=None, white_cd_m2=123.0, Y_b=17.0)
-    assert display_table(odd).display() == odd
-
-
-def test_a_display_of_its_own_primaries_comes_back() -> None:
-    from volspec.appearance.spaces import SPACES
-
-    space = replace(SPACES["Display P3"], name="mine")
-    display = Display(space=space)
-    assert display_table(display).display() == display
 
 
 def test_what_no_file_can_say_is_refused_in_a_line(state: ViewState, tmp_path: Path) -> None:

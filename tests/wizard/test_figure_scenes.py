@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ from tests.support.wizards import frame_Lab, painted
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.errors import SceneError
 from volspec.palette import load_palette
-from volspec.scene import SceneFile
+from volspec.scene.file import scene_data, scene_file
 from volspec.wizard.result import displayed_Lab
 
 DATA = Path(__file__).resolve().parents[2] / "data"
@@ -114,5 +113,4 @@ def test_a_volume_that_does_not_ship_is_missed_in_one_line(figure: str) -> None:
 def test_a_scene_is_exposed_as_its_palette(name: str) -> None:
     palette = load_palette(DATA / "palettes" / f"{name}.toml")
     path = DATA / "scenes" / f"{name.removesuffix('-volume')}.toml"
-    table = SceneFile.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    assert palette.viewing == table.viewing.spec().viewing
+    assert palette.viewing == scene_file(scene_data(path), path).viewing.viewing

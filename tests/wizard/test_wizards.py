@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -157,24 +158,21 @@ def test_wrong_arguments_are_refused(
 
 def test_one_material_alone_has_nothing_to_hide_in(scene: vs.Scene) -> None:
     rows = scene.file.material[:1]
-    points = [p.model_copy(update={"material": "shell"}) for p in scene.file.transfer.points or ()]
-    transfer = scene.file.transfer.model_copy(update={"points": points})
-    alone = vs.Scene(
-        scene.file.model_copy(update={"material": rows, "transfer": transfer}), scene.path
-    )
+    points = [replace(p, material="shell") for p in scene.file.transfer.points or ()]
+    transfer = replace(scene.file.transfer, points=points)
+    alone = vs.Scene(replace(scene.file, material=rows, transfer=transfer), scene.path)
     with raises(SceneError, "missing", "material"):
         vs.hide(alone, "shell", under="day")
 
 
 def test_a_constant_colour_that_cannot_be_is_refused(scene: vs.Scene) -> None:
     rows = [
-        row.model_copy(update={"spectrum": text})
+        replace(row, spectrum=text)
         for row, text in zip(scene.file.light, ("D65", "LED-B1", "HP1"), strict=True)
     ]
-    viewing = scene.file.viewing.model_copy(update={"model": "none"})
-    coloured = vs.Scene(
-        scene.file.model_copy(update={"light": rows, "viewing": viewing}), scene.path
-    )
+    eye = replace(scene.file.viewing.viewing, model="none")
+    viewing = replace(scene.file.viewing, viewing=eye)
+    coloured = vs.Scene(replace(scene.file, light=rows, viewing=viewing), scene.path)
     with raises(PaletteError, "impossible", "material"):
         vs.keep(coloured, "core")
 

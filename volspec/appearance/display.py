@@ -154,8 +154,13 @@ class Display:
         for name, room in rooms.items():
             if own == [getattr(room, key) for key in ROOM]:
                 return ({"preset": name} if name != "sRGB" else {}) | table
-        numbers = {key: plain(getattr(self, key)) for key in ROOM}
-        return {key: value for key, value in numbers.items() if value is not None} | table
+        usual = Display()
+        has_white = self.L_A is None or self.white_cd_m2 != usual.white_cd_m2
+        numbers = {key: getattr(self, key) for key in ROOM}
+        numbers = {key: v for key, v in numbers.items() if v != getattr(usual, key)}
+        if has_white:  # which alone would also give L_A
+            numbers |= {"white_cd_m2": self.white_cd_m2, "L_A": self.L_A}
+        return {key: plain(v) for key, v in numbers.items() if v is not None} | table
 
     @property
     def adapting_luminance(self) -> float:

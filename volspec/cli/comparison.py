@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from volspec.cli.kinds import require_image
 from volspec.cli.shell import say
@@ -41,7 +43,7 @@ def write_comparison(
     from volspec.export.sheet import SheetTile, comparison_sheet
     from volspec.pipeline import Relighter
     from volspec.raycast import CoefficientImage
-    from volspec.scene.tables import ViewingTable
+    from volspec.relight import RelightSpec
     from volspec.spectra import light
 
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
@@ -53,21 +55,21 @@ def write_comparison(
             f"--white {white} with --image: a picture needs the light's spectrum; name a light, "
             "as A, planck:3200 or FILE.csv"
         )
-    table = options.onto(ViewingTable())
-    named = [table.model_copy(update={"model": name}) for name in models or MODELS]
+    viewing = options.onto(RelightSpec()).viewing
+    names: Sequence[Any] = models or MODELS
     with in_options():
-        looks = [each.spec().viewing for each in named]
+        looks = [replace(viewing, model=name) for name in names]
     stored = CoefficientImage.load(image)
     lamp = light(white, stored.basis.grid)
     with Relighter(stored) as relighter:
         tiles = [
             SheetTile(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks
         ]
-    words = [f"{image.stem} under {white}", f"{table.illuminance_lux:g} lx"]
-    if table.L_A is not None:
-        words[1] = f"L_A {table.L_A:g} cd/m²"
+    words = [f"{image.stem} under {white}", f"{viewing.illuminance_lux:g} lx"]
+    if viewing.L_A is not None:
+        words[1] = f"L_A {viewing.L_A:g} cd/m²"
     space = looks[0].display.colours
-    words += [each for each in (table.display.preset, space.name) if each != "sRGB"]
+    words += [each for each in (options.preset, space.name) if each not in (None, "sRGB")]
     sheet = comparison_sheet(", ".join(words), tiles, columns=4)
     notes = {"light": white, "Software": f"volspec {__version__}"}
     write_frame(output, sheet, notes, space)

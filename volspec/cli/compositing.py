@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
 
@@ -53,7 +53,7 @@ def compositing(
     from volspec.export.compositing import Recipe, save_for_compositors
     from volspec.export.recipes import SUFFIXES, write_recipe
     from volspec.raycast import CoefficientImage
-    from volspec.scene import viewing_of
+    from volspec.scene import stored_relight_spec
 
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
     suffix = output.suffix.lower()
@@ -77,9 +77,10 @@ def compositing(
                 f"--light: {twice[0]!r} is given twice; give it once", code="duplicate"
             )
         stored = CoefficientImage.load(image)
-        spec = viewing_of(stored).spec()
+        spec = stored_relight_spec(stored)
         with in_options():
-            spec = spec if mode is None else replace(spec, mode=mode)  # type: ignore[arg-type]
+            changes: dict[str, Any] = {} if mode is None else {"mode": mode}
+            spec = replace(spec, **changes)
         lamps = {text: read_image_setting(image, text, stored) for text in light}
         recipe = Recipe.of(stored.basis, stored.groups, lamps, spec)
         save_for_compositors(stored, output, recipe)

@@ -45,7 +45,7 @@ def design(
     from volspec.palette import DesignReport, load_palette, save_palette, suggestions
     from volspec.palette import design as solved
     from volspec.palette.figure import SUFFIXES, save_palette_figure
-    from volspec.palette.file import palette_table
+    from volspec.palette.file import palette_file
     from volspec.palette.text import render
 
     if output is not None:
@@ -71,7 +71,7 @@ def design(
         tell("report", 1)
         if figure is not None:
             tell("draw the figure", 0)
-            save_palette_figure(made, figure, report, palette_table(palette).title)
+            save_palette_figure(made, figure, report, palette_file(palette).title)
             tell("draw the figure", 1)
     if json:
         print_json(report.to_dict())

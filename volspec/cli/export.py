@@ -84,6 +84,7 @@ def export(
         Replace what an export of another scene has left in the folder.
     """
     from volspec.scene import Scene
+    from volspec.settings import plain
 
     require_scene(scene)
     changes: dict[str, Any] = {
@@ -104,7 +105,7 @@ def export(
             ("sweep", sweep, own.sweep),
         ):
             if frames is not None:
-                kept = {} if table is None else table.model_dump(exclude_unset=True)
+                kept = {} if table is None else plain(table)
                 changes[key] = kept | {"frames": frames}
         given = {key: value for key, value in changes.items() if value is not None}
         with _told_by_option(scene, given):
@@ -115,7 +116,7 @@ def export(
             size=sides(size) if size else None,
             overwrite=overwrite,
             device=device,
-            tell=tell,
+            progress=tell,
         )
     if json:
         print_json(

@@ -78,8 +78,7 @@ def page(
     from volspec.export.page import PageSpec, scene_views, write_page
     from volspec.relight import LightRig
     from volspec.scene import Scene
-    from volspec.scene.lights import NamedLight
-    from volspec.scene.lux import require_lux
+    from volspec.scene.lights import NamedLight, require_lux
 
     if output.suffix.lower() not in (".html", ".htm"):
         raise ImageError(f"{output}: pages are HTML files; name it .html")

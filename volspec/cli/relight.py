@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -21,7 +21,6 @@ from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
 if TYPE_CHECKING:
     from volspec.raycast import CoefficientImage
     from volspec.relight import LightRig, RelightSpec
-    from volspec.scene.tables import ViewingTable
     from volspec.spectra import SpectralGrid, Spectrum
 
 # CIEDE2000 that an eye notices at a glance: worth a warning.
@@ -103,7 +102,7 @@ def relight(
     """
     from volspec.export.frames import BlankFrames, file_stem, write_frame
     from volspec.pipeline import Relighter
-    from volspec.scene import viewing_of
+    from volspec.scene import stored_relight_spec
 
     require_image(
         image,
@@ -121,19 +120,16 @@ def relight(
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the image that is relit; name another file")
     stored = _picture(image, basis, taken_under)
-    given = {"model": model, "mode": mode, "backdrop": backdrop}
-    scene = viewing_of(stored)
-    table = viewing.onto(scene)
-    table = table.model_copy(update={k: v for k, v in given.items() if v is not None})
+    scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
-    with in_options():
-        spec = table.spec().for_lights(lamps)
+    own_mode = mode or ("exact" if spectral else None)
+    spec = viewing.onto(scene, model=model, mode=own_mode, backdrop=backdrop).for_lights(lamps)
     changes = _reflectances(reflectance or (), stored.basis.grid)
     if spectral:
         with in_options():
             stored = stored.with_reflectances(changes) if changes else stored
         named = dict(zip(light, lamps, strict=True))
-        _write_spectra(stored, named, replace(spec, mode=mode or "exact"), paths)  # type: ignore[arg-type]
+        _write_spectra(stored, named, spec, paths)
         _tell_of_lux(image, scene, viewing, spec)
         return
     blanks = BlankFrames("--exposure")
@@ -166,17 +162,16 @@ def relight(
     _tell_of_lux(image, scene, viewing, spec)
 
 
-def _tell_of_lux(
-    image: Path, scene: ViewingTable, given: PictureOptions, spec: RelightSpec
-) -> None:
+def _tell_of_lux(image: Path, scene: RelightSpec, given: PictureOptions, spec: RelightSpec) -> None:
     """Say so where the scene's lights have lux that show, as --light says none."""
     if given.lux is not None:
         return
+    eye = scene.viewing
     if spec.level != scene.level:
         note(
             f'{image}: its scene has level = "absolute", but --light says no lux: white is as '
             "bright under each light; for the absolute picture of, say, 500 lx add --lux 500 "
-            f"--exposure {scene.exposure * 500 / scene.illuminance_lux:g}, or volspec export "
+            f"--exposure {eye.exposure * 500 / eye.illuminance_lux:g}, or volspec export "
             "SCENE.toml --light NAME -o FOLDER"
         )
     elif spec.viewing.L_A is None and (lux := _lux_of(image)):

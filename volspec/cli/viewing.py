@@ -1,6 +1,6 @@
 """How colours and pictures are looked at: the options that commands share, each written once.
 
-    words -> [viewing] -> ViewingConditions | the scene's ViewingTable -> models, frames
+    words -> [viewing] -> ViewingConditions | RelightSpec -> models, frames
 
 `SceneOptions` are for triples, `PictureOptions` add the display that a picture is made for. A
 command takes either whole: its fields become options of their own. None is what was left out.
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Group, Parameter
@@ -20,25 +20,20 @@ from volspec.errors import InputError, SpectrumError
 
 if TYPE_CHECKING:
     from volspec.appearance import ViewingConditions
-    from volspec.scene.tables import ViewingTable
+    from volspec.relight import RelightSpec
 
 _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
-# What models take where nothing is said, as `volspec.Viewing` has it.
-_LUX, _Y_b, _SURROUND = 1000.0, 20.0, "average"
-
-# What messages call the options, and who is none of their business.
-_OPTIONS = (
-    (r"^(?:surround|illuminance_lux) is", r"--\g<0>"),
-    (r"^relight: (?=mode|backdrop)", "--"),
-    (r"--illuminance_lux", "--lux"),
-    (r"--fov_deg", "--fov-deg"),
-    (r" or as a ColourSpace", ""),
-    (r"adapting='picture'", "--adapting picture"),
-    (r"--white_XYZ", "the white"),
-    (r"^lamp[:.] ?(power|distance|beam)_(?=W|m|deg)", r"--\1-"),
-)
-# What of `[viewing.display]` a preset says.
-_ROOM = ("white_cd_m2", "L_A", "Y_b", "surround")
+# Options with another name than the field that they set.
+_OPTIONS = {
+    "illuminance_lux": "--lux",
+    "fov_deg": "--fov-deg",
+    "white_XYZ": "the white",
+    "power_W": "--power-W",
+    "distance_m": "--distance-m",
+    "beam_deg": "--beam-deg",
+}
+_SAME = ("L_A", "Y_b", "surround", "D", "discount", "exposure", "space", "gamut", "mark")
+_OPTIONS |= {name: f"--{name}" for name in (*_SAME, "adapting", "preset", "mode", "backdrop")}
 
 
 def _number(help: str, name: str | None = None, group: Group = _EYE) -> Parameter:
@@ -78,15 +73,16 @@ class SceneOptions:
         InputError
             If two options say the same, a name is unknown or a number out of range.
         """
-        from volspec.appearance import ViewingConditions
+        from volspec.appearance import Viewing, ViewingConditions
         from volspec.appearance.presets import preset
 
+        default = Viewing()
         self.require_one_degree()
         self.require_one_level()
         room = None if self.preset is None else preset(self.preset)
         others: dict[str, Any] = {
-            "Y_b": room.Y_b if room else _Y_b,
-            "surround": room.surround if room else _SURROUND,
+            "Y_b": room.Y_b if room else default.Y_b,
+            "surround": room.surround if room else default.surround,
             **_given({"Y_b": self.Y_b, "surround": self.surround}),
             "D": self.D,
             "discount": bool(self.discount),
@@ -94,13 +90,16 @@ class SceneOptions:
         L_A = room.L_A if room and self.L_A is None and self.lux is None else self.L_A
         if L_A is not None:
             return ViewingConditions(_white_of(white), L_A, **others)
-        lux = _LUX if self.lux is None else self.lux
+        lux = default.illuminance_lux if self.lux is None else self.lux
         return ViewingConditions.of_lux(_white_of(white), lux, **others)
 
     @property
     def said(self) -> str:
         """What the light and the room are called in a title."""
-        lux = _LUX if self.lux is None and self.L_A is None and self.preset is None else self.lux
+        from volspec.appearance import Viewing
+
+        nothing = self.lux is None and self.L_A is None and self.preset is None
+        lux = Viewing().illuminance_lux if nothing else self.lux
         words = [self.preset, None if lux is None else f"{lux:g} lx"]
         return ", ".join(word for word in words if word)
 
@@ -155,31 +154,32 @@ class PictureOptions(SceneOptions):
         float | None, _number("The picture's height as an angle, to measure in.", group=_PICTURE)
     ] = None
 
-    def onto(self, table: ViewingTable) -> ViewingTable:
-        """A scene's ``[viewing]`` with what is given here in place of its own.
+    def onto(self, spec: RelightSpec, **others: Any) -> RelightSpec:
+        """Return a scene's ``[viewing]`` with the options instead of its own settings.
 
         What says the same in the scene gives way: its L_A to ``--lux``, its ``discount`` to
         ``--D`` and the other way round, its display's room to ``--preset``.
 
+        Parameters
+        ----------
+        spec : RelightSpec
+        **others
+            model, mode and backdrop, if the command has them; None is left out.
+
         Raises
         ------
         InputError
-            If two options say the same, or one does nothing.
+            If two options say the same, one does nothing or is out of range.
         """
+        from volspec.appearance.display import ROOM
+        from volspec.appearance.presets import preset
+
         self.require_one_degree()
-        if table.level == "relative":  # at "absolute" the lux are also what lights are held against
+        if spec.level == "relative":  # at "absolute" lights are also compared with the lux
             self.require_one_level()
-        eye: dict[str, Any] = {
-            "illuminance_lux": self.lux,
-            "L_A": self.L_A,
-            "Y_b": self.Y_b,
-            "surround": self.surround,
-            "D": self.D,
-            "discount": self.discount,
-            "exposure": self.exposure,
-            "adapting": self.adapting,
-            "fov_deg": self.fov_deg,
-        }
+        names = ("L_A", "Y_b", "surround", "D", "discount", "exposure", "adapting", "fov_deg")
+        eye = {"illuminance_lux": self.lux, **{name: getattr(self, name) for name in names}}
+        eye["model"] = others.pop("model", None)
         gives_way: dict[str, Any] = {}
         if self.lux is not None:
             gives_way["L_A"] = None
@@ -187,16 +187,21 @@ class PictureOptions(SceneOptions):
             gives_way["discount"] = False
         if self.discount:
             gives_way["D"] = None
-        room = {"preset": self.preset} | dict.fromkeys(_ROOM) if self.preset is not None else {}
-        seen = _given({name: getattr(self, name) for name in ("space", "gamut", "mark")})
-        display = table.display.model_copy(update=room | seen)
-        seen_as = table.model_copy(update=gives_way | _given(eye) | {"display": display})
-        if self.fov_deg is not None and seen_as.adapting == "given":
-            raise InputError(
-                f"--fov-deg {self.fov_deg:g}: nothing is measured in the picture; add --adapting "
-                "picture or pixel, or leave it out"
-            )
-        return seen_as
+        with in_options():
+            room = {}
+            if self.preset is not None:
+                named = preset(self.preset).display()
+                room = {name: getattr(named, name) for name in ROOM}
+            look = _given({name: getattr(self, name) for name in ("space", "gamut", "mark")})
+            display = replace(spec.viewing.display, **room | look)
+            viewing = replace(spec.viewing, **gives_way | _given(eye), display=display)
+            if self.fov_deg is not None and viewing.adapting == "given":
+                raise InputError(
+                    f"--fov-deg {self.fov_deg:g}: nothing is measured in the picture; add "
+                    "--adapting picture or pixel, or leave it out",
+                    code="conflict",
+                )
+            return replace(spec, viewing=viewing, **_given(others))
 
     def require_no_picture(self) -> None:
         """Refuse what only a picture has."""
@@ -215,14 +220,11 @@ def in_options() -> Iterator[None]:
     InputError
         As was raised inside.
     """
-    from volspec.scene.wording import before_field, in_keys, reworded
-
-    words = ((before_field("Viewing", "ViewingConditions", "Display"), "--"), *_OPTIONS)
-
     try:
         yield
     except InputError as error:
-        raise type(error)(in_keys(reworded(str(error), words))) from error
+        option = _OPTIONS.get(error.field.rpartition(".")[2])
+        raise (error if option is None else error.at(option)) from error
 
 
 def white_triple(white: str) -> tuple[float, float, float] | None:

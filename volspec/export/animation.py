@@ -13,9 +13,10 @@ References
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -24,18 +25,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import CameraError, InputError, SceneError, TransferError, ViewingError
 from volspec.raycast import Camera
+from volspec.raycast.camera import Orbit
 from volspec.raycast.checks import Vector, unit
 from volspec.raycast.packed import check_reach
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
-from volspec.scene.export import KeyframeTable, TurntableTable
-from volspec.scene.keyparts import KeyCameraTable
-from volspec.scene.wording import in_keys
+from volspec.scene.export import KeyCamera, Keyframe, Turntable
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction, TransferFunction2D
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
-Keys = Sequence[KeyframeTable]
+Keys = Sequence[Keyframe]
 # (times of the keyframes, their values, times of the frames) -> values of the frames.
 Interpolate = Callable[[ArrayLike, ArrayLike, ArrayLike], Array]
 Row = TypeVar("Row")
@@ -211,7 +211,7 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
     keys = scene.file.keyframe
     found: dict[str, SceneError] = {}
 
-    def faults(name: str, of: Keys, at: KeyframeTable) -> list[SceneError]:
+    def faults(name: str, of: Keys, at: Keyframe) -> list[SceneError]:
         try:
             with located_in(scene, f"[[keyframe]] {name}"):
                 parts[name](of, np.array([at.time_s]))
@@ -251,7 +251,10 @@ def located_in(scene: Scene, place: str = "") -> Iterator[None]:
         yield
     except InputError as error:
         where = f"{scene.path}: {place}: " if place else f"{scene.path}: "
-        raise SceneError(where + in_keys(str(error)), code=error.code) from error
+        problem = str(error).removesuffix(f"; {error.remedy}")
+        # Names of classes say nothing to who writes a file.
+        problem = re.sub(r"(?:(?<=: )|^)[A-Z]\w+\.(?=[A-Za-z_]+(?: is|:))", "", problem)
+        raise SceneError(where + problem, error.remedy, code=error.code) from error
 
 
 def _at_times(
@@ -280,7 +283,7 @@ def _at_times(
     return made
 
 
-def turntable_cameras(scene: Scene, volume: Volume, table: TurntableTable) -> list[Camera]:
+def turntable_cameras(scene: Scene, volume: Volume, table: Turntable) -> list[Camera]:
     """Return the cameras of a turntable; the first is the scene's own.
 
     Whole turns end one step before the first, others at their last degree.
@@ -327,7 +330,7 @@ def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> l
     if not given:
         return [scene.camera(volume)] * len(at_s)
     if table.position_mm is None and not given & {"position_mm", "up"}:
-        common = table.model_dump(exclude={"position_mm"})
+        common = {each.name: getattr(table, each.name) for each in fields(Orbit)}
         rows = _rows(_interpolated_tracks(cameras, _ORBIT, at_s), len(at_s))
         return _at_times(at_s, keys, rows, lambda row: Camera.orbit(volume, **{**common, **row}))
     _check_ups(cameras)
@@ -348,7 +351,7 @@ def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> l
     return _at_times(at_s, keys, rows, lambda row: replace(still, **row))
 
 
-def _check_ups(cameras: Sequence[tuple[float, KeyCameraTable | None]]) -> None:
+def _check_ups(cameras: Sequence[tuple[float, KeyCamera | None]]) -> None:
     """Refuse an up that turns to its opposite: there is no shortest way."""
     ups = [(time, unit(key.up)) for time, key in cameras if key is not None and key.up is not None]
     for (before, one), (time, other) in pairwise(ups):
@@ -361,7 +364,7 @@ def _check_ups(cameras: Sequence[tuple[float, KeyCameraTable | None]]) -> None:
 
 
 def _interpolated_offsets(
-    cameras: Sequence[tuple[float, KeyCameraTable | None]],
+    cameras: Sequence[tuple[float, KeyCamera | None]],
     places: Sequence[tuple[float, tuple[float, float, float]]],
     up: Vector,
     still_mm: Vector,
@@ -472,14 +475,17 @@ def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
             )
     for time, rows in given:
         for row in rows:
-            if unknown := [name for name in row.shares if name not in names]:
+            if unknown := [name for name in row.material_weights if name not in names]:
                 raise SceneError(
                     f"points: material {unknown[0]!r} at {time:g} s is unknown",
                     f"there is {', '.join(names)}",
                     code="unknown",
                 )
     numbers = [
-        [[row.value, row.opacity, *(row.shares.get(name, 0.0) for name in names)] for row in rows]
+        [
+            [row.value, row.opacity, *(row.material_weights.get(name, 0.0) for name in names)]
+            for row in rows
+        ]
         for _, rows in given
     ]
     found = interpolate_keyframes([time for time, _ in given], numbers, at_s)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import operator
 import os
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -14,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from volspec._deprecated import renamed_keyword
 from volspec._files import require_writable, require_writable_folder
-from volspec._tables.written import plain
 from volspec.errors import InputError, ViewingError
 from volspec.export.exr import ExrWriter
 from volspec.export.film import SUFFIXES, check_film, write_film
@@ -36,8 +37,8 @@ from volspec.export.tiles import Canvas, TileCaster
 from volspec.pipeline import Raycaster
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
-from volspec.scene.export import Exported
-from volspec.scene.wording import in_keys
+from volspec.scene.model import viewing_note
+from volspec.settings import plain
 from volspec.volume import Volume
 
 Progress = Callable[[str, float], object]
@@ -72,14 +73,38 @@ _BRIGHTNESS = "the light's illuminance_lux, or exposure in [viewing]"
 _MEASURED_SIDE = 512
 
 
-def export_scene(
+@dataclass(frozen=True, slots=True)
+class Exported:
+    """Result of an export.
+
+    Parameters
+    ----------
+    output : Path
+        The folder, or the film.
+    files : tuple of str
+        Names within the folder; of a film the film alone.
+    frames, made : int
+        Number of frames, and how many of them this call has made.
+    casts : int
+        Number of casts.
+    """
+
+    output: Path
+    files: tuple[str, ...]
+    frames: int
+    made: int
+    casts: int
+
+
+@renamed_keyword(tell="progress")
+def export(
     scene: Scene,
     output: str | os.PathLike[str],
     *,
     size: tuple[int, int] | None = None,
     overwrite: bool = False,
     device: str | None = None,
-    tell: Progress | None = None,
+    progress: Progress | None = None,
     volume: Volume | None = None,
     caster: Raycaster | None = None,
 ) -> Exported:
@@ -99,7 +124,7 @@ def export_scene(
         Replace the export of another scene in the folder.
     device : str, optional
         Part of an OpenCL device's name.
-    tell : callable, optional
+    progress : callable, optional
         Called with a step's name and its progress, 0…1.
     volume : Volume, optional
         The scene's, if it is loaded already.
@@ -113,7 +138,7 @@ def export_scene(
     DeviceError
         If there is no device, or a film needs ffmpeg and there is none.
     """
-    progress = tell or (lambda step, fraction: None)
+    progress = progress or (lambda step, fraction: None)
     target, table = Path(output), scene.file.export
     is_film = target.suffix.lower() in SUFFIXES
     if is_film:
@@ -145,7 +170,7 @@ def export_scene(
                 plan, lambda: caster or Raycaster(volume, device=device), progress
             )
         except ViewingError as error:
-            message = in_keys(str(error).removeprefix("export: "))
+            message = re.sub(r"^(?:[A-Z]\w+\.|export: )", "", str(error))
             raise ViewingError(f"{scene.path}: [viewing] {message}", code=error.code) from error
         finally:
             folder.record_sizes()
@@ -240,7 +265,7 @@ class FrameMaker:
             return 0, 0
         scene, table = self.files.scene, self.files.table
         check_adapting(table, scene.relight.viewing.adapting, self._parts)
-        notes = {"scene": scene.file.title, "viewing": scene.viewing.model_dump_json()}
+        notes = {"scene": scene.file.title, "viewing": viewing_note(scene.relight)}
         only_cast = table.format == "coefficients"
         if self._parts > 1 and not only_cast:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]

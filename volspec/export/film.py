@@ -28,7 +28,7 @@ from volspec._files import write_whole
 from volspec.appearance.spaces import SPACES, ColourSpace
 from volspec.errors import DeviceError, InputError, VolspecWarning, quoted
 from volspec.export.frames import read_frame
-from volspec.scene.export import ExportTable
+from volspec.scene.export import ExportSpec
 
 SUFFIXES = (".mp4", ".webm", ".gif")
 # ffmpeg's names of a space's primaries and curve; films of others cannot be tagged.
@@ -63,7 +63,7 @@ _VARIABLE, _TIMEOUT_S = "IMAGEIO_FFMPEG_EXE", 20.0
 Progress = Callable[[float], object]
 
 
-def check_film(path: Path, table: ExportTable, space: ColourSpace) -> None:
+def check_film(path: Path, table: ExportSpec, space: ColourSpace) -> None:
     """Refuse an impossible film before its frames are made.
 
     Raises

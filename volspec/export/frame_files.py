@@ -36,7 +36,7 @@ from volspec.export.png import PngWriter
 from volspec.export.spectral import SpectralIllumination
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
-from volspec.scene.export import ExportTable
+from volspec.scene.export import ExportSpec
 
 # Bytes of a pixel's red, green, blue and opacity as half floats, or in 16 bits.
 _COLOUR_BYTES = 8
@@ -102,13 +102,13 @@ class FrameFiles:
     ----------
     scene : Scene
     folder : ExportFolder
-    table : ExportTable
+    table : ExportSpec
     size : (width, height)
     """
 
     scene: Scene
     folder: ExportFolder
-    table: ExportTable
+    table: ExportSpec
     size: tuple[int, int]
 
     def encoders(self) -> Encoders:

@@ -24,7 +24,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
 from volspec.relight.illumination import Illumination
 from volspec.relight.measured_viewing import ViewingMeter
-from volspec.scene.export import ExportTable
+from volspec.scene.export import ExportSpec
 
 Array = NDArray[Any]
 
@@ -42,15 +42,15 @@ class FrameSource:
         For transparent frames the surfaces alone, with nothing shining through.
     alpha : (H, W) float32
         Opacity as cast.
-    table : ExportTable
+    table : ExportSpec
     """
 
     image: CoefficientImage
     alpha: NDArray[np.float32]
-    table: ExportTable
+    table: ExportSpec
 
     @classmethod
-    def of(cls, image: CoefficientImage, table: ExportTable) -> FrameSource:
+    def of(cls, image: CoefficientImage, table: ExportSpec) -> FrameSource:
         """Prepare an image for the table's files."""
         alpha = np.asarray(image.alpha)
         if not table.transparent:
@@ -177,7 +177,7 @@ def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
     return replace(shot, spec=replace(spec, viewing=viewing))
 
 
-def check_adapting(table: ExportTable, adapting: str, parts: int) -> None:
+def check_adapting(table: ExportSpec, adapting: str, parts: int) -> None:
     """Refuse local adaptation to a picture that is never in memory as a whole.
 
     Raises

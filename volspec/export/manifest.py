@@ -24,9 +24,9 @@ import numpy as np
 from volspec import __version__
 from volspec._files import clear_unfinished, lock_file_handle, write_whole
 from volspec._parse import parse_json
-from volspec._tables.written import plain
 from volspec.errors import InputError
 from volspec.scene import Scene
+from volspec.settings import plain
 from volspec.volume import Volume
 
 NAME = "export.json"
@@ -60,7 +60,7 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
         "volume": [volume.name, str(values.dtype), values.shape],
         "file": file,
         "lights": [[light.rig.weights, light.rig.illuminance_lux] for light in scene.lights],
-        "viewing": scene.viewing.model_dump(),
+        "viewing": plain(scene.relight),
         # A trained one follows from all the others.
         "basis": scene.basis.to_dict() if scene.file.basis.file else scene.basis.name,
         "raycast": repr(scene.raycast),

@@ -18,7 +18,7 @@ from volspec.pipeline import Relighter, relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
 from volspec.relight.spec import Pixels, mixed_rig
-from volspec.scene import Scene, viewing_of
+from volspec.scene import Scene, stored_relight_spec
 from volspec.spectra import light
 
 
@@ -36,7 +36,7 @@ class Relit:
     def frame(self, weights: Mapping[str, float], relighter: Relighter | None = None) -> Pixels:
         """Relight to (H, W, 3) uint8 with weighted lights and the viewing of the image's scene."""
         mix = mixed_rig(tuple(self.lights.values()), [weights[name] for name in self.lights])
-        spec = viewing_of(self.image).spec().for_lights(self.lights.values())
+        spec = stored_relight_spec(self.image).for_lights(self.lights.values())
         return relighter.frame(mix, spec) if relighter else relight(self.image, mix, spec)
 
 

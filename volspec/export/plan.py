@@ -34,10 +34,9 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import mixed_rig
 from volspec.scene import NamedLight, Scene
-from volspec.scene.export import ExportTable
-from volspec.scene.file import SceneFile
-from volspec.scene.lux import require_lux
-from volspec.scene.reading import SceneFaults, scene_data, scene_file
+from volspec.scene.export import ExportSpec
+from volspec.scene.file import SceneFaults, SceneFile, scene_data, scene_file
+from volspec.scene.lights import require_lux
 from volspec.scene.resolve import Resolver
 from volspec.transfer import Transfer
 from volspec.volume import Volume
@@ -103,7 +102,7 @@ class Plan:
         return list(found.values())
 
 
-def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
+def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:
     """Plan the frames of ``[export]``.
 
     Parameters
@@ -111,7 +110,7 @@ def plan_export(scene: Scene, volume: Volume, table: ExportTable) -> Plan:
     scene : Scene
     volume : Volume
         The scene's.
-    table : ExportTable
+    table : ExportSpec
         The scene's, or another that fits it.
 
     Raises
@@ -149,14 +148,14 @@ def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) 
     return Shot(stem, number, state.camera, state.transfer, light, rig, state.spec)
 
 
-def export_lights(scene: Scene, table: ExportTable) -> list[NamedLight]:
+def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
     """Return the scene's lights that ``[export]`` names, in its order; by default all."""
     by_name = {light.name: light for light in scene.lights}
     return [by_name[name] for name in table.lights or by_name]
 
 
 def _visible_lights(
-    scene: Scene, table: ExportTable, lights: Sequence[NamedLight]
+    scene: Scene, table: ExportSpec, lights: Sequence[NamedLight]
 ) -> Sequence[NamedLight]:
     """Return the lights of any frame; coefficient images are relit at a level of their own."""
     if table.format == "coefficients":
@@ -175,7 +174,7 @@ def _weights(scene: Scene) -> list[dict[str, float]] | None:
     return [key.lights or {} for key in keys]
 
 
-def _states(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> list[FrameState]:
+def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> list[FrameState]:
     # A spectrum holds all bands: the factor model would smooth a lamp's.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
     still = FrameState(scene.camera(volume), scene.transfer, spec)
@@ -195,7 +194,7 @@ def _states(scene: Scene, volume: Volume, table: ExportTable, lights: int) -> li
 
 
 def _mixes(
-    scene: Scene, table: ExportTable, lights: Sequence[NamedLight], count: int
+    scene: Scene, table: ExportSpec, lights: Sequence[NamedLight], count: int
 ) -> list[tuple[str, LightRig]] | None:
     """Return each state's light and its description; None if every light has its own frames."""
     if table.format == "coefficients":
@@ -219,7 +218,7 @@ def _mixes(
         return [mix_lights(lights, row) for row in weights]
 
 
-def _require_lit(scene: Scene, table: ExportTable, shots: Sequence[Shot]) -> None:
+def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None:
     """Refuse, before the cast, a light or a viewing that no frame can be made with."""
     keys, shares = scene.file.keyframe, scene.raycast.shares()
     at_s = frame_times_s(keys, table.fps) if keys else np.zeros(0)
@@ -357,6 +356,5 @@ def _unresolved(file: SceneFile, path: Path) -> list[str]:
     grid = names.grid(names.shipped_basis())
     names.reflectances("reflectance", grid)
     names.reflectances("filter", grid)
-    names.lights(grid, names.raycast())
-    names.viewing()
+    names.lights(grid, file.cast)
     return errors

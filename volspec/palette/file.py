@@ -14,24 +14,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from volspec._parse import parse_toml, read_text
-from volspec._tables import explained
 from volspec.basis import SpectralBasis, load_basis
 from volspec.errors import InputError, PaletteError, nearest
 from volspec.palette.model import Cell, Palette, Place, parse_colour
 from volspec.palette.optimisation import fitted_exposure
 from volspec.palette.tables import (
     EVERY,
-    CellTable,
-    CriteriaTable,
-    LightTable,
-    PaletteTable,
-    ReflectanceTable,
-    SpectrumTable,
+    CellSpec,
+    CriteriaSpec,
+    LightMember,
+    PaletteFile,
+    ReflectanceMember,
 )
 from volspec.palette.variables import PaletteSpectrum
+from volspec.settings import FileFaults, row_names, try_table
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflectance
 
 # Values of an open spectrum came from a design.
@@ -69,16 +67,20 @@ def load_palette(path: FileName) -> Palette:
     >>> made.reflectance("flame").designed
     True
     """
-    table = palette_table(path)
-    palette = _Reader(Path(path), table).palette()
-    if table.viewing.exposure == "auto":
+    file = palette_file(path)
+    palette = _Reader(Path(path), file).palette()
+    if file.auto_exposure:
         with _named(os.fspath(path), "exposure:"):
             return palette.with_exposure(fitted_exposure(palette))
     return palette
 
 
-def palette_table(path: FileName) -> PaletteTable:
-    """The tables of a palette's file, each checked by itself.
+class PaletteFaults(FileFaults, PaletteError):
+    """Faults of a palette's file."""
+
+
+def palette_file(path: FileName) -> PaletteFile:
+    """Return the tables of a palette's file, each checked by itself.
 
     Raises
     ------
@@ -87,11 +89,13 @@ def palette_table(path: FileName) -> PaletteTable:
     """
     name, text = os.fspath(path), palette_text(path)
     try:
-        return PaletteTable.model_validate(parse_toml(text))
-    except ValidationError as error:
-        raise PaletteError(f"{name}: {explained(error, PaletteTable)}") from error
+        tables = parse_toml(text)
     except ValueError as error:
-        raise PaletteError(f"{name}: not valid TOML: {error}") from error
+        raise PaletteError(f"{name}: not valid TOML: {error}", code="syntax") from error
+    file, faults = try_table(PaletteFile, tables, PaletteError, Path(path).parent)
+    if file is None:
+        raise PaletteFaults(path, faults, row_names(tables))
+    return file
 
 
 def palette_text(path: FileName) -> str:
@@ -128,7 +132,7 @@ class _Reader:
     """Tables to a palette."""
 
     path: Path
-    table: PaletteTable
+    table: PaletteFile
 
     def palette(self) -> Palette:
         table, name = self.table, os.fspath(self.path)
@@ -141,20 +145,18 @@ class _Reader:
                         f"grid_nm has {grid.size} bands; a design takes up to {_MOST_BANDS}, give "
                         "a longer step"
                     )
-            criteria, basis = table.criteria.criteria(), self._basis(table.criteria)
-        with _named(name, "[viewing]"):
-            viewing = table.viewing.beside(self.path.parent).viewing()
+            criteria, basis = table.criteria.criteria, self._basis(table.criteria)
         reflectances = tuple(self._member(row, grid) for row in table.reflectance)
         lights = tuple(self._member(row, grid) for row in table.light)
         cells = self._cells()
         with _named(name, ""):
             return Palette(
-                *(reflectances, lights, cells, viewing, grid, criteria),
+                *(reflectances, lights, cells, table.viewing, grid, criteria),
                 level=table.criteria.level,
                 basis=basis,
             )
 
-    def _basis(self, table: CriteriaTable) -> SpectralBasis | None:
+    def _basis(self, table: CriteriaSpec) -> SpectralBasis | None:
         if table.basis is None:
             return None
         file = table.basis.endswith(".json")
@@ -163,9 +165,9 @@ class _Reader:
             raise PaletteError(f"basis {table.basis!r} holds materials; give a fitted one")
         return found
 
-    def _member(self, row: SpectrumTable, grid: SpectralGrid) -> PaletteSpectrum:
+    def _member(self, row: LightMember | ReflectanceMember, grid: SpectralGrid) -> PaletteSpectrum:
         kind, find = (
-            ("light", light) if isinstance(row, LightTable) else ("reflectance", reflectance)
+            ("light", light) if isinstance(row, LightMember) else ("reflectance", reflectance)
         )
         with _named(os.fspath(self.path), f"[[{kind}]] {row.name}:"):
             spectrum = self._values(row, grid)
@@ -173,17 +175,17 @@ class _Reader:
                 spectrum = find(row.spectrum, grid, folder=self.path.parent)
             if not row.open:
                 return PaletteSpectrum(row.name, spectrum)
-            mixture = row.mixture if isinstance(row, LightTable) else []
+            mixture = row.mixture if isinstance(row, LightMember) else ()
             return PaletteSpectrum(
                 *(row.name, spectrum, True),
                 lower=None if row.lower == "none" else row.lower,
                 upper=None if row.upper == "none" else row.upper,
                 band_nm=row.band_nm,
                 mixture=tuple(light(each, grid, folder=self.path.parent) for each in mixture),
-                constant=isinstance(row, ReflectanceTable) and row.constant,
+                constant=isinstance(row, ReflectanceMember) and row.constant,
             )
 
-    def _values(self, row: SpectrumTable, grid: SpectralGrid) -> Spectrum | None:
+    def _values(self, row: LightMember | ReflectanceMember, grid: SpectralGrid) -> Spectrum | None:
         if row.values is None:
             return None
         if len(row.values) != grid.size:
@@ -213,17 +215,17 @@ class _Reader:
                     cells[place] = cell
         return cells
 
-    def _places(self, row: CellTable) -> Iterator[Place]:
+    def _places(self, row: CellSpec) -> Iterator[Place]:
         rows, columns = row.at or (row.reflectance, row.light)
         for reflectance_name in self._names("reflectance", rows):
             for light_name in self._names("light", columns):
                 yield reflectance_name, light_name
 
-    def _names(self, kind: str, given: str | list[str] | None) -> list[str]:
+    def _names(self, kind: str, given: str | tuple[str, ...] | None) -> list[str]:
         known = [row.name for row in getattr(self.table, kind)]
         if given == EVERY:
             return known
-        names = [given] if isinstance(given, str) else given or []
+        names = [given] if isinstance(given, str) else list(given or ())
         if not names:
             raise PaletteError(f"{kind} is empty; give a name, several, or {EVERY!r} for all")
         for name in names:
@@ -235,8 +237,8 @@ class _Reader:
         return names
 
 
-def _cell(row: CellTable) -> Cell:
-    wanted: dict[str, Any] = {"kind": row.wish}
+def _cell(row: CellSpec) -> Cell:
+    wanted: dict[str, Any] = {"kind": row.kind}
     if row.colour is not None:
         wanted["colour"] = parse_colour(row.colour)
     if row.free is not None:

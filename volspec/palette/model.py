@@ -13,13 +13,16 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Annotated, Literal, get_args
 
 import numpy as np
+from pydantic import Field
 
 from volspec.appearance.spec import Viewing
 from volspec.basis import SpectralBasis
 from volspec.errors import PaletteError, SpectrumError, nearest, quoted
 from volspec.palette.variables import PaletteSpectrum
+from volspec.settings import NotNegative, settings
 from volspec.spectra import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.construct.colours import sRGB_from_word
 
@@ -30,8 +33,10 @@ Index = tuple[int, int]
 Triple = tuple[float, float, float]
 
 KINDS = ("colour", "free", "black", "same", "distinct")
-METRICS = ("Lab", "RGB")
-LEVELS = ("relative", "absolute")
+Metric = Literal["Lab", "RGB"]
+METRICS: tuple[Metric, ...] = get_args(Metric)
+Level = Literal["relative", "absolute"]
+LEVELS: tuple[Level, ...] = get_args(Level)
 _CODES_REMEDY = "give three display codes of 0 to 1, as no display shows more"
 
 
@@ -178,42 +183,22 @@ def hexadecimal(codes: Iterable[float]) -> str:
     return "#" + "".join(f"{round(255 * min(max(code, 0.0), 1.0)):02x}" for code in codes)
 
 
+@settings(PaletteError)
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """What counts in a design beside its cells.
+    """Everything that counts in a design besides its cells."""
 
-    Parameters
-    ----------
-    smoothness : float
-        ω_D of [1, eq. 22]: weight of second differences, at least 0; a flat curve costs nothing.
-    subspace : float
-        ω_F: weight of the difference between the colour of all bands and that of the basis,
-        componentwise; at least 0.
-    metric : {"Lab", "RGB"}
-        Colours are compared in CIELAB, linearised and solved again in every round, or in the
-        display's linear RGB, as [1].
-    rounds : int
-        How often lights and reflectances take turns, and CIELAB is linearised anew; the best
-        is kept.
-    """
-
-    smoothness: float = 1e-3
-    subspace: float = 0.0
-    metric: str = "Lab"
-    rounds: int = 8
-
-    def __post_init__(self) -> None:
-        for name in ("smoothness", "subspace"):
-            value = getattr(self, name)
-            if not (isinstance(value, int | float) and math.isfinite(value) and value >= 0.0):
-                raise PaletteError(f"criteria: {name} is {value!r}; expected a number, at least 0")
-        if self.metric not in METRICS:
-            raise PaletteError(
-                f"criteria: metric is {self.metric!r}; {nearest(str(self.metric), METRICS)}"
-                f"expected {' or '.join(METRICS)}"
-            )
-        if not (isinstance(self.rounds, int) and self.rounds >= 1):
-            raise PaletteError(f"criteria: rounds is {self.rounds!r}; expected 1 or more")
+    smoothness: NotNegative = 1e-3
+    """ω_D of [1, eq. 22]: weight of second differences; a flat curve costs nothing."""
+    subspace: NotNegative = 0.0
+    """ω_F: weight of the difference between the colour of all bands and that of the basis,
+    componentwise."""
+    metric: Metric = "Lab"
+    """Colours are compared in CIELAB, linearised and solved again in every iteration, or in the
+    display's linear RGB, as [1]."""
+    rounds: Annotated[int, Field(ge=1)] = 8
+    """Iterations: how often lights and reflectances take turns, and CIELAB is linearised again; the
+    best result counts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -250,7 +235,7 @@ class Palette:
     viewing: Viewing = field(default_factory=lambda: Viewing(model="none"))
     grid: SpectralGrid = DEFAULT_GRID
     criteria: Criteria = field(default_factory=Criteria)
-    level: str = "relative"
+    level: Level = "relative"
     basis: SpectralBasis | None = None
 
     def __post_init__(self) -> None:

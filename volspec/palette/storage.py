@@ -14,16 +14,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from volspec._files import line_end, write_whole
-from volspec._tables import DisplayTable
-from volspec._tables.written import plain
 from volspec._toml import set_key
+from volspec.appearance.profile import is_profile
 from volspec.basis.storage import shipped_names
 from volspec.errors import PaletteError, SpectrumError, visible
-from volspec.palette.file import palette_table, palette_text
+from volspec.palette.file import palette_file, palette_text
 from volspec.palette.model import Cell, Palette, hexadecimal, parse_colour
 from volspec.palette.optimisation import Design
-from volspec.palette.tables import ViewingTable
 from volspec.palette.variables import PaletteSpectrum
+from volspec.settings import plain
 from volspec.spectra import Spectrum, light
 from volspec.spectra.files import rebase_address, rebase_path
 from volspec.spectra.lights import rebase_light
@@ -83,7 +82,7 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
     """Return the source with designed values, and its file names relative to the target."""
     import tomlkit
 
-    table = palette_table(source)
+    table = palette_file(source)
     document: Any = tomlkit.parse(palette_text(source))
     folders = source.parent, target.parent
     elsewhere = folders[0].resolve() != folders[1].resolve()
@@ -109,9 +108,10 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
                     set_key(entry, "design", True)
                 if member.spectrum is not None:
                     set_key(entry, "values", _values(member, palette))
-    if elsewhere and (profile := table.viewing.display.profile):
-        document["viewing"]["display"]["space"] = rebase_path(profile, *folders)
-    if table.viewing.exposure == "auto":
+    space = document.get("viewing", {}).get("display", {}).get("space")
+    if elsewhere and isinstance(space, str) and is_profile(space):
+        document["viewing"]["display"]["space"] = rebase_path(space, *folders)
+    if table.auto_exposure:
         document["viewing"]["exposure"] = float(f"{palette.viewing.exposure:.6g}")
     if (basis := table.criteria.basis) and basis.endswith(".json"):
         document["criteria"]["basis"] = rebase_path(basis, *folders)
@@ -163,11 +163,7 @@ def _viewing_keys(palette: Palette) -> dict[str, Any]:
             code="unsupported",
             field="Palette.viewing",
         )
-    names = ("model", "illuminance_lux", "L_A", "Y_b", "surround", "D", "discount", "exposure")
-    settings = {name: getattr(viewing, name) for name in names}
-    if viewing.display != default.display:
-        settings["display"] = DisplayTable.of(viewing.display)
-    return {"model": viewing.model, **plain(ViewingTable(**settings))}
+    return {"model": viewing.model, **plain(viewing)}
 
 
 def _criteria_keys(palette: Palette) -> dict[str, Any]:

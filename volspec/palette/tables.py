@@ -1,154 +1,216 @@
-"""The tables of a palette's file, as pydantic models: what keys there are and what they may hold.
+"""A palette's file as specs: its keys and the values that they may have.
 
     TOML -> [tables] -> file -> Palette
 
-The keys' meaning is told to users in docs/palettes.md.
+docs/palettes.md explains the keys.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from volspec._tables import Name, Pair, Table, Vector, ViewedTable
 from volspec.appearance import Viewing
-from volspec.palette.model import Criteria
+from volspec.errors import Code, PaletteError
+from volspec.palette.model import Criteria, Level
+from volspec.settings import (
+    FLAT,
+    PYTHON_ONLY,
+    Hint,
+    Name,
+    Pair,
+    Unit,
+    Vector,
+    settings,
+)
 
-# TOML has lists where Python has tuples; all else is taken as it is written.
-Place = Annotated[tuple[str, str], Field(strict=False)]
-Colour = str | list[float]
+Place = Annotated[tuple[str, str], Field(strict=False), Hint("reflectance and light", whole=True)]
+Colour = Annotated[
+    str | Annotated[tuple[float, ...], Field(strict=False)],
+    Hint("a name, #RRGGBB or three numbers", whole=True),
+]
+Names = Annotated[
+    str | Annotated[tuple[str, ...], Field(strict=False)],
+    Hint('a name, several, or "*" for all', whole=True),
+]
 Bound = float | Literal["none"]
-_VIEW, _CRITERIA = Viewing(), Criteria()
 EVERY = "*"
 """In a cell: every light, or every reflectance."""
 WANTS = ("colour", "free", "black", "same", "distinct")
 
 
-class ViewingTable(ViewedTable):
-    """``[viewing]``: see `volspec.Viewing`."""
-
-    model: str = "none"
-    exposure: float | Literal["auto"] = _VIEW.exposure
-
-    def viewing(self) -> Viewing:
-        """The viewing that is meant; an exposure that is to be found begins at 1.
-
-        Raises
-        ------
-        ViewingError
-            If a name is unknown or a number out of range.
-        """
-        settings = self.model_dump(exclude={"display"})
-        return self.viewed(settings | ({"exposure": 1.0} if self.exposure == "auto" else {}))
-
-
-class CriteriaTable(Table):
+@settings(PaletteError)
+@dataclass(frozen=True, slots=True)
+class CriteriaSpec:
     """``[criteria]``: see `volspec.palette.Criteria`; the bands, the level and the basis."""
 
-    smoothness: float = _CRITERIA.smoothness
-    subspace: float = _CRITERIA.subspace
-    metric: str = _CRITERIA.metric
-    rounds: int = _CRITERIA.rounds
-    level: str = "relative"
+    criteria: Annotated[Criteria, FLAT] = field(default_factory=Criteria)
+    """Weights and iterations."""
+    level: Level = "relative"
+    """relative: every designed light has Y = 100; absolute: the level that its colours need."""
     basis: str | None = None
-    grid_nm: Vector | None = None
-
-    def criteria(self) -> Criteria:
-        """The criteria that are meant."""
-        return Criteria(**self.model_dump(exclude={"level", "basis", "grid_nm"}))
+    """For subspace: a basis that ships, or FILE.json."""
+    grid_nm: Annotated[Vector, Unit("nm")] | None = None
+    """First, last, step of the bands, up to 1000 of them; left out, 400 to 700 by 10."""
 
 
-class SpectrumTable(Table):
-    """What ``[[light]]`` and ``[[reflectance]]`` share."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _MemberSpec:
+    """Keys that ``[[light]]`` and ``[[reflectance]]`` share."""
 
+    row_keys: ClassVar = ("name",)
     name: Annotated[Name, Field(examples=["day"])]
+    """Name in cells."""
     spectrum: Name | None = None
-    values: list[float] | None = None
+    """A light (D65, planck:3200, FILE.csv, …) or a reflectance (copper, …); of a designed one the
+    start of its design."""
+    values: Annotated[tuple[float, ...], Field(strict=False)] | None = None
+    """Designed values, band by band; written by `volspec design`, the next design begins there."""
     design: bool | None = None
+    """true designs one that has a spectrum; left out, it is designed if it has neither spectrum
+    nor values."""
     lower: Bound = 0.0
+    """Least value in every band of a designed one; none: it may be negative."""
     upper: Bound = "none"
-    band_nm: Pair | None = None
+    """Greatest value in every band; of a light in units of an even one's."""
+    band_nm: Annotated[Pair, Unit("nm")] | None = None
+    """[shortest, longest]: a designed one is zero outside."""
+
+    @staticmethod
+    def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
+        """Refuse keys of designed spectra for others; defaults do not count."""
+        keys = {"lower", "upper", "band_nm", "mixture", "constant"} & set(table)
+        given = table.get("spectrum") is not None or table.get("values") is not None
+        if keys and not table.get("design", not given):
+            problem = f"it is not designed, but has {' and '.join(sorted(keys))}"
+            raise fault("design", problem, "give design = true, or leave that out")
+        return table
 
     @property
     def open(self) -> bool:
-        """Whether it is designed: because it says so, or as nothing else is known of it."""
+        """True if it is designed: because it says so, or as nothing else is known of it."""
         if self.design is not None:
             return self.design
         return self.spectrum is None and self.values is None
 
-    @model_validator(mode="after")
-    def _bounds_belong_to_open_ones(self) -> SpectrumTable:
-        given = {"lower", "upper", "band_nm", "mixture", "constant"} & self.model_fields_set
-        if given and not self.open:
-            raise ValueError(
-                f"{self.name!r} stands as it is, but has {' and '.join(sorted(given))}; give "
-                "design = true, or leave that out"
-            )
+    def __post_init__(self) -> None:
         if self.spectrum is not None and self.values is not None and not self.open:
-            raise ValueError(f"{self.name!r} has spectrum and values; give one, or design = true")
-        return self
+            raise fault("values", "given with spectrum", "give one, or design = true")
 
 
-class LightTable(SpectrumTable):
+@settings(PaletteError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LightMember(_MemberSpec):
     """``[[light]]``: a column."""
 
-    mixture: list[str] = Field(default_factory=list)
+    mixture: Annotated[tuple[str, ...], Field(strict=False)] = ()
+    """Lamps whose sum it is, so that it can be built; left out, any spectrum."""
 
 
-class ReflectanceTable(SpectrumTable):
+@settings(PaletteError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReflectanceMember(_MemberSpec):
     """``[[reflectance]]``: a row."""
 
     upper: Bound = 1.0
+    """Greatest value of each band, or none."""
     constant: bool = False
+    """It has one colour under every light."""
 
 
-class CellTable(Table):
-    """``[[cell]]``: a place, or several, and what is wanted there."""
+@settings(PaletteError)
+@dataclass(frozen=True, slots=True)
+class CellSpec:
+    """``[[cell]]``: a place, or several, and the colour that is wanted there."""
 
     at: Place | None = None
-    reflectance: str | list[str] | None = None
-    light: str | list[str] | None = None
+    """Its reflectance and light."""
+    reflectance: Names | None = None
+    """Instead, with light: one, several, or all of them."""
+    light: Names | None = None
+    """With reflectance: one, several, or all of them."""
     colour: Colour | None = None
+    """This colour: "#ca0020", a CSS name, or [r, g, b] as display codes 0 to 1."""
     free: Name | None = None
+    """Name of a free colour: all its cells get one colour, which the solver picks (metamers)."""
     black: bool = False
+    """None at all, a metameric black."""
     same: Place | None = None
+    """The colour of another cell."""
     distinct: Place | None = None
+    """As far from another cell as can be."""
     weight: float | None = None
+    """Importance relative to other cells; left out, 1."""
     must: bool = False
+    """It is met exactly, or the design is refused."""
     low: Colour | None = None
+    """Lower bounds of a free colour; the same in all its cells. Left out, black."""
     high: Colour | None = None
+    """Upper bounds of a free colour; the same in all its cells. Left out, white."""
     distance: float | None = None
+    """Of a distinct cell: the ΔE (CIELAB) that is enough; left out, 100."""
 
-    @model_validator(mode="after")
-    def _one_place_and_one_wish(self) -> CellTable:
+    def __post_init__(self) -> None:
         both = self.reflectance is not None and self.light is not None
-        any_of_them = self.reflectance is not None or self.light is not None
-        if (self.at is not None) == any_of_them or any_of_them != both:
-            raise ValueError('give at = ["reflectance", "light"], or both reflectance and light')
-        wishes = [name for name in WANTS if getattr(self, name) not in (None, False)]
-        if len(wishes) != 1:
-            said = " and ".join(wishes) or "nothing"
-            raise ValueError(f"asks for {said}; give one of {', '.join(WANTS)}")
+        either = self.reflectance is not None or self.light is not None
+        if (self.at is not None) == either or either != both:
+            remedy = 'give at = ["reflectance", "light"], or both reflectance and light'
+            raise fault("at", "no place, or two", remedy)
+        wanted = [name for name in WANTS if getattr(self, name) not in (None, False)]
+        if len(wanted) != 1:
+            problem = f"asks for {' and '.join(wanted) or 'nothing'}"
+            raise fault("", problem, f"give one of {', '.join(WANTS)}")
         if self.must and self.weight is not None:
-            raise ValueError("has must and weight; what must be met needs no weight")
+            raise fault("weight", "given with must", "exact colours need no weight, leave it out")
         for name, owner in (("low", "free"), ("high", "free"), ("distance", "distinct")):
-            if getattr(self, name) is not None and wishes != [owner]:
-                raise ValueError(f"{name} is for {owner} cells; leave it out")
-        return self
+            if getattr(self, name) is not None and wanted != [owner]:
+                raise fault(name, f"for {owner} cells", "leave it out")
 
     @property
-    def wish(self) -> str:
-        """Which of `WANTS` it asks for."""
+    def kind(self) -> str:
+        """The one of `WANTS` that it asks for."""
         return next(name for name in WANTS if getattr(self, name) not in (None, False))
 
 
-class PaletteTable(Table):
-    """The whole file."""
+@settings(PaletteError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PaletteFile:
+    """A palette: lights, reflectances, and the colours wanted where they meet."""
 
     title: str = ""
-    viewing: ViewingTable = ViewingTable()
-    criteria: CriteriaTable = CriteriaTable()
-    light: Annotated[list[LightTable], Field(min_length=1)]
-    reflectance: Annotated[list[ReflectanceTable], Field(min_length=1)]
-    cell: Annotated[list[CellTable], Field(min_length=1)]
+    """A caption."""
+    viewing: Viewing = field(default_factory=lambda: Viewing(model="none"))
+    """Viewing conditions; here model is none by default, and exposure may be auto."""
+    auto_exposure: Annotated[bool, PYTHON_ONLY] = False
+    """Find the exposure that fits the colours best."""
+    criteria: CriteriaSpec = field(default_factory=CriteriaSpec)
+    """Everything that counts besides the cells."""
+    light: Annotated[tuple[LightMember, ...], Field(strict=False, min_length=1)]
+    """Columns."""
+    reflectance: Annotated[tuple[ReflectanceMember, ...], Field(strict=False, min_length=1)]
+    """Rows."""
+    cell: Annotated[tuple[CellSpec, ...], Field(strict=False, min_length=1)]
+    """Wanted colours."""
+
+    @staticmethod
+    def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
+        """Fill in a palette's own defaults of ``[viewing]``."""
+        given = table.get("viewing", {})
+        if not isinstance(given, Mapping):
+            return table
+        for key in ("adapting", "fov_deg"):
+            if key in given:
+                raise fault(f"viewing.{key}", "measured in pictures", "leave it out", "unknown")
+        viewing, auto = {"model": "none", **given}, given.get("exposure") == "auto"
+        if auto:
+            viewing.pop("exposure")
+        return {**table, "viewing": viewing, "auto_exposure": auto}
+
+
+def fault(field: str, problem: str, remedy: str, code: Code = "conflict") -> PaletteError:
+    """Return an error about a field."""
+    return PaletteError(problem, remedy, code=code, field=field)

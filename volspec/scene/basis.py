@@ -20,8 +20,8 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import visible_white
 from volspec.basis.fit_cache import fit_cached
 from volspec.basis.storage import shipped_names
-from volspec.scene.tables import BasisTable
-from volspec.scene.transfer import TransferTable
+from volspec.scene.specs import BasisSpec
+from volspec.scene.transfer import TransferSpec
 from volspec.spectra import (
     DEFAULT_GRID,
     SpectralGrid,
@@ -82,7 +82,7 @@ class SceneSpectra:
 
 
 def choose_basis(
-    table: BasisTable, spectra: SceneSpectra, name: str, mode: str = "componentwise"
+    table: BasisSpec, spectra: SceneSpectra, name: str, mode: str = "componentwise"
 ) -> ChosenBasis:
     """The basis that ``[basis]`` asks for; where it asks for none, the general one if it will do.
 
@@ -128,7 +128,7 @@ def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[floa
     return max(found)
 
 
-def train_basis(table: BasisTable, spectra: SceneSpectra, name: str) -> SpectralBasis:
+def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralBasis:
     """A basis for the scene's materials under its own lights, and under any of the library.
 
     Trained on its own lights alone it would be wrong by tens of ΔE under the next one that
@@ -165,7 +165,7 @@ def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dic
     return kept | dict(changes)
 
 
-def use_of(transfer: TransferTable) -> dict[str, float]:
+def use_of(transfer: TransferSpec) -> dict[str, float]:
     """How much of each material a transfer function shows: its opacity over its values.
 
     Returns
@@ -181,16 +181,16 @@ def use_of(transfer: TransferTable) -> dict[str, float]:
     return {name: max(value / most, _LEAST_USE) for name, value in total.items()}
 
 
-def grid_of(table: BasisTable) -> SpectralGrid:
+def grid_of(table: BasisSpec) -> SpectralGrid:
     """The grid that ``[basis] grid_nm`` asks for."""
     return DEFAULT_GRID if table.grid_nm is None else SpectralGrid(*table.grid_nm)
 
 
-def _of_materials(table: BasisTable, spectra: SceneSpectra, name: str) -> MaterialBasis:
+def _of_materials(table: BasisSpec, spectra: SceneSpectra, name: str) -> MaterialBasis:
     return MaterialBasis(spectra.materials, name, grid_of(table), table.observer_deg)
 
 
-def _general(table: BasisTable) -> SpectralBasis | None:
+def _general(table: BasisSpec) -> SpectralBasis | None:
     """The shipped basis that a scene without wishes of its own would take."""
     plain = table.train is None and table.method == "virtual-sensors"
     if not plain or grid_of(table) != DEFAULT_GRID or table.observer_deg != 2:

@@ -1,115 +1,210 @@
-"""The whole scene file: every table, what must hold between them, and what is wrong in words.
+"""A scene's file: its tables as one spec, read from disk, with every fault in words.
 
-TOML -> [file] -> Scene
+TOML -> [file] -> SceneFile -> Scene
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated
+import os
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
-from volspec._tables import Table
-from volspec.errors import nearest
-from volspec.raycast import RaycastSpec
-from volspec.scene.export import ExportTable, KeyframeTable, check_export
-from volspec.scene.lights import GroupTable, LightTable, rows_by_name
-from volspec.scene.tables import (
-    BasisTable,
-    CameraTable,
-    MaterialTable,
-    OutputTable,
-    RaycastTable,
-    ViewingTable,
-    VolumeTable,
+from volspec._parse import parse_toml, read_text
+from volspec.errors import RaycastError, SceneError, nearest
+from volspec.raycast import LightGroup, RaycastSpec
+from volspec.raycast.lights import HEADLIT
+from volspec.relight import RelightSpec
+from volspec.scene.export import ExportSpec, Keyframe, check_export
+from volspec.scene.lights import LightSpec, rows_by_name
+from volspec.scene.specs import (
+    BasisSpec,
+    CameraSpec,
+    MaterialSpec,
+    OutputSpec,
+    VolumeSpec,
+    fault,
 )
-from volspec.scene.transfer import TransferTable
-from volspec.scene.versions import FIRST
+from volspec.scene.transfer import TransferSpec
+from volspec.settings import FileFaults, plain, row_names, settings, try_table
+
+Migration = Callable[[MutableMapping[str, Any]], None]
+"""Changes a file's tables in place, so that it serves a document with comments as well."""
+FIRST = 1
+"""Version of a file without ``version``: those of the first release had no such key."""
+MIGRATIONS: Mapping[int, Migration] = MappingProxyType({})
+"""The step from each version to the next. A key that is added with a default needs no new version;
+one is for what would be refused, or mean something else."""
 
 
-class SceneFile(Table):
+@settings(SceneError)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SceneFile:
     """Everything a picture needs; files named in it are relative to it."""
 
     version: Annotated[int, Field(ge=FIRST)] = FIRST
-    """Of the file's form."""
+    """Version of the file's form; left out by most."""
     title: str = ""
-    """Caption; kept in the image."""
-    volume: VolumeTable
-    """What is cast."""
-    material: Annotated[list[MaterialTable], Field(min_length=1)]
-    """What the transfer function is made of."""
-    transfer: TransferTable
-    """Which value is how opaque, and of what."""
-    basis: BasisTable = BasisTable()
+    """Caption; stored in the image."""
+    volume: VolumeSpec
+    """The data."""
+    material: Annotated[tuple[MaterialSpec, ...], Field(strict=False, min_length=1)]
+    """Materials of the transfer function, at least one."""
+    transfer: TransferSpec
+    """Opacity and material by value."""
+    basis: BasisSpec = field(default_factory=BasisSpec)
     """Channels of the cast."""
-    camera: CameraTable = CameraTable()
-    """Where it is seen from."""
-    raycast: RaycastTable = RaycastTable()
+    camera: CameraSpec = field(default_factory=CameraSpec)
+    """The camera."""
+    raycast: RaycastSpec = field(default_factory=RaycastSpec)
     """Settings of the cast."""
-    group: list[GroupTable] = Field(default_factory=list)
-    """Where light comes from; left out, one group of ambient light and a headlight."""
-    light: Annotated[list[LightTable], Field(min_length=1)]
-    """What shines."""
-    viewing: ViewingTable = ViewingTable()
-    """The eye, and what the picture is made for."""
-    output: OutputTable = OutputTable()
+    group: Annotated[tuple[LightGroup, ...], Field(strict=False)] = ()
+    """Light groups; left out, one of ambient light and a headlight, called light."""
+    light: Annotated[tuple[LightSpec, ...], Field(strict=False, min_length=1)]
+    """Lights, at least one."""
+    viewing: RelightSpec = field(default_factory=RelightSpec)
+    """Viewing conditions, and the display that the picture is made for."""
+    output: OutputSpec = field(default_factory=OutputSpec)
     """The picture's size."""
-    export: ExportTable = ExportTable()
+    export: ExportSpec = field(default_factory=ExportSpec)
     """Frames for `volspec export`."""
-    keyframe: list[KeyframeTable] = Field(default_factory=list)
-    """What holds at a time of an exported film."""
+    keyframe: Annotated[tuple[Keyframe, ...], Field(strict=False)] = ()
+    """Settings at times of an exported film."""
 
-    @model_validator(mode="after")
-    def _names_are_unique(self) -> SceneFile:
-        for kind, rows in (("material", self.material), ("group", self.group)):
-            if twice := _twice([row.name for row in rows]):
-                raise ValueError(f"two [[{kind}]] are named {twice!r}; rename one")
-        return self
+    def __post_init__(self) -> None:
+        for kind, names in (
+            ("material", [row.name for row in self.material]),
+            ("group", [row.name for row in self.group]),
+        ):
+            if (i := _twice(names)) is not None:
+                problem = f"two [[{kind}]] are named {names[i]!r}"
+                raise fault(f"{kind}[{i}].name", problem, "rename one", "duplicate", names[i])
+        try:
+            spec = self.cast
+        except RaycastError as error:
+            raise error.at("group") from None
+        self._check_lights([group.name for group in spec.groups])
+        for i, row in enumerate(self.material):
+            if row.filter is not None and self.transfer.points is None:
+                problem = f"only [transfer] points absorb by wavelength, not {self.transfer.kind}"
+                raise fault(f"material[{i}].filter", problem, "leave it out")
+        check_export(self.export, self.keyframe, list(rows_by_name(self.light)), self.camera)
 
-    @model_validator(mode="after")
-    def _lights_form_settings(self) -> SceneFile:
-        groups = [group.name for group in self.group or RaycastSpec().groups]
-        for i, row in enumerate(self.light, start=1):
+    def _check_lights(self, groups: Sequence[str]) -> None:
+        for i, row in enumerate(self.light):
             if row.group is not None and row.group not in groups:
-                raise ValueError(
-                    f"light.{i}.group: no [[group]] is named {row.group!r}; "
-                    f"{nearest(row.group, groups)}there is {', '.join(groups)}"
-                )
+                remedy = f"{nearest(row.group, groups)}there is {', '.join(groups)}"
+                problem = f"no [[group]] is named {row.group!r}"
+                raise fault(f"light[{i}].group", problem, remedy, "unknown", row.group)
+        # "" stands for all groups.
+        at = [(row.name, row.group or "") for row in self.light]
+        if (twice := _twice(at)) is not None:
+            name, group = at[twice]
+            where = f"group {group!r}" if group else "all groups"
+            raise fault(
+                f"light[{twice}].name",
+                f"two [[light]] are named {name!r} and shine from {where}",
+                "rename one, or give them different groups",
+                "duplicate",
+                name,
+            )
         for name, rows in rows_by_name(self.light).items():
-            # "" stands for all groups.
-            twice = _twice([row.group or "" for row in rows])
-            if twice is not None:
-                where = f"group {twice!r}" if twice else "all groups"
-                raise ValueError(
-                    f"two [[light]] are named {name!r} and shine from {where}; rename one, or "
-                    "give them different groups"
-                )
             lit = sum(row.has_lux for row in rows)
             if 0 < lit < len(rows):
-                raise ValueError(
-                    f"light {name!r}: {lit} of {len(rows)} rows have illuminance_lux or power_W; "
-                    "give one of them to all rows or to none"
+                raise fault(
+                    "light",
+                    f"{lit} of {len(rows)} rows named {name!r} have illuminance_lux or power_W",
+                    "give one of them to all rows or to none",
+                    "missing",
                 )
-        return self
 
-    @model_validator(mode="after")
-    def _filters_are_used(self) -> SceneFile:
-        for i, row in enumerate(self.material, start=1):
-            if row.filter is not None and self.transfer.points is None:
-                raise ValueError(
-                    f"material.{i}.filter: only [transfer] points absorb by wavelength, not "
-                    f"{self.transfer.kind}; leave it out"
-                )
-        return self
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, SceneFile) and plain(self) == plain(other)
 
-    @model_validator(mode="after")
-    def _can_be_exported(self) -> SceneFile:
-        lights = list(rows_by_name(self.light))
-        check_export(self.export, self.keyframe, lights, self.camera)
-        return self
+    __hash__ = None  # type: ignore[assignment]
+
+    @property
+    def cast(self) -> RaycastSpec:
+        """Settings of the cast, with the light groups."""
+        return replace(self.raycast, groups=self.group or HEADLIT)
 
 
-def _twice(names: Sequence[str]) -> str | None:
-    """The first name that comes more than once."""
-    return next((name for name in names if names.count(name) > 1), None)
+class SceneFaults(FileFaults, SceneError):
+    """Faults of a scene's file."""
+
+
+def scene_text(path: str | os.PathLike[str]) -> str:
+    """Return the text of a scene's file.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be read.
+    """
+    return read_text(path, SceneError, "a scene file (.toml)")
+
+
+def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return the tables of a scene's file in the newest version, not checked yet.
+
+    Raises
+    ------
+    SceneError
+        If it cannot be read, is no TOML or of a later version.
+    """
+    text = scene_text(path)
+    try:
+        data = parse_toml(text)
+        migrate(data)
+    except SceneError as error:
+        raise SceneFaults(path, [error]) from None
+    except ValueError as error:
+        raise SceneFaults(path, [SceneError(f"not valid TOML: {error}", code="syntax")]) from error
+    return data
+
+
+def scene_file(data: Mapping[str, Any], path: str | os.PathLike[str]) -> SceneFile:
+    """Return the tables as a spec, each checked by itself and with the others.
+
+    Raises
+    ------
+    SceneFaults
+        With every fault.
+    """
+    file, faults = try_table(SceneFile, data, SceneError, Path(path).parent)
+    if file is None:
+        raise SceneFaults(path, faults, row_names(data))
+    return file
+
+
+def newest() -> int:
+    """Return the version that is written, and the last one read."""
+    return max(MIGRATIONS, default=FIRST - 1) + 1
+
+
+def migrate(data: MutableMapping[str, Any]) -> None:
+    """Bring a file's tables to the newest version, in place.
+
+    Raises
+    ------
+    SceneError
+        If its version is none, or one of a later volspec.
+    """
+    version = data.get("version", FIRST)
+    if not isinstance(version, int) or isinstance(version, bool) or version < FIRST:
+        raise SceneError.refused("version", version, f"give a whole number from {FIRST}", "range")
+    if version > newest():
+        remedy = f"this volspec reads up to {newest()}; install a later one"
+        raise SceneError.refused("version", version, remedy, "unsupported")
+    for step in range(version, newest()):
+        MIGRATIONS[step](data)
+        data["version"] = step + 1
+
+
+def _twice(names: Sequence[Any]) -> int | None:
+    """Return the index of the first name that comes again."""
+    return next((i for i, name in enumerate(names) if name in names[:i]), None)

@@ -7,36 +7,37 @@ Tables: ``[volume]``, ``[[material]]``, ``[transfer]``, ``[basis]``, ``[camera]`
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Mapping
 from copy import copy
-from importlib import import_module
+from dataclasses import fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
-
+from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
-from volspec._tables import explained
-from volspec._tables.written import plain
-from volspec.errors import ImageError, SceneError, visible
+from volspec.errors import ImageError, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.bands import Cancel, Progress
+from volspec.raycast.camera import Orbit
+from volspec.relight import RelightSpec
 from volspec.scene.basis import ChosenBasis, choose_basis, retrained
-from volspec.scene.export import Exported
-from volspec.scene.file import SceneFile
-from volspec.scene.reading import scene_data, scene_file
+from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.resolve import Resolver
-from volspec.scene.tables import ViewingTable
 from volspec.scene.writing import write_scene
+from volspec.settings import plain, read_table
 from volspec.spectra import Spectrum
 from volspec.volume import Volume
 
+if TYPE_CHECKING:
+    from volspec.export.exporter import Exported
 
-def viewing_of(image: CoefficientImage) -> ViewingTable:
-    """The ``[viewing]`` of the scene an image was cast from; the defaults where it has none.
+
+def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
+    """Return the ``[viewing]`` of the scene an image was cast from; the default if it has none.
 
     Raises
     ------
@@ -44,11 +45,28 @@ def viewing_of(image: CoefficientImage) -> ViewingTable:
         If the image's note cannot be read.
     """
     try:
-        return ViewingTable.model_validate(parse_json(image.notes.get("viewing", "{}")))
-    except ValueError as error:  # pydantic's and the parser's
+        note = _without_nulls(parse_json(image.notes.get("viewing", "{}")))
+        return read_table(RelightSpec, note, ImageError)
+    except ValueError as error:  # ours and the parser's
         raise ImageError(
-            "the image's viewing note cannot be read; was it made by a later version? Render again"
+            "the image's viewing note cannot be read",
+            "was it made by a later version? Render again",
+            code="damaged",
         ) from error
+
+
+def viewing_note(spec: RelightSpec) -> str:
+    """Return how a scene is viewed, as the note of an image that needs no other file."""
+    viewing = {each.name: getattr(spec.viewing, each.name) for each in fields(spec.viewing)}
+    rest = {"backdrop": spec.backdrop, "mode": spec.mode, "level": spec.level}
+    return json.dumps({key: plain(value) for key, value in (viewing | rest).items()})
+
+
+def _without_nulls(value: Any) -> Any:
+    """Return JSON without the nulls that notes of earlier versions have."""
+    if isinstance(value, dict):
+        return {key: _without_nulls(each) for key, each in value.items() if each is not None}
+    return value
 
 
 class Scene:
@@ -85,9 +103,9 @@ class Scene:
         grid = names.grid(shipped)
         self.materials = names.reflectances("reflectance", grid)
         filters = names.reflectances("filter", grid)
-        self.raycast = names.raycast()
+        self.raycast = file.cast
         self.lights = names.lights(grid, self.raycast)
-        with names.named("[basis]"):
+        with names.at("basis"):
             if shipped:
                 chosen = ChosenBasis(shipped, "the scene names it")
             else:
@@ -96,10 +114,9 @@ class Scene:
                 name = visible(file.title or self.path.stem)
                 chosen = choose_basis(file.basis, spectra, name, file.viewing.mode)
             self.basis, self.basis_reason = chosen.basis, chosen.reason
-        with names.named("[transfer]"):
+        with names.at("transfer"):
             self.transfer = file.transfer.function(self.materials, filters, self.basis)
-        self.viewing = names.viewing()
-        self.relight = self.viewing.spec()
+        self.relight = file.viewing
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], basis: Mapping[str, object] | None = None) -> Scene:
@@ -149,9 +166,11 @@ class Scene:
     def camera(self, volume: Volume) -> Camera:
         """The camera, placed for a volume."""
         table = self.file.camera
-        with self._names.named("[camera]"):
+        with self._names.at("camera"):
             if table.position_mm is None:
-                return Camera.orbit(volume, **table.model_dump(exclude={"position_mm"}))
+                return Camera.orbit(
+                    volume, **{f.name: getattr(table, f.name) for f in fields(Orbit)}
+                )
             target = table.target_mm or tuple(volume.corners_mm.mean(axis=0))
             return Camera(table.position_mm, target, table.up, table.fov_deg)
 
@@ -189,7 +208,7 @@ class Scene:
         volume = volume or self.volume()
         output = self.file.output
         camera = self.camera(volume)
-        with self._names.named():
+        with self._names.at("raycast"):
             return raycast(
                 *(volume, self.transfer, camera, size or (output.width, output.height)),
                 spec or self.raycast,
@@ -197,7 +216,7 @@ class Scene:
                 progress=progress,
                 cancel=cancel,
                 caster=caster,
-                notes={"scene": self.file.title, "viewing": self.viewing.model_dump_json()},
+                notes={"scene": self.file.title, "viewing": viewing_note(self.relight)},
             )
 
     def exporting(self, **changes: Any) -> Scene:
@@ -208,16 +227,14 @@ class Scene:
         SceneError
             If one is unknown or wrong; the message names it.
         """
-        told = {key: value for key, value in changes.items() if value is not None}
-        kept = {key: v for key, v in plain(self.file.export).items() if key not in changes}
-        try:
-            file = SceneFile.model_validate({**plain(self.file), "export": {**kept, **told}})
-        except ValidationError as error:
-            raise SceneError(f"{self.path}: {explained(error, SceneFile)}") from error
+        given = {key: value for key, value in changes.items() if value is not None}
+        own = {key: v for key, v in plain(self.file.export).items() if key not in changes}
+        file = scene_file({**plain(self.file), "export": {**own, **given}}, self.path)
         scene = copy(self)
         scene.file = file
         return scene
 
+    @renamed_keyword(tell="progress")
     def export(
         self,
         output: str | os.PathLike[str],
@@ -225,7 +242,7 @@ class Scene:
         size: tuple[int, int] | None = None,
         overwrite: bool = False,
         device: str | None = None,
-        tell: Callable[[str, float], object] | None = None,
+        progress: Callable[[str, float], object] | None = None,
         volume: Volume | None = None,
         caster: Raycaster | None = None,
         **changes: Any,
@@ -236,10 +253,10 @@ class Scene:
         ----------
         output : path
             A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
-        size, overwrite, device, tell, volume, caster
-            As `volspec.export.exporter.export_scene`.
+        size, overwrite, device, progress, volume, caster
+            As `volspec.export.exporter.export`.
         **changes
-            Keys of ``[export]`` in place of the file's, such as ``turntable={"frames": 36}``.
+            Keys of ``[export]`` instead of the file's, such as ``turntable={"frames": 36}``.
 
         Returns
         -------
@@ -252,16 +269,16 @@ class Scene:
         DeviceError
             If there is no device, or a film is asked for and there is no ffmpeg.
         """
-        scene = self.exporting(**changes) if changes else self
-        # The exporter knows scenes, so that it can only be asked for by name.
-        run = import_module("volspec.export.exporter")
-        made: Exported = run.export_scene(
-            *(scene, output),
+        # Late: exports are made of scenes; a scene only offers a short way to them.
+        from volspec.export.exporter import export
+
+        return export(
+            self.exporting(**changes) if changes else self,
+            output,
             size=size,
             overwrite=overwrite,
             device=device,
-            tell=tell,
+            progress=progress,
             volume=volume,
             caster=caster,
         )
-        return made

@@ -6,6 +6,7 @@ SceneFile -> [resolve] -> Scene, volspec scene check
 from __future__ import annotations
 
 import os
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -19,15 +20,13 @@ from volspec.basis import Basis, load_basis
 from volspec.errors import InputError, SceneError, VolspecWarning
 from volspec.raycast import RaycastSpec
 from volspec.scene.basis import SceneSpectra, grid_of, use_of
-from volspec.scene.file import SceneFile
+from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
-from volspec.scene.spectra import given_reflectance
-from volspec.scene.tables import ViewingTable
-from volspec.scene.wording import in_keys
+from volspec.scene.specs import given_reflectance
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.volume import Volume, load_volume
 
-# What two spacings may differ by, relatively, before anyone is told.
+# Relative difference of two spacings from which on there is a warning.
 _SPACING_ERROR = 1e-4
 
 
@@ -52,31 +51,34 @@ class Resolver:
     faults: list[str] | None = None
 
     @contextmanager
-    def named(self, table: str = "") -> Iterator[None]:
-        """Put the file's and the table's name before the message of what goes wrong inside."""
+    def at(self, field: str) -> Iterator[None]:
+        """Put the file's and a field's name to an error inside; the field counts rows from 0."""
         try:
             yield
         except InputError as error:
-            where = f"{self.path}: {table} " if table else f"{self.path}: "
-            # "[raycast] raycast: shininess is …" would say it twice.
-            said = where + in_keys(str(error).removeprefix(f"{table.strip('[]')}: "))
+            found = _at_field(error, field)
+            rows = {
+                key: [row.name for row in getattr(self.file, key)]
+                for key in ("material", "group", "light")
+            }
+            faults = SceneFaults(self.path, [found], rows)
             if self.faults is None:
-                raise SceneError(said) from error
-            self.faults.append(said)
+                raise faults from error
+            self.faults.extend(faults.lines)
 
     def shipped_basis(self) -> Basis | None:
         """The basis that ``[basis] name`` names."""
         name = self.file.basis.name
         found = None
         if name is not None:
-            with self.named("[basis]"):
+            with self.at("basis"):
                 found = load_basis(self._path(name) if self.file.basis.file else name)
         return found
 
     def grid(self, shipped: Basis | None) -> SpectralGrid:
         """What spectra are on."""
         grid = shipped.grid if shipped else SpectralGrid()
-        with self.named("[basis]"):
+        with self.at("basis"):
             grid = shipped.grid if shipped else grid_of(self.file.basis)
         return grid
 
@@ -85,41 +87,23 @@ class Resolver:
     ) -> dict[str, Spectrum]:
         """What the materials have under a key, by name."""
         found = {}
-        for row in self.file.material:
+        for i, row in enumerate(self.file.material):
             if (given := getattr(row, key)) is not None:
-                with self.named(f"[[material]] {row.name}: {key}:"):
+                with self.at(f"material[{i}].{key}"):
                     found[row.name] = given_reflectance(
                         given, row.name, grid, self.path.parent, self.known
                     )
         return found
 
-    def raycast(self) -> RaycastSpec:
-        """The settings of the cast, with the groups."""
-        groups = []
-        for row in self.file.group:
-            with self.named(f"[[group]] {row.name}:"):
-                groups.append(row.group())
-        spec = RaycastSpec()
-        with self.named("[raycast]"):
-            spec = self.file.raycast.spec(tuple(groups) or spec.groups)
-        return spec
-
     def lights(self, grid: SpectralGrid, spec: RaycastSpec) -> list[NamedLight]:
         """The settings of lights, in the order of the file."""
         found = []
+        names = [row.name for row in self.file.light]
         for name, rows in rows_by_name(self.file.light).items():
-            with self.named(f"[[light]] {name}:"):
+            with self.at(f"light[{names.index(name)}]"):
                 shares = spec.shares()
                 found.append(named_light(rows, shares, grid, self.path.parent, self.known))
         return found
-
-    def viewing(self) -> ViewingTable:
-        """``[viewing]``, with the numbers of a display's profile in place of its name."""
-        table = self.file.viewing
-        with self.named("[viewing]"):
-            table = table.beside(self.path.parent)
-            table.spec()
-        return table
 
     def spectra(
         self,
@@ -149,7 +133,7 @@ class Resolver:
             Always, where there is none: there is no going on without one.
         """
         table = self.file.volume
-        with Resolver(self.file, self.path).named("[volume]"):
+        with Resolver(self.file, self.path).at("volume"):
             volume = load_volume(self._path(table.file))
             if table.spacing_mm:
                 self._warn_of_spacing(volume, table.spacing_mm)
@@ -175,3 +159,15 @@ class Resolver:
     def _path(self, name: str) -> str:
         """A file named in the scene: relative to the scene, never to where the program runs."""
         return os.fspath(self.path.parent / name)
+
+
+def _at_field(error: InputError, field: str) -> SceneError:
+    """Return the error of a field of a file: Python's class names say nothing there."""
+    owner, _, rest = error.field.partition(".")
+    if rest and re.fullmatch(r"[A-Z]\w+", owner):
+        field = f"{field}.{rest}"
+        problem, remedy = error.problem, error.remedy
+    else:
+        problem = str(error).removesuffix(f"; {error.remedy}").removeprefix(f"{field}: ")
+        remedy = error.remedy if problem != str(error) else ""
+    return SceneError(problem, remedy, code=error.code, field=field, given=error.given)

@@ -11,13 +11,14 @@ import json
 from typing import Any
 
 from volspec.scene.file import SceneFile
+from volspec.settings import json_schema
 
 _NULL = {"type": "null"}
 
 
 def scene_schema() -> dict[str, Any]:
     """The schema; keys are described by the docstrings of the tables' fields."""
-    return {"title": "volspec scene", **_simple(SceneFile.model_json_schema())}
+    return {"title": "volspec scene", **_simple(json_schema(SceneFile))}
 
 
 def scene_schema_text() -> str:

@@ -6,13 +6,16 @@ tables, materials, basis -> [transfer] -> TransferFunction | TransferFunction2D 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from itertools import pairwise
-from typing import Annotated
+from typing import Annotated, ClassVar
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag
 
-from volspec._tables import Pair, Table
 from volspec.basis import Basis
+from volspec.errors import SceneError
+from volspec.scene.specs import fault
+from volspec.settings import Hint, Pair, Unit, settings
 from volspec.spectra import Spectrum
 from volspec.transfer import (
     Isosurfaces,
@@ -24,101 +27,114 @@ from volspec.transfer import (
 )
 
 KINDS = ("points", "regions", "labels", "surfaces")
-# A name or a mix, told apart by their form, so that a message is about the one that is meant.
+# A name or a mix, discriminated by their form, so that a message is about the one that is meant.
 Material = Annotated[
-    Annotated[str, Tag("<name>")] | Annotated[dict[str, float], Tag("<mix>")],
-    Discriminator(lambda given: "<mix>" if isinstance(given, dict) else "<name>"),
+    Annotated[str, Tag("<value>")] | Annotated[dict[str, float], Tag("<table>")],
+    Discriminator(lambda given: "<table>" if isinstance(given, dict) else "<value>"),
+    Hint("a name, or a mix { name = fraction, … }", whole=True),
 ]
 
 
-class LookTable(Table):
-    """What every row has: how opaque, and of what."""
+@dataclass(frozen=True, slots=True)
+class LookSpec:
+    """Fields of every row: how opaque, and of which material."""
 
     opacity: Annotated[float, Field(examples=[0.5])]
     """0 to 1, over the reference step; a surface's for the surface."""
     material: Annotated[Material, Field(examples=["bone"])]
-    """A name, or shares by name that sum to at most 1; the rest is black."""
+    """A name, or fractions by name that sum to at most 1; the rest is black."""
 
     @property
-    def shares(self) -> Mapping[str, float]:
-        """The mix by material, also where there is only one."""
+    def material_weights(self) -> Mapping[str, float]:
+        """The mix by material, also if there is only one."""
         return {self.material: 1.0} if isinstance(self.material, str) else self.material
 
 
-class PointTable(LookTable):
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class PointSpec(LookSpec):
     """One of ``points`` or ``surfaces``."""
 
-    row_keys = ("value",)
+    row_keys: ClassVar = ("value",)
     value: Annotated[float, Field(examples=[100])]
     """Rising; two points of one value make a step."""
 
 
-class RegionTable(LookTable):
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class RegionSpec(LookSpec):
     """One of ``regions``; see `volspec.Region`."""
 
-    row_keys = ("values", "gradients")
+    row_keys: ClassVar = ("values", "gradients")
     values: Annotated[Pair, Field(examples=[[60, 130]])]
     """From, to."""
     gradients: Annotated[Pair, Field(examples=[[20, 200]])]
     """From, to; value per mm, from 0; to may be inf."""
     softness: float = 0.25
-    """Share of each side's half-width over which opacity falls to 0."""
+    """Fraction of each side's half-width, 0 to 1, over which opacity falls to 0."""
 
 
-class LabelTable(LookTable):
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class LabelSpec(LookSpec):
     """One of ``labels``."""
 
-    row_keys = ("label",)
+    row_keys: ClassVar = ("label",)
     label: Annotated[int, Field(examples=[1])]
     """0 to 65535; labels left out are transparent."""
 
 
-class TransferTable(Table):
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class TransferSpec:
     """``[transfer]``: one kind of function, and the length over which an opacity holds."""
 
-    points: Annotated[list[PointTable], Field(min_length=1)] | None = None
+    points: Annotated[tuple[PointSpec, ...], Field(strict=False, min_length=1)] | None = None
     """A curve over values."""
-    gradient_opacity: Annotated[list[Pair], Field(min_length=1)] | None = None
-    """With points: magnitude (value per mm, rising) and factor of the opacity, pair by pair."""
-    regions: Annotated[list[RegionTable], Field(min_length=1)] | None = None
+    gradient_opacity: Annotated[tuple[Pair, ...], Field(strict=False, min_length=1)] | None = None
+    """With points: magnitude (value per mm, rising) and factor of the opacity, 0 to 1, pair by
+    pair: emphasises boundaries."""
+    regions: Annotated[tuple[RegionSpec, ...], Field(strict=False, min_length=1)] | None = None
     """Rectangles of values and gradients."""
-    labels: Annotated[list[LabelTable], Field(min_length=1)] | None = None
-    """Of a segmentation."""
-    surfaces: Annotated[list[PointTable], Field(min_length=1)] | None = None
-    """Isosurfaces, up to eight."""
-    reference_step_mm: float | None = None
-    """Length over which an opacity holds; left out, the smallest spacing."""
+    labels: Annotated[tuple[LabelSpec, ...], Field(strict=False, min_length=1)] | None = None
+    """Looks of a segmentation's labels."""
+    surfaces: Annotated[tuple[PointSpec, ...], Field(strict=False, min_length=1)] | None = None
+    """Isosurfaces, up to eight; rows as points."""
+    reference_step_mm: Annotated[float, Unit("mm")] | None = None
+    """Length over which an opacity holds; left out, the smallest spacing. Not with surfaces."""
 
     @property
     def kind(self) -> str:
-        """Which of `KINDS` is given."""
+        """The one of `KINDS` that is given."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
-    @model_validator(mode="after")
-    def _one_kind(self) -> TransferTable:
+    def __post_init__(self) -> None:
         given = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(given) != 1:
-            what = f"{' and '.join(given)} are given" if given else "none is given"
-            raise ValueError(f"give one of {', '.join(KINDS)}; {what}")
+            raise fault(
+                "",
+                f"{' and '.join(given)} are given" if given else "none is given",
+                f"give one of {', '.join(KINDS)}",
+                "conflict" if given else "missing",
+            )
         if self.gradient_opacity is not None and self.points is None:
-            raise ValueError(f"gradient_opacity is for points, not {given[0]}; leave it out")
+            raise fault("gradient_opacity", f"is for points, not {given[0]}", "leave it out")
         if self.reference_step_mm is not None and self.surfaces is not None:
-            raise ValueError("surfaces have no thickness; leave out reference_step_mm")
-        seen: set[int] = set()
-        for row in self.labels or ():
-            if row.label in seen:
-                raise ValueError(f"labels: {row.label} is given twice; leave out one")
-            seen.add(row.label)
-        return self
+            raise fault("reference_step_mm", "surfaces have no thickness", "leave it out")
+        numbers = [row.label for row in self.labels or ()]
+        twice = next((i for i, n in enumerate(numbers) if n in numbers[:i]), None)
+        if twice is not None:
+            problem = f"{numbers[twice]} is given twice"
+            raise fault(f"labels[{twice}].label", problem, "leave out one", "duplicate")
 
     def seen(self) -> Iterator[tuple[float, Mapping[str, float]]]:
         """How much of each mix is seen: its opacity, times the values it covers."""
         if self.points is not None:
             yield from _seen_points(self.points)
         for region in self.regions or ():
-            yield region.opacity * (region.values[1] - region.values[0]), region.shares
+            yield region.opacity * (region.values[1] - region.values[0]), region.material_weights
         for row in (*(self.labels or ()), *(self.surfaces or ())):
-            yield row.opacity, row.shares
+            yield row.opacity, row.material_weights
 
     def function(
         self, materials: Mapping[str, Spectrum], filters: Mapping[str, Spectrum], basis: Basis
@@ -132,7 +148,7 @@ class TransferTable(Table):
         """
         step = self.reference_step_mm
         if self.regions is not None:
-            regions = [Region(**row.model_dump()) for row in self.regions]
+            regions = [Region(**asdict(row)) for row in self.regions]
             return TransferFunction2D(regions, materials, basis, step)
         if self.labels is not None:
             looks = {row.label: (row.opacity, row.material) for row in self.labels}
@@ -146,10 +162,10 @@ class TransferTable(Table):
         )
 
 
-def _seen_points(points: Sequence[PointTable]) -> Iterator[tuple[float, Mapping[str, float]]]:
+def _seen_points(points: Sequence[PointSpec]) -> Iterator[tuple[float, Mapping[str, float]]]:
     span = max(points[-1].value - points[0].value, 1e-12)
     for point in points:  # a sharp step covers no values, yet is seen
-        yield point.opacity * span / len(points), point.shares
+        yield point.opacity * span / len(points), point.material_weights
     for left, right in pairwise(points):
         for point in (left, right):
-            yield point.opacity * (right.value - left.value) / 2, point.shares
+            yield point.opacity * (right.value - left.value) / 2, point.material_weights

@@ -1,8 +1,8 @@
-"""A scene's file written: into the text it came from, whose comments and order stay, or anew.
+"""Write a scene's file: into the text it came from, with its comments and order, or from scratch.
 
 SceneFile -> [writing] -> TOML
 
-What differs is found table by table, not in the text: a key whose value is the same is left as
+Differences are found table by table, not in the text: a key with an equal value is left as
 somebody wrote it.
 """
 
@@ -11,30 +11,30 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
-
-from pydantic import ValidationError
 
 from volspec._files import line_end, write_whole
 from volspec._parse import parse_toml
-from volspec._tables import DisplayTable, Table, explained
-from volspec._tables.written import all_keys, is_written, plain, written_keys
 from volspec._toml import bind_comments, set_key, toml_item
-from volspec.errors import SceneError
-from volspec.scene.file import SceneFile
-from volspec.scene.moving import moved_scene
-from volspec.scene.reading import scene_text
-from volspec.scene.spectra import SpectrumTable
-from volspec.scene.versions import migrate, newest
-from volspec.spectra.files import rebase_path
+from volspec.appearance.profile import is_profile
+from volspec.errors import SceneError, SpectrumError
+from volspec.scene.file import SceneFile, migrate, newest, scene_file, scene_text
+from volspec.scene.lights import LightSpec
+from volspec.scene.specs import MaterialSpec, SpectrumNumbers
+from volspec.settings import classes_in, hints, item_hint, plain
+from volspec.spectra.files import rebase_address, rebase_path
+from volspec.spectra.lights import rebase_light
 
 if TYPE_CHECKING:
     from volspec.scene.model import Scene
     from volspec.spectra import Spectrum
 
-# Tables that get a header of their own; others stand inline, but those of the whole file.
-_HEADED = (DisplayTable, SpectrumTable)
+# Tables that get a header of their own; others are inline, but those of the whole file.
+_HEADED = ("display", "reflectance", "filter", "spectrum")
 # Among the comments on top, unless it is an address in the net.
 _SCHEMA = re.compile(r"(?:#.*\n)*?#:schema[ \t]+(?!\w+://)(\S+)")
 
@@ -45,7 +45,7 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     Parameters
     ----------
     file : SceneFile
-        What it shall say. Keys equal to their defaults are left out.
+        The scene. Keys equal to their defaults are left out.
     path : path
         A ``.toml``, which may be there already.
     like : Scene, optional
@@ -72,26 +72,30 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     >>> import volspec as vs
     >>> from tempfile import TemporaryDirectory
     >>> scene = vs.Scene.load("data/scenes/engine.toml")
-    >>> brighter = scene.file.viewing.model_copy(update={"exposure": 1.5})
-    >>> file = scene.file.model_copy(update={"viewing": brighter})
+    >>> from dataclasses import replace
+    >>> viewing = replace(scene.file.viewing.viewing, exposure=1.5)
+    >>> file = replace(scene.file, viewing=replace(scene.file.viewing, viewing=viewing))
     >>> with TemporaryDirectory() as folder:
     ...     path = write_scene(file, f"{folder}/brighter.toml", scene)
     ...     vs.Scene.load(path).relight.viewing.exposure
     1.5
     """
     target = require_toml(path)
-    file = file.model_copy(update={"version": newest()})
+    file = replace(file, version=newest())
     text, ends = None, "\n"
     if like is not None:
-        file = moved_scene(_told(file, like.known), like.folder, target)
+        file = rebased(_with_numbers(file, like.known), like.folder, target)
         text = _edited(file, like.path, target)
         ends = line_end(like.path) if text is not None else ends
-    text = _anew(file) if text is None else text
+    text = _from_scratch(file) if text is None else text
     try:
-        SceneFile.model_validate(parse_toml(text))
-    except ValidationError as error:
-        said = explained(error, SceneFile)
-        raise SceneError(f"{target}: is not written, as it would be no scene: {said}") from error
+        scene_file(parse_toml(text), target)
+    except SceneError as error:
+        problem = str(error).removeprefix(f"{target}: ")
+        raise SceneError(
+            f"{target}: not written, as it would be no scene: {problem}",
+            code=error.code,
+        ) from error
     with write_whole(target) as temporary:
         temporary.write_text(text, encoding="utf-8", newline=ends)
     return target
@@ -110,39 +114,105 @@ def require_toml(path: str | os.PathLike[str]) -> Path:
     return target
 
 
-def _told(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
-    """Numbers in place of texts that only this process can look up."""
+def _with_numbers(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
+    """Return the file with numbers instead of texts that only this process can look up."""
 
     def numbers(row: Any, *keys: str) -> Any:
         texts = {key: getattr(row, key) for key in keys if isinstance(getattr(row, key), str)}
-        found = {k: SpectrumTable.of(known[text]) for k, text in texts.items() if text in known}
-        return row.model_copy(update=found)
+        found = {k: SpectrumNumbers.of(known[text]) for k, text in texts.items() if text in known}
+        return replace(row, **found)
 
-    rows = {
-        "material": [numbers(row, "reflectance", "filter") for row in file.material],
-        "light": [numbers(row, "spectrum") for row in file.light],
-    }
-    return file.model_copy(update=rows) if known else file
+    materials = tuple(numbers(row, "reflectance", "filter") for row in file.material)
+    lights = tuple(numbers(row, "spectrum") for row in file.light)
+    return replace(file, material=materials, light=lights) if known else file
+
+
+def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
+    """Return the same scene for a file in another folder: every name of a file leads there.
+
+    Parameters
+    ----------
+    file : SceneFile
+    folder : path
+        Folder that names in it are relative to.
+    path : path
+        The new file.
+
+    Raises
+    ------
+    SceneError
+        If a mix of lights cannot be read.
+    """
+    to = path.parent
+    if folder.resolve() == to.resolve():
+        return file
+
+    def material(row: MaterialSpec) -> MaterialSpec:
+        names = {"reflectance": row.reflectance, "filter": row.filter}
+        texts = {key: name for key, name in names.items() if isinstance(name, str)}
+        return replace(row, **{k: rebase_address(name, folder, to) for k, name in texts.items()})
+
+    def light(row: LightSpec) -> LightSpec:
+        if not isinstance(row.spectrum, str):
+            return row
+        try:
+            return replace(row, spectrum=rebase_light(row.spectrum, folder, to))
+        except SpectrumError as error:
+            raise SceneError(f"{path}: [[light]] {row.name}: {error}", code=error.code) from error
+
+    volume, _, query = file.volume.file.partition("?")
+    address = rebase_path(volume, folder, to) + (f"?{query}" if query else "")
+    basis = file.basis
+    if basis.file is not None:
+        basis = replace(basis, name=rebase_path(basis.file, folder, to))
+    return replace(
+        file,
+        volume=replace(file.volume, file=address),
+        material=tuple(map(material, file.material)),
+        light=tuple(map(light, file.light)),
+        basis=basis,
+    )
 
 
 def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
-    """The source's text where it says the same, and what differs; None where there is none."""
-    import tomlkit
+    """Return the source's text, changed to say what the file says; None if there is none."""
     from tomlkit.exceptions import TOMLKitError
 
     if source.suffix.lower() != ".toml":
         return None
     try:
-        said = scene_text(source)
-        document = tomlkit.parse(said if said.endswith("\n") else f"{said}\n")
-        migrate(document)
-        before = SceneFile.model_validate(document.unwrap())
-        bind_comments(document)
-        _update(document, before, file)
-        text = _led_to_schema(tomlkit.dumps(document), source, target)
-        # Layouts that no one writes, as tables in pieces, may be beyond an editor.
-        return text if SceneFile.model_validate(parse_toml(text)) == file else None
-    except (ValueError, TOMLKitError, RecursionError):  # a SceneError or ValidationError, too
+        text = scene_text(source)
+        # A key that gets its default keeps its line, unless the table then contradicts itself.
+        tries: list[dict[str, Any]] = [plain(file, defaults=True), {}]
+        for defaults in tries:
+            edited = _edited_once(text, file, defaults, source, target)
+            if edited is not None:
+                return edited
+    except (ValueError, TOMLKitError, RecursionError):  # a SceneError, too
+        pass
+    return None
+
+
+def _edited_once(
+    text: str, file: SceneFile, defaults: Mapping[str, Any], source: Path, target: Path
+) -> str | None:
+    """Return the text with the file's settings; None if it then says something else."""
+    import tomlkit
+
+    document: Any = tomlkit.parse(text if text.endswith("\n") else f"{text}\n")
+    migrate(document)
+    before = plain(scene_file(document.unwrap(), source))
+    bind_comments(document)
+    _update(document, before, plain(file), defaults)
+    space = document.get("viewing", {}).get("display", {}).get("space")
+    if isinstance(space, str) and is_profile(space):
+        place = rebase_path(space, source.parent, target.parent)
+        set_key(document["viewing"]["display"], "space", place)
+    edited = _led_to_schema(tomlkit.dumps(document), source, target)
+    # Layouts that no one writes, as tables in pieces, may be beyond an editor.
+    try:
+        return edited if scene_file(parse_toml(edited), target) == file else None
+    except SceneError:
         return None
 
 
@@ -155,85 +225,104 @@ def _led_to_schema(text: str, source: Path, target: Path) -> str:
     return text[:start] + rebase_path(found[1], source.parent, target.parent) + text[end:]
 
 
-def _anew(file: SceneFile) -> str:
+def _from_scratch(file: SceneFile) -> str:
     import tomlkit
 
     document: Any = tomlkit.document()
-    for key in written_keys(file):
-        _set(document, key, getattr(file, key))
+    for key, value in plain(file).items():
+        _set(document, key, value)
     return tomlkit.dumps(document).lstrip("\n")
 
 
-def _update(node: Any, before: Table, after: Table) -> None:
-    """Let a document's table say what differs."""
-    for key in all_keys(after):
-        old, new = getattr(before, key), getattr(after, key)
-        given = key in node
-        if not is_written(after, key, given):
-            if given:
-                del node[key]
-        elif not given:
-            _set(node, key, new)
-        elif old == new:
+def _update(
+    node: Any,
+    before: Mapping[str, Any],
+    after: Mapping[str, Any],
+    defaults: Mapping[str, Any] = MappingProxyType({}),
+) -> None:
+    """Let a document's table say the differences of two tables; ``defaults`` has all keys."""
+    for key in dict.fromkeys((*after, *before)):
+        old, new = before.get(key), after.get(key)
+        if old == new:
             continue
-        elif isinstance(old, Table) and type(old) is type(new):
-            _update(node[key], old, new)
+        if new is None and key in node and isinstance(defaults.get(key), str | int | float):
+            set_key(node, key, defaults[key])
+        elif new is None:
+            node.pop(key, None)
+        elif key not in node or old is None:
+            _set(node, key, new)
+        elif isinstance(old, Mapping) and isinstance(new, Mapping):
+            _update(node[key], old, new, defaults.get(key) or {})
         elif _are_rows(old) and _are_rows(new):
             _update_rows(node, key, old, new)
         else:
             _set(node, key, new)
 
 
-def _update_rows(node: Any, key: str, before: Sequence[Table], after: Sequence[Table]) -> None:
-    """Let a list of tables say what differs; rows keep their lines as long as they are the same."""
+def _update_rows(
+    node: Any, key: str, before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]]
+) -> None:
+    """Let a list of tables say the differences; rows keep their lines while they are the same."""
     from tomlkit.items import AoT
 
-    rows, kept = node[key], _continued(before, after)
+    rows, origins = node[key], _origins(before, after, _row_keys(SceneFile).get(key, ("kind",)))
     if isinstance(rows, AoT):
         old = list(rows.body)
-        for row, index in zip(after, kept, strict=True):
+        for row, index in zip(after, origins, strict=True):
             if index is not None:
                 _update(old[index], before[index], row)
-        new = [_table(row) if at is None else old[at] for row, at in zip(after, kept, strict=True)]
-        node[key] = AoT(new, rows.name, parsed=True)
+        pairs = zip(after, origins, strict=True)
+        node[key] = AoT([_table(row) if at is None else old[at] for row, at in pairs], key, True)
         return
-    stay = [index for index in kept if index is not None]
+    stay = [index for index in origins if index is not None]
     if stay != sorted(stay):
-        set_key(node, key, plain(after))
+        set_key(node, key, after)
         return
     for index in sorted(set(range(len(before))) - set(stay), reverse=True):
         del rows[index]
-    for at, (row, index) in enumerate(zip(after, kept, strict=True)):
+    for at, (row, index) in enumerate(zip(after, origins, strict=True)):
         if index is None:
-            rows.insert(at, toml_item(plain(row)))
+            rows.insert(at, toml_item(row))
         elif row != before[index]:
             _update(rows[at], before[index], row)
 
 
-def _continued(before: Sequence[Table], after: Sequence[Table]) -> list[int | None]:
-    """Which row each one was: an equal one, one of its name, or the one in its place."""
-    kept: list[int | None] = [None] * len(after)
+def _origins(
+    before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], keys: Sequence[str]
+) -> list[int | None]:
+    """Return the former index of each row: of an equal one, one of its name, or at its place."""
+    found: list[int | None] = [None] * len(after)
     free = list(range(len(before)))
 
     def take(alike: Any) -> None:
         for at, row in enumerate(after):
-            if kept[at] is None:
-                found = next((index for index in free if alike(at, row, index)), None)
-                if found is not None:
-                    free.remove(found)
-                    kept[at] = found
+            if found[at] is None:
+                index = next((index for index in free if alike(at, row, index)), None)
+                if index is not None:
+                    free.remove(index)
+                    found[at] = index
+
+    def name(row: Mapping[str, Any]) -> list[Any]:
+        return [row.get(key) for key in keys]
 
     take(lambda _, row, index: before[index] == row)
-    take(
-        lambda _, row, index: type(before[index]) is type(row) and _own(before[index]) == _own(row)
-    )
+    take(lambda _, row, index: any(name(row)) and name(before[index]) == name(row))
     if len(before) == len(after):
-        take(lambda at, row, index: index == at and type(before[index]) is type(row))
-    return kept
+        take(lambda at, row, index: index == at and before[at].get("kind") == row.get("kind"))
+    return found
 
 
-def _own(row: Table) -> tuple[Any, ...]:
-    return tuple(getattr(row, key) for key in row.row_keys)
+@cache
+def _row_keys(cls: Any) -> dict[str, tuple[str, ...]]:
+    """Return the keys that identify rows, by the list's key, of all tables of a class."""
+    keys: dict[str, tuple[str, ...]] = {}
+    for each in fields(cls):
+        hint = hints(cls)[each.name]
+        for inner in (*classes_in(hint), *classes_in(item_hint(hint, 0))):
+            if hasattr(inner, "row_keys"):
+                keys[each.name] = inner.row_keys
+            keys = _row_keys(inner) | keys
+    return keys
 
 
 def _set(node: Any, key: str, value: Any) -> None:
@@ -243,29 +332,28 @@ def _set(node: Any, key: str, value: Any) -> None:
 
     whole = isinstance(node, tomlkit.TOMLDocument)
     inline = not whole and getattr(node, "is_inline_table", lambda: False)()
-    if isinstance(value, Table) and (whole or isinstance(value, _HEADED)) and not inline:
+    if isinstance(value, Mapping) and (whole or key in _HEADED) and not inline:
         item: Any = _table(value)
     elif whole and _are_rows(value):
         item = AoT([_table(row) for row in value], key, parsed=True)
     else:
-        set_key(node, key, plain(value))
+        set_key(node, key, value)
         return
     if key in node:
         del node[key]
     node[key] = item
 
 
-def _table(table: Table) -> Any:
-    """A table with a header, its own tables last."""
+def _table(table: Mapping[str, Any]) -> Any:
+    """Return a table with a header, its own tables last."""
     import tomlkit
 
     made = tomlkit.table()
     made.trivia.indent = "\n"
-    keys = sorted(written_keys(table), key=lambda key: isinstance(getattr(table, key), _HEADED))
-    for key in keys:
-        _set(made, key, getattr(table, key))
+    for key in sorted(table, key=lambda key: key in _HEADED and isinstance(table[key], Mapping)):
+        _set(made, key, table[key])
     return made
 
 
 def _are_rows(value: Any) -> bool:
-    return isinstance(value, list) and bool(value) and isinstance(value[0], Table)
+    return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)

@@ -25,10 +25,9 @@ from volspec.errors import SceneError, SpectrumError
 from volspec.palette import Design, PaletteSpectrum, save_palette
 from volspec.relight import Illumination
 from volspec.scene import NamedLight, Scene, write_scene
-from volspec.scene.file import SceneFile
-from volspec.scene.lights import LightTable
-from volspec.scene.reading import scene_data, scene_file
-from volspec.scene.tables import BasisTable
+from volspec.scene.file import SceneFile, scene_data, scene_file
+from volspec.scene.lights import LightSpec
+from volspec.scene.specs import BasisSpec
 from volspec.scene.writing import require_toml
 from volspec.spectra import Spectrum
 from volspec.spectra.files import rebase_path, split_address
@@ -160,9 +159,9 @@ def redesign(
         address = f"{_PALETTE}#{name}"
         spectra[address] = made.light(name)
         lux = light.like.rig.facing(scene.raycast.shares()).total_lux
-        lights.append(LightTable(name=name, spectrum=address, illuminance_lux=lux))
+        lights.append(LightSpec(name=name, spectrum=address, illuminance_lux=lux))
     changes = Changes(tuple(materials), name)
-    file = _with_addresses(scene.file.model_copy(update={"light": lights}), changes, _PALETTE)
+    file = _with_addresses(replace(scene.file, light=tuple(lights)), changes, _PALETTE)
     after, exact = _with_exact_basis(Scene(file, scene.path, spectra), spectra)
     figures = evaluate_lights(scene, after, materials, light.like if light else None)
     changes = replace(changes, exact=exact)
@@ -172,18 +171,14 @@ def redesign(
 def _with_addresses(file: SceneFile, changes: Changes, palette: str) -> SceneFile:
     """Return a scene's file with the designed spectra as addresses in a palette."""
     material = [
-        row.model_copy(update={"reflectance": f"{palette}#{row.name}"})
-        if row.name in changes.materials
-        else row
+        replace(row, reflectance=f"{palette}#{row.name}") if row.name in changes.materials else row
         for row in file.material
     ]
     light = [
-        row.model_copy(update={"spectrum": f"{palette}#{row.name}"})
-        if row.name == changes.light
-        else row
+        replace(row, spectrum=f"{palette}#{row.name}") if row.name == changes.light else row
         for row in file.light
     ]
-    return file.model_copy(update={"material": material, "light": light})
+    return replace(file, material=tuple(material), light=tuple(light))
 
 
 def _with_exact_basis(scene: Scene, spectra: dict[str, Spectrum]) -> tuple[Scene, bool]:
@@ -191,9 +186,8 @@ def _with_exact_basis(scene: Scene, spectra: dict[str, Spectrum]) -> tuple[Scene
     filters = any(row.filter is not None for row in scene.file.material)
     if filters or isinstance(scene.basis, MaterialBasis):
         return scene, False
-    grid = scene.file.basis.model_dump(include={"grid_nm"}, exclude_none=True)
-    basis = BasisTable(method="materials", **grid)
-    exact = Scene(scene.file.model_copy(update={"basis": basis}), scene.path, spectra)
+    basis = BasisSpec(method="materials", grid_nm=scene.file.basis.grid_nm)
+    exact = Scene(replace(scene.file, basis=basis), scene.path, spectra)
     errors = (
         delta_E_2000(displayed_Lab(scene, one), displayed_Lab(exact, other))
         for one, other in zip(scene.lights, exact.lights, strict=True)

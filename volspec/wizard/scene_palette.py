@@ -94,7 +94,7 @@ class ScenePalette:
             for material, share in shares.items():
                 visible[material] = visible.get(material, 0.0) + amount * share
         others = self.other_materials(name)
-        rows = [row.shares for row in transfer.points or transfer.surfaces or ()]
+        rows = [row.material_weights for row in transfer.points or transfer.surfaces or ()]
         near = {
             material
             for one, two in pairwise(rows)

@@ -22,7 +22,7 @@ from volspec.export.page import payload
 from volspec.raycast import CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.spec import mixed_rig
-from volspec.scene import viewing_of
+from volspec.scene import stored_relight_spec
 from volspec.scene.lights import NamedLight
 from volspec.spectra import Spectrum, light
 
@@ -181,7 +181,7 @@ def initial_spec(
     ViewingError
         If the page does not support the viewing that is given.
     """
-    stored = viewing_of(image).spec().for_lights(lamp.rig for lamp in lights)
+    stored = stored_relight_spec(image).for_lights(lamp.rig for lamp in lights)
     if viewing is not None:
         return replace(stored, viewing=checked_viewing(viewing))
     look = payload.look_numbers(stored, lights)

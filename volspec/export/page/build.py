@@ -19,10 +19,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from volspec import __version__
 from volspec._files import write_whole
@@ -35,8 +36,9 @@ from volspec.raycast.bands import Progress
 from volspec.relight import RelightSpec
 from volspec.relight.layers import clamp_finite
 from volspec.scene import Scene
-from volspec.scene.export import TurntableTable
+from volspec.scene.export import Turntable
 from volspec.scene.lights import NamedLight
+from volspec.settings import settings
 
 Codes = NDArray[np.int64]
 
@@ -75,17 +77,10 @@ _POLICY = (
 )
 
 
+@settings(ImageError)
 @dataclass(frozen=True, slots=True)
 class PageSpec:
     """Title of a page, and precision of its channels.
-
-    Parameters
-    ----------
-    title : str
-    caption : str
-        Plain text below the title.
-    bits : int
-        Bits of a channel's code: 8, or up to 12 for twice the size.
 
     Raises
     ------
@@ -94,18 +89,11 @@ class PageSpec:
     """
 
     title: str = "Relightable picture"
+    """Title of the page."""
     caption: str = ""
-    bits: int = 8
-
-    def __post_init__(self) -> None:
-        for name in ("title", "caption"):
-            if not isinstance(getattr(self, name), str):
-                raise ImageError.refused(f"page.{name}", getattr(self, name), "give text", "type")
-        whole = isinstance(self.bits, int) and not isinstance(self.bits, bool)
-        if not (whole and BITS[0] <= self.bits <= BITS[1]):
-            raise ImageError.refused(
-                "page.bits", self.bits, f"give {BITS[0]} to {BITS[1]}", "range"
-            )
+    """Plain text below the title."""
+    bits: Annotated[int, Field(ge=BITS[0], le=BITS[1])] = 8
+    """Bits of a channel's code: 8, or up to 12 for twice the size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -254,7 +242,7 @@ def scene_views(
     volume = scene.volume()
     caster = Raycaster(volume, device=device)
     pixels = size or (scene.file.output.width, scene.file.output.height)
-    for i, camera in enumerate(turntable_cameras(scene, volume, TurntableTable(frames=count))):
+    for i, camera in enumerate(turntable_cameras(scene, volume, Turntable(frames=count))):
         image = raycast(
             volume,
             scene.transfer,

@@ -10,7 +10,7 @@ References
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,12 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.sources import asset
+from volspec.errors import SceneError
 from volspec.pipeline import Raycaster
 from volspec.raycast import RaycastSpec
+from volspec.raycast.camera import Orbit
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
+from volspec.settings import read_table
 from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer
 from volspec.viewer.model import presets
@@ -174,7 +177,7 @@ def plain_scene(path: str, volume: Volume) -> SceneFile:
         "light": [{"name": k, "label": v, "spectrum": k} for k, v in _LIGHTS.items()],
         "viewing": {"backdrop": 0.05},
     }
-    return SceneFile.model_validate(document)
+    return read_table(SceneFile, document, SceneError)
 
 
 def histogram(volume: Volume) -> NDArray[np.float64]:
@@ -191,4 +194,4 @@ def _file_view(scene: Scene, volume: Volume) -> View:
     table = scene.file.camera
     if table.position_mm is not None:
         return View.of(scene.camera(volume), volume)
-    return View(**table.model_dump(exclude={"position_mm"}))
+    return View(**{each.name: getattr(table, each.name) for each in fields(Orbit)})

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from volspec.errors import ViewingError, VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import mixed_rig
-from volspec.scene.lights import LightTable, NamedLight
+from volspec.scene.lights import LightSpec, NamedLight
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
 from volspec.viewer.model.view import clamp
@@ -88,7 +88,7 @@ class Fade:
 
 
 def rows_from_scene(
-    lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightTable]]
+    lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightSpec]]
 ) -> Rows:
     """Return a scene's lights as rows, of which the first is on.
 

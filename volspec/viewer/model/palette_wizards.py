@@ -8,10 +8,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from volspec.errors import PaletteError
+from volspec.errors import PaletteError, SceneError
 from volspec.palette import Cell, DesignReport
 from volspec.palette.model import Place
 from volspec.scene import Scene, SceneFile
+from volspec.settings import read_table
 from volspec.spectra import Spectrum
 from volspec.transfer import MAX_CHANNELS
 from volspec.viewer.model import palette_table
@@ -29,7 +30,7 @@ from volspec.viewer.model.palette_targets import (
     PaletteState,
     clip_codes,
 )
-from volspec.viewer.model.scene_file import transfer_table, viewing_table
+from volspec.viewer.model.scene_file import transfer_table
 from volspec.viewer.model.state import ViewState
 from volspec.wizard import Redesigned, hide, keep, merge, reveal
 
@@ -131,7 +132,8 @@ def wizard_scene(state: ViewState) -> Scene:
         if row.rig.total_lux is not None:
             table["illuminance_lux"] = float(row.rig.total_lux)
         lights.append(table)
-    file = SceneFile.model_validate(
+    file = read_table(
+        SceneFile,
         {
             "title": state.document.title,
             "volume": {"file": "volume"},
@@ -143,7 +145,8 @@ def wizard_scene(state: ViewState) -> Scene:
                 "observer_deg": transfer.basis.observer_deg,
             },
             "light": lights,
-            "viewing": viewing_table(replace(state.relight, backdrop=0.0)),
-        }
+            "viewing": replace(state.relight, backdrop=0.0),
+        },
+        SceneError,
     )
     return Scene(file, state.document.title, known)

@@ -14,31 +14,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
-from volspec._tables import DisplayTable, SpaceTable, explained
-from volspec.appearance import Display
-from volspec.appearance.presets import PRESETS
-from volspec.appearance.spaces import ColourSpace
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.storage import shipped_names
 from volspec.errors import SceneError, SpectrumError
-from volspec.raycast import RaycastSpec
+from volspec.raycast.lights import HEADLIT
 from volspec.relight import RelightSpec
 from volspec.scene import Scene, SceneFile
-from volspec.scene.lights import GroupTable, LightTable, rows_by_name
-from volspec.scene.spectra import SpectrumTable
-from volspec.scene.tables import (
-    BasisTable,
-    CameraTable,
-    MaterialTable,
-    OutputTable,
-    PlaneTable,
-    RaycastTable,
-    ViewingTable,
+from volspec.scene.lights import LightSpec, rows_by_name
+from volspec.scene.specs import (
+    BasisSpec,
+    CameraSpec,
+    MaterialSpec,
+    OutputSpec,
+    SpectrumNumbers,
 )
-from volspec.scene.transfer import TransferTable
+from volspec.scene.transfer import TransferSpec
 from volspec.scene.writing import require_toml, write_scene
+from volspec.settings import read_table
 from volspec.spectra import Spectrum, light
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
@@ -52,7 +45,7 @@ NOWHERE = "/"
 _MIX = "mix"
 
 
-def _light_tables(state: ViewState, file: SceneFile) -> list[LightTable]:
+def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
     """Return the present mix first, then the lights as they would be alone."""
     rows = state.lights
     weights = light_rows.effective_weights(rows)
@@ -67,25 +60,25 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightTable]:
         if len(set(rig.groups)) < len(rig.groups):  # a file has one light of each in a setting
             rig = light_rows.merge_groups(rig, rig.lights[0].grid)
         settings.insert(0, (light_rows.LightRow(_MIX, label, rig), 1.0))
-    tables: dict[str, list[LightTable]] = {}
+    tables: dict[str, list[LightSpec]] = {}
     for row, weight in settings:
         name = light_rows.unused_name(row.name.strip() or "light", tables)
         as_opened = any(row.rig is other.rig for other in state.document.lights)
         in_file = rows_by_name(file.light).get(row.name) if as_opened else None
         if in_file is not None and name == row.name:
-            tables[name] = [t.model_copy(update={"weight": t.weight * weight}) for t in in_file]
+            tables[name] = [replace(t, weight=t.weight * weight) for t in in_file]
         else:
             tables[name] = [_part_table(name, row, j, weight) for j in range(len(row.texts))]
     return [table for setting in tables.values() for table in setting]
 
 
-def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -> LightTable:
+def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -> LightSpec:
     """Return the table of one of a light's spectra."""
     rig, spectrum = row.rig, row.rig.lights[part]
-    given = _library_name(row.texts[part], spectrum) or SpectrumTable.of(spectrum)
+    given = _library_name(row.texts[part], spectrum) or SpectrumNumbers.of(spectrum)
     # A file's numbers are scaled when they are read; of lights with lux they are shapes.
-    scaled = isinstance(given, SpectrumTable) and rig.illuminance_lux is None
-    return LightTable(
+    scaled = isinstance(given, SpectrumNumbers) and rig.illuminance_lux is None
+    return LightSpec(
         name=name,
         label=row.label if row.label != name else None,
         spectrum=given,
@@ -139,8 +132,8 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     if like.basis.fingerprint != basis.fingerprint:
         basis_path = target.with_suffix(".basis.json")
         basis.save(basis_path)
-        named = BasisTable(name=os.path.relpath(basis_path.resolve(), like.folder.resolve()))
-        file = file.model_copy(update={"basis": named})
+        named = BasisSpec(name=os.path.relpath(basis_path.resolve(), like.folder.resolve()))
+        file = replace(file, basis=named)
     return write_scene(file, target, like)
 
 
@@ -165,34 +158,25 @@ def scene_from_state(state: ViewState) -> SceneFile:
             "turn one on",
             code="missing",
         )
-    try:
-        return file.model_copy(update=_tables(state, file))
-    except ValidationError as error:
-        raise SceneError(f"{document.title}: {explained(error, SceneFile)}") from error
-
-
-def _tables(state: ViewState, file: SceneFile) -> dict[str, Any]:
-    """Return the tables of a state; those of unchanged parts are the file's."""
     document, shading = state.document, state.shading
-    transfer, relight = state.transfer, state.relight
-    if [row.group() for row in file.group] == list(shading.groups):
-        groups = file.group
-    else:
-        groups = [] if shading.groups == RaycastSpec().groups else _groups(shading)
-    return {
-        "material": _materials(state, file),
-        "transfer": file.transfer if transfer is document.transfer else transfer_table(transfer),
-        "basis": _basis(state, file.basis),
-        "camera": file.camera if state.view == document.view else CameraTable(**asdict(state.view)),
-        "raycast": file.raycast if shading == document.shading else _raycast(shading),
-        "group": groups,
-        "light": _light_tables(state, file),
-        "viewing": file.viewing if relight is document.relight else viewing_table(relight),
-        "output": OutputTable(width=state.size[0], height=state.size[1]),
-    }
+    own = (file.group or HEADLIT) == shading.groups
+    width, height = state.size
+    same_transfer = state.transfer is document.transfer
+    return replace(
+        file,
+        material=tuple(_materials(state, file)),
+        transfer=file.transfer if same_transfer else transfer_table(state.transfer),
+        basis=_basis(state, file.basis),
+        camera=file.camera if state.view == document.view else CameraSpec(**asdict(state.view)),
+        raycast=replace(shading, groups=HEADLIT),
+        group=file.group if own else () if shading.groups == HEADLIT else shading.groups,
+        light=tuple(_light_tables(state, file)),
+        viewing=require_plain_backdrop(state.relight),
+        output=OutputSpec(width, height),
+    )
 
 
-def _materials(state: ViewState, file: SceneFile) -> list[MaterialTable]:
+def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:
     """Return materials: by name if unchanged since they were opened, others as numbers."""
     old, new = state.document.transfer, state.transfer
     rows = {row.name: row for row in file.material}
@@ -201,11 +185,11 @@ def _materials(state: ViewState, file: SceneFile) -> list[MaterialTable]:
         if now is None:
             return None
         same = name in rows and then is not None and same_spectrum(now, then)
-        return getattr(rows[name], key) if same else SpectrumTable.of(now)
+        return getattr(rows[name], key) if same else SpectrumNumbers.of(now)
 
     new_filters, old_filters = _filters(new), _filters(old)
     return [
-        MaterialTable(
+        MaterialSpec(
             name=name,
             reflectance=given("reflectance", name, spectrum, old.materials.get(name)),
             filter=given("filter", name, new_filters.get(name), old_filters.get(name)),
@@ -218,11 +202,11 @@ def _filters(transfer: Transfer) -> Mapping[str, Spectrum]:
     return transfer.filters or {} if isinstance(transfer, TransferFunction) else {}
 
 
-def transfer_table(transfer: Transfer) -> TransferTable:
+def transfer_table(transfer: Transfer) -> TransferSpec:
     """Return a transfer function as ``[transfer]``."""
     data: dict[str, Any]
     if isinstance(transfer, Isosurfaces):
-        return TransferTable.model_validate({"surfaces": list(_points(transfer.surfaces))})
+        return read_table(TransferSpec, {"surfaces": list(_points(transfer.surfaces))}, SceneError)
     if isinstance(transfer, LabelFunction):
         looks = transfer.labels.items()
         rows = [{"label": k, "opacity": o, "material": _shares(m)} for k, (o, m) in looks]
@@ -234,7 +218,8 @@ def transfer_table(transfer: Transfer) -> TransferTable:
     else:
         regions = [{f.name: getattr(row, f.name) for f in fields(row)} for row in transfer.regions]
         data = {"regions": [row | {"material": _shares(row["material"])} for row in regions]}
-    return TransferTable.model_validate(data | {"reference_step_mm": transfer.reference_step_mm})
+    data["reference_step_mm"] = transfer.reference_step_mm
+    return read_table(TransferSpec, data, SceneError)
 
 
 def _points(points: Sequence[tuple[float, float, Mix]]) -> Iterator[dict[str, Any]]:
@@ -250,64 +235,35 @@ def _shares(mix: Mix) -> str | dict[str, float]:
     return next(iter(shares)) if list(shares.values()) == [1.0] else shares
 
 
-def _basis(state: ViewState, table: BasisTable) -> BasisTable:
+def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
     """Return the file's table, unless the basis has another source with a name."""
     basis = state.transfer.basis
     if basis is state.document.transfer.basis and table.name is not None:
         return table
     shipped = basis.name in shipped_names() and SpectralBasis.load(basis.name)
     if shipped and shipped.fingerprint == basis.fingerprint:
-        return BasisTable(name=basis.name)
+        return BasisSpec(name=basis.name)
     if isinstance(basis, MaterialBasis) and table.method != "materials":
         grid = basis.grid
         nm = (grid.start_nm, grid.stop_nm, grid.step_nm)
-        found = {"method": "materials", "grid_nm": nm, "observer_deg": basis.observer_deg}
-        return BasisTable.model_validate(found)
+        given: dict[str, Any] = {"grid_nm": nm, "observer_deg": basis.observer_deg}
+        return BasisSpec(method="materials", **given)
     return table
 
 
-def _raycast(spec: RaycastSpec) -> RaycastTable:
-    settings = {name: getattr(spec, name) for name in RaycastTable.model_fields}
-    planes = [PlaneTable(**asdict(plane)) for plane in spec.clip_planes]
-    return RaycastTable(**settings | {"clip_planes": planes})
-
-
-def _groups(spec: RaycastSpec) -> list[GroupTable]:
-    rows = []
-    for group in spec.groups:
-        sources = [{"kind": type(each).__name__.lower()} | asdict(each) for each in group.sources]
-        rows.append(GroupTable.model_validate({"name": group.name, "sources": sources}))
-    return rows
-
-
-def viewing_table(spec: RelightSpec) -> ViewingTable:
-    """Return the viewing, backdrop and mode as ``[viewing]``.
+def require_plain_backdrop(spec: RelightSpec) -> RelightSpec:
+    """Refuse a backdrop that no file can have.
 
     Raises
     ------
     SceneError
-        If the backdrop is a spectrum.
+        If it is a spectrum.
     """
     if isinstance(spec.backdrop, Spectrum):
         raise SceneError(
-            "the backdrop is a spectrum; a scene's file takes a number from 0 to 1",
+            "the backdrop is a spectrum",
+            "a scene's file takes a number from 0 to 1",
             code="unsupported",
             field="viewing.backdrop",
         )
-    viewing = spec.viewing
-    own = {field.name: getattr(viewing, field.name) for field in fields(viewing)}
-    own |= {"backdrop": spec.backdrop, "mode": spec.mode, "level": spec.level}
-    return ViewingTable(**own | {"display": display_table(viewing.display)})
-
-
-def display_table(display: Display) -> DisplayTable:
-    """Return a display as ``[viewing.display]``: a preset, or numbers."""
-    space = display.space
-    given = SpaceTable.of(space) if isinstance(space, ColourSpace) else str(space)
-    look: dict[str, Any] = {"space": given, "gamut": display.gamut, "mark": display.mark}
-    for name, preset in PRESETS.items():
-        if replace(preset.display(space, display.gamut), mark=display.mark) == display:
-            return DisplayTable(preset=name, **look)
-    for name in ("white_cd_m2", "L_A", "Y_b", "surround"):
-        look[name] = getattr(display, name)
-    return DisplayTable(**look)
+    return spec

@@ -12,18 +12,16 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
 from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
-from volspec._tables import explained
 from volspec.errors import InputError, SceneError, one_line, quoted
 from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
+from volspec.settings import plain, read_table
 from volspec.viewer.model.document import Document, histogram
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.casts import make_caster
@@ -94,7 +92,7 @@ def session_from_state(state: ViewState) -> Session:
         "format": FORMAT,
         "version": VERSION,
         "path": os.fspath(document.path),
-        "file": document.file.model_dump(exclude_unset=True),
+        "file": plain(document.file),
         **parts,
         "objects": writer.objects,
     }
@@ -187,20 +185,20 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     """
     data = session.data
     try:
-        file = SceneFile.model_validate(data["file"], strict=False)
+        file = read_table(SceneFile, data["file"], SceneError, Path(session.path).parent)
         reader = Reader(data["objects"])
         of_document = reader.field_values(Document, data["document"], but=_REMADE)
         of_state = reader.field_values(ViewState, data["state"], but=_PASSING)
-    except ValidationError as error:
-        raise BrokenSession(f"session: file: {explained(error, SceneFile)}") from error
+    except SceneError as error:
+        raise BrokenSession(f"session: file: {error}", code="damaged") from error
     except (ValueFault, TypeError) as error:
         raise _broken_by(error) from error
     if not of_state["lights"]:
         raise BrokenSession("is empty; was it edited?", field="session.lights")
     name, mark, query = file.volume.file.partition("?")
     if name == data["path"]:  # of a bare volume, which may have been moved with its session
-        moved = file.volume.model_copy(update={"file": f"{session.path}{mark}{query}"})
-        file = file.model_copy(update={"volume": moved})
+        moved = replace(file.volume, file=f"{session.path}{mark}{query}")
+        file = replace(file, volume=moved)
     volume = Resolver(file, session.path).volume()
     caster, fault = make_caster(volume, device) if cast else (None, "")
     document = Document(

@@ -1,0 +1,234 @@
+"""Settings that only scene files have: volume, materials, basis, camera, picture size.
+
+    TOML -> [specs] -> Scene
+
+Those of lights are in `volspec.scene.lights`, of transfer functions in `volspec.scene.transfer`,
+of exports in `volspec.scene.export`; all others are the specs that Python takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from volspec.errors import Code, SceneError, SpectrumError
+from volspec.raycast.camera import Orbit
+from volspec.settings import Hint, Name, Unit, Vector, settings, value_or_table
+from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
+from volspec.spectra.lights import as_light
+from volspec.spectra.reflectances import as_reflectance
+
+Numbers = Annotated[tuple[float, ...], Field(strict=False)]
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpectrumNumbers:
+    """A spectrum as numbers instead of a name: one that was edited, and is in no file of its own.
+
+    Values on the scene's own bands are taken as they are; others are averaged over them, as a
+    file's are: a light is scaled, a reflectance checked.
+    """
+
+    name: str = ""
+    """Caption; left out, the name of the light or material."""
+    wavelengths_nm: Annotated[Numbers, Field(examples=[[400, 700]]), Unit("nm")]
+    """Rising, at least two."""
+    values: Annotated[Numbers, Field(examples=[[0.2, 0.8]])]
+    """One a wavelength: of a light relative power, of a reflectance or filter 0 to 1."""
+    notes: dict[str, str] = field(default_factory=dict)
+    """Facts about its making, such as designed, manufacturer or instrument; a scene that has
+    designed spectra trains its basis."""
+
+    def __post_init__(self) -> None:
+        try:
+            self.spectrum()
+        except SpectrumError as error:
+            raise SpectrumError(str(error), code=error.code) from error
+
+    @classmethod
+    def of(cls, spectrum: Spectrum) -> SpectrumNumbers:
+        """Return a spectrum's numbers, which read back to the last bit."""
+        return cls(
+            name=spectrum.name,
+            wavelengths_nm=tuple(spectrum.wavelengths_nm.tolist()),
+            values=tuple(spectrum.values.tolist()),
+            notes=dict(spectrum.notes),
+        )
+
+    def spectrum(self, name: str = "") -> Spectrum:
+        """Return the numbers as they are; under another name if they have none.
+
+        Raises
+        ------
+        SpectrumError
+            If they are no spectrum.
+        """
+        numbers = np.array(self.wavelengths_nm), np.array(self.values)
+        return Spectrum(*numbers, self.name or name, self.notes)
+
+
+Given = Annotated[
+    Annotated[str, Tag("<value>")] | Annotated[SpectrumNumbers, Tag("<table>")],
+    Discriminator(value_or_table),
+    Hint("a name, or a table of numbers", whole=True),
+]
+"""A name as `volspec.light` or `volspec.reflectance` takes it, or numbers."""
+
+
+def given_light(
+    given: str | SpectrumNumbers,
+    name: str,
+    grid: SpectralGrid,
+    folder: Path,
+    known: Mapping[str, Spectrum],
+) -> Spectrum:
+    """Return the light of a row.
+
+    Parameters
+    ----------
+    given : str or SpectrumNumbers
+    name : str
+        The row's.
+    grid : SpectralGrid
+    folder : path
+        Folder that names of files are relative to.
+    known : {text: Spectrum}
+        Spectra that are no file yet, on the grid.
+
+    Raises
+    ------
+    SpectrumError
+        If the name is unknown, or the numbers are no light.
+    """
+    if isinstance(given, SpectrumNumbers):
+        return as_light(given.spectrum(name), grid, "spectrum.values")
+    return known.get(given) or light(given, grid, folder=folder)
+
+
+def given_reflectance(
+    given: str | SpectrumNumbers,
+    name: str,
+    grid: SpectralGrid,
+    folder: Path,
+    known: Mapping[str, Spectrum],
+) -> Spectrum:
+    """Return the reflectance or the filter of a row; parameters and errors as `given_light`."""
+    if isinstance(given, SpectrumNumbers):
+        return as_reflectance(given.spectrum(name), grid, "values")
+    return known.get(given) or reflectance(given, grid, folder=folder)
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class VolumeSpec:
+    """``[volume]``: the file, and changes to it."""
+
+    file: Annotated[str, Field(examples=["volume.nrrd"])]
+    """NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, .npy, FILE.raw?shape=256x256x110&dtype=uint8, or a
+    folder: DICOM (?series=3 selects one of several), TIFF or PNG slices, OME-Zarr."""
+    spacing_mm: Annotated[Vector, Unit("mm")] | None = None
+    """x, y, z instead of the file's; a warning reports it if the file has others."""
+    downsample: int = 1
+    """2 keeps a voxel for every block of 2³: the mean, or of labels the most frequent."""
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class MaterialSpec:
+    """``[[material]]``: a name the transfer function uses, a reflectance and a filter."""
+
+    row_keys: ClassVar = ("name",)
+    name: Annotated[Name, Field(examples=["bone"])]
+    """Name in [transfer]."""
+    reflectance: Annotated[Given, Field(examples=["copper"])]
+    """A name (copper, ColorChecker/dark skin, grey:0.18, …), FILE.csv, FILE.spdx, FILE.exr#X,Y, a
+    palette's OUT.toml#name, or a table of numbers."""
+    filter: Given | None = None
+    """The spectrum that passes it at opacity 1, in the same notation; left out, every wavelength is
+    absorbed alike. Only with points, and not with method = "materials"."""
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class BasisSpec:
+    """``[basis]``: one that ships, one trained on the scene's own spectra, or its materials.
+
+    An empty table takes ``general-7`` if that holds the scene's colours, and trains if it does not.
+    ``method = "materials"`` makes the materials the channels: exact under any light.
+    """
+
+    name: str | None = None
+    """A basis that ships, or FILE.json; alone."""
+    train: Literal["scene"] | None = None
+    """Train for the scene in any case."""
+    method: Literal["virtual-sensors", "pca-sharpened", "pca", "reduced-rank", "materials"] = (
+        "virtual-sensors"
+    )
+    """Method of the fit; with materials the materials are the channels, exact under any light."""
+    size: Annotated[int, Field(ge=3, le=16)] = 7
+    """Number of channels."""
+    positive: bool = False
+    """Sensors without negative parts."""
+    grid_nm: Annotated[Vector, Unit("nm")] | None = None
+    """First, last, step of the bands; left out, 400 to 700 by 10."""
+    observer_deg: Literal[2, 10] = 2
+    """Field of the CIE observer."""
+
+    @staticmethod
+    def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
+        """Refuse keys that exclude each other; defaults do not count."""
+        others = sorted(set(table) - {"name"})
+        if "name" in table and others:
+            problem = f"a shipped basis, with {' and '.join(others)}"
+            raise fault("name", problem, "give one of them")
+        fitted = sorted({"size", "positive", "train"} & set(table))
+        if table.get("method") == "materials" and fitted:
+            problem = '"materials" makes each material a channel, with nothing to fit'
+            raise fault("method", problem, f"leave out {' and '.join(fitted)}")
+        return table
+
+    @property
+    def file(self) -> str | None:
+        """The file that ``name`` is; None if it is none."""
+        return self.name if self.name is not None and self.name.endswith(".json") else None
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class CameraSpec(Orbit):
+    """``[camera]``: an orbit around the volume, or an explicit position."""
+
+    position_mm: Annotated[Vector, Unit("mm")] | None = None
+    """x, y, z, instead of the orbit."""
+
+    @staticmethod
+    def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
+        """Refuse an orbit and a position in one."""
+        orbit = {each.name for each in fields(Orbit)} - {"target_mm", "up", "fov_deg"}
+        if "position_mm" in table and (given := sorted(orbit & set(table))):
+            raise fault("position_mm", f"given with {' and '.join(given)}", "give one of them")
+        return table
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class OutputSpec:
+    """``[output]``: the picture's size in pixels."""
+
+    width: Annotated[int, Field(ge=1, le=8192)] = 512
+    """Pixels across."""
+    height: Annotated[int, Field(ge=1, le=8192)] = 512
+    """Pixels down."""
+
+
+def fault(
+    field: str, problem: str, remedy: str, code: Code = "conflict", given: object = None
+) -> SceneError:
+    """Return an error about a field."""
+    return SceneError(problem, remedy, code=code, field=field, given=given)
