@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.support.errors import refuses
+from tests.support.errors import raises, refuses
 from volspec.appearance import SURROUNDS, Display, Viewing, ViewingConditions, view_transform
 from volspec.appearance.constants import (
     ACHROMATIC,
@@ -206,7 +206,7 @@ def test_bad_conditions_are_refused_in_one_line(make, message):
 
 def test_wrong_shapes_are_refused():
     c = conditions("average under A")
-    with pytest.raises(ShapeError, match=r"expected \(\.\.\., 3\)"):
+    with raises(ShapeError, "shape"):
         forward(np.zeros((4, 2)), c)
-    with pytest.raises(ShapeError, match="expected equal ones"):
+    with raises(ShapeError, "shape"):
         inverse(np.zeros(3), np.zeros(2), 0.0, c)

@@ -6,6 +6,7 @@ import pytest
 from colour.appearance import hunt as colour_hunt
 
 from tests.appearance._models import CONDITIONS, D65, A, colours
+from tests.support.errors import raises
 from volspec.appearance import ViewingConditions
 from volspec.appearance.models import APPEARANCE_MODELS, hunt, nayatani95
 from volspec.appearance.models.hunt import HuntConditions
@@ -106,8 +107,8 @@ def test_scotopic_data_enter_as_in_colour_sciences_parts():
 @pytest.mark.parametrize("S", ["bright", [0.1, 0.2]])
 def test_scotopic_data_of_another_kind_are_refused_in_one_line(S):
     conditions = ViewingConditions(A)
-    with pytest.raises(ShapeError, match=r"Hunt\.S is") as caught:
+    with raises(ShapeError, field="Hunt.S") as caught:
         hunt.forward(np.zeros((3, 3)), conditions, S=S)
     assert "\n" not in str(caught.value)
-    with pytest.raises(ShapeError, match=r"Hunt\.S is"):
+    with raises(ShapeError, field="Hunt.S"):
         hunt.inverse(np.zeros(3), 0.0, 0.0, conditions, S=S)

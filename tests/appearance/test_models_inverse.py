@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, D65, colours, spectral_mixtures
+from tests.support.errors import raises
 from volspec.appearance import ViewingConditions
 from volspec.appearance.models import APPEARANCE_MODELS, cielab, hunt, nayatani95, rlab
 from volspec.appearance.models.numeric import find_root, invert
@@ -124,8 +125,8 @@ def test_shapes_are_kept_and_wrong_ones_refused(name):
     assert seen.J.shape == seen.C.shape == seen.h.shape == seen.H.shape == (2, 3)
     assert model.inverse(50.0, np.zeros((2, 3)), 40.0, conditions).shape == (2, 3, 3)
     assert model.forward([20.0, 20.0, 20.0], conditions).J.shape == ()
-    with pytest.raises(ShapeError, match=r"expected \(\.\.\., 3\)"):
+    with raises(ShapeError, "shape"):
         model.forward(np.zeros((4, 2)), conditions)
-    with pytest.raises(ShapeError, match="expected equal ones"):
+    with raises(ShapeError, "shape"):
         model.inverse(np.zeros(3), np.zeros(2), 0.0, conditions)
     assert cielab.forward(np.zeros((0, 3)), conditions).J.shape == (0,)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import ImageDraw
 
+from tests.support.errors import raises
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.report import basis_report
@@ -127,14 +128,14 @@ def test_maps_are_compared_on_one_scale() -> None:
     assert (flat.heat(0.5) == flat.heat(0.1)).all(), "beyond the scale is its end"
     assert flat.heat(2.0).sum() < flat.heat(0.5).sum()
     for top in (0, -1, float("nan")):
-        with pytest.raises(ViewingError, match="scale ends at"):
+        with raises(ViewingError, "range", "error map.top"):
             flat.image(top)
 
 
 def test_a_closed_relighter_gives_no_map() -> None:
     relighter = Relighter(chart(), backend="numpy")
     relighter.close()
-    with pytest.raises(RelightError, match="already closed"):
+    with raises(RelightError, "state", "Relighter"):
         relighter.error_map(light("A"))
 
 

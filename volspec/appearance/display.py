@@ -174,6 +174,6 @@ class Display:
 
     @property
     def conditions(self) -> ViewingConditions:
-        """What the eye before it is adapted to; Y = 100 for its white."""
+        """Viewing conditions of an eye before it; Y = 100 for its white."""
         X, Y, Z = self.colours.white_XYZ.tolist()
         return ViewingConditions((X, Y, Z), self.adapting_luminance, self.Y_b, self.surround)

@@ -51,7 +51,7 @@ class Preset:
     Y_b: float
     """Luminance factor of the background, percent of white."""
     surround: SurroundOrRatio
-    """As `surround_at`."""
+    """Name or ratio, see `surround_at`."""
     white_luminance: float
     """Luminance of the display's white or of a perfect diffuser, cd/m²."""
     space: str

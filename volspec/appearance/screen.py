@@ -18,7 +18,7 @@ of two matrices and a power, find the point on the surface of the display's cube
 An eye that is not wholly adapted to the display (D < 1) sees its white with some chroma (3.2 at
 sRGB's conditions), and above J = 98 no colour without chroma can be shown. There, colours move
 towards the display's own white: the grey is (x, max(x - x0, 0) (a_w, b_w) / (x_w - x0)), free of
-chroma up to the knee x0 and ending in the white. Up to x0 both J and h are kept, above it J.
+chroma up to the knee x0 and ending in the white. Up to x0 both J and h are constant, above it J.
 
 References
 ----------

@@ -1,8 +1,8 @@
-"""How a scene is looked at: model, viewing conditions and the display.
+"""Viewing of a scene: model, viewing conditions and the display.
 
     raycast -> relight -> [appearance] -> frame
 
-Surrounds and conditions stand in `volspec.appearance.surround`, displays in
+Surrounds and conditions are in `volspec.appearance.surround`, displays in
 `volspec.appearance.display`; both can be had from here.
 """
 
@@ -84,7 +84,7 @@ FieldOfView = Annotated[
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class Viewing:
-    """How the scene is looked at, and on what display the picture will be shown.
+    """Appearance model, the scene's viewing conditions, and the display of the picture.
 
     Raises
     ------
@@ -169,7 +169,7 @@ class Viewing:
         return self if lux is None else replace(self, illuminance_lux=lux)
 
     def conditions(self, white_XYZ: ArrayLike) -> ViewingConditions:
-        """What an eye in the scene is adapted to, under a light whose white is given.
+        """Return the conditions of an eye in the scene, under a light of a given white.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What surrounds an eye: a surround's factors, and all that it is adapted to.
+"""Viewing conditions: a surround's factors, and all that an eye is adapted to.
 
     [surround] -> display, spec -> transforms, models
 
@@ -33,7 +33,7 @@ from volspec.settings import (
 
 Triple = tuple[float, float, float]
 
-# What a background may have, beside the white: a window behind a sheet of paper.
+# A background's limit, relative to the white: a window behind a sheet of paper.
 MOST_BACKGROUND = 20.0
 # Of whites: Y is 100, or thereabouts, and not 1; the others may be next to nothing.
 _WHITE_Y, _WHITE_XYZ = (2.0, 1e5), (1e-30, 1e8)
@@ -185,7 +185,7 @@ class ViewingConditions:
     Y_b: NotNegative = 20.0
     """Luminance factor of the background, on the white's scale: to 20 times the white."""
     surround: SurroundOrRatio = "average"
-    """As `surround_at`."""
+    """Name or ratio, see `surround_at`."""
     D: Fraction | None = None
     """Degree of adaptation; left out, the model's own."""
     discount: bool = False

@@ -1,4 +1,4 @@
-"""Post-illumination: a coefficient image and a light become a frame.
+"""Post-illumination: a frame of a coefficient image and a light.
 
 raycast -> [relight] -> appearance -> frame
 """

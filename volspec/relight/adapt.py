@@ -1,4 +1,4 @@
-"""A relit frame back in pyvista: as a texture, and the rectangle that fills a plotter's view.
+"""A relit frame in pyvista: as a texture, and the rectangle that fills a plotter's view.
 
 frame -> [adapt] -> pyvista's plotter
 """
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def to_texture(frame: Pixels) -> pyvista.Texture:
-    """A relit frame as a pyvista texture, its first row at the top.
+    """Make a pyvista texture of a relit frame, its first row at the top.
 
     The texture holds the display's codes: draw it with ``lighting=False``, and leave
     ``srgb`` off, which would decode them.
@@ -57,17 +57,17 @@ def to_texture(frame: Pixels) -> pyvista.Texture:
 
 
 def picture_plane(plotter: pyvista.Plotter, distance: float | None = None) -> pyvista.PolyData:
-    """The rectangle that fills a plotter's picture, with texture coordinates.
+    """Make the rectangle that fills a plotter's picture, with texture coordinates.
 
     ``plotter.add_mesh(plane, texture=to_texture(frame), lighting=False)`` puts a frame of the
-    plotter's size over the picture, pixel on pixel; what lies nearer to the camera stays in front.
+    plotter's size over the picture, pixel on pixel; closer objects remain in front.
 
     Parameters
     ----------
     plotter : pyvista.Plotter
-        Of whose active subplot the camera counts, as it stands now.
+        The camera is the current one of its active subplot.
     distance : float, optional
-        From the camera, in the plotter's units; of the focal point when left out.
+        Distance from the camera, in the plotter's units; by default the focal point's.
 
     Raises
     ------

@@ -1,9 +1,9 @@
-"""Where a picture's colours are off, and by how much: CIEDE2000 pixel by pixel.
+"""Colour errors of a picture: CIEDE2000 pixel by pixel.
 
     coefficient image + light -> [error map] -> numbers, heat map
 
-The picture that m channels give against the one of the exact light matrix. The eye is adapted
-to the light, so that 1 is about what it can just tell apart.
+The picture of m channels against the one of the exact light matrix. The eye is adapted to the
+light, so 1 is just noticeable.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _COVERED = 0.05  # opacity from which a pixel counts in the figures
 _ROWS = 64  # rows at a time: CIEDE2000 takes some forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # pixels of the scale at the map's right
-_LEAST, _CAPTION = (540, 148), 58  # so that five numbers and two lines stay legible
+_LEAST, _CAPTION = (540, 148), 58  # so that five numbers and two lines are legible
 _PAPER, _INK = (24, 24, 26), (236, 236, 236)
 _TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
@@ -44,9 +44,9 @@ class ErrorMap:
     alpha : (H, W) float32
         The picture's opacity; the figures count pixels above 0.05.
     light : str
-        What lit it.
+        The light's name.
     compared : str
-        What against what.
+        Names of the two pictures, for the caption.
     """
 
     delta_e: NDArray[np.float32]
@@ -69,31 +69,31 @@ class ErrorMap:
 
     @property
     def p95(self) -> float:
-        """What 95 % of the covered pixels stay below."""
+        """95th percentile of the covered pixels."""
         return float(np.percentile(self._counted, 95))
 
     @property
     def max(self) -> float:
-        """The worst covered pixel."""
+        """Largest value of a covered pixel."""
         return float(self._counted.max())
 
     @property
     def top(self) -> float:
-        """A round number that 99.5 % of the covered pixels stay below: the scale's end."""
+        """The scale's end: a round number above 99.5 % of the covered pixels."""
         wanted = float(np.percentile(self._counted, 99.5))
         return float(next((top for top in _TOPS if top >= wanted), _TOPS[-1]))
 
     def heat(self, top: float | None = None) -> NDArray[np.uint8]:
-        """(H, W, 3) the map alone, black for 0 to pale yellow for ``top`` and beyond."""
+        """Return (H, W, 3), the map alone: black for 0 to pale yellow for ``top`` and beyond."""
         from matplotlib import colormaps
 
         top = self._checked_top(top)
-        # Gamma: half of the colours for the first quarter, where most errors lie.
-        share = np.sqrt(np.clip(self.delta_e / top, 0, 1))
-        return (colormaps["inferno"](share)[..., :3] * 255).round().astype(np.uint8)
+        # Gamma: half of the colours for the first quarter, which has most errors.
+        fraction = np.sqrt(np.clip(self.delta_e / top, 0, 1))
+        return (colormaps["inferno"](fraction)[..., :3] * 255).round().astype(np.uint8)
 
     def image(self, top: float | None = None) -> NDArray[np.uint8]:
-        """The map with its scale at the right and its figures below.
+        """Draw the map with its scale at the right and its figures below.
 
         Parameters
         ----------
@@ -103,7 +103,7 @@ class ErrorMap:
         Returns
         -------
         (H + 58, W + 108, 3) uint8
-            Larger where the map is too small for its text.
+            Larger if the map is too small for its text.
 
         Raises
         ------
@@ -138,7 +138,7 @@ class ErrorMap:
         return np.asarray(sheet)
 
     def _caption(self) -> tuple[str, str]:
-        """What is compared, and the figures."""
+        """Return the title and the figures."""
         title = f"{self.light or 'the light'}: {self.compared}"
         if not self.delta_e.any():
             return title, "no difference"
@@ -151,8 +151,8 @@ class ErrorMap:
         except (TypeError, ValueError):
             value = float("nan")
         if not _TOPS[0] <= value <= 1000:
-            raise ViewingError(
-                f"error map: the scale ends at {top!r}; give a CIEDE2000 of {_TOPS[0]} to 1000"
+            raise ViewingError.refused(
+                "error map.top", top, f"give a CIEDE2000 of {_TOPS[0]} to 1000", "range"
             )
         return value
 
@@ -164,7 +164,7 @@ def error_map(
     backdrop: float | Spectrum = 0.2,
     every: int = 1,
 ) -> ErrorMap:
-    """CIEDE2000 between a picture and the one of the exact light matrix, pixel by pixel.
+    """Return CIEDE2000 between a picture and the one of the exact light matrix, pixel by pixel.
 
     The light matrix has an error of its own, of how well m channels hold a reflectance:
     `volspec.basis.report` measures both against full spectra.
@@ -174,11 +174,11 @@ def error_map(
     image : CoefficientImage
     light : Spectrum or LightRig
     mode : str
-        What is measured against ``"exact"``, the light matrix.
+        Compared with ``"exact"``, the light matrix.
     backdrop : float or Spectrum
         As in `RelightSpec`; both pictures have it.
     every : int
-        Look at every n-th row and column only, where the figures matter and not the map.
+        Sample every n-th row and column only, for the figures without the map.
 
     Raises
     ------
@@ -197,7 +197,7 @@ def difference_map(
     mode: Mode = "componentwise",
     backdrop: float | Spectrum = 0.2,
 ) -> ErrorMap:
-    """CIEDE2000 between a picture and another cast of the same scene, shown by its light matrix.
+    """Return CIEDE2000 between a picture and another cast of the scene, by its light matrix.
 
     Parameters
     ----------
@@ -213,7 +213,9 @@ def difference_map(
     """
     if image.size != truth.size:
         raise ShapeError(
-            f"difference map: the pictures are {image.size} and {truth.size}; cast both alike"
+            f"the pictures are {image.size} and {truth.size}",
+            "cast both alike",
+            field="difference map",
         )
     spec = RelightSpec(mode=mode, backdrop=backdrop)
     compared = f"{image.basis.name} ({mode}) against {truth.basis.name}"
@@ -242,11 +244,11 @@ def _compared(
     delta_e = np.empty(alpha.shape, np.float32)
     for row in range(0, len(delta_e), _ROWS):
         rows = slice(row, row + _ROWS)
-        seen, true = (
+        tested, true = (
             cielab(lit.scene_XYZ(coefficients[rows], opacity[rows]), white)
             for lit, coefficients, opacity in pictures
         )
-        delta_e[rows] = delta_E_2000(true, seen)
+        delta_e[rows] = delta_E_2000(true, tested)
     lights = (light,) if isinstance(light, Spectrum) else light.lights
     name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
     return ErrorMap(delta_e, np.asarray(alpha), name, compared)

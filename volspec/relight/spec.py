@@ -1,4 +1,4 @@
-"""What lights a coefficient image and how the picture is to be made: frozen data.
+"""Lights of a coefficient image and settings of its picture: frozen data.
 
     raycast -> [relight] -> appearance -> frame
 
@@ -92,7 +92,7 @@ class LightRig:
 
     @classmethod
     def of(cls, light: Spectrum | LightRig) -> LightRig:
-        """A light as a rig, whatever it is given as.
+        """Return a light as a rig; a rig as it is.
 
         Raises
         ------
@@ -111,7 +111,7 @@ class LightRig:
         )
 
     def facing(self, shares: Mapping[str, float]) -> LightRig:
-        """What a surface that faces every source gets: each light by its group's share.
+        """Weight each light by its group's share, for a surface that faces every source.
 
         Parameters
         ----------
@@ -149,7 +149,7 @@ class LightRig:
         return replace(self, weights=weights, groups=())
 
     def shining_from(self, group: str) -> LightRig | None:
-        """The lights that shine from a group, as a rig without groups; None where it is dark."""
+        """Return the lights of a group as a rig without groups; None if it is dark."""
         own = [j for j, name in enumerate(self.groups) if name in ("", group)]
         lux = None if self.illuminance_lux is None else tuple(self.illuminance_lux[j] for j in own)
         weights = tuple(self.weights[j] for j in own)
@@ -158,7 +158,7 @@ class LightRig:
         return LightRig(tuple(self.lights[j] for j in own), weights, lux)
 
     def mixed(self, grid: SpectralGrid) -> Spectrum:
-        """The sum of the lights as one Spectrum on a grid, whatever they shine from.
+        """Return the sum of the lights as one Spectrum on a grid, regardless of groups.
 
         Its scale is the lights' own, or W / (m² nm) where the rig has `illuminance_lux`.
 
@@ -179,7 +179,7 @@ class LightRig:
 
     @property
     def total_lux(self) -> float | None:
-        """Illuminance of the sum, whatever the lights shine from, lux; None if they carry none."""
+        """Illuminance of the sum, regardless of groups, lux; None if they carry none."""
         if self.illuminance_lux is None:
             return None
         return sum(w * v for w, v in zip(self.weights, self.illuminance_lux, strict=True))
@@ -227,7 +227,7 @@ def _reflects(backdrop: Spectrum) -> Spectrum:
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True, eq=False)
 class RelightSpec:
-    """How a picture is made from coefficients and a light.
+    """Settings of a picture from coefficients and a light.
 
     Raises
     ------
@@ -272,7 +272,7 @@ class RelightSpec:
         )
 
     def for_lights(self, lights: Iterable[Spectrum | LightRig]) -> RelightSpec:
-        """The same for lights that are shown in turn: relative where one of them carries no lux.
+        """Return the settings for lights shown in turn: relative if one of them carries no lux.
 
         Raises
         ------
