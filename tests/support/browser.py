@@ -23,6 +23,8 @@ _FLAGS = [
     *("--no-first-run", "--disable-background-networking", "--disable-component-update"),
     "--disable-sync",
 ]
+# One for each browser that is open, all the same.
+_PLAYWRIGHTS: list[Any] = []
 
 
 def missing() -> str:
@@ -38,15 +40,22 @@ def missing() -> str:
 
 @contextmanager
 def chromium() -> Iterator[Any]:
-    """The system's Chromium under Playwright, with a user-data folder of its own."""
+    """Yield the system's Chromium under Playwright, with a user-data folder of its own."""
     from playwright.sync_api import sync_playwright
 
-    with sync_playwright() as playwright:
+    # A thread can run one Playwright only, and fixtures of several modules may be open at once.
+    playwright = _PLAYWRIGHTS[-1] if _PLAYWRIGHTS else sync_playwright().start()
+    _PLAYWRIGHTS.append(playwright)
+    try:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=_FLAGS)
         try:
             yield browser
         finally:
             browser.close()
+    finally:
+        _PLAYWRIGHTS.pop()
+        if not _PLAYWRIGHTS:
+            playwright.stop()
 
 
 def saved_picture(page: Any) -> NDArray[np.uint8]:
