@@ -21,7 +21,9 @@ OPENINGS = re.compile(
     r"|Beside|Between|Under|Within)\b"
 )
 """First words of a summary that is neither an imperative nor a noun phrase."""
-WORDS = re.compile(r"\b(anew|beside|whoever|under way|told|tells?|stand(s|ing)?)\b", re.IGNORECASE)
+WORDS = re.compile(
+    r"\b(anew|beside|whoever|under way|told|tells?|stand(s|ing)?(?! out))\b", re.IGNORECASE
+)
 """Words of the style guide's list."""
 SETTINGS = (
     *("_tables/*.py", "settings.py", "scene/*.py", "cli/viewing.py", "cli/setting.py"),

@@ -26,7 +26,7 @@ Code = Literal[
     "state",  # closed already, or changed meanwhile
     "syntax",  # a text that cannot be parsed
     "type",  # a value of another kind
-    "unknown",  # a name that stands for nothing
+    "unknown",  # a name of nothing
     "unsupported",  # valid, and not implemented or not installed
     "unwritable",  # an output that cannot be made
     "invalid",  # none of these
@@ -222,7 +222,7 @@ def one_line(said: object) -> str:
 
 
 def quoted(given: object, most: int = 40) -> str:
-    """What was given, to stand inside a message: its ``repr`` in one line, cut where it is long.
+    """Return the ``repr`` of a value for a message: in one line, shortened if it is long.
 
     >>> quoted("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
     ("'8'", "['a\\\\n', 1.0]", "'xxxxxxx…")
@@ -233,23 +233,23 @@ def quoted(given: object, most: int = 40) -> str:
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-# Letters of a name from which on it is taken for the beginning of one; and that are looked at,
-# as the time to compare grows with their square.
+# Letters from which on a name may be the beginning of another; and the most that are compared,
+# as time grows with their square.
 _LEAST_BEGINNING, _LONGEST_NAME = 3, 200
 
 
 def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
-    """A guess at what a misspelt name meant, to stand inside a message.
+    """Guess a misspelt name, in words that a message continues.
 
     Parameters
     ----------
     name : str
-        What was given, in any case; anything else is taken by its ``str``.
+        The name given, in any case; any other value by its ``str``.
     known : iterable of str
-        The names there are. One with a ``/`` is also found by what follows the last one; and
-        those that go on where the name ends come first.
+        Valid names. One with a ``/`` is also found by its last part; those that begin with the
+        name come first.
     count : int
-        The most guesses made.
+        The most guesses.
 
     Returns
     -------
