@@ -128,7 +128,7 @@ def test_unknown_materials_are_named_with_the_nearest() -> None:
         MaterialBasis({"dye": Spectrum([380, 450, 720], [-0.5, -0.5, 1])})
     with raises(BasisError, "range", "material 'dye'"):
         MaterialBasis({"dye": Spectrum([380, 600], [0.5, 1])})
-    with raises(TransferError, "type", "transfer function: basis"):
+    with raises(TransferError, "type", "TransferFunction.basis"):
         TransferFunction(POINTS, MATERIALS, "general-7")
 
 

@@ -90,8 +90,8 @@ def test_tables_of_another_version_are_read_anew(
 ) -> None:
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
     read: list[object] = []
-    original = datasets._of
-    monkeypatch.setattr(datasets, "_of", lambda *given: read.append(given) or original(*given))
+    original = datasets._tables
+    monkeypatch.setattr(datasets, "_tables", lambda *given: read.append(given) or original(*given))
     for release, times in (("0.4.7", 1), ("0.4.7", 1), ("0.4.8", 2)):
         monkeypatch.setattr(datasets, "version", lambda _, release=release: release)
         datasets.daylight_components.__wrapped__()
