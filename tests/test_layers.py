@@ -18,8 +18,8 @@ ROOT = Path(__file__).resolve().parent.parent / "volspec"
 # A module imports only from its left (docs/decisions/0002 puts the pipeline before the scene).
 LAYERS = (
     *(
-        "errors",
         "_deprecated",
+        "errors",
         "_files",
         "_cache",
         "_child",

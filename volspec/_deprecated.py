@@ -87,7 +87,7 @@ def renamed_attribute(new: str) -> Any:
     return Renamed()
 
 
-def renamed_keyword(**names: str) -> Callable[[Callable[P, R]], Callable[..., R]]:
+def renamed_keyword(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Make a decorator for functions that take keywords under their old names, too.
 
     Parameters
@@ -97,18 +97,18 @@ def renamed_keyword(**names: str) -> Callable[[Callable[P, R]], Callable[..., R]
 
     Examples
     --------
-    >>> @renamed_keyword(tell="progress")
-    ... def export(progress=None):
-    ...     return progress
+    >>> @renamed_keyword(seen="spec")
+    ... def page(spec=None):
+    ...     return spec
     >>> with warnings.catch_warnings():
     ...     warnings.simplefilter("ignore")
-    ...     export(tell=print) is print
-    True
+    ...     page(seen=1)
+    1
     """
 
-    def decorate(function: Callable[P, R]) -> Callable[..., R]:
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
         @functools.wraps(function)
-        def wrapper(*args: Any, **kwargs: Any) -> R:
+        def wrapper(*args: P.args, **kwargs: P.kwargs) -> R:
             for old in names.keys() & kwargs.keys():
                 new = names[old]
                 if new in kwargs:

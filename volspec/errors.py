@@ -13,6 +13,8 @@ import unicodedata
 from collections.abc import Iterable
 from typing import Literal, Self, get_args
 
+from volspec._deprecated import renamed
+
 Code = Literal[
     "conflict",  # two things that were given contradict each other
     "damaged",  # a file's contents cannot be what they claim to be
@@ -293,3 +295,6 @@ def require_name(text: str) -> str:
     if not text.strip():
         raise ValueError("is blank; give a name")
     return text
+
+
+__getattr__ = renamed(__name__, {"TableCancelled": "LutCancelled"})

@@ -1,4 +1,4 @@
-"""Settings described once: type, range, unit, default and meaning stand at the field.
+"""Settings described once: type, range, unit, default and meaning at the field.
 
     [settings] -> specs -> constructors, scene files, command line, JSON schema, docs/reference
 

@@ -112,7 +112,7 @@ def appearance(
     viewing: PictureOptions = _PICTURE,
     json: Json = False,
 ) -> None:
-    """What colours look like: lightness, chroma, hue and the rest; or a picture by every model.
+    """Predict colours' lightness, chroma, hue and more; or show a picture by every model.
 
     A colour outside of what a model was made for is counted, and its row says `defined` false;
     with `--inverse` a look that nothing has. Viewing options that are left out are 1000 lx, a

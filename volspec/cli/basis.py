@@ -30,7 +30,7 @@ Lights = Literal["smooth", "all"] | None
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Case:
-    """What is reported on, and what it is measured with; None is the report's own choice."""
+    """A basis to report on and the spectra to measure with; None is the report's own choice."""
 
     basis: Basis
     classes: Mapping[str, Sequence[Spectrum]] | None = None
@@ -53,7 +53,7 @@ def basis(
     figure: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
-    """How far a basis' colours are from the full spectra, in CIEDE2000.
+    """Report a basis's colour error against full spectra, in CIEDE2000.
 
     Example: `volspec basis general-7 --figure general-7.png`, or
     `volspec basis engine.toml --size 5`
@@ -219,7 +219,7 @@ def _of_scene(
 
 
 def _name(light: NamedLight, spectrum: Spectrum) -> str:
-    """What a light of a scene is called; one of several in a setting by its own name too."""
+    """Return a scene light's title; with its own name if it is one of several in a setting."""
     return light.name if len(light.rig.lights) == 1 else f"{light.name}: {spectrum.name}"
 
 

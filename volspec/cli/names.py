@@ -9,7 +9,7 @@ from volspec.errors import InputError, nearest
 
 
 def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> None:
-    """Print the names in which a text stands, in any case, a line each.
+    """Print the names that contain a text, in any case, a line each.
 
     Parameters
     ----------
@@ -24,12 +24,12 @@ def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> N
     Raises
     ------
     InputError
-        If it stands in none.
+        If no name contains it.
     """
     found = [name for name in names if search.casefold() in name.casefold()]
     if not found:
         raise InputError(
-            f"--list {search!r}: stands in no {what}'s name; {nearest(search, names)}"
+            f"--list {search!r}: no {what}'s name contains it; {nearest(search, names)}"
             "leave it out to see all",
             code="unknown",
         )

@@ -64,7 +64,7 @@ def page(
     views
         Cameras on a circle around the scene's `up`, the scene's own the first: drag to turn.
     light
-        A light beside the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
+        A light besides the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
         repeatable.
     size
         WIDTHxHEIGHT in pixels, in place of the scene's.

@@ -28,7 +28,7 @@ _SHOWN = 5e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Asked:
-    """Under which light colours are meant, how reflectances are made, what the eye is."""
+    """Light, method and observer of the colours given."""
 
     light: str
     method: str

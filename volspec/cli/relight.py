@@ -79,7 +79,7 @@ def relight(
         The PNG file, with `--spectral` OpenEXR; with several lights the name gets the light's:
         `engine-A.png`.
     errors
-        Write a map of the colours' errors beside each frame: `engine-errors.png`.
+        Write a map of the colours' errors error_path each frame: `engine-errors.png`.
     reflectance
         MATERIAL=REFLECTANCE: show a material with another reflectance, such as
         `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.
@@ -137,7 +137,7 @@ def relight(
         if changes:
             with in_options():
                 relighter.set_reflectances(changes)
-        for text, lamp, path, beside in zip(light, lamps, paths, maps, strict=True):
+        for text, lamp, path, error_path in zip(light, lamps, paths, maps, strict=True):
             with in_options():
                 frame = relighter.frame(lamp, spec)
             notes = {"light": text, "Software": f"volspec {__version__}"}
@@ -148,8 +148,8 @@ def relight(
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
             off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)
             if errors:
-                write_frame(beside, off.image(), {"light": text, "shows": str(off)})
-                say(f"{beside}: {off}")
+                write_frame(error_path, off.image(), {"light": text, "shows": str(off)})
+                say(f"{error_path}: {off}")
             if off.p95 > AT_A_GLANCE:
                 warnings.warn(
                     f"{text}: {off.p95:.1f} ΔE00 lie between the {spec.mode} colours and those of "
@@ -183,7 +183,7 @@ def _tell_of_lux(image: Path, scene: RelightSpec, given: PictureOptions, spec: R
 
 
 def _lux_of(image: Path) -> dict[str, float]:
-    """Of the scene's lights, by name; empty where the image does not know."""
+    """Return the lux of the scene's lights, by name; empty if the image has none."""
     from volspec.export.compositing import Recipe
 
     try:

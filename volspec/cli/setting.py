@@ -3,7 +3,7 @@
     words -> [setting] -> Spectrum | LightRig
 
 A text that is a LIGHT by itself stays one, whatever its file is called. Else ``;`` parts lights,
-and what stands before the first ``=`` of a part is the group that it shines from.
+and the text before the first ``=`` of a part is the group that it shines from.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def _light(text: str, grid: SpectralGrid) -> Spectrum | None:
 
 
 def _readable(name: str, grid: SpectralGrid) -> bool:
-    """Whether a name alone is a LIGHT."""
+    """Return True if a name alone is a LIGHT."""
     try:
         return _light(name, grid) is not None
     except SpectrumError:

@@ -1,4 +1,4 @@
-"""What every command shares: the app, its options, bars, JSON, exit codes.
+"""Parts shared by all commands: the app, its options, progress bars, JSON, exit codes.
 
 Exit codes: 0 done; 1 bad input, an option's value among it, or missing device (one line on stderr;
 ``--debug`` shows the traceback); 2 usage: an unknown command or option, or something left out; 130
@@ -100,7 +100,7 @@ class bar:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         if error is None:
             self._progress.stop()
-        else:  # the message stands alone
+        else:  # the message is printed alone
             self._progress.live.transient = True
             self._progress.live.stop()
 
@@ -144,7 +144,7 @@ def say(text: object) -> None:
 
 
 def counted(number: int, what: str) -> str:
-    """How many there are, in words.
+    """Count things in words.
 
     >>> counted(1, "light"), counted(2, "light")
     ('1 light', '2 lights')
@@ -164,7 +164,7 @@ def print_table(title: str, table: Table, console: Console | None = None) -> Non
 
 
 def note(text: str) -> None:
-    """Say something beside the figures, which it leaves alone: a line on stderr."""
+    """Print a line to stderr, apart from the figures on stdout."""
     print(f"volspec: note: {one_line(text)}", file=sys.stderr)
 
 
@@ -183,7 +183,7 @@ def _print_what_can_be() -> None:
 
 
 def _missing(error: CycloptsError) -> str:
-    """What is left out, if something is: cyclopts says that it "requires an argument"."""
+    """Return a line on a missing argument: cyclopts says that it "requires an argument"."""
     if not isinstance(error, MissingArgumentError) or error.argument is None:
         return ""
     command = " ".join(error.command_chain or ())
@@ -193,7 +193,7 @@ def _missing(error: CycloptsError) -> str:
 
 
 def _refused(error: CoercionError | ValidationError) -> str:
-    """What is wrong with a value, after the option's name: cyclopts begins with "Invalid value"."""
+    """Return a line on a bad value, by the option's name: cyclopts begins with "Invalid value"."""
     if isinstance(error, CoercionError) or error.argument is None:
         return one_line(error).removeprefix("Invalid value for ").rstrip(".")
     token = error.argument.tokens[0]
@@ -242,7 +242,7 @@ def main(arguments: list[str] | None = None) -> None:
         try:
             app(words, console=Terminal(), exit_on_error=False, print_error=False)
         finally:
-            print(end="", flush=True)  # now, as at exit it is too late to tell of a closed pipe
+            print(end="", flush=True)  # now, as at exit it is too late to report a closed pipe
     except (CoercionError, ValidationError) as error:
         raise _failure(_refused(error), 1) from error
     except CycloptsError as error:

@@ -1,9 +1,9 @@
-"""How colours and pictures are looked at: the options that commands share, each written once.
+"""Viewing options that commands share, each written once.
 
     words -> [viewing] -> ViewingConditions | RelightSpec -> models, frames
 
 `SceneOptions` are for triples, `PictureOptions` add the display that a picture is made for. A
-command takes either whole: its fields become options of their own. None is what was left out.
+command takes either whole: its fields become options of their own. None means left out.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _number(help: str, name: str | None = None, group: Group = _EYE) -> Paramete
 @Parameter(name="*", group=_EYE)
 @dataclass(frozen=True, kw_only=True)
 class SceneOptions:
-    """What the eye is adapted to where the colours are."""
+    """Viewing conditions of the scene that the colours are in."""
 
     lux: Annotated[
         float | None, _number("Illuminance; L_A is that of the background under it.")
@@ -61,12 +61,12 @@ class SceneOptions:
         str | None,
         Parameter(
             help="A room by name, as cinema: for numbers L_A, Y_b and surround where these are "
-            "left out; for a picture the room that its display stands in."
+            "left out; for a picture the room of its display."
         ),
     ] = None
 
     def conditions(self, white: str) -> ViewingConditions:
-        """What an eye is adapted to under a light, or under a white given as ``X,Y,Z``.
+        """Return the viewing conditions under a light, or under a white given as ``X,Y,Z``.
 
         Raises
         ------
@@ -95,7 +95,7 @@ class SceneOptions:
 
     @property
     def said(self) -> str:
-        """What the light and the room are called in a title."""
+        """Words for light and room in a title."""
         from volspec.appearance import Viewing
 
         nothing = self.lux is None and self.L_A is None and self.preset is None
@@ -259,5 +259,5 @@ def _white_of(white: str) -> tuple[float, float, float]:
 
 
 def _given(options: dict[str, Any]) -> dict[str, Any]:
-    """Those that were not left out."""
+    """Return the options that were given."""
     return {name: value for name, value in options.items() if value is not None}

@@ -23,7 +23,7 @@ app.command(wizard)
 
 Output = Annotated[
     Path,
-    Parameter(name=["--output", "-o"], help="The new scene; its palette is written beside it."),
+    Parameter(name=["--output", "-o"], help="The new scene; its palette is written next to it."),
 ]
 Under = Annotated[str, Parameter(help="A light of the scene; with --like the name of a new one.")]
 Like = Annotated[

@@ -1,4 +1,4 @@
-"""Palettes on disk: TOML in, a `Palette` out; what was designed is written back beside comments.
+"""Palettes on disk: TOML in, a `Palette` out; designs are written back, comments kept.
 
 TOML -> [file] -> Palette -> design -> [file] -> TOML
 """
@@ -99,7 +99,7 @@ def palette_file(path: FileName) -> PaletteFile:
 
 
 def palette_text(path: FileName) -> str:
-    """What the file says.
+    """Contents of the file.
 
     Raises
     ------

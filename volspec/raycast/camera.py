@@ -1,4 +1,4 @@
-"""Where a picture is taken from: the camera and the rays of its pixels.
+"""Camera, and the rays of its pixels.
 
 Axes: world millimetres, right-handed. Picture rows run downwards, the first row is the top.
 """
@@ -105,7 +105,7 @@ class Camera:
         """Look at a volume's centre, or a target, from a direction around its ``up`` axis.
 
         At zoom 1 the sphere around the volume just fills the picture's height. Azimuth 0
-        stands at −y (z up), +90 at +x; an elevation of ±90 looks along ``up`` and takes the
+        is at −y (z up), +90 at +x; an elevation of ±90 looks along ``up`` and takes the
         direction of azimuth as the picture's top. ``roll_deg`` turns the picture clockwise.
 
         >>> import numpy as np
@@ -166,7 +166,7 @@ class Camera:
 
     @property
     def distance_mm(self) -> float:
-        """From the camera to its target."""
+        """Distance of camera and target."""
         return math.dist(self.target_mm, self.position_mm)
 
     @property

@@ -1,4 +1,4 @@
-"""What callers give as numbers and vectors: finite and in range, or one line that names it."""
+"""Checks of numbers and vectors: finite and in range, or an error that names them."""
 
 from __future__ import annotations
 

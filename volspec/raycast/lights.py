@@ -1,4 +1,4 @@
-"""Where light comes from: sources without a spectrum, in groups that are steered apart.
+"""Light sources without a spectrum, in groups that are controlled separately.
 
     [light groups] -> raycast -> one layer of channels a group -> relight
 

@@ -1,4 +1,4 @@
-"""How a cast marches, shades and clips: settings, frozen and valid at birth."""
+"""Settings of a cast: marching, shading and clipping; frozen and checked when made."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _crop(box: Box) -> Box:
 @settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class RaycastSpec:
-    """How a ray is marched and shaded.
+    """Marching and shading of rays.
 
     Raises
     ------
@@ -168,14 +168,14 @@ class RaycastSpec:
 
     @property
     def shaded(self) -> bool:
-        """Whether gradients are needed for shading."""
+        """True if shading needs gradients."""
         directed = any(
             not isinstance(source, Ambient) for group in self.groups for source in group.sources
         )
         return directed and (self.diffuse > 0 or self.specular > 0)
 
     def strengths(self) -> dict[str, float]:
-        """What each group gives a white surface that faces all of its sources.
+        """Return the light of each group on a white surface that faces all of its sources.
 
         Layers keep their intensities: at relative level such a white has Y = 100 times the sum
         of the strengths, which is 1 by default.
@@ -189,7 +189,7 @@ class RaycastSpec:
         }
 
     def shares(self) -> dict[str, float]:
-        """How much of the light on a surface that faces every source each group gives; sum 1.
+        """Return each group's fraction of the light on a surface that faces every source; sum 1.
 
         Layers are not divided by the sum of `strengths`: shares only part what there is.
         """

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from volspec._deprecated import renamed_keyword
+from volspec._deprecated import renamed_attribute, renamed_keyword
 from volspec._gpu.opengl import ContextLost
 from volspec._gpu.sharing import Sharing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
@@ -317,6 +317,8 @@ class Relighter:
             )
         lit, viewing, grid = self._lit(light, RelightSpec.of(spec))
         return self._engine.draw(lit, viewing, np.uint8, grid, within)
+
+    missing_table = renamed_attribute("missing_lut")
 
     def missing_lut(
         self,

@@ -1,4 +1,4 @@
-"""Which basis a scene is cast with: a shipped one, its own, or its materials.
+"""Basis of a scene: a shipped one, its own, or its materials.
 
     lights, materials, transfer function -> [basis] -> SpectralBasis | MaterialBasis
 
@@ -49,7 +49,7 @@ class ChosenBasis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneSpectra:
-    """What a scene trains a basis on.
+    """Spectra that a scene trains a basis on.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dic
 
 
 def use_of(transfer: TransferSpec) -> dict[str, float]:
-    """How much of each material a transfer function shows: its opacity over its values.
+    """Weigh the materials of a transfer function: their opacity over their values.
 
     Returns
     -------

@@ -2,7 +2,7 @@
 
     tables -> [export] -> volspec.export.plan
 
-What they mean is told to users in docs/export.md.
+docs/export.md explains them to users.
 """
 
 from __future__ import annotations
@@ -206,7 +206,7 @@ class KeyViewing:
     """Degree of adaptation."""
 
 
-# Of a keyframe's camera, by whether it says where it stands.
+# Kind of a keyframe's camera: with a position, or without.
 _KINDS = {True: "a position", False: "an orbit"}
 
 

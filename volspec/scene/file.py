@@ -100,7 +100,7 @@ class SceneFile:
                 remedy = f"{nearest(row.group, groups)}there is {', '.join(groups)}"
                 problem = f"no [[group]] is named {row.group!r}"
                 raise fault(f"light[{i}].group", problem, remedy, "unknown", row.group)
-        # "" stands for all groups.
+        # "" means all groups.
         at = [(row.name, row.group or "") for row in self.light]
         if (twice := _twice(at)) is not None:
             name, group = at[twice]

@@ -89,7 +89,7 @@ class LightSpec:
 
     @property
     def has_lux(self) -> bool:
-        """Whether it says how bright the light is."""
+        """True if the light's brightness is given."""
         return self.illuminance_lux is not None or self.power_W is not None
 
     def lux(self) -> float | None:

@@ -78,7 +78,7 @@ class Scene:
     path : path
         Where it was read, for messages; its folder is what relative paths start from.
     known : {address: Spectrum}, optional
-        What texts of the file stand for before they are files: spectra just designed.
+        Spectra that the file names and that are not on disk yet: just designed.
 
     Raises
     ------
@@ -156,7 +156,7 @@ class Scene:
 
     @property
     def known(self) -> Mapping[str, Spectrum]:
-        """What texts of the file stand for that are no files yet."""
+        """Spectra that the file names and that are not on disk yet."""
         return MappingProxyType(self._known)
 
     def volume(self) -> Volume:

@@ -1,4 +1,4 @@
-"""What a scene's file names, looked up: spectra, groups, lights, basis, volume.
+"""Look up the names in a scene's file: spectra, groups, lights, basis, volume.
 
 SceneFile -> [resolve] -> Scene, volspec scene check
 """
@@ -40,7 +40,7 @@ class Resolver:
     path : path
         Its folder is what relative names start from.
     known : {text: Spectrum}
-        What texts of the file stand for before they are files.
+        Spectra that the file names and that are not on disk yet.
     faults : list of str, optional
         Where errors go instead of being raised; what cannot be looked up is then left out.
     """
@@ -76,7 +76,7 @@ class Resolver:
         return found
 
     def grid(self, shipped: Basis | None) -> SpectralGrid:
-        """What spectra are on."""
+        """Grid of the scene's spectra."""
         grid = shipped.grid if shipped else SpectralGrid()
         with self.at("basis"):
             grid = shipped.grid if shipped else grid_of(self.file.basis)
@@ -85,7 +85,7 @@ class Resolver:
     def reflectances(
         self, key: Literal["reflectance", "filter"], grid: SpectralGrid
     ) -> dict[str, Spectrum]:
-        """What the materials have under a key, by name."""
+        """Return the materials' spectra under a key, by name."""
         found = {}
         for i, row in enumerate(self.file.material):
             if (given := getattr(row, key)) is not None:
@@ -111,7 +111,7 @@ class Resolver:
         materials: Mapping[str, Spectrum],
         filters: Mapping[str, Spectrum],
     ) -> SceneSpectra:
-        """What a basis would be trained on."""
+        """Return the spectra to train a basis on."""
         use = use_of(self.file.transfer)
         # A material that the function does not name is not seen, but may be picked later.
         unseen = dict.fromkeys(materials, min(use.values(), default=1.0))

@@ -27,7 +27,7 @@ def scene_schema_text() -> str:
 
 
 def _simple(schema: Any) -> Any:
-    """In words of all drafts, and without nulls, which TOML has not."""
+    """Return a schema in terms of all drafts, and without nulls, which TOML lacks."""
     if isinstance(schema, list):
         return [_simple(each) for each in schema]
     if not isinstance(schema, dict):

@@ -128,7 +128,7 @@ class TransferSpec:
             raise fault(f"labels[{twice}].label", problem, "leave out one", "duplicate")
 
     def seen(self) -> Iterator[tuple[float, Mapping[str, float]]]:
-        """How much of each mix is seen: its opacity, times the values it covers."""
+        """Weigh the mixes: opacity times the values that each covers."""
         if self.points is not None:
             yield from _seen_points(self.points)
         for region in self.regions or ():

@@ -51,9 +51,9 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     like : Scene, optional
         The scene that ``file`` was made from. Names of files in ``file`` start from its folder,
         and are written as they read from the new one. Where it came from a file that is still
-        there, all that stands in that is kept, comments and order too, and only what differs is
+        there, its text stays, comments and order too, and only what differs is
         changed. Spectra that it knows and that are no files yet are written as numbers.
-        Left out, names of files start from the new folder and the file is written anew.
+        Left out, names of files start from the new folder and the file is written from scratch.
 
     Returns
     -------

@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from volspec import __version__
+from volspec._deprecated import renamed_keyword
 from volspec._files import write_whole
 from volspec.errors import ImageError, ShapeError
 from volspec.export.animation import turntable_cameras
@@ -111,6 +112,7 @@ class PageView:
     azimuth_deg: float = 0.0
 
 
+@renamed_keyword(seen="relight_spec")
 def write_page(
     path: str | os.PathLike[str],
     views: Iterable[PageView],
@@ -149,6 +151,7 @@ def write_page(
     return len(data)
 
 
+@renamed_keyword(seen="relight_spec")
 def page_html(
     views: Iterable[PageView],
     lights: Sequence[NamedLight],

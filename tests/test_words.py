@@ -1,0 +1,58 @@
+"""The words of the house: docstrings open plainly, and a short list of words is not used."""
+
+from __future__ import annotations
+
+import ast
+import io
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tools.house import OPENINGS, WORDS, definitions
+
+ROOT = Path(__file__).resolve().parent.parent
+MODULES = sorted((ROOT / "volspec").rglob("*.py"))
+SHADERS = sorted(
+    path
+    for folder in ("kernels", "shaders")
+    for path in (ROOT / folder).rglob("*.*")
+    if path.suffix in (".cl", ".clh", ".glsl", ".frag", ".vert")
+)
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def prose(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield (line, text) of a module's comments and strings of several words."""
+    for token in tokenize.generate_tokens(io.StringIO(path.read_text(encoding="utf-8")).readline):
+        words = token.type == tokenize.STRING and " " in token.string
+        if token.type == tokenize.COMMENT or words:
+            yield token.start[0], token.string
+
+
+def test_docstrings_open_with_an_imperative_or_a_noun_phrase():
+    found = []
+    for path in MODULES:
+        for node in definitions(ast.parse(path.read_text(encoding="utf-8"))):
+            text = ast.get_docstring(node) or ""
+            if OPENINGS.match(text):
+                line = getattr(node, "lineno", 1)
+                found.append(f"{path.relative_to(ROOT)}:{line}: {text.splitlines()[0]}")
+    assert not found, "\n".join(found)
+
+
+def test_no_module_uses_a_word_of_the_list():
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {word.group()}"
+        for path in MODULES
+        for line, text in prose(path)
+        for word in WORDS.finditer(text)
+    ]
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("path", [*SHADERS, *PAGES], ids=lambda path: path.name)
+def test_no_kernel_shader_or_page_uses_a_word_of_the_list(path):
+    words = [word.group() for word in WORDS.finditer(path.read_text(encoding="utf-8"))]
+    assert not words, f"{path.relative_to(ROOT)}: {', '.join(words)}"
