@@ -259,17 +259,17 @@ PICTURE = ("appearance", "--image", "x.exr", "-o", "x.png")
         (("appearance", "1", "2", "3", "-o", "x.png"), "only --image"),
         (
             ("appearance", "1", "2", "3", "--white", "1.0985,1,0.3558"),
-            "(1.0985, 1.0, 0.3558); expected Y = 100 for white",
+            "(1.0985, 1.0, 0.3558); give Y = 100 for white",
         ),
         (("appearance", "1", "2", "3", "--white", "1e300,1e300,1e300"), "Y = 100 for white"),
         (
             ("appearance", "1", "2", "3", "--Y_b", "1e300", "--model", "all"),
-            "Y_b is 1e+300; expected 0 to 2000",
+            "Y_b is 1e+300; give 0 to 2000",
         ),
-        (("appearance", "1", "2", "3", "--Y_b", "1e4"), "Y_b is 10000.0; expected 0 to 2000"),
+        (("appearance", "1", "2", "3", "--Y_b", "1e4"), "Y_b is 10000.0; give 0 to 2000"),
         (("appearance", "1", "2", "3", "--lux", "0"), "--lux is 0.0"),
         (("adapt", "1", "2", "3", "--from", "A", "--lux", "0"), "--lux is 0.0"),
-        (("appearance", "1", "2", "3", "--surround", "bright"), "or a ratio to white from 0"),
+        (("appearance", "1", "2", "3", "--surround", "bright"), "or a number from 0 to 1"),
         (
             ("appearance", "1", "2", "3", "--model", "all", "--model", "CAM16"),
             "--model all with --model CAM16: all is every model",

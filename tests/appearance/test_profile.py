@@ -167,7 +167,7 @@ def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path: Path) -> None:
         "display", SPACES["Display P3"].primaries_xy, (0.3127, 0.329), Transfer.gamma(2.2)
     )
     for numbers, what in {
-        f"{xy}, transfer = 0.0": "gamma is 0.0",
+        f"{xy}, transfer = 0.0": "transfer is 0.0",
         f"{xy}, transfer = {{ power = 0.4, toe = 0.5 }}": "the segments are",
         xy: r"viewing.display.space.transfer: missing; add transfer = 2.2",
         f"{xy}, transfr = 2.2": r"viewing.display.space.transfr: unknown key; did you mean",

@@ -73,14 +73,14 @@ def test_a_page_of_lights_without_the_lux_they_need_is_refused_before_the_cast(
     ("words", "code", "said"),
     [
         (["--light", "dya"], 1, "no [[light]] is named 'dya'; did you mean 'day'"),
-        (["--turntable", "0"], 1, "--turntable: "),
+        (["--turntable", "0"], 1, "--turntable is 0; "),
         (["--turntable", "1.5"], 1, "1.5"),
-        (["--fps", "nan"], 1, "--fps: "),
+        (["--fps", "nan"], 1, "--fps is nan; "),
         (["--size", "16"], 1, "no WIDTHxHEIGHT"),
         (["--size", "-5x5"], 1, "'-5x5' is no WIDTHxHEIGHT"),
         (["--light"], 2, "export: --light has no value; give one"),
         (["--size", "99999x16"], 1, "give 1x1 to 65536 a side"),
-        (["--bits", "12"], 1, "--bits: "),
+        (["--bits", "12"], 1, "--bits is 12; "),
     ],
 )
 def test_bad_input_is_one_line(

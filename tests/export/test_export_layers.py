@@ -128,8 +128,8 @@ def test_large_coefficients_are_put_together_of_windows_with_their_depth(
         ({"spectral": True}, 'spectral: is for format = "exr", not "png"'),
         ({"spectral": True, "format": "coefficients"}, 'not "coefficients"'),
         ({**SPECTRAL, "transparent": True}, "spectral: holds the light of the backdrop"),
-        ({**SPECTRAL, "primaries": "ACES AP0"}, "R, G and B beside spectra are Rec. 709"),
-        ({**COEFFICIENTS, "primaries": "ACES AP1"}, "beside coefficients are Rec. 709"),
+        ({**SPECTRAL, "primaries": "ACES AP0"}, "R, G and B with spectra are Rec. 709"),
+        ({**COEFFICIENTS, "primaries": "ACES AP1"}, "with coefficients are Rec. 709"),
         ({**COEFFICIENTS, "sweep": {"frames": 3}}, "sweep: fades the light"),
     ],
 )

@@ -89,7 +89,7 @@ def test_pages_need_a_view_a_light_and_views_alike(
         page_html([view, PageView(cut)], lights)
     with raises(ViewingError, "unsupported", "page.backdrop"):
         page_html([view], lights, RelightSpec(backdrop=reflectance("copper")))
-    with raises(ImageError, "range", "page.bits"):
+    with raises(ImageError, "range", "PageSpec.bits"):
         PageSpec(bits=16)
     with raises(ImageError, "type"):
         write_page("page.exr", [view], lights)

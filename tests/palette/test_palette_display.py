@@ -82,13 +82,13 @@ def test_a_profile_is_found_next_to_the_palette_and_from_another_folder(
 @pytest.mark.parametrize(
     ("display", "said"),
     [
-        ('gamut = "cut"', r"\[viewing\] .*gamut is 'cut'"),
+        ('gamut = "cut"', r"viewing\.display\.gamut is 'cut'"),
         ('gamma = "cut"', r"viewing\.display\.gamma: unknown key; did you mean 'gamut'"),
         (
             "space = { white_xy = [0.3, 0.3], transfer = 2.2 }",
-            r"viewing\.display\.space: primaries_xy is missing; add primaries_xy = \[\[0\.64, ",
+            r"viewing\.display\.space\.primaries_xy: missing; add primaries_xy = \[\[0\.64, ",
         ),
-        ('space = "gone.icc"', r"\[viewing\] .*gone\.icc': no such file"),
+        ('space = "gone.icc"', r"viewing\.display\.space: .*gone\.icc': no such file"),
     ],
 )
 def test_a_wrong_display_is_refused_in_one_line(tmp_path: Path, display: str, said: str) -> None:

@@ -108,7 +108,7 @@ def export(
                 kept = {} if table is None else plain(table)
                 changes[key] = kept | {"frames": frames}
         given = {key: value for key, value in changes.items() if value is not None}
-        with _told_by_option(scene, given):
+        with _by_option(given):
             loaded = loaded.exporting(**given)
         tell("load the scene", 1)
         made = loaded.export(
@@ -139,13 +139,16 @@ def export(
 
 
 @contextmanager
-def _told_by_option(scene: Path, given: Container[str]) -> Iterator[None]:
-    """Name the option in place of the key of ``[export]`` that it has changed."""
+def _by_option(given: Container[str]) -> Iterator[None]:
+    """Name the option instead of the key of ``[export]`` that it has changed."""
     try:
         yield
     except SceneError as error:
-        found = re.fullmatch(rf"{re.escape(str(scene))}: export\.(\w+)[\w.]*: (.*)", str(error))
+        found = re.match(r"export\.(\w+)", error.field)
         if found is None or found[1] not in given:
             raise
-        key, said = found.groups()
-        raise InputError(f"--{'light' if key == 'lights' else key}: {said}") from error
+        option = f"--{'light' if found[1] == 'lights' else found[1]}"
+        plain = InputError(
+            error.problem, error.remedy, code=error.code, field=option, given=error.given
+        )
+        raise plain from error

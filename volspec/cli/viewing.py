@@ -8,6 +8,7 @@ command takes either whole: its fields become options of their own. None means l
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -32,8 +33,9 @@ _OPTIONS = {
     "distance_m": "--distance-m",
     "beam_deg": "--beam-deg",
 }
-_SAME = ("L_A", "Y_b", "surround", "D", "discount", "exposure", "space", "gamut", "mark")
-_OPTIONS |= {name: f"--{name}" for name in (*_SAME, "adapting", "preset", "mode", "backdrop")}
+_EYE_FIELDS = ("L_A", "Y_b", "surround", "D", "discount", "exposure", "adapting")
+_LOOK_FIELDS = ("space", "gamut", "mark", "preset", "model", "mode", "backdrop")
+_OPTIONS |= {name: f"--{name}" for name in (*_EYE_FIELDS, *_LOOK_FIELDS)}
 
 
 def _number(help: str, name: str | None = None, group: Group = _EYE) -> Parameter:
@@ -177,8 +179,8 @@ class PictureOptions(SceneOptions):
         self.require_one_degree()
         if spec.level == "relative":  # at "absolute" lights are also compared with the lux
             self.require_one_level()
-        names = ("L_A", "Y_b", "surround", "D", "discount", "exposure", "adapting", "fov_deg")
-        eye = {"illuminance_lux": self.lux, **{name: getattr(self, name) for name in names}}
+        eye = {name: getattr(self, name) for name in (*_EYE_FIELDS, "fov_deg")}
+        eye["illuminance_lux"] = self.lux
         eye["model"] = others.pop("model", None)
         gives_way: dict[str, Any] = {}
         if self.lux is not None:
@@ -223,7 +225,7 @@ def in_options() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        option = _OPTIONS.get(error.field.rpartition(".")[2])
+        option = _OPTIONS.get(re.split(r"[.:] ?", error.field)[-1])
         raise (error if option is None else error.at(option)) from error
 
 
