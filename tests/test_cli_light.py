@@ -107,7 +107,7 @@ def test_names_are_listed_for_people_and_programs(
     [
         (("HP9",), "'HPS'"),
         ((), "no light; give one, such as D65, or --list"),
-        (("--list", "D651"), "stands in no light's name; did you mean 'D65'"),
+        (("--list", "D651"), "no light's name contains it; did you mean 'D65'"),
         (("D65", "--power-W", "5"), "light 'D65': only a lamp's light is counted"),
         ((f"{LAMP}*0.5+A", "--power-W", "5"), "only a lamp's light is counted"),
         (("lamp:candle-1900", "--power-W", "5"), "no lumens per watt for candle flame"),
