@@ -28,6 +28,7 @@ from PIL import Image
 from benchmarks.measure import Comparison, Figure, commit
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import asset
+from volspec.export import frame_files
 from volspec.pipeline import Raycaster, Relighter
 from volspec.scene import Scene
 from volspec.scene.file import scene_file
@@ -78,7 +79,7 @@ def once(scene: Scene, size: tuple[int, int]) -> tuple[np.ndarray, float, bool]:
         settings: dict[str, Any] = {"size": size, "caster": caster, "sheet": False}
 
         def export(number: int) -> None:
-            with mock.patch("volspec.export.frame_files.png_bytes", lambda *_: b""):
+            with mock.patch.object(frame_files, "png_bytes", lambda *_: b""):
                 scene.export(folder / str(number), **settings)
 
         export(-1)

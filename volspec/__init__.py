@@ -18,6 +18,7 @@ _HOMES = {
     "volspec.appearance": ("Display", "Viewing"),
     "volspec.basis": ("MaterialBasis", "SpectralBasis", "load_basis"),
     "volspec.export": ("write_frame",),
+    "volspec.export.exporter": ("Exported", "export"),
     "volspec.export.notebook": ("notebook",),
     "volspec.errors": (
         *("CastCancelled", "DeviceError", "InputError", "VolspecError", "VolspecWarning"),
@@ -59,7 +60,7 @@ __all__ = ["__version__", *sorted(_HOME_OF)]
 
 
 class _Package(ModuleType):
-    """``raycast`` and ``relight`` are stages and functions; as attributes they are functions.
+    """``raycast``, ``relight`` and ``export`` are subpackages; as attributes they are functions.
 
     Importing a subpackage sets it as an attribute of its parent, which would hide the function.
     """

@@ -15,6 +15,7 @@ from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
 from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
+from volspec.export import film
 from volspec.export.film import write_film
 
 
@@ -85,7 +86,7 @@ def test_a_film_that_fails_is_not_there_and_what_was_stays(
     pytest.importorskip("imageio_ffmpeg")
     Image.new("RGB", (8, 8)).save(tmp_path / "f.png")
     (tmp_path / "b.mp4").write_bytes(b"before")
-    monkeypatch.setattr("volspec.export.film._CODECS", {".mp4": ("-c:v", "no-such-codec")})
+    monkeypatch.setattr(film, "_CODECS", {".mp4": ("-c:v", "no-such-codec")})
     with raises(InputError, "unwritable"):
         frames = [tmp_path / "f.png"] * 50
         write_film(tmp_path / "b.mp4", frames, 25, SPACES["sRGB"], lambda share: None)

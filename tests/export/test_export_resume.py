@@ -30,7 +30,7 @@ def tell(step, share):
         os.kill(os.getpid(), signal.SIGKILL)
 
 Scene.load(sys.argv[1]).export(
-    sys.argv[2], turntable={"frames": 4}, lights=["day", "lamp"], tell=tell
+    sys.argv[2], turntable={"frames": 4}, lights=["day", "lamp"], progress=tell
 )
 """
 

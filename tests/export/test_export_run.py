@@ -13,7 +13,7 @@ from tests.support.errors import raises
 from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, SceneError, ViewingError, VolspecWarning
-from volspec.export import read_frame_text, tiles
+from volspec.export import exporter, read_frame_text, tiles
 from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.pipeline import Relighter
 from volspec.scene import Scene
@@ -223,7 +223,7 @@ def test_many_frames_of_many_strips_are_made_in_batches(
     made, settings = scene(), {"size": (8, 160), "sheet": False}
     made.export(tmp_path / "whole", **settings)
     monkeypatch.setattr(tiles, "STRIP_SIDE", 128)
-    monkeypatch.setattr("volspec.export.exporter._OPEN_FILES", 2)
+    monkeypatch.setattr(exporter, "_OPEN_FILES", 2)
     done = made.export(tmp_path / "strips", **settings)
     assert (done.made, done.casts) == (3, 2)
     for name in done.files:

@@ -27,6 +27,7 @@ from tests.export._layers import (
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis
+from volspec.export import tiles
 from volspec.export.spectral import SpectralIllumination, write_spectral_frame
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
@@ -103,7 +104,7 @@ def test_large_frames_are_written_in_strips(
 ) -> None:
     image = made(kind=np.float16)
     write_spectral_frame(tmp_path / "whole.exr", image, EVENING, SPEC, {})
-    monkeypatch.setattr("volspec.export.tiles.STRIP_NUMBERS", 2 * 34 * 12)
+    monkeypatch.setattr(tiles, "STRIP_NUMBERS", 2 * 34 * 12)
     seen: list[int] = []
     own = SpectralIllumination.pixels
     monkeypatch.setattr(
