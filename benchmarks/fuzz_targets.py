@@ -174,7 +174,7 @@ def _read_table(path: Path) -> None:
 
 
 def _read_triples(path: Path) -> None:
-    from volspec.cli.triples import read_triples
+    from volspec.cli.arguments import read_triples
 
     read_triples((), path, ("X", "Y", "Z"))
 
@@ -283,7 +283,7 @@ def _read_basis(path: Path) -> None:
 
 def _read_words(path: Path) -> None:
     """Read values of options, a line each."""
-    from volspec.cli.setting import read_setting
+    from volspec.cli.arguments import read_setting
     from volspec.palette.model import parse_colour
     from volspec.spectra import DEFAULT_GRID, reflectance
 

@@ -15,7 +15,7 @@ from volspec.appearance.models import APPEARANCE_MODELS, hunt, model, nayatani95
 from volspec.appearance.models.hunt import HuntConditions
 from volspec.appearance.models.numeric import invert
 from volspec.appearance.spec import MODELS as VIEWED
-from volspec.cli.comparison import NOTES
+from volspec.cli.appearance import NOTES
 from volspec.errors import ViewingError
 
 ENDS = {

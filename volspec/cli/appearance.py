@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from volspec.cli.comparison import write_comparison
-from volspec.cli.rows import Row, show_rows, tell_undefined
-from volspec.cli.shell import Json, app
-from volspec.cli.triples import read_triples
-from volspec.cli.viewing import PictureOptions, SceneOptions, in_options
+from volspec.cli.arguments import read_triples, require_image
+from volspec.cli.shell import Json, Row, app, say, show_rows, tell_undefined
+from volspec.cli.viewing import PictureOptions, SceneOptions, in_options, white_triple
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 
     from volspec.appearance import ViewingConditions
     from volspec.appearance.models import Appearance, Model
+
 
 # Below this a hue is that of the last digits: black and the white have none.
 _LEAST_CHROMA = 1e-6
@@ -231,3 +231,87 @@ def _colours(model: Model, looks: NDArray[np.float64], seen: ViewingConditions) 
         {**dict(zip(XYZ, row, strict=True)), "defined": all(map(math.isfinite, row))}
         for row in back
     ]
+
+
+def write_comparison(
+    image: Path, white: str, models: Sequence[str] | None, options: PictureOptions, output: Path
+) -> None:
+    """Write the sheet.
+
+    Parameters
+    ----------
+    image : Path
+        A coefficient image.
+    white : str
+        The light.
+    models : sequence of str, optional
+        None is every model and adaptation.
+    options : PictureOptions
+        What is left out is as `volspec.Viewing` has it, not as in the image's scene.
+    output : Path
+        A PNG file.
+
+    Raises
+    ------
+    InputError
+        If something given cannot be used.
+    """
+    from volspec import __version__
+    from volspec._files import require_writable
+    from volspec.appearance.spec import MODELS
+    from volspec.export.frames import write_frame
+    from volspec.export.sheet import SheetTile, comparison_sheet
+    from volspec.pipeline import Relighter
+    from volspec.raycast import CoefficientImage
+    from volspec.relight import RelightSpec
+    from volspec.spectra import light
+
+    require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
+    require_writable(output)
+    if output.suffix.lower() != ".png":
+        raise InputError(f"{output}: the picture is a PNG file; name it .png")
+    if white_triple(white) is not None:
+        raise InputError(
+            f"--white {white} with --image: a picture needs the light's spectrum; name a light, "
+            "as A, planck:3200 or FILE.csv"
+        )
+    viewing = options.onto(RelightSpec()).viewing
+    names: Sequence[Any] = models or MODELS
+    with in_options():
+        looks = [replace(viewing, model=name) for name in names]
+    stored = CoefficientImage.load(image)
+    lamp = light(white, stored.basis.grid)
+    with Relighter(stored) as relighter:
+        tiles = [
+            SheetTile(look.model, NOTES[look.model], relighter.frame(lamp, look)) for look in looks
+        ]
+    words = [f"{image.stem} under {white}", f"{viewing.illuminance_lux:g} lx"]
+    if viewing.L_A is not None:
+        words[1] = f"L_A {viewing.L_A:g} cd/m²"
+    space = looks[0].display.colours
+    words += [each for each in (options.preset, space.name) if each not in (None, "sRGB")]
+    sheet = comparison_sheet(", ".join(words), tiles, columns=4)
+    notes = {"light": white, "Software": f"volspec {__version__}"}
+    write_frame(output, sheet, notes, space)
+    say(output)
+
+
+# What a reader of the picture should know of each.
+NOTES = {
+    "CIECAM02": "appearance, CIE 159:2004",
+    "CAM16": "CIECAM02 mended for saturated lights",
+    "CIELAB": "von Kries on XYZ",
+    "RLAB": "for pictures on other media",
+    "Hunt": "the most complete, 1995",
+    "Nayatani95": "for judging lights",
+    "none": "the light's colour as it is",
+    "von Kries": "adaptation on cones",
+    "Bradford": "as ICC profiles adapt",
+    "Sharp": "on sharpened responses",
+    "CAT02": "CIECAM02's adaptation alone",
+    "CAT16": "CAM16's adaptation alone",
+    "Nayatani": "nonlinear, 1982",
+    "CIE 1994": "Nayatani's with a factor",
+    "Guth": "by gains of trolands, ATD",
+    "Fairchild 1990": "incomplete, with cross terms",
+}

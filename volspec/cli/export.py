@@ -1,4 +1,4 @@
-"""``volspec export``: re-lit frames of a scene, lights × cameras, as files or as a film."""
+"""``volspec export``, ``page`` and ``compositing``: frames, films, web pages, compositors."""
 
 from __future__ import annotations
 
@@ -10,10 +10,19 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from volspec.cli.kinds import require_scene
+from volspec._files import require_writable
+from volspec.cli.arguments import (
+    RELIGHT,
+    Size,
+    read_image_setting,
+    read_setting,
+    require_image,
+    require_scene,
+    sides,
+)
 from volspec.cli.shell import Device, Json, app, as_written, bar, counted, print_json, say
-from volspec.cli.size import Size, sides
-from volspec.errors import InputError, SceneError
+from volspec.cli.viewing import in_options
+from volspec.errors import ImageError, InputError, SceneError
 
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
@@ -152,3 +161,178 @@ def _by_option(given: Container[str]) -> Iterator[None]:
             error.problem, error.remedy, code=error.code, field=option, given=error.given
         )
         raise plain from error
+
+
+def _check_views(_: object, views: int) -> None:
+    """A cyclopts validator: how many views a page may have."""
+    from volspec.export.page import MOST_VIEWS
+
+    if not 1 <= views <= MOST_VIEWS:
+        raise ValueError(f"{views} views; give 1 to {MOST_VIEWS}")
+
+
+def _check_bits(_: object, bits: int) -> None:
+    """A cyclopts validator: what a channel can be kept in."""
+    from volspec.export.page import BITS
+
+    if not BITS[0] <= bits <= BITS[1]:
+        raise ValueError(f"{bits} bits; give {BITS[0]} to {BITS[1]}")
+
+
+@app.command
+def page(
+    scene: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    views: Annotated[int, Parameter(converter=as_written, validator=_check_views)] = 1,
+    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    size: Size = None,
+    bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
+    title: str | None = None,
+    caption: str = "",
+    device: Device = None,
+) -> None:
+    """Write a scene as one web page whose light can be changed.
+
+    The page is a single file that asks the network for nothing: open it from a disk, mail it, or
+    frame it in another page. It mixes the lights, adapts the eye and draws with the desktop's own
+    shaders on WebGL 2.
+
+    Example: `volspec page engine.toml -o engine.html`
+
+    Example: `volspec page engine.toml --views 36 --light planck:2000 -o around.html`
+
+    Parameters
+    ----------
+    scene
+        A scene file.
+    output
+        The HTML file to write.
+    views
+        Cameras on a circle around the scene's `up`, the scene's own the first: drag to turn.
+    light
+        A light besides the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
+        repeatable.
+    size
+        WIDTHxHEIGHT in pixels, in place of the scene's.
+    bits
+        Of each channel, 8 to 12: 8 for CIEDE2000 0.3, 12 for 0.03 and more than twice the size.
+    title
+        In place of the scene's.
+    caption
+        A few words below the title.
+    """
+    from volspec.export.page import PageSpec, scene_views, write_page
+    from volspec.relight import LightRig
+    from volspec.scene import Scene
+    from volspec.scene.lights import NamedLight, require_lux
+
+    if output.suffix.lower() not in (".html", ".htm"):
+        raise ImageError(f"{output}: pages are HTML files; name it .html")
+    require_writable(output)
+    require_scene(
+        scene, "a page is made of its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
+    )
+    with bar() as tell:
+        tell("load the scene", 0)
+        loaded = Scene.load(scene)
+        tell("load the scene", 1)
+        require_lux(loaded.lights, loaded.relight, scene)
+        lights = list(loaded.lights)
+        shares = loaded.raycast.shares()
+        if light and loaded.relight.level == "absolute":
+            raise InputError(
+                f'--light {light[0]}: has no lux, which [viewing] level = "absolute" of {scene} '
+                "asks of all lights; leave it out, or make it a [[light]] with illuminance_lux",
+                code="conflict",
+            )
+        for text in light or ():
+            lamp = read_setting(text, shares, loaded.basis.grid)
+            rig = lamp if isinstance(lamp, LightRig) else LightRig((lamp,))
+            shown = rig.facing(shares).mixed(loaded.basis.grid)
+            lights.append(NamedLight(text, text, shown, rig))
+        cast = scene_views(
+            loaded,
+            views,
+            size=sides(size) if size else None,
+            device=device,
+            progress=lambda share: tell("cast", share),
+        )
+        name = title or loaded.file.title or scene.stem
+        count = write_page(output, cast, lights, loaded.relight, PageSpec(name, caption, bits))
+    many = f", {views} views" if views > 1 else ""
+    lit = counted(len(lights), "light")
+    say(f"{output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser")
+
+
+@app.command
+def compositing(
+    image: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    mode: str | None = None,
+) -> None:
+    """Relight a stored image in a compositor: Blender, Nuke or another.
+
+    `volspec render` writes the lights of the scene into the header of an image, as sums of its
+    channels. From there `-o FILE.py` makes a script that builds them as nodes in Blender
+    (`blender --python FILE.py`), `-o FILE.nk` a group to paste into Nuke, with a knob for each
+    light. `-o FILE.exr` writes the image once more, with other lights.
+
+    Example: `volspec compositing engine.exr -o engine.py`
+
+    Example: `volspec compositing engine.exr -o engine.nk`
+
+    Example: `volspec compositing engine.exr --light D65 --light "key=A; sky=D65*0.3" -o new.exr`
+
+    Parameters
+    ----------
+    image
+        A coefficient image.
+    output
+        A `.py`, `.nk` or `.exr` file.
+    light
+        Of `-o FILE.exr`: as for `volspec relight`; the first is the preview's. Repeatable.
+    mode
+        Of `-o FILE.exr`: componentwise, exact or linear-model. As in the scene when left out.
+    """
+    from dataclasses import replace
+
+    from volspec.export.compositing import Recipe, save_for_compositors
+    from volspec.export.recipes import SUFFIXES, write_recipe
+    from volspec.raycast import CoefficientImage
+    from volspec.scene import stored_relight_spec
+
+    require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
+    suffix = output.suffix.lower()
+    if suffix not in (*SUFFIXES, ".exr"):
+        raise ImageError(
+            f"{output}: name it .py for Blender, .nk for Nuke, or .exr for other lights"
+        )
+    require_writable(output)
+    if suffix in SUFFIXES:
+        if light or mode:
+            raise ImageError(
+                f"{output}: takes the lights that {image} names; give --light and --mode to "
+                "-o NEW.exr first"
+            )
+        write_recipe(output, image)
+    else:
+        if not light:
+            raise ImageError(f"{output}: which lights shall it name? add --light, such as D65")
+        if twice := [text for text in dict.fromkeys(light) if light.count(text) > 1]:
+            raise InputError(
+                f"--light: {twice[0]!r} is given twice; give it once", code="duplicate"
+            )
+        stored = CoefficientImage.load(image)
+        spec = stored_relight_spec(stored)
+        with in_options():
+            changes: dict[str, Any] = {} if mode is None else {"mode": mode}
+            spec = replace(spec, **changes)
+        lamps = {text: read_image_setting(image, text, stored) for text in light}
+        recipe = Recipe.of(stored.basis, stored.groups, lamps, spec)
+        save_for_compositors(stored, output, recipe)
+    say(output)

@@ -7,9 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from volspec.cli.names import show_names
-from volspec.cli.rows import Row
-from volspec.cli.shell import Json, app, as_written, print_json, print_table
+from volspec.cli.shell import Json, Row, app, as_written, print_json, print_table, show_names
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 

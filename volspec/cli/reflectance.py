@@ -11,8 +11,7 @@ from cyclopts import Parameter
 from rich.text import Text
 
 from volspec._files import require_writable
-from volspec.cli.names import show_names
-from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
+from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say, show_names
 from volspec.errors import ImageError, InputError, VolspecWarning, one_line
 
 if TYPE_CHECKING:

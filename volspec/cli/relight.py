@@ -12,8 +12,7 @@ from cyclopts import Parameter
 
 from volspec import __version__
 from volspec._files import require_writable
-from volspec.cli.kinds import require_image
-from volspec.cli.setting import read_image_setting
+from volspec.cli.arguments import read_image_setting, require_image
 from volspec.cli.shell import app, as_written, note, say
 from volspec.cli.viewing import PictureOptions, in_options
 from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning

@@ -207,5 +207,5 @@ def test_figures_are_json(good: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_the_schema_is_the_one_that_ships(capsys: pytest.CaptureFixture[str]) -> None:
     assert call("schema") == 0
-    shipped = Path(__file__).resolve().parent.parent / "data" / "scenes" / "scene.schema.json"
+    shipped = Path(__file__).resolve().parents[2] / "data" / "scenes" / "scene.schema.json"
     assert capsys.readouterr().out == shipped.read_text(encoding="utf-8")

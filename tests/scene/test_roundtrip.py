@@ -18,7 +18,7 @@ from volspec.scene import Scene, SceneFile, write_scene
 from volspec.scene.file import scene_data, scene_file
 from volspec.scene.writing import rebased
 
-SHIPPED = sorted((Path(__file__).resolve().parent.parent / "data" / "scenes").glob("*.toml"))
+SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data" / "scenes").glob("*.toml"))
 
 # Numbers that TOML and Python write apart, and texts that need quotes.
 NUMBERS = st.floats(-1e6, 1e6, allow_nan=False) | st.sampled_from([0.0, 1e-9, 1e300, 30.0, 0.2])

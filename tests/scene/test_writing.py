@@ -19,7 +19,7 @@ from volspec.scene.transfer import PointSpec
 from volspec.spectra import Spectrum
 from volspec.volume import phantom
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 TEXT = """# What begins the file.
 title = "Ball"  # a caption

@@ -16,7 +16,7 @@ from volspec import cli
 from volspec.spectra import SpectralImage, XYZ_from_spectra, light, reflectance, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
 def call(*words: str) -> int:

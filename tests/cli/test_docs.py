@@ -10,7 +10,7 @@ import pytest
 
 from volspec.cli import main
 
-DOCS = Path(__file__).resolve().parent.parent / "docs"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 SHOWN = {
     command: printed.splitlines()
     for page in ("appearance.md", "viewing.md")

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from tests import conftest
-from tests.test_cli_render import TELLING_BANDS
+from tests.cli.test_render import TELLING_BANDS
 from volspec import cli, doctor
 from volspec._gpu import devices
 from volspec.basis import SpectralBasis
@@ -30,7 +30,7 @@ from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import phantom
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_the_package_can_be_run_by_its_name() -> None:

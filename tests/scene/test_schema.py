@@ -16,7 +16,7 @@ from volspec.scene.schema import scene_schema_text
 from volspec.scene.transfer import KINDS
 from volspec.settings import descriptions, file_keys
 
-SHIPPED = Path(__file__).resolve().parent.parent / "data" / "scenes" / "scene.schema.json"
+SHIPPED = Path(__file__).resolve().parents[2] / "data" / "scenes" / "scene.schema.json"
 SCHEMA: dict[str, Any] = json.loads(SHIPPED.read_text(encoding="utf-8"))
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.test_cli_scene import TEXT
+from tests.cli.test_scene import TEXT
 from volspec import cli
 from volspec.basis import SpectralBasis
 from volspec.raycast import CoefficientImage

@@ -18,7 +18,7 @@ from volspec.scene.specs import BasisSpec
 from volspec.scene.transfer import PointSpec, TransferSpec
 from volspec.spectra import light, light_set, reflectance
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
 [volume]
 file = "none.nrrd"

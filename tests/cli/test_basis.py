@@ -21,7 +21,7 @@ from volspec.spectra import light_set, reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import phantom
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
 title = "Two metals"
 volume = { file = "none.nrrd" }

@@ -18,7 +18,7 @@ from volspec.raycast import CoefficientImage
 from volspec.raycast.gpu import Raycaster
 from volspec.volume import phantom
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
 [volume]
 file = "ball.npy"

@@ -1,0 +1,300 @@
+"""Words of the command line as values: files, sizes, triples of numbers, lights of groups.
+
+words -> [arguments] -> paths, (width, height), (N, 3) arrays, Spectrum | LightRig
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import shlex
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from volspec._parse import read_text
+from volspec.errors import ImageError, InputError, SceneError, SpectrumError, ViewingError, nearest
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from volspec.raycast import CoefficientImage
+    from volspec.relight import LightRig
+    from volspec.spectra import SpectralGrid, Spectrum
+
+
+# What to do with an image that was cast.
+RELIGHT = "relight it: volspec relight {file} --light LIGHT -o FRAME.png"
+
+
+def require_scene(path: Path, instead: str = RELIGHT) -> None:
+    """Refuse a coefficient image where a scene belongs.
+
+    Parameters
+    ----------
+    path : Path
+    instead : str
+        What to do with it, ``{file}`` in place of its name.
+
+    Raises
+    ------
+    SceneError
+    """
+    if path.suffix.lower() == ".exr" and path.is_file():
+        remedy = instead.format(file=shlex.quote(str(path)))
+        raise SceneError(f"{path}: is an image that was cast, not a scene; {remedy}")
+
+
+def require_image(path: Path, instead: str) -> None:
+    """Refuse a scene where a coefficient image belongs; parameters as of `require_scene`.
+
+    Raises
+    ------
+    ImageError
+    """
+    if path.suffix.lower() == ".toml" and path.is_file():
+        remedy = instead.format(file=shlex.quote(str(path)))
+        raise ImageError(f"{path}: is a scene, not an image that was cast; {remedy}")
+
+
+def sides(size: str) -> tuple[int, int]:
+    """WIDTHxHEIGHT as numbers.
+
+    Raises
+    ------
+    ValueError
+        If it is something else, or a side is 0.
+
+    Examples
+    --------
+    >>> sides("1024x768")
+    (1024, 768)
+    """
+    width, by, height = size.lower().partition("x")
+    if not (by and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise ValueError(f"{size!r} is no WIDTHxHEIGHT, such as 1024x768")
+    return int(width), int(height)
+
+
+def _require_size(_: Any, size: str | None) -> None:
+    """A cyclopts validator."""
+    if size is not None:
+        sides(size)
+
+
+Sized = Parameter(validator=_require_size, allow_leading_hyphen=True)
+"""Of an option that is such a size."""
+Size = Annotated[str | None, Sized]
+"""The option, where it may be left out."""
+
+
+# Of a colour whose white is 100.
+LARGEST = 1e9
+
+
+def read_triples(
+    values: Sequence[float], table: Path | None, names: Sequence[str]
+) -> NDArray[np.float64]:
+    """Triples from words or from a CSV file.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Three a triple.
+    table : Path, optional
+        CSV: a column for each name, found by the first line, or the first three where that holds
+        numbers; ``-`` is standard input.
+    names : (3,) of str
+        What the numbers are, as ``("X", "Y", "Z")``.
+
+    Returns
+    -------
+    (N, 3) float64
+
+    Raises
+    ------
+    InputError
+        If there is none, their number is no multiple of three, or one is beyond 1e9 or no number.
+    """
+    import numpy as np
+
+    kind = " ".join(names)
+    if table is None:
+        if not values or len(values) % 3:
+            raise InputError(f"{len(values)} numbers; give {kind}, three a colour, or --table FILE")
+        rows = np.array(values, dtype=np.float64).reshape(-1, 3)
+        if not (fits := np.abs(rows) <= LARGEST).all():
+            raise InputError(
+                f"{kind}: {rows[~fits][0]} is no colour; give numbers within {LARGEST:g}"
+            )
+        return rows
+    if values:
+        raise InputError(f"{kind} both as words and in {table}; give one of them", code="conflict")
+    try:
+        is_piped = str(table) == "-"
+        text = sys.stdin.read() if is_piped else read_text(table, InputError, f"a CSV of {kind}")
+        read = csv.reader(io.StringIO(text))
+        lines = [line for line in read if any(cell.strip() for cell in line)]
+    except UnicodeDecodeError:  # of what was piped
+        raise InputError(f"{table}: not a text file; give a CSV table of {kind}") from None
+    except csv.Error as error:  # a cell of more than 131,072 letters
+        raise InputError(f"{table}: not a CSV table ({error}); export it again") from None
+    if not lines:
+        raise InputError(f"{table}: empty; give a CSV table with columns {', '.join(names)}")
+    head = [cell.strip() for cell in lines[0]]
+    columns = [0, 1, 2]
+    if not _is_number(head[0]):
+        missing = [name for name in names if name not in head]
+        if missing:
+            raise InputError(f"{table}: no column {missing[0]}; its first line is {','.join(head)}")
+        columns, lines = [head.index(name) for name in names], lines[1:]
+        if not lines:
+            raise InputError(f"{table}: no rows below its first line; give one a colour")
+    return np.array([_row(table, i, line, columns) for i, line in enumerate(lines, 1)])
+
+
+def _row(table: Path, number: int, line: Sequence[str], columns: Sequence[int]) -> list[float]:
+    cells = [line[i].strip() if i < len(line) else "" for i in columns]
+    for cell in cells:
+        if not _is_number(cell):
+            raise InputError(f"{table}: row {number} has {cell!r} where a number belongs")
+    return [float(cell) for cell in cells]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        return abs(float(cell)) <= LARGEST
+    except ValueError:
+        return False
+
+
+def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> Spectrum | LightRig:
+    """A light setting.
+
+    Parameters
+    ----------
+    text : str
+        ``LIGHT``, or ``GROUP=LIGHT; GROUP=LIGHT; …``; a part without a group shines from all.
+    groups : {name: share}
+        The image's.
+    grid : SpectralGrid
+
+    Raises
+    ------
+    InputError
+        If a group is unknown, given twice or without light in the cast, or a light is missing.
+    SpectrumError
+        If a light is unknown.
+
+    Examples
+    --------
+    >>> from volspec.spectra import DEFAULT_GRID
+    >>> groups = {"key": 0.8, "sky": 0.2}
+    >>> read_setting("D65*0.7+A*0.3", groups, DEFAULT_GRID).name
+    'D65*0.7+A*0.3'
+    >>> rig = read_setting("key=A; sky=D65*0.3; FL2", groups, DEFAULT_GRID)
+    >>> rig.groups, [light.name for light in rig.lights]
+    (('key', 'sky', ''), ['A', 'D65*0.3', 'FL2'])
+    """
+    from volspec.relight import LightRig
+
+    if (whole := _light(text, grid)) is not None:
+        return whole
+    lights: dict[str, Spectrum] = {}
+    for part in text.split(";"):
+        group, spectrum = _part(text, part.strip(), grid)
+        if group and group not in groups:
+            raise InputError(
+                f"--light {text!r}: no light group {group!r}; {nearest(group, groups)}the image "
+                f"has {', '.join(groups)}"
+            )
+        if group in lights:
+            twice = f"group {group!r} has" if group else "all groups have"
+            raise InputError(f"--light {text!r}: {twice} two lights; mix them, as D65*0.7+A*0.3")
+        lights[group] = spectrum
+    rig = LightRig(tuple(lights.values()), groups=tuple(lights))
+    try:
+        rig.facing(groups)
+    except ViewingError as error:
+        raise InputError(f"--light {text!r}: {str(error).removeprefix('LightRig: ')}") from error
+    return rig
+
+
+def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spectrum | LightRig:
+    """A light setting for a stored image, which names its scene's lights but not their spectra.
+
+    Parameters
+    ----------
+    image : Path
+        The image's file.
+    text : str
+        As `read_setting`, whose errors these are.
+    stored : CoefficientImage
+        What is in the file.
+
+    Raises
+    ------
+    SpectrumError
+        If the text is no light but that of the scene, or near to one of those.
+    """
+    from volspec.export.compositing import Recipe
+
+    try:
+        return read_setting(text, stored.groups, stored.basis.grid)
+    except SpectrumError:
+        try:
+            names = list(Recipe.load(image).lights)
+        except ImageError:
+            names = []
+        # What can be read without the scene is suggested by the library.
+        own = [name for name in names if not _readable(name, stored.basis.grid)]
+        meant = "" if text in names else nearest(text, own)
+        if text not in names and not meant:
+            raise
+    raise SpectrumError(
+        f"light {text!r}: {meant}{image} names its scene's lights ({', '.join(names)}), but does "
+        "not hold their spectra; relight the scene: volspec export SCENE.toml --light "
+        f"{'NAME' if meant else shlex.quote(text)} -o FOLDER"
+    )
+
+
+def _part(text: str, part: str, grid: SpectralGrid) -> tuple[str, Spectrum]:
+    """The group, "" for all, and the light of one part."""
+    from volspec.spectra import light
+
+    if part and (alone := _light(part, grid)) is not None:
+        return "", alone
+    group, equals, word = (word.strip() for word in part.partition("="))
+    if not (group and equals and word):
+        raise InputError(f"--light {text!r}: write GROUP=LIGHT; GROUP=LIGHT, as key=A; sky=D65")
+    return group, light(word, grid)
+
+
+def _light(text: str, grid: SpectralGrid) -> Spectrum | None:
+    """The text as a LIGHT; None where it can only be one for groups.
+
+    Raises
+    ------
+    SpectrumError
+        If nothing in it speaks of groups.
+    """
+    from volspec.spectra import light
+
+    try:
+        return light(text, grid)
+    except SpectrumError:
+        if set(text) & {"=", ";"}:
+            return None
+        raise
+
+
+def _readable(name: str, grid: SpectralGrid) -> bool:
+    """Return True if a name alone is a LIGHT."""
+    try:
+        return _light(name, grid) is not None
+    except SpectrumError:
+        return False

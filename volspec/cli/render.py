@@ -1,0 +1,182 @@
+"""``volspec render``, ``view`` and ``demo``: a scene cast, on disk or in a window."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+from rich.table import Table
+
+from volspec._files import require_writable
+from volspec.cli.arguments import RELIGHT, Size, Sized, require_scene, sides
+from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json, say
+from volspec.errors import ImageError, InputError
+
+
+@app.command
+def render(
+    scene: Path,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    size: Size = None,
+    half: Annotated[bool, Parameter(negative="")] = False,
+    device: Device = None,
+) -> None:
+    """Cast a scene once into a coefficient image.
+
+    Compositors open it: a layer of channels a light group, depth, a picture under the first light,
+    and in the header how to relight it (`volspec compositing --help`).
+
+    Ctrl-C ends a cast within moments; an image that was there before stays as it is.
+
+    Example: `volspec render engine.toml -o engine.exr --size 1024x768`
+
+    Parameters
+    ----------
+    scene
+        A scene file.
+    output
+        The OpenEXR file to write.
+    size
+        WIDTHxHEIGHT in pixels, in place of the scene's.
+    half
+        Keep the channels as float16: half the memory and file, three digits.
+    """
+    from volspec.export.compositing import save_for_compositors, scene_recipe
+    from volspec.scene import Scene
+
+    if output.suffix.lower() != ".exr":
+        raise ImageError(f"{output}: coefficient images are OpenEXR; name it .exr")
+    require_scene(scene, f"it is cast already; {RELIGHT}")
+    require_writable(output)
+    with bar() as tell:
+        tell("load the scene", 0)
+        loaded = Scene.load(scene)
+        tell("load the scene", 1)
+        spec = replace(loaded.raycast, half=half or loaded.raycast.half)
+        recipe = scene_recipe(loaded, loaded.lights, loaded.relight)
+        image = loaded.render(
+            size=sides(size) if size else None,
+            spec=spec,
+            device=device,
+            progress=lambda share: tell("cast", share),
+        )
+    save_for_compositors(image, output, recipe)
+    groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
+    said = f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels{groups}"
+    say(said)
+
+
+@app.command
+def view(
+    file: str | None = None,
+    /,
+    *,
+    size: Annotated[str, Sized] = "1280x720",
+    screenshot: Size = None,
+    restore: bool = False,
+    trace: Path | None = None,
+    device: Device = None,
+) -> None:
+    """Look at a scene or a volume, and swap its lights; H shows the keys.
+
+    Example: `volspec view`
+
+    Example: `volspec view engine.toml --screenshot 3840x2160`
+
+    Example: `volspec view --restore`
+
+    Parameters
+    ----------
+    file
+        A scene file, a volume (file or folder) or a session; the bundled engine when left out.
+    size
+        WIDTHxHEIGHT of the window.
+    screenshot
+        WIDTHxHEIGHT of the pictures that S saves; as shown when left out.
+    restore
+        Go on from the last session; without one FILE is opened, or the file that was open last.
+    trace
+        Write what happens to a file of JSON lines: `t`, `event`, `stage`, `ms`.
+    """
+    if trace is not None:
+        require_writable(trace)
+    # Before a window opens for nothing.
+    if file is not None and not Path(file.partition("?")[0]).exists():
+        raise InputError(
+            f"{file.partition('?')[0]}: no such file; check the path", code="not-found"
+        )
+    if file is not None:
+        require_scene(
+            Path(file), "the viewer casts its scene itself: volspec view SCENE.toml; or " + RELIGHT
+        )
+    from volspec.viewer.app import Options
+    from volspec.viewer.app import view as open_window
+
+    wanted = _sides("--screenshot", screenshot) if screenshot else None
+    open_window(Options(file, trace, _sides("--size", size), wanted, device, restore))
+
+
+def _sides(option: str, given: str) -> tuple[int, int]:
+    """Width and height, as far as there are pictures."""
+    from volspec.raycast.checks import MAX_SIDE
+
+    both = sides(given)
+    if max(both) > MAX_SIDE:
+        raise InputError(f"{option} {given}: a side is too long; give at most {MAX_SIDE}")
+    return both
+
+
+@app.command
+def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json = False) -> None:
+    """The bundled engine CT: cast once, relit under five lights.
+
+    Writes relit frames, a labelled contact sheet, a relightable web page, the coefficient image and
+    a report.
+
+    Example: `volspec demo --out engine-demo`
+
+    Parameters
+    ----------
+    out
+        Folder to write to.
+    """
+    from volspec._gpu.sources import asset
+    from volspec.export.demo import run_demo
+    from volspec.scene import Scene
+
+    require_writable(out / "sheet.png")
+    with bar(quiet=json) as tell:
+        tell("fit the basis", 0)
+        scene = Scene.load(asset("data/scenes/engine.toml"))
+        tell("fit the basis", 1)
+        report = run_demo(scene, out, tell, device=device)
+    if json:
+        print_json(report.to_dict())
+        return
+    console = Terminal()
+    table = Table(
+        title=f"{report.scene}, {report.size[0]}×{report.size[1]}, {report.channels} channels: "
+        f"cast in {report.cast_ms:.0f} ms"
+    )
+    table.add_column("light")
+    table.add_column("", no_wrap=True)
+    for heading in ("relight ms", "cast / relight", "ΔE00 mean", "max"):
+        table.add_column(heading, justify="right")
+    for row in report.lights:
+        errors = (_error(row.delta_e_mean), _error(row.delta_e_max))
+        table.add_row(row.name, row.label, f"{row.relight_ms:.1f}", f"{row.ratio:.0f}", *errors)
+    console.print(table)
+    console.print(
+        "ΔE00: the basis's error on the scene's materials under its lights, against full spectra.\n"
+        f"Cast on {report.cast_device}; relit on {report.relight_device}.\n"
+        f"Written in {report.seconds:.1f} s to {out}/: open {out}/sheet.png",
+        highlight=False,
+    )
+
+
+def _error(delta_e: float) -> str:
+    return f"{delta_e:.3f}" if delta_e >= 0.001 else "< 0.001"
