@@ -100,29 +100,3 @@ def test_names_are_listed_for_people_and_programs(
     assert known in found and all(search in name.casefold() for name in found)
     assert [row["name"] for row in json.loads(listed(search, "--json"))] == found
     assert set(found) < set(listed().splitlines())
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("HP9",), "'HPS'"),
-        ((), "no light; give one, such as D65, or --list"),
-        (("--list", "D651"), "no light's name contains it; did you mean 'D65'"),
-        (("D65", "--power-W", "5"), "light 'D65': only a lamp's light is counted"),
-        ((f"{LAMP}*0.5+A", "--power-W", "5"), "only a lamp's light is counted"),
-        (("lamp:candle-1900", "--power-W", "5"), "no lumens per watt for candle flame"),
-        ((LAMP, "--distance-m", "2"), "--distance-m 2 without --power-W"),
-        ((LAMP, "--power-W", "5", "--beam-deg", "60"), "--beam-deg 60 without --distance-m"),
-        ((LAMP, "--power-W", "-1"), "--power-W is -1.0"),
-        ((LAMP, "--power-W", "1", "--distance-m", "0"), "--distance-m is 0.0"),
-        ((LAMP, "--power-W", "1", "--distance-m", "1e-200"), "at 1e-200 m is no finite"),
-    ],
-)
-def test_a_light_that_cannot_be_counted_is_refused_in_one_line(
-    words: tuple[str, ...], message: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(["light", *words])
-    assert caught.value.code == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("volspec: ") and message in line

@@ -37,57 +37,6 @@ EXPORT = "export s.toml -o out"
 PAGE = "page s.toml -o out.html"
 RELIGHT = "relight i.exr --light A -o out.png"
 LAMP = "light lamp:tungsten-2850"
-VALUES = {
-    "--turntable": [(EXPORT, "0"), (EXPORT, "1.5"), (EXPORT, "many")],
-    "--sweep": [(EXPORT, "0"), (EXPORT, "3")],
-    "--samples": [(EXPORT, "9")],
-    "--bits": [(EXPORT, "12"), (PAGE, "3")],
-    "--format": [(EXPORT, "jpg")],
-    "--fps": [(EXPORT, "0"), (EXPORT, "fast")],
-    "--size": [
-        *((EXPORT, "0x3"), (PAGE, "wide"), ("render s.toml -o out.exr", "-5x5")),
-        *(("view", "0x0"), ("view", "99999x9"), ("basis", "2"), ("basis", "x")),
-    ],
-    "--screenshot": [("view", "7")],
-    "--light": [(EXPORT, "dya"), (RELIGHT, "kye=A")],
-    "--views": [(PAGE, "0"), (PAGE, "x")],
-    "--lights": [("basis", "foo")],
-    "--observer": [("basis", "3"), ("reflectance #fff", "3")],
-    "--mode": [(RELIGHT, "foo"), ("compositing i.exr --light A -o out.exr", "foo")],
-    "--backdrop": [(RELIGHT, "3"), (RELIGHT, "grey")],
-    "--model": [(RELIGHT, "CIECAM")],
-    "--lux": [(RELIGHT, "-5"), ("adapt 4 3 2 --from A", "0"), ("appearance 4 3 2", "x")],
-    "--L_A": [(RELIGHT, "-1"), ("appearance 4 3 2", "nan")],
-    "--Y_b": [(RELIGHT, "-1"), ("appearance 4 3 2", "1e9")],
-    "--D": [(RELIGHT, "3"), ("adapt 4 3 2 --from A", "3")],
-    "--surround": [(RELIGHT, "dimm"), ("appearance 4 3 2", "7")],
-    "--exposure": [(RELIGHT, "0"), ("appearance --image i.exr -o out.png", "0")],
-    "--gamut": [(RELIGHT, "shrink")],
-    "--adapting": [(RELIGHT, "eye")],
-    "--fov-deg": [(f"{RELIGHT} --adapting picture", "900")],
-    "--power-W": [(LAMP, "x"), (LAMP, "-1")],
-    "--distance-m": [(f"{LAMP} --power-W 5", "0")],
-    "--beam-deg": [(f"{LAMP} --power-W 5 --distance-m 1", "500")],
-}
-CASES = [(option, *case) for option, cases in VALUES.items() for case in cases]
-
-
-@pytest.mark.parametrize(("option", "words", "value"), CASES, ids=map(" ".join, CASES))
-def test_a_value_that_cannot_be_used_is_told_by_its_option(
-    option: str,
-    words: str,
-    value: str,
-    files: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(files)
-    before = sorted(files.iterdir())
-    assert call(*words.split(), option, value) == 1
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("volspec:")]
-    assert len(lines) == 1 and option in lines[0], lines
-    assert "None" not in lines[0] and "Viewing" not in lines[0] and "Display." not in lines[0]
-    assert sorted(files.iterdir()) == before
 
 
 @pytest.mark.parametrize(

@@ -104,34 +104,3 @@ def test_flags_of_the_scene_can_be_taken_back(chart: Path, tmp_path: Path) -> No
     viewing = replace(onto(discount=False, mark=False), model="CIECAM02")
     expected = relight(CoefficientImage.load(chart), light("A"), viewing)
     assert np.array_equal(iio.imread(tmp_path / "f.png"), expected)
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--preset", "cinma"), "did you mean 'cinema'"),
-        (("--space", "Display P4"), "did you mean 'Display P3'"),
-        (("--gamut", "reduc"), "did you mean 'reduce'"),
-        (("--D", "0.5", "--discount"), "which is D = 1"),
-        (("--D", "2"), "--D is 2.0"),
-        (("--surround", "2"), "surround is 2.0"),
-        (("--surround", "bright"), "or a number from 0 to 1 (ratio to white"),
-        (("--exposure", "0"), "exposure is 0.0"),
-        (("--exposure", "1e30"), "--exposure is 1e+30; give"),
-        (("--lux", "0"), "--lux is 0.0"),
-        (("--fov-deg", "30"), "--fov-deg 30: nothing is measured in the picture"),
-        (("--fov-deg", "1e-300", "--adapting", "picture"), "--fov-deg is 1e-300"),
-        (("--exposure", "none"), "'none' is no number"),
-    ],
-)
-def test_a_viewing_that_cannot_be_is_refused_in_one_line(
-    chart: Path,
-    tmp_path: Path,
-    words: tuple[str, ...],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert call(chart, "--light", "A", *words, "-o", tmp_path / "f.png") == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("volspec: ") and message in line
-    assert not (tmp_path / "f.png").exists()

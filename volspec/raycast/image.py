@@ -159,7 +159,7 @@ class CoefficientImage:
             raise ImageError(
                 f"coefficient image: reflectances cannot be edited in basis {self.basis.name!r}, "
                 f"whose channels are {self.basis.method}",
-                "cast with MaterialBasis(materials)",
+                'cast with [basis] method = "materials", a MaterialBasis',
                 code="unsupported",
             )
         return replace(self, basis=self.basis.with_reflectances(reflectances))

@@ -221,7 +221,7 @@ def checked_filters(
     if filters and isinstance(basis, MaterialBasis):
         raise TransferError(
             "filters need channels of wavelengths, those of a MaterialBasis are materials",
-            "take a SpectralBasis",
+            'take a SpectralBasis, not [basis] method = "materials"',
             code="conflict",
             field=f"{who}.filters",
             given=filters,
