@@ -351,3 +351,23 @@ def test_a_kernel_that_does_not_build_names_device_options_and_line(
     with pytest.raises(OpenCLError, match=r"broken\.cl:7.*undeclared") as caught:
         Compute.open().kernel(Source(text, ("<prelude>", "kernels/broken.cl")), "f", ["-w"])
     assert Compute.open().info.name in str(caught.value) and "-w" in str(caught.value)
+
+
+def test_the_exit_code_stays_with_a_thread_in_an_extension() -> None:
+    """Python's own end would stop it there, and abort when the extension is in C++."""
+    program = (
+        "import atexit, sys, threading, time\n"
+        "threading.Thread(target=time.sleep, args=(60,), daemon=True).start()\n"
+        "atexit.register(print, 'handlers ran')\n"
+        "class Late:\n"
+        "    def __del__(self): print('finalized')\n"
+        "late = Late()\n"
+        "from volspec.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, "light", "--list", "D65"], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[0].startswith("D65") and "handlers ran" in done.stdout
+    assert "finalized" not in done.stdout

@@ -7,15 +7,18 @@ interrupted; 141 where the reader of a pipe has closed it, as `| head` does.
 
 from __future__ import annotations
 
+import atexit
 import codecs
 import io
 import json
 import math
 import os
 import sys
+import threading
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, get_args
+from contextlib import suppress
+from typing import Annotated, Any, NoReturn, get_args
 
 from cyclopts import (
     App,
@@ -233,8 +236,34 @@ def _failure(said: str, code: int) -> SystemExit:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Entry point of the ``volspec`` command."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    """Entry point of the ``volspec`` command; without ``arguments``, those of the process."""
+    code = 0
+    try:
+        _run(list(sys.argv[1:] if arguments is None else arguments))
+    except SystemExit as stop:
+        if arguments is not None or not isinstance(stop.code, int):
+            raise
+        code = stop.code
+    if arguments is None:
+        _exit(code)
+
+
+def _exit(code: int) -> NoReturn:
+    """End the process, whatever background threads do.
+
+    Python's own end stops a thread at its next step, and where that step is inside an extension
+    in C++ (a file that is read, a module that is imported), the process aborts.
+    """
+    if any(thread.daemon for thread in threading.enumerate()):
+        atexit._run_exitfuncs()
+        for stream in filter(None, (sys.stdout, sys.stderr)):
+            with suppress(OSError):
+                stream.flush()
+        os._exit(code)
+    raise SystemExit(code)
+
+
+def _run(words: list[str]) -> None:
     debug = "--debug" in words
     _print_what_can_be()
     words = [word for word in words if word != "--debug"]
