@@ -9,13 +9,14 @@ from volspec.viewer.model import commands, presets, transfer_convert, transfer_e
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
+from volspec.viewer.model.transfer_parts import Kind
 from volspec.viewer.ui import transfer_detail, transfer_points, transfer_regions
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, pick, tip
 
 # The least height of the list of labels; pixels at 96 dpi.
 _LEAST = 100
-_HELP: dict[transfer_convert.Kind, str] = {
+_HELP: dict[Kind, str] = {
     "points": "Drag the points. Double-click adds one, a right click removes it.\n"
     "The vertical axis is opacity per step, on a square-root scale.",
     "regions": "Drag a rectangle, its edges and corners.\n"

@@ -66,7 +66,7 @@ class Writer:
                 data = value.to_dict()
             else:
                 data = {KIND: type(value).__name__, **self.field_values(value)}
-            if type(value).__eq__ is not object.__eq__:
+            if type(value).__eq__ is not object.__eq__:  # type: ignore[comparison-overlap]
                 return data
             number = self._numbers[id(value)] = len(self.objects)
             self.objects.append(data)
