@@ -27,8 +27,8 @@ WORDS = re.compile(
 """Words of the style guide's list."""
 SETTINGS = (
     *("_tables/*.py", "settings.py", "scene/*.py", "cli/viewing.py", "cli/setting.py"),
-    *("palette/tables.py", "palette/file.py", "viewer/*/as_scene.py", "viewer/*/as_python.py"),
-    "viewer/*/session_codec.py",
+    *("palette/tables.py", "palette/file.py", "palette/storage.py", "viewer/*/scene_file.py"),
+    *("viewer/*/script.py", "viewer/*/session_codec.py"),
 )
 """Files that carry settings from one form to another; every `__post_init__` counts as well."""
 
@@ -59,11 +59,11 @@ def setting_lines(package: Path, trees: dict[Path, ast.Module]) -> int:
 
 
 def is_phrase(node: ast.AST) -> bool:
-    """Return True for a literal of two words or more."""
+    """Return True for a literal with two words in a row; names of files are none."""
     return any(
         isinstance(part, ast.Constant)
         and isinstance(part.value, str)
-        and re.search(r"[A-Za-z]{2,}[^A-Za-z]{1,3}[A-Za-z]{2,}", part.value) is not None
+        and re.search(r"[A-Za-z]{2,}[,;:.]? [A-Za-z]{2,}", part.value) is not None
         for part in ast.walk(node)
     )
 
