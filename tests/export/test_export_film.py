@@ -86,7 +86,7 @@ def test_a_film_that_fails_is_not_there_and_what_was_stays(
     pytest.importorskip("imageio_ffmpeg")
     Image.new("RGB", (8, 8)).save(tmp_path / "f.png")
     (tmp_path / "b.mp4").write_bytes(b"before")
-    monkeypatch.setattr(film, "_CODECS", {".mp4": ("-c:v", "no-such-codec")})
+    monkeypatch.setattr(film, "_CODECS", {".mp4": "-c:v no-such-codec"})
     with raises(InputError, "unwritable"):
         frames = [tmp_path / "f.png"] * 50
         write_film(tmp_path / "b.mp4", frames, 25, SPACES["sRGB"], lambda share: None)

@@ -67,23 +67,11 @@ def frame_times_s(keys: Keys, fps: float) -> Array:
 
 
 def interpolate_keyframes(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -> Array:
-    """Interpolate values by a monotone cubic; constant before the first and after the last.
+    """Interpolate (K, ...) values at rising times by a monotone cubic: (F, ...).
 
-    A Catmull-Rom spline would overshoot between keyframes of equal value.
+    Constant before the first and after the last. A Catmull-Rom spline would overshoot between
+    keyframes of equal value.
 
-    Parameters
-    ----------
-    times_s : (K,) array_like
-        Rising.
-    values : (K, ...) array_like
-    at_s : (F,) array_like
-
-    Returns
-    -------
-    (F, ...) float64
-
-    Examples
-    --------
     >>> interpolate_keyframes([0, 1, 2], [0, 10, 10], [0, 1, 1.5, 2, 9]).tolist()
     [0.0, 10.0, 10.0, 10.0, 10.0]
     """
@@ -176,13 +164,7 @@ def _rows(tracks: Mapping[str, Array], count: int) -> list[dict[str, Any]]:
 
 
 def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -> list[FrameState]:
-    """Interpolate a scene's keyframes.
-
-    Raises
-    ------
-    SceneError
-        If a frame's values are out of range; the message names file and time.
-    """
+    """Interpolate a scene's keyframes; a `SceneError` of values out of range names the time."""
     # The keyframes' own faults first: no time between them is the cause of those.
     for fault in keyframe_faults(scene, volume):
         raise fault
@@ -260,13 +242,7 @@ def located_in(scene: Scene, place: str = "") -> Iterator[None]:
 def _at_times(
     at_s: Array, keys: Keys, rows: Sequence[Row], make: Callable[[Row], Made]
 ) -> list[Made]:
-    """Make an object of each frame's values.
-
-    Raises
-    ------
-    CameraError, TransferError, ViewingError
-        If its values are out of range; the message names the time.
-    """
+    """Make an object of each frame's values; an error of values out of range names the time."""
     made = []
     own = {key.time_s for key in keys}
     for time, row in zip(at_s.tolist(), rows, strict=True):
@@ -317,13 +293,7 @@ def _triple(vector: Array) -> tuple[float, float, float]:
 
 
 def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> list[Camera]:
-    """Return the camera of every frame, from orbits or from positions.
-
-    Raises
-    ------
-    CameraError
-        If a frame's values make no camera; the message names the time.
-    """
+    """Return the camera of every frame, from orbits or from positions."""
     cameras = [(key.time_s, key.camera) for key in keys]
     table = scene.file.camera
     given = {name for _, key in cameras if key is not None for name in key.given}
@@ -405,15 +375,7 @@ def _axes(up: Vector) -> Array:
 
 
 def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
-    """Return the transfer function of every frame; equal ones are one object.
-
-    Raises
-    ------
-    SceneError
-        If keyframes give points to a scene without or of another number, or shift labels.
-    TransferError
-        If a frame's values make no transfer function; the message names the time.
-    """
+    """Return the transfer function of every frame; equal ones are one object."""
     shifts = [(key.time_s, key.transfer.shift) for key in keys if key.transfer is not None]
     given = [(time, shift) for time, shift in shifts if shift is not None]
     by = np.zeros(len(at_s))
@@ -434,13 +396,7 @@ def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
 
 
 def shift_values(transfer: Transfer, by: float) -> Transfer:
-    """Shift a transfer function along the axis of values.
-
-    Raises
-    ------
-    SceneError
-        If it maps labels, which have no order.
-    """
+    """Shift a transfer function along the axis of values; labels have none."""
     if isinstance(transfer, TransferFunction):
         points = [(value + by, opacity, mix) for value, opacity, mix in transfer.points]
         return replace(transfer, points=points)

@@ -50,47 +50,20 @@ _DIGITS = 9  # significant ones in a header; float32 has 7
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompositorLight:
-    """Relighting by one light in a compositor.
+    """Relighting by one light in a compositor."""
 
-    Parameters
-    ----------
-    matrices : {group: (3, M) array}
-        Channels to linear Rec. 709, for each light group that is lit.
-    backdrop : (3,) array
-        The colour of the diffuser behind.
-    numbers : {group: (M,) array}
-        The lights' channels e_g, 1 for flat white of the same luminance; empty for a basis of
-        materials.
-    illuminance_lux : float, optional
-        E_v on a surface that faces every source.
-    """
-
-    matrices: Mapping[str, Array]
-    backdrop: Array
+    matrices: Mapping[str, Array]  # (3, M) to linear Rec. 709, for each light group that is lit
+    backdrop: Array  # (3,) of the diffuser behind
+    # (M,) channels e_g by group, 1 for flat white of the same luminance; none in a basis of
+    # materials.
     numbers: Mapping[str, Array]
-    illuminance_lux: float | None = None
+    illuminance_lux: float | None = None  # E_v on a surface that faces every source
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
     """Names of the channels and the lights of a coefficient image, for compositors.
 
-    Parameters
-    ----------
-    channels : {group: tuple of str}
-        Names in the file, by light group.
-    lights : {name: CompositorLight}
-        The first lights the preview.
-    mode : str
-        As `RelightSpec.mode`.
-
-    Raises
-    ------
-    ImageError
-        If there is no light, or one's arrays do not fit the channels.
-
-    Examples
-    --------
     >>> from volspec.basis import SpectralBasis
     >>> from volspec.spectra import light
     >>> basis = SpectralBasis.load("general-7")
@@ -100,8 +73,8 @@ class Recipe:
     ((3, 7), [1.0, 1.0, 1.0])
     """
 
-    channels: Mapping[str, tuple[str, ...]]
-    lights: Mapping[str, CompositorLight]
+    channels: Mapping[str, tuple[str, ...]]  # names in the file, by light group
+    lights: Mapping[str, CompositorLight]  # the first lights the preview
     mode: str
 
     def __post_init__(self) -> None:
@@ -130,21 +103,10 @@ class Recipe:
         lights: Mapping[str, Spectrum | LightRig],
         spec: RelightSpec | None = None,
     ) -> Self:
-        """Compute the lights of an image.
+        """Compute the lights of an image of this basis and these groups.
 
-        Parameters
-        ----------
-        basis, groups
-            The image's.
-        lights : {name: Spectrum or LightRig}
-        spec : RelightSpec, optional
-            Mode, backdrop, level and exposure; adaptation is ignored. If a light has no lux, all
-            are at level ``"relative"``.
-
-        Raises
-        ------
-        ViewingError, SpectrumError
-            If there is no light, or as `Illumination.of`.
+        Of ``spec`` mode, backdrop, level and exposure count, adaptation does not. If a light has
+        no lux, all are at level ``"relative"``. Errors as `Illumination.of`.
         """
         if not (isinstance(lights, Mapping) and lights):
             raise ViewingError(
@@ -172,13 +134,7 @@ class Recipe:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Read the recipe in an image's header.
-
-        Raises
-        ------
-        ImageError
-            If the file cannot be read, is no coefficient image, or has no lights.
-        """
+        """Read the recipe in an image's header."""
         name, header = os.fspath(path), read_header(path, ImageError)
         if "volspec:basis" not in header:
             raise ImageError(
@@ -239,12 +195,7 @@ class Recipe:
         return texts
 
     def sums(self, light: str) -> list[dict[str, str]]:
-        """Return the sums of R, G and B by light group, with Nuke's names of the channels.
-
-        Parameters
-        ----------
-        light : str
-        """
+        """Return the sums of R, G and B by light group, with Nuke's names of the channels."""
         matrices = self.lights[light].matrices
         return [
             {group: self._sum(group, M[row]) for group, M in matrices.items()} for row in range(3)
@@ -257,13 +208,7 @@ class Recipe:
         return f"({''.join(terms).removeprefix('+')})"
 
     def picture(self, image: CoefficientImage, light: str) -> NDArray[np.float32]:
-        """Return (H, W, 3): an image under a light, as a compositor computes it.
-
-        Parameters
-        ----------
-        image : CoefficientImage
-        light : str
-        """
+        """Return (H, W, 3): an image under a light, as a compositor computes it."""
         RGB = np.zeros((*image.alpha.shape, 3), np.float32)
         for group, M in self.lights[light].matrices.items():
             RGB += np.asarray(image.layer(group), np.float32) @ M.T.astype(np.float32)
@@ -271,16 +216,7 @@ class Recipe:
 
 
 def scene_recipe(scene: Scene, lights: Iterable[NamedLight], spec: RelightSpec) -> Recipe:
-    """Return the recipe for casts of a scene.
-
-    Parameters
-    ----------
-    scene : Scene
-    lights : sequence of NamedLight
-        Some of the scene's; the first lights the preview.
-    spec : RelightSpec
-        As for `Recipe.of`, which raises the errors.
-    """
+    """Return the recipe for casts of a scene; the first light is the preview's."""
     rigs = {light.name: light.rig for light in lights}
     return Recipe.of(scene.basis, scene.raycast.shares(), rigs, spec)
 
@@ -288,21 +224,7 @@ def scene_recipe(scene: Scene, lights: Iterable[NamedLight], spec: RelightSpec) 
 def save_for_compositors(
     image: CoefficientImage, path: str | os.PathLike[str], recipe: Recipe
 ) -> None:
-    """Write a coefficient image with lights in its header and a picture under the first.
-
-    Parameters
-    ----------
-    image : CoefficientImage
-    path : path
-        Ends in ``.exr``.
-    recipe : Recipe
-        Made for the image's basis and light groups.
-
-    Raises
-    ------
-    ImageError
-        As `CoefficientImage.save`.
-    """
+    """Write a coefficient image with lights in its header and a picture under the first."""
     image.save(path, recipe.picture(image, next(iter(recipe.lights))), recipe.texts())
 
 

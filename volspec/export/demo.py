@@ -33,22 +33,13 @@ _ROWS = ("What an eye adapted to the light sees (CIECAM02)", "The same light wit
 
 @dataclass(frozen=True, slots=True)
 class LightReport:
-    """Cost and error of one light.
-
-    Parameters
-    ----------
-    relight_ms : float
-        A light change: new light in, finished 8-bit frame out; median of several.
-    ratio : float
-        Cast time over relight time.
-    delta_e_mean, delta_e_max : float
-        CIEDE2000 of the scene's materials against full spectra, in the scene's mode.
-    """
+    """Cost and error of one light."""
 
     name: str
     label: str
-    relight_ms: float
-    ratio: float
+    relight_ms: float  # A light change: new light in, finished 8-bit frame out; median of several
+    ratio: float  # Cast time over relight time
+    # CIEDE2000 of the scene's materials against full spectra, in the scene's mode.
     delta_e_mean: float
     delta_e_max: float
 
@@ -76,17 +67,9 @@ def run_demo(
 ) -> DemoReport:
     """Cast a scene, relight it under each of its lights, write everything to a folder.
 
-    Writes ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (a map of the
-    basis' errors), ``<volume>.exr``, ``<volume>.html`` and ``report.json``.
-
-    Parameters
-    ----------
-    scene : Scene
-    out : Path
-    progress : callable
-        Called with a step's name and its progress, 0…1.
-    device : str, optional
-        Part of an OpenCL device's name.
+    Writes ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (a map of the basis' errors),
+    ``<volume>.exr``, ``<volume>.html`` and ``report.json``. ``progress`` is called with a step's
+    name and its progress, 0…1; ``device`` is part of an OpenCL device's name.
     """
     begun = time.perf_counter()
     progress("read the volume", 0)

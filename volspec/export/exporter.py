@@ -43,24 +43,9 @@ from volspec.volume import Volume
 
 Progress = Callable[[str, float], object]
 
-# Suffixes that no folder has: other films, and single pictures.
-_NOT_FOLDERS = frozenset(
-    [
-        ".mov",
-        ".avi",
-        ".mkv",
-        ".m4v",
-        ".ogv",
-        ".png",
-        ".apng",
-        ".exr",
-        ".jpg",
-        ".jpeg",
-        ".webp",
-        ".tif",
-        ".tiff",
-    ]
-)
+# Suffixes that no folder has.
+_OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".ogv")
+_PICTURES = (".png", ".apng", ".exr", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
 # Larger pictures than this are a slip: 64 Ki pixels a side.
 MAX_SIDE = 1 << 16
 # Relit frames that take about as long as a cast; weighs the progress only.
@@ -143,7 +128,9 @@ def export(
     is_film = target.suffix.lower() in SUFFIXES
     if is_film:
         check_film(target, table, scene.relight.viewing.display.colours)
-    elif target.is_file() or (target.suffix.lower() in _NOT_FOLDERS and not target.is_dir()):
+    elif target.is_file() or (
+        target.suffix.lower() in _OTHER_FILMS + _PICTURES and not target.is_dir()
+    ):
         what = "is a file" if target.is_file() else "is no name of a folder"
         raise InputError(
             f"{target}: {what}",
@@ -224,12 +211,7 @@ class _ProgressMeter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameMaker:
-    """Makes the frames that a folder lacks: one cast for all lights, large ones in strips.
-
-    Parameters
-    ----------
-    files : FrameFiles
-    """
+    """Makes the frames that a folder lacks: one cast for all lights, large ones in strips."""
 
     files: FrameFiles
     _canvas: Canvas = field(init=False)
@@ -245,20 +227,7 @@ class FrameMaker:
     ) -> tuple[int, int]:
         """Make the missing frames; return their number and that of their casts.
 
-        Parameters
-        ----------
-        plan : Plan
-        open_caster : callable
-            Called only if something is missing.
-        progress : callable
-            Called with a step's name and its progress, 0…1.
-
-        Raises
-        ------
-        ViewingError
-            If a frame is to adapt to a picture that is never in memory as a whole.
-        InputError
-            If a file cannot be written.
+        ``open_caster`` is called only if something is missing.
         """
         casts = self._missing(plan)
         if not casts:

@@ -75,40 +75,21 @@ def white_adaptation(space: ColourSpace, to: ColourSpace) -> NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExrBands:
-    """Spectral channels of a picture: radiances in the layout of `spectral_image`.
-
-    Parameters
-    ----------
-    wavelengths_nm : (N,) array
-    units : str
-        The unit of 1.
-    """
+    """Spectral channels of a picture: radiances in the layout of `spectral_image`."""
 
     wavelengths_nm: NDArray[np.float64]
-    units: str
+    units: str  # the unit of 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ExrHeader:
-    """Metadata of an OpenEXR picture.
+    """Metadata of an OpenEXR picture."""
 
-    Parameters
-    ----------
-    size : (width, height)
-    space : ColourSpace
-        Written as its primaries and white.
-    text : {name: text}
-        Written as ``volspec:name``.
-    has_alpha : bool
-    bands : ExrBands, optional
-        Spectral channels after the colours (and opacity).
-    """
-
-    size: tuple[int, int]
-    space: ColourSpace
-    text: Mapping[str, str] = field(default_factory=dict)
+    size: tuple[int, int]  # (width, height)
+    space: ColourSpace  # written as its primaries and white
+    text: Mapping[str, str] = field(default_factory=dict)  # written as ``volspec:name``
     has_alpha: bool = False
-    bands: ExrBands | None = None
+    bands: ExrBands | None = None  # channels after the colours (and opacity)
 
     @property
     def channels(self) -> list[str]:
@@ -148,15 +129,9 @@ class ExrHeader:
 
 
 class ExrWriter:
-    """Writes one OpenEXR picture of half floats.
+    """Writes one OpenEXR picture of half floats to a binary file, at its beginning.
 
-    Parameters
-    ----------
-    file : binary file
-        Open for writing, at its beginning.
-    header : ExrHeader
-    threads : int
-        Compress blocks; with 1, the caller's own does.
+    Blocks are compressed by ``threads``; with 1, in the caller's own.
     """
 
     def __init__(self, file: BinaryIO, header: ExrHeader, threads: int = 1) -> None:
@@ -233,13 +208,7 @@ def _differences(plain: bytes) -> NDArray[np.uint8]:
 
 @contextmanager
 def exr_file(path: str | os.PathLike[str], header: ExrHeader) -> Iterator[ExrWriter]:
-    """Open an OpenEXR file for rows; it appears after the body.
-
-    Raises
-    ------
-    InputError
-        If the folder cannot be written to.
-    """
+    """Open an OpenEXR file for rows; it appears after the body."""
     with write_whole(path) as temporary, temporary.open("wb") as file:
         writer = ExrWriter(file, header, encoding_threads())
         yield writer

@@ -39,22 +39,11 @@ _TAGS = {
 }
 # Bytes must not depend on the machine's cores, nor on its clock.
 _THREADS = "4"
-_BITEXACT = ["-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact"]
+_BITEXACT = "-map_metadata -1 -fflags +bitexact -flags:v +bitexact"
 _CODECS = {
-    ".mp4": [
-        "-c:v",
-        "libx264",
-        "-preset",
-        "medium",
-        "-crf",
-        "16",
-        "-pix_fmt",
-        "yuv420p",
-        "-movflags",
-        "+faststart",
-    ],
-    ".webm": ["-c:v", "libvpx-vp9", "-crf", "22", "-b:v", "0", "-pix_fmt", "yuv420p"],
-    ".gif": ["-loop", "0"],
+    ".mp4": "-c:v libx264 -preset medium -crf 16 -pix_fmt yuv420p -movflags +faststart",
+    ".webm": "-c:v libvpx-vp9 -crf 22 -b:v 0 -pix_fmt yuv420p",
+    ".gif": "-loop 0",
 }
 # GIF counts hundredths of a second, and players slow down frames shorter than two.
 _GIF_TICKS, _LEAST_TICKS = 100, 2
@@ -64,15 +53,7 @@ Progress = Callable[[float], object]
 
 
 def check_film(path: Path, table: ExportSpec, space: ColourSpace) -> None:
-    """Refuse an impossible film before its frames are made.
-
-    Raises
-    ------
-    InputError
-        If the frames' format or colour space has no film.
-    DeviceError
-        If there is no ffmpeg.
-    """
+    """Refuse, before its frames are made, a film of their format or colour space, or no ffmpeg."""
     if table.format != "png" or table.transparent or table.bits != 8:
         file = f"{table.bits}-bit PNG" if table.format == "png" else f'format = "{table.format}"'
         what = "transparent ones" if table.transparent else file
@@ -99,13 +80,7 @@ def _is_tagged(space: ColourSpace) -> bool:
 
 
 def ffmpeg() -> str:
-    """Return the path of ffmpeg.
-
-    Raises
-    ------
-    DeviceError
-        If there is none, or ``IMAGEIO_FFMPEG_EXE`` names something else.
-    """
+    """Return the path of ffmpeg; `DeviceError` if there is none."""
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
 
@@ -140,29 +115,9 @@ def _is_ffmpeg(program: str) -> bool:
 def write_film(
     path: Path, frames: Sequence[Path], fps: float, space: ColourSpace, progress: Progress
 ) -> None:
-    """Encode frames at a constant rate; the film appears when it is complete.
+    """Encode PNG frames of one size at a constant rate; the film appears when it is complete.
 
     Odd sides get one more row or column: MP4 and WebM share colours between pairs of pixels.
-
-    Parameters
-    ----------
-    path : Path
-        ``.mp4``, ``.webm`` or ``.gif``.
-    frames : sequence of Path
-        PNG files of one size, in order.
-    fps : float
-        Frames a second.
-    space : ColourSpace
-        Colour space of their codes.
-    progress : callable
-        Called with the progress, 0…1.
-
-    Raises
-    ------
-    InputError
-        If the film cannot be written.
-    DeviceError
-        If there is no ffmpeg.
     """
     suffix = path.suffix.lower()
     first = _pixels(frames[0])
@@ -182,9 +137,7 @@ def write_film(
             *f"-f rawvideo -pix_fmt rgb24 -s {padded[0]}x{padded[1]}".split(),
             *f"-framerate {_rate(path, suffix, fps):.6f} -i - -an".split(),
             *_filters(suffix, space),
-            *_CODECS[suffix],
-            *f"-threads {_THREADS}".split(),
-            *_BITEXACT,
+            *f"{_CODECS[suffix]} -threads {_THREADS} {_BITEXACT}".split(),
             str(temporary),
         ]
         coder = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=log, stderr=log)

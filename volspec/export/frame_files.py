@@ -47,17 +47,9 @@ _WAITING_BYTES = 2**29
 class Encoders:
     """Encodes frames in background threads and writes the files in the order they were given.
 
-    A context manager that ends when all files are written.
-
-    Parameters
-    ----------
-    frame_bytes : int
-        Size of a frame's pixels, from which the length of the queue follows.
-
-    Raises
-    ------
-    InputError
-        By `put` and at the end, if a file cannot be written; complete files stay.
+    A context manager that ends when all files are written. If one cannot be, `put` or the end
+    raises `InputError`, and complete files stay. The size of a frame's pixels, ``frame_bytes``,
+    bounds the queue.
     """
 
     def __init__(self, frame_bytes: int) -> None:
@@ -96,20 +88,12 @@ class Encoders:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameFiles:
-    """The files of an export's folder.
-
-    Parameters
-    ----------
-    scene : Scene
-    folder : ExportFolder
-    table : ExportSpec
-    size : (width, height)
-    """
+    """The files of an export's folder."""
 
     scene: Scene
     folder: ExportFolder
     table: ExportSpec
-    size: tuple[int, int]
+    size: tuple[int, int]  # (width, height)
 
     def encoders(self) -> Encoders:
         """Return the queue for `put`; a context manager."""
@@ -121,17 +105,7 @@ class FrameFiles:
         return f"{shot.stem}{self.table.suffix}"
 
     def put(self, shot: Shot, pixels: Array, notes: Mapping[str, str], encoders: Encoders) -> None:
-        """Queue a complete frame for encoding.
-
-        Parameters
-        ----------
-        shot : Shot
-        pixels : (H, W, C) array
-            As `FrameSource.pixels`.
-        notes : {str: str}
-            The coefficient image's.
-        encoders : Encoders
-        """
+        """Queue a complete frame, pixels as `FrameSource.pixels`, with the image's notes."""
         text = self._text(shot, notes)
         if self.table.format == "exr":
             encode = partial(exr_bytes, to_half(pixels), self._header(shot, text))

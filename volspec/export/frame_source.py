@@ -34,19 +34,11 @@ _LEAST_ALPHA = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameSource:
-    """A coefficient image prepared for a kind of file.
+    """A coefficient image prepared for a kind of file."""
 
-    Parameters
-    ----------
-    image : CoefficientImage
-        For transparent frames the surfaces alone, with nothing shining through.
-    alpha : (H, W) float32
-        Opacity as cast.
-    table : ExportSpec
-    """
-
+    # For transparent frames the surfaces alone, with nothing shining through.
     image: CoefficientImage
-    alpha: NDArray[np.float32]
+    alpha: NDArray[np.float32]  # (H, W) float32: Opacity as cast
     table: ExportSpec
 
     @classmethod
@@ -61,16 +53,10 @@ class FrameSource:
         return cls(replace(image, coefficients=own, alpha=np.ones_like(alpha)), alpha, table)
 
     def pixels(self, relighter: Relighter, shot: Shot) -> Array:
-        """Return (H, W, C) as the file holds them.
+        """Return (H, W, C) as the file holds them; the relighter holds `image`.
 
         Display codes, uint8 or uint16, with straight alpha; or linear float32, premultiplied; or
         half floats with a spectrum after red, green and blue.
-
-        Parameters
-        ----------
-        relighter : Relighter
-            Holds `image`.
-        shot : Shot
         """
         table = self.table
         if table.spectral:
@@ -121,10 +107,7 @@ class FrameSource:
 
 
 class RelighterPool:
-    """Relighters of the images at hand: uploaded once for all lights, reused for equal shapes.
-
-    A context manager.
-    """
+    """Relighters of the images at hand, a context manager: reused for images of equal shapes."""
 
     def __init__(self) -> None:
         self._held: list[tuple[FrameSource, Relighter]] = []
@@ -161,15 +144,7 @@ class RelighterPool:
 
 
 def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
-    """Return a shot with the adaptation measured in an opaque picture of its whole view.
-
-    Parameters
-    ----------
-    shot : Shot
-        Its viewing has ``adapting = "picture"``.
-    image : CoefficientImage
-        The whole picture, which may be smaller.
-    """
+    """Return a shot with the adaptation measured in its whole picture, which may be smaller."""
     spec = shot.spec
     light = Illumination.of(image.basis, shot.rig, spec, image.groups)
     found, _ = ViewingMeter().measure_viewing(image, light)
@@ -178,12 +153,7 @@ def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
 
 
 def check_adapting(table: ExportSpec, adapting: str, parts: int) -> None:
-    """Refuse local adaptation to a picture that is never in memory as a whole.
-
-    Raises
-    ------
-    ViewingError
-    """
+    """Refuse local adaptation to a picture that is never in memory as a whole."""
     if adapting != "pixel" or not table.has_eye or (not table.transparent and parts == 1):
         return
     why = "has no backdrop" if table.transparent else "is relit in parts"

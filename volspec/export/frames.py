@@ -91,12 +91,7 @@ def write_frame(
 
 
 def require_png(path: str | os.PathLike[str]) -> None:
-    """Refuse a name without ``.png``.
-
-    Raises
-    ------
-    ImageError
-    """
+    """Refuse a name without ``.png``."""
     if Path(path).suffix.lower() != ".png":
         raise ImageError(f"{os.fspath(path)}: frames are PNG files", "name it .png", code="type")
 
@@ -122,10 +117,7 @@ def png_file(
     text: Mapping[str, str],
     space: ColourSpace,
 ) -> Iterator[PngWriter]:
-    """Open a PNG file for rows; it appears after the body.
-
-    Parameters and errors are those of `write_frame` and `PngWriter`.
-    """
+    """Open a PNG file for rows; it appears after the body."""
     require_png(path)
     with write_whole(path) as temporary, temporary.open("wb") as file:
         writer = PngWriter(file, size, channels, bits, space, text)
@@ -139,13 +131,7 @@ def to_uint16(codes: NDArray[Any]) -> NDArray[np.uint16]:
 
 
 def read_frame(path: Path) -> Image.Image:
-    """Read a frame's picture.
-
-    Raises
-    ------
-    InputError
-        If the file is damaged.
-    """
+    """Read a frame's picture; `InputError` if the file is damaged."""
     from PIL import Image
 
     try:
@@ -209,13 +195,7 @@ class _Coverage:
 
 
 class BlankFrames:
-    """Finds frames that are all black, or clipped all over, and warns of them.
-
-    Parameters
-    ----------
-    remedy : str
-        The settings of the brightness, for the message.
-    """
+    """Finds frames that are all black, or clipped all over; ``remedy`` names their settings."""
 
     def __init__(self, remedy: str) -> None:
         self._remedy = remedy
@@ -224,20 +204,10 @@ class BlankFrames:
     def add(
         self, name: str, light: str, pixels: NDArray[Any], alpha: NDArray[np.float32], side: int = 0
     ) -> None:
-        """Sample a frame, or the next rows of one.
+        """Sample a frame, or the next rows of one that has ``side`` pixels on its shorter side.
 
-        Parameters
-        ----------
-        name : str
-            Name of the frame; rows of one name are one frame.
-        light : str
-            Its light, for the message.
-        pixels : (H, W, 3 or 4) uint8, uint16 or float
-            Display codes; or linear light of 0 to 1, premultiplied by the opacity that is fourth.
-        alpha : (H, W)
-            Opacity as cast: a backdrop alone counts as blank.
-        side : int
-            The shorter side of the whole frame, if these are some of its rows.
+        Pixels are display codes, or linear light premultiplied by the opacity that is fourth.
+        ``alpha`` is opacity as cast: a backdrop alone counts as blank.
         """
         every = max(1, (side or min(alpha.shape)) // _SAMPLED)
         colours, cover = pixels[::every, ::every, :3], alpha[::every, ::every]

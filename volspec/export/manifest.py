@@ -35,14 +35,7 @@ NAME = "export.json"
 def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
     """Return a hash that is equal for exports of equal frames, on one device.
 
-    Parameters
-    ----------
-    scene : Scene
-        Spectra are hashed by value, whatever their files.
-    volume : Volume
-        Hashed by value and position.
-    settings : {str: JSON}
-        The other settings of the frames.
+    Spectra and the volume are hashed by value, whatever their files; ``settings`` is JSON.
     """
     digest = hashlib.blake2b(digest_size=16)
     filters = getattr(scene.transfer, "filters", None) or {}
@@ -73,35 +66,16 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ExportFolder:
-    """An export's folder.
-
-    Parameters
-    ----------
-    path : Path
-    fingerprint : str
-    files : tuple of str
-        All its files but the manifest.
-    """
+    """An export's folder."""
 
     path: Path
     fingerprint: str
-    files: tuple[str, ...]
+    files: tuple[str, ...]  # All its files but the manifest
 
     def begin(self, overwrite: bool = False, own: bool = False) -> None:
         """Start or resume in the existing folder; afterwards it holds nothing of another export.
 
-        Parameters
-        ----------
-        overwrite : bool
-            Replace the files of another export.
-        own : bool
-            The folder is the exporter's own: an export of another scene may be deleted.
-
-        Raises
-        ------
-        InputError
-            If it holds an export of another scene, or files that would be overwritten without
-            ``overwrite``; or cannot be written to.
+        ``own`` is True for the exporter's own folder: an export of another scene may be deleted.
         """
         old = self._old()
         if old is not None and old.get("fingerprint") == self.fingerprint:
@@ -208,13 +182,7 @@ def _is_complete(path: Path, recorded: object) -> bool:
 
 @contextmanager
 def exclusive_folder(path: Path) -> Iterator[None]:
-    """Make a folder and lock it against other exports.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made, or another export writes to it.
-    """
+    """Make a folder and lock it against other exports."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except FileExistsError:

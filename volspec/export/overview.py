@@ -44,21 +44,10 @@ _LEAST_LABEL = 4
 def write_overview(
     path: Path, scene: Scene, plan: Plan, frames: Sequence[Path], primaries: str = "Rec. 709"
 ) -> None:
-    """Write the sheet of a complete export.
+    """Write the sheet of a complete export; frames in the plan's order.
 
     Up to ten lights with frames of their own are columns under their spectra; otherwise the frames
     follow each other in rows.
-
-    Parameters
-    ----------
-    path : Path
-        The sheet's.
-    scene : Scene
-    plan : Plan
-    frames : sequence of Path
-        In the plan's order.
-    primaries : str
-        EXR frames' colour space.
     """
     title = printable(scene.file.title or scene.path.stem)
     times = plan.shots[-1].time_index + 1

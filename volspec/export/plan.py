@@ -49,28 +49,13 @@ _FRAMES_A_FADE = 24
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
-    """One frame.
+    """One frame."""
 
-    Parameters
-    ----------
-    stem : str
-        The file's path in the folder, without the suffix.
-    time_index : int
-        Shots of several lights share it.
-    camera : Camera
-    transfer : Transfer
-        Equal ones are one object.
-    light : str
-        A description for the file's notes.
-    rig : LightRig
-    spec : RelightSpec
-    """
-
-    stem: str
-    time_index: int
+    stem: str  # the file's path in the folder, without the suffix
+    time_index: int  # shots of several lights share it
     camera: Camera
-    transfer: Transfer
-    light: str
+    transfer: Transfer  # equal ones are one object
+    light: str  # a description for the file's notes
     rig: LightRig
     spec: RelightSpec
 
@@ -82,16 +67,10 @@ class Shot:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """All frames of an export, in the order of a film.
-
-    Parameters
-    ----------
-    shots : tuple of Shot
-    lights : tuple of NamedLight
-        Those with frames of their own; empty if each frame mixes several.
-    """
+    """All frames of an export, in the order of a film."""
 
     shots: tuple[Shot, ...]
+    # Those with frames of their own; empty if each frame mixes several.
     lights: tuple[NamedLight, ...]
 
     def casts(self) -> list[list[Shot]]:
@@ -103,15 +82,7 @@ class Plan:
 
 
 def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:
-    """Plan the frames of ``[export]``.
-
-    Parameters
-    ----------
-    scene : Scene
-    volume : Volume
-        The scene's.
-    table : ExportSpec
-        The scene's, or another that fits it.
+    """Plan the frames of ``[export]``, or of another table that fits the scene.
 
     Raises
     ------
@@ -235,15 +206,10 @@ def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None
 
 
 def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:
-    """Return weights, by frame, of lights that fade into each other one after the other.
+    """Return (F, L) weights of lights that fade into each other; each row sums to 1.
 
-    Returns
-    -------
-    (F, L) float64
-        Each row sums to 1. A closed sweep ends one frame before its first light.
+    A closed sweep ends one frame before its first light.
 
-    Examples
-    --------
     >>> sweep_weights(3, 5).tolist()
     [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]]
     """
@@ -257,13 +223,7 @@ def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.
 
 
 def mix_lights(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str, LightRig]:
-    """Mix lights of a scene, and describe the mix; those of weight 0 are left out.
-
-    Raises
-    ------
-    SceneError
-        If some of them have lux and some do not.
-    """
+    """Mix lights of a scene, and describe the mix; those of weight 0 are left out."""
     lit = [(light, float(w)) for light, w in zip(lights, weights, strict=True) if w > 0.0]
     if len(lit) == 1 and lit[0][1] == 1.0:
         return lit[0][0].name, lit[0][0].rig
@@ -279,30 +239,16 @@ def mix_lights(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """The contents of a scene, or its faults.
-
-    Parameters
-    ----------
-    path : str
-    errors : tuple of str
-        A line each: file, field, value, remedy. Empty if the scene loads and can be shown.
-    materials, lights : int
-        Numbers of; a setting of several lights counts once.
-    volume : (width, height, depth), optional
-        Voxels.
-    basis : str
-        Its name.
-    reason : str
-        The reason for casting with it.
-    """
+    """The contents of a scene, or its faults."""
 
     path: str
+    # A line each: file, field, value, remedy. Empty if the scene loads and can be shown.
     errors: tuple[str, ...] = ()
     materials: int = 0
     lights: int = 0
-    volume: tuple[int, int, int] | None = None
+    volume: tuple[int, int, int] | None = None  # (width, height, depth)
     basis: str = ""
-    reason: str = ""
+    reason: str = ""  # for casting with the basis
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON types."""

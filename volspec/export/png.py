@@ -41,19 +41,7 @@ _SUB, _UP, _PAETH = 1, 2, 4
 
 
 class PngWriter:
-    """Writes one PNG.
-
-    Parameters
-    ----------
-    file : binary file
-        Open for writing.
-    size : (width, height)
-    channels : {3, 4}
-        RGB, or RGBA with straight alpha.
-    bits : {8, 16}
-    space : ColourSpace
-    text : {keyword: text}
-    """
+    """Writes one PNG: RGB, or RGBA with straight alpha, in 8 or 16 bits."""
 
     def __init__(
         self,
@@ -145,20 +133,8 @@ def _curve(space: ColourSpace) -> bytes:
 
 
 def icc_profile(space: ColourSpace) -> bytes:
-    """Return a version 4 display profile of a colour space.
+    """Return a version 4 display profile of a colour space, as in a ``.icc`` file or iCCP chunk.
 
-    Parameters
-    ----------
-    space : ColourSpace
-
-    Returns
-    -------
-    bytes
-        The contents of a ``.icc`` file or an iCCP chunk.
-
-    Examples
-    --------
-    >>> from volspec.appearance.spaces import SPACES
     >>> icc_profile(SPACES["Display P3"])[36:40]
     b'acsp'
     """

@@ -22,19 +22,7 @@ SUFFIXES = (".py", ".nk")
 def write_recipe(path: Path, image: Path) -> None:
     """Write a recipe that relights an image in Blender (``.py``) or Nuke (``.nk``).
 
-    Parameters
-    ----------
-    path : Path
-    image : Path
-        A coefficient image with lights in its header.
-
-    Raises
-    ------
-    ImageError
-        If the image has no lights or is truncated, or the suffix is another; for Nuke, if the
-        image's path cannot be written.
-    InputError
-        If the file cannot be written.
+    The image is a coefficient image with lights in its header.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ImageError(
@@ -69,15 +57,7 @@ def python_text(text: str) -> str:
 def nuke_group(recipe: Recipe, image: Path) -> str:
     """Return nodes to paste: the image, and a group with a knob for each light's weight.
 
-    Parameters
-    ----------
-    recipe : Recipe
-    image : Path
-
-    Returns
-    -------
-    str
-        In the format of Nuke's scripts; an Expression node sums the lights.
+    In the format of Nuke's scripts; an Expression node sums the lights.
     """
     weights = list(_weights(recipe))
     knobs = [

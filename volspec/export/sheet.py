@@ -150,21 +150,7 @@ def contact_sheet(
 def comparison_sheet(
     title: str, tiles: Sequence[SheetTile], columns: int = 5, tile: int = 320
 ) -> NDArray[np.uint8]:
-    """Lay out captioned frames in rows.
-
-    Parameters
-    ----------
-    title : str
-    tiles : sequence of SheetTile
-        Frames of one size.
-    columns : int
-    tile : int
-        Width of a frame on the sheet, pixels; very tall frames are narrower.
-
-    Returns
-    -------
-    (H, W, 3) uint8
-    """
+    """Lay out captioned frames of one size in rows of tiles: (H, W, 3) uint8."""
     from PIL import ImageDraw, ImageFont
 
     height, width = tiles[0].frame.shape[:2]

@@ -43,18 +43,6 @@ Array = NDArray[np.float64]
 class SpectralIllumination:
     """Relighting by one light in N bands; as `Illumination` in XYZ.
 
-    Parameters
-    ----------
-    bands_from_channels : (N, L·M) array
-    backdrop : (N,) array
-    grid : SpectralGrid
-    observer_deg : int
-        Standard observer of the colours.
-    radiance_of_one : float
-        W / (m² sr nm) of 1 in a band: white has the lights' lux, else the viewing's.
-
-    Examples
-    --------
     >>> from volspec.basis import SpectralBasis
     >>> from volspec.spectra import light
     >>> lit = SpectralIllumination.of(SpectralBasis.load("general-7"), light("E"), RelightSpec())
@@ -62,10 +50,11 @@ class SpectralIllumination:
     True
     """
 
-    bands_from_channels: Array
-    backdrop: Array
+    bands_from_channels: Array  # (N, L·M)
+    backdrop: Array  # (N,)
     grid: SpectralGrid
-    observer_deg: int
+    observer_deg: int  # standard observer of the colours
+    # W / (m² sr nm) of 1 in a band: white has the lights' lux, else the viewing's.
     radiance_of_one: float
 
     @classmethod
@@ -76,10 +65,7 @@ class SpectralIllumination:
         spec: RelightSpec,
         groups: Mapping[str, float] = ONE_GROUP,
     ) -> Self:
-        """Return the matrices of a light for the coefficients of a basis.
-
-        Parameters and errors are those of `Illumination.of`.
-        """
+        """Return a light's matrices for coefficients of a basis; see `Illumination.of`."""
         lit = Illumination.of(basis, light, spec, groups)
         rig = LightRig.of(light)
         mixed = rig.facing(groups).mixed(basis.grid)
@@ -147,30 +133,11 @@ def write_spectral_frame(
     spec: RelightSpec,
     text: Mapping[str, str],
 ) -> None:
-    """Write a relit picture with a spectrum in every pixel.
+    """Write a relit picture with a spectrum in every pixel; errors as `Illumination.of`.
 
     Bands are half floats ``S0.400,000000nm``, … in the layout of Fichet et al. (2021), with the
-    unit in ``emissiveUnits``; R, G and B are for picture viewers. Computed in strips of rows.
-
-    Parameters
-    ----------
-    path : path
-        Ends in ``.exr``.
-    image : CoefficientImage
-    light : Spectrum or LightRig
-    spec : RelightSpec
-        Mode, backdrop, level and exposure; adaptation is ignored.
-    text : {name: text}
-        Metadata.
-
-    Raises
-    ------
-    ImageError
-        If the file has another name.
-    InputError
-        If the folder cannot be written to.
-    ViewingError, SpectrumError
-        As `Illumination.of`.
+    unit in ``emissiveUnits``; R, G and B are for picture viewers. Computed in strips of rows. Of
+    ``spec`` mode, backdrop, level and exposure count, adaptation does not.
     """
     if os.path.splitext(path)[1].lower() != ".exr":
         raise ImageError(

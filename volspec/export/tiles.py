@@ -37,18 +37,10 @@ _ALIGNED = 64
 
 @dataclass(frozen=True, slots=True)
 class WindowCamera(Camera):
-    """Camera of a window in a larger picture.
+    """Camera of a window in a larger picture."""
 
-    Parameters
-    ----------
-    whole : (width, height)
-        Rays of the larger picture.
-    corner : (x, y)
-        The window's first ray in it.
-    """
-
-    whole: tuple[int, int] = (1, 1)
-    corner: tuple[int, int] = (0, 0)
+    whole: tuple[int, int] = (1, 1)  # rays of the larger picture
+    corner: tuple[int, int] = (0, 0)  # the window's first ray in it
 
     def ray_field(self, width: int, height: int) -> RayField:
         """Return the rays of the window, whatever its size."""
@@ -69,21 +61,11 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Canvas:
-    """Size of a picture, its rays a pixel, and its division into windows.
-
-    Parameters
-    ----------
-    size : (width, height)
-        Pixels.
-    samples : int
-        n × n rays a pixel.
-    channels : int
-        Number in all light groups together.
-    """
+    """Size of a picture, its rays a pixel, and its division into windows."""
 
     size: tuple[int, int]
-    samples: int
-    channels: int
+    samples: int  # n × n rays a pixel
+    channels: int  # in all light groups together
 
     def strips(self) -> list[list[Window]]:
         """Return strips from top to bottom: adjacent windows, each relit at once."""
@@ -118,14 +100,7 @@ def _cuts(length: int, most: int) -> list[tuple[int, int]]:
 
 
 def row_strips(size: tuple[int, int], numbers: int) -> Iterator[slice]:
-    """Yield slices of rows from top to bottom, small enough for float64.
-
-    Parameters
-    ----------
-    size : (width, height)
-    numbers : int
-        A pixel's.
-    """
+    """Yield slices of rows of so many numbers a pixel, small enough for float64."""
     width, height = size
     step = max(1, STRIP_NUMBERS // (width * numbers))
     for y in range(0, height, step):
@@ -134,19 +109,11 @@ def row_strips(size: tuple[int, int], numbers: int) -> Iterator[slice]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileCaster:
-    """Casts pictures of one volume in parts.
-
-    Parameters
-    ----------
-    caster : Raycaster
-    spec : RaycastSpec
-    notes : {str: str}
-        Metadata of the images.
-    """
+    """Casts pictures of one volume in parts."""
 
     caster: Raycaster
     spec: RaycastSpec
-    notes: Mapping[str, str]
+    notes: Mapping[str, str]  # metadata of the images
 
     def strips(
         self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
@@ -158,7 +125,7 @@ class TileCaster:
             images = []
             for part in strip:
                 area = part.width * part.height
-                part_progress = _part_of(progress, done / total, area / total)
+                part_progress = part_of(progress, done / total, area / total)
                 images.append(self._part(transfer, camera, canvas, part, part_progress))
                 done += area
                 is_empty = is_empty and not images[-1].alpha.any()
@@ -195,7 +162,7 @@ class TileCaster:
                 whole=(n * canvas.size[0], n * canvas.size[1]),
                 corner=(n * window.x, n * window.y),
             )
-            part_progress = _part_of(progress, i / len(windows), 1 / len(windows))
+            part_progress = part_of(progress, i / len(windows), 1 / len(windows))
             with warnings.catch_warnings():
                 if part != whole or len(windows) > 1:  # a single window may be empty
                     warnings.filterwarnings("ignore", ".*the picture is empty", VolspecWarning)
@@ -248,7 +215,7 @@ class TileCaster:
         )
 
 
-def _part_of(progress: Progress, start: float, fraction: float) -> Progress:
+def part_of(progress: Progress, start: float, fraction: float) -> Progress:
     """Return the progress of a part of a picture."""
     return lambda done: progress(start + fraction * done)
 

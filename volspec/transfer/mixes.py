@@ -34,10 +34,6 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
     """Refuse a basis that cannot be cast, and materials other than reflectances.
 
     Called from ``__post_init__``, so that a warning points at the constructor's caller.
-
-    Raises
-    ------
-    TransferError
     """
     if not isinstance(basis, SpectralBasis | MaterialBasis):
         raise TransferError.refused(
@@ -182,22 +178,11 @@ def weight_matrix(mixes: Sequence[Mix], names: Sequence[str]) -> NDArray[np.floa
 def weights_and_channels(
     mixes: Sequence[Mix], materials: Mapping[str, Spectrum], basis: Basis
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return a table's weights and channels with as few rows as possible.
+    """Return a table's (P, K) weights and (K, M) channels with as few rows as possible.
 
-    The raycaster gathers one number per row at each sample.
-
-    Parameters
-    ----------
-    mixes : P mixes, at least one
-    materials : {name: Spectrum}
-    basis : Basis
-
-    Returns
-    -------
-    weights : (P, K)
-    channels : (K, M)
-        A row for each of the K materials in the mixes. If these are more than the M channels, the
-        weights are the mixes' channels instead, and the channels the identity.
+    The raycaster gathers one number per row at each sample. There is a row for each of the K
+    materials in the mixes. If these are more than the M channels, the weights are the mixes'
+    channels instead, and the channels the identity.
     """
     names = used_materials(mixes)
     channels = basis.channels_for_materials({name: materials[name] for name in names})
@@ -210,12 +195,7 @@ def weights_and_channels(
 def checked_filters(
     who: str, filters: Any, materials: Mapping[str, Spectrum], basis: Any
 ) -> dict[str, Spectrum]:
-    """Return filters of known materials, 0…1, for a basis of wavelengths.
-
-    Raises
-    ------
-    TransferError
-    """
+    """Return filters of known materials, 0…1, for a basis of wavelengths."""
     if not isinstance(filters, Mapping):
         raise TransferError.refused(f"{who}.filters", filters, "give {material: Spectrum}", "type")
     if filters and isinstance(basis, MaterialBasis):
@@ -254,22 +234,10 @@ def checked_filters(
 def filter_rows(
     mixes: Sequence[Mix], filters: Mapping[str, Spectrum], basis: SpectralBasis
 ) -> NDArray[np.float64]:
-    """Return each mix's filter channels times weights, and the weights' sum to divide them by.
+    """Return (P, M + 1): filter channels times weights of P mixes, and the sum of the weights.
 
-    Parameters
-    ----------
-    mixes : P mixes
-    filters : {material: Spectrum}
-        0…1.
-    basis : SpectralBasis
+    Divide by the sum after interpolation.
 
-    Returns
-    -------
-    (P, M + 1) float64
-        Weighted channels; the sum of the weights comes last. Divide after interpolation.
-
-    Examples
-    --------
     >>> glass = Spectrum([390, 710], [0.5, 0.5])
     >>> basis = SpectralBasis.load("general-5")
     >>> filter_rows([{"glass": 0.5}], {"glass": glass}, basis).round(6).tolist()

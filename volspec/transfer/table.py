@@ -43,8 +43,6 @@ NEAREST_POSITIONS = 1 / 64
 def power_of_two(least: float, limits: tuple[int, int]) -> int:
     """Return a table's size: a power of two of at least ``least``, clipped to limits.
 
-    Examples
-    --------
     >>> power_of_two(3000, (1024, 65536)), power_of_two(3000, (64, 256))
     (4096, 256)
     """

@@ -36,25 +36,15 @@ _LOOK = ("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure", 
 
 @dataclass(frozen=True, slots=True)
 class PixelReading:
-    """Colour of a pixel.
+    """Colour of a pixel."""
 
-    Parameters
-    ----------
-    x, y : int
-        Row 0 is the top.
-    opacity : float
-        0 to 1.
-    XYZ : (X, Y, Z)
-        Tristimulus values in the scene; Y = 100 for a perfect diffuser.
-    J, C, h : float or None
-        Lightness, chroma, hue in degrees by the viewing's model, or by CIECAM02 if that only
-        adapts; None if undefined there.
-    """
-
-    x: int
+    x: int  # Row 0 is the top
     y: int
-    opacity: float
+    opacity: float  # 0 to 1
+    # (X, Y, Z): Tristimulus values in the scene; Y = 100 for a perfect diffuser.
     XYZ: tuple[float, float, float]
+    # Lightness, chroma, hue in degrees by the viewing's model, or by CIECAM02 if that only
+    # adapts; None if undefined there.
     J: float | None
     C: float | None
     h: float | None
@@ -64,17 +54,8 @@ def named_lights(
     given: Mapping[str, LightLike] | Sequence[LightLike | NamedLight] | None,
     image: CoefficientImage,
 ) -> tuple[NamedLight, ...]:
-    """Name the lights of a widget.
+    """Name the lights of a widget, and refuse those that do not fit the image.
 
-    Raises
-    ------
-    ImageError
-        If there is no light, or two have one name.
-    SpectrumError, ViewingError
-        If one is unknown, has no name or does not fit the image.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> from volspec.basis import SpectralBasis
     >>> one, basis = np.ones((1, 1), np.float32), SpectralBasis.load("general-7")
@@ -109,15 +90,7 @@ def named_lights(
 
 
 def require_lit(lights: Iterable[NamedLight], image: CoefficientImage) -> None:
-    """Refuse lights that do not fit an image.
-
-    Raises
-    ------
-    SpectrumError
-        If one does not cover the basis' grid.
-    ViewingError
-        If one shines from a group that the image lacks.
-    """
+    """Refuse lights that do not cover the image's grid, or shine from a group that it lacks."""
     for lamp in lights:
         with _naming_light(lamp.name):
             Illumination.of(image.basis, lamp.rig, RelightSpec(), image.groups)
@@ -173,13 +146,6 @@ def initial_spec(
     """Return a widget's first settings: as given, else as in the image's scene.
 
     Settings of the scene that the page does not support are replaced, with a warning.
-
-    Raises
-    ------
-    ImageError
-        If the image's metadata of its viewing is damaged.
-    ViewingError
-        If the page does not support the viewing that is given.
     """
     stored = stored_relight_spec(image).for_lights(lamp.rig for lamp in lights)
     if viewing is not None:
@@ -191,13 +157,7 @@ def initial_spec(
 
 
 def checked_viewing(viewing: object) -> Viewing:
-    """Refuse a viewing that the page does not support.
-
-    Raises
-    ------
-    ViewingError
-        If it does not, or the object is no viewing.
-    """
+    """Refuse a viewing that the page does not support."""
     if not isinstance(viewing, Viewing):
         raise ViewingError.refused(
             "notebook.viewing", viewing, "expected a volspec.Viewing", "type"
@@ -237,13 +197,7 @@ def look_from_viewing(viewing: Viewing, lights: Sequence[NamedLight]) -> dict[st
 
 
 def viewing_from_look(look: Mapping[str, Any], display: Display) -> Viewing:
-    """Convert the page's state to a viewing, on a display with its own surround.
-
-    Raises
-    ------
-    ViewingError
-        If a value is out of range.
-    """
+    """Convert the page's state to a viewing, on a display with its own surround."""
     settings = {name: look[name] for name in _LOOK}
     display = replace(display, gamut=settings.pop("gamut"), mark=settings.pop("mark"))
     ratio: Any = settings.pop("surround")

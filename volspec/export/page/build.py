@@ -31,6 +31,7 @@ from volspec._files import write_whole
 from volspec.errors import ImageError, ShapeError
 from volspec.export.animation import turntable_cameras
 from volspec.export.page import payload
+from volspec.export.tiles import part_of
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.bands import Progress
@@ -49,28 +50,10 @@ _WEB = Path(__file__).parent / "web"
 # Joined in this order: each uses those before it. illumination, conditions and transforms are the
 # third copy of light matrices and CIECAM, after NumPy and GLSL: a page computes them offline, for
 # any weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares them.
-_SCRIPTS = [
-    "algebra",
-    "illumination",
-    "conditions",
-    "passages",
-    "looks",
-    "channels",
-    "relight",
-    "lighting",
-    "state",
-    "elements",
-    "spectrum",
-    "dial",
-    "lights",
-    "viewing",
-    "errors",
-    "probe",
-    "stage",
-    "share",
-    "widget",
-    "main",
-]
+_SCRIPTS = (
+    "algebra illumination conditions passages looks channels relight lighting state elements "
+    "spectrum dial lights viewing errors probe stage share widget main"
+)
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "
     "img-src data: blob:; base-uri 'none'; form-action 'none'; "
@@ -253,47 +236,30 @@ def scene_views(
             pixels,
             scene.raycast,
             caster=caster,
-            progress=None if progress is None else _part(progress, i, count),
+            progress=progress and part_of(progress, i / count, 1 / count),
         )
         yield PageView(image, 360.0 * i / count)
 
 
-def _part(progress: Progress, i: int, count: int) -> Progress:
-    """Return the progress of one view of several."""
-    return lambda done: progress((i + done) / count)
-
-
 @dataclass(frozen=True, slots=True)
 class PackedView:
-    """Channels of a view in a page.
+    """Channels of a view in a page."""
 
-    Parameters
-    ----------
-    text : str
-        Base64 of the deflated residuals: plane after plane, above 8 bits high bytes before low.
-    low, high : tuple of float
-        Roots of the least and the greatest value of each plane; opacity is the last.
-    """
-
+    # Base64 of the deflated residuals: plane after plane, above 8 bits high bytes before low.
     text: str
+    # Roots of the least and the greatest value of each plane; opacity is the last.
     low: tuple[float, ...]
     high: tuple[float, ...]
 
 
 def pack_view(image: CoefficientImage, bits: int) -> PackedView:
-    """Quantise an image's channels and opacity to few bits, predict, and deflate.
+    """Quantise an image's channels and opacity to 8 to 12 bits, predict, and deflate.
 
     A channel's value v is the signed square of a root, root = low + code (high - low) / (2^bits -
     1): steps are finest near black, where differences are most visible. A plane of codes is
     written as its difference to the channel before, since channels of one spectrum resemble each
     other; and that as its difference to the prediction from the left and above (the median of
     west, north and west + north - corner). Measured on the engine: docs/page.md.
-
-    Parameters
-    ----------
-    image : CoefficientImage
-    bits : int
-        Bits of a code, 8 to 12.
     """
     alpha = clamp_finite(np.asarray(image.alpha, np.float32))
     coefficients = clamp_finite(np.asarray(image.coefficients, np.float32))
@@ -338,7 +304,7 @@ def median_prediction(plane: Codes) -> Codes:
 
 def script() -> str:
     """Join the page's scripts."""
-    parts = (f"// {name}.js\n{_read(f'{name}.js')}" for name in _SCRIPTS)
+    parts = (f"// {name}.js\n{_read(f'{name}.js')}" for name in _SCRIPTS.split())
     return "'use strict';\n(() => {\n" + "\n".join(parts) + "})();\n"
 
 

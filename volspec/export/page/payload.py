@@ -41,31 +41,17 @@ from volspec.spectra.spectrum import light_power
 _GLSL = "300 es"
 _HEATS = 129
 # Constants of volspec.appearance.constants that web/*.js uses.
-_CONSTANTS = [
-    "CAT02_FROM_XYZ",
-    "CAT16_FROM_XYZ",
-    "HPE_FROM_XYZ",
-    "HPE_FROM_CAT02",
-    "RESPONSE_POLE",
-    "RESPONSE_HALF",
-    "RESPONSE_POWER",
-    "RESPONSE_NOISE",
-    "RESPONSE_LIMIT",
-    "ACHROMATIC",
-    "ACHROMATIC_NOISE",
-    "OPPONENT_A",
-    "OPPONENT_B",
-    "CHROMA_SUM",
-    "CHROMA_POWER",
-    "CHROMA_FLOOR",
-    "ECCENTRICITY_SCALE",
-    "ECCENTRICITY_OFFSET",
-]
+_CONSTANTS = """
+    CAT02_FROM_XYZ CAT16_FROM_XYZ HPE_FROM_XYZ HPE_FROM_CAT02
+    RESPONSE_POLE RESPONSE_HALF RESPONSE_POWER RESPONSE_NOISE RESPONSE_LIMIT
+    ACHROMATIC ACHROMATIC_NOISE OPPONENT_A OPPONENT_B CHROMA_SUM CHROMA_POWER CHROMA_FLOOR
+    ECCENTRICITY_SCALE ECCENTRICITY_OFFSET
+"""
 
 
 def constants() -> dict[str, Any]:
     """Return the constants of adaptations and models, by their names in web/*.js."""
-    numbers = {name: _plain(getattr(k, name)) for name in _CONSTANTS}
+    numbers = {name: _plain(getattr(k, name)) for name in _CONSTANTS.split()}
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
     return numbers | {
         "RGB_FROM_XYZ": _plain(SPACES["sRGB"].RGB_from_XYZ),
@@ -120,13 +106,7 @@ def light_numbers(light: NamedLight, grid: SpectralGrid) -> dict[str, Any]:
 
 
 def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, Any]:
-    """Return the settings of the page when it is opened.
-
-    Raises
-    ------
-    ViewingError
-        If the backdrop is a spectrum, which pages do not support.
-    """
+    """Return the settings of the page when it is opened; a page has no spectral backdrop."""
     viewing = spec.viewing
     if isinstance(spec.backdrop, Spectrum):
         raise ViewingError.refused(
@@ -177,15 +157,7 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
 
 
 def shaders(channels: int, height: int) -> dict[str, str]:
-    """Assemble shaders/relight.frag and its vertex shader for WebGL 2, without variants.
-
-    Parameters
-    ----------
-    channels : int
-        L·M, without opacity.
-    height : int
-        Pixels of the picture.
-    """
+    """Assemble the relighting shaders for WebGL 2, without variants; L·M channels."""
     fixed: dict[str, ArrayLike] = {
         "LAYERS": layer_count(channels),
         "IMAGE_HEIGHT": height,
