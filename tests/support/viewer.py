@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import View
 from volspec.volume import phantom
 
+T = TypeVar("T")
+
 
 def run_command(state: ViewState, command: str) -> Edited:
     """Return the state after a command, by its name or key, and the command's message."""
@@ -52,6 +54,18 @@ def wait_until(ended: Callable[[], object], seconds: float = 20.0) -> None:
     while not (done := ended()) and time.monotonic() < end:
         time.sleep(0.002)
     assert done
+
+
+def take_until(take: Callable[[], list[T]], ended: Callable[[list[T]], object]) -> list[T]:
+    """Return what comes until a condition on all of it holds."""
+    found: list[T] = []
+
+    def done() -> object:
+        found.extend(take())
+        return ended(found)
+
+    wait_until(done)
+    return found
 
 
 def curve_of(state: ViewState) -> TransferFunction:

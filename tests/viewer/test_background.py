@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tests.support.viewer import opened, wait_until
+from tests.support.viewer import opened, take_until, wait_until
 from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
 from volspec.pipeline import Raycaster
@@ -56,14 +56,7 @@ class Slow(LatestWorker[str, str]):
 
 def all_of(worker: Slow) -> list[str]:
     """What comes until it has nothing more to do."""
-    taken: list[str] = []
-
-    def ended() -> bool:
-        taken.extend(worker.take())
-        return not worker.busy
-
-    wait_until(ended)
-    return taken
+    return take_until(worker.take, lambda _: not worker.busy)
 
 
 def test_what_waits_is_replaced_by_what_is_asked_for_next() -> None:
@@ -85,9 +78,7 @@ def test_a_closed_worker_begins_nothing_more() -> None:
     worker.request("ab")
     wait_until(lambda: worker.begun)
     worker.request("cd")
-    started = time.perf_counter()
-    worker.close(0.05)
-    assert time.perf_counter() - started < 5
+    worker.close(0.05)  # what it began waits for the next line, or fails after 20 s
     worker.go_on.set()
     assert all_of(worker) == ["a"]
     worker.request("ef")
@@ -153,7 +144,7 @@ def test_of_two_files_the_one_asked_for_last_is_opened(
     assert taken() and [each.state.document.title for each in found] == ["ball"]
 
 
-def test_only_what_was_said_of_the_opening_goes_with_it(
+def test_only_the_opening_s_message_ends_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
@@ -161,13 +152,13 @@ def test_only_what_was_said_of_the_opening_goes_with_it(
     monkeypatch.setattr(documents, "open_document", lambda *_: state.document)
     each = DocumentService(Tasks(lambda: None), notice, None)
     each.open("a.toml")
-    assert notice.text == "Opening a.toml …"
+    assert "a.toml" in notice.text
     each.begin(Opened(state), state)
     assert notice.text == ""
     each.open("a.toml")
-    notice.show("Hunt: computing its colour table …")
+    notice.show("later")
     each.begin(Opened(state), state)
-    assert notice.text == "Hunt: computing its colour table …"
+    assert notice.text == "later"
 
 
 @pytest.mark.parametrize("written", [True, False])
@@ -187,8 +178,7 @@ def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
     each = file_commands.FileCommands(Tasks(came.set), cast(Any, None), *rest)
     each.run(Request("screenshot"), opened(tmp_path))
     assert came.wait(20) and each.take(first=False)[0]
-    said = f"Saved {tmp_path / 'late.png'}" if written else "The picture was cancelled"
-    assert notice.text == said
+    assert notice.text and (str(tmp_path / "late.png") in notice.text) == written
 
 
 def test_the_window_casts_while_a_picture_is_cast_for_a_file(tmp_path: Path) -> None:
@@ -251,10 +241,7 @@ class SlowCasts:
         return self.image
 
     def wait(self, count: int) -> None:
-        end = time.time() + 5
-        while len(self.begun) < count and time.time() < end:
-            time.sleep(0.002)
-        assert len(self.begun) == count
+        wait_until(lambda: len(self.begun) == count)
 
 
 @pytest.fixture
@@ -265,16 +252,10 @@ def casts(monkeypatch: pytest.MonkeyPatch) -> SlowCasts:
 
 
 def drained(scheduler: CastWorker, count: int) -> list[CastDone]:
-    done: list[CastDone] = []
-    end = time.time() + 5
-    while len(done) < count and time.time() < end:
-        done += scheduler.take()
-        time.sleep(0.002)
-    assert len(done) == count
-    return done
+    return take_until(scheduler.take, lambda done: len(done) == count)
 
 
-def test_a_newer_request_ends_a_whole_cast_and_replaces_what_waits(
+def test_a_newer_request_ends_a_cast_and_replaces_what_waits(
     state: ViewState, casts: SlowCasts
 ) -> None:
     scheduler = CastWorker(lambda: None)
@@ -339,8 +320,8 @@ def taken():
     (kilobytes,) = re.findall(r"RssAnon:\\s*(\\d+)", Path("/proc/self/status").read_text())
     return int(kilobytes) / 1024
 
-from volspec.viewer.work.pictures import return_large_blocks
 if {given}:
+    from volspec.viewer.work.pictures import return_large_blocks
     return_large_blocks()
 import numpy as np
 before, small = taken(), []

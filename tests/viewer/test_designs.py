@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,14 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.viewer import VISIBLE, run_command, with_designed, with_target
+from tests.support.viewer import (
+    VISIBLE,
+    run_command,
+    take_until,
+    wait_until,
+    with_designed,
+    with_target,
+)
 from volspec.appearance import Display
 from volspec.appearance.spaces import SPACES
 from volspec.basis import MaterialBasis
@@ -38,8 +44,6 @@ from volspec.viewer.ui import dialogs
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs
 from volspec.viewer.ui.file_commands import FileCommands
-from volspec.viewer.ui.palette_cells import cell_lines
-from volspec.viewer.ui.palette_panel import summary
 from volspec.viewer.work import designs
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.notify import Notice
@@ -53,13 +57,8 @@ def answers(*asked: ViewState) -> list[designs.DesignDone]:
     worker = designs.DesignWorker(lambda: None)
     for each in asked:
         worker.request(designs.DesignJob(palette_from_state(each), each.palette.targets))
-    done: list[designs.DesignDone] = []
-    end = time.time() + 20
-    while time.time() < end and not any(
-        each.whole and each.job.targets is asked[-1].palette.targets for each in done
-    ):
-        done += worker.take()
-        time.sleep(0.005)
+    last = asked[-1].palette.targets
+    done = take_until(worker.take, lambda d: any(x.whole and x.job.targets is last for x in d))
     worker.close()
     return done
 
@@ -68,7 +67,6 @@ def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
     made = with_designed(with_target(state, 5))
     table = colour_table(made)
     assert max(table.errors) < VISIBLE
-    assert "All met" in summary(table)
     values = made.transfer.materials["gold"].values
     assert values.min() >= 0.0 and values.max() <= 1.0
     assert made.transfer.materials["copper"] is state.transfer.materials["copper"]
@@ -78,9 +76,7 @@ def test_a_wish_that_cannot_be_met_is_flagged(state: ViewState) -> None:
     """No reflectance is saturated blue under tungsten light and saturated red under daylight."""
     asked = with_target(with_target(state, 5, "#0000ff"), 4, "#ff0000")
     table = colour_table(with_designed(asked))
-    assert max(table.errors) > 5 and "2 of 2 missed" in summary(table)
-    cell, target = table.cells["gold", "A"], asked.palette.targets.cells["gold", "A"]
-    assert "missed" in cell_lines(cell, target)
+    assert len(table.errors) == 2 and max(table.errors) > 5
 
 
 def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState) -> None:
@@ -99,7 +95,6 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     table = colour_table(made)
     assert not made.palette.is_pending
     assert len(table.errors) == 15 and max(table.errors) < VISIBLE
-    assert len({summary(table), summary(colour_table(begun))}) == 2
     assert all(row.rig.lights[0].values.min() >= 0 for row in made.lights)
     assert Difference.between(begun, made).stage == "relight"
 
@@ -145,9 +140,6 @@ def test_advice_is_about_wishes_alone() -> None:
     assert designs.relevant_advice(advice, targets) == advice[1:]
 
 
-PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
-
-
 class Bench:
     """A `DesignService` without a window."""
 
@@ -156,15 +148,16 @@ class Bench:
         self.designs = designs.DesignService(lambda: None, self.notice)
 
     def until(self, history: History, ended: Callable[[History], bool]) -> History:
-        end = time.time() + 20
-        while time.time() < end and not ended(history):
+        def done() -> bool:
+            nonlocal history
             history = self.designs.take(history)
-            time.sleep(0.005)
-        assert ended(history)
+            return ended(history)
+
+        wait_until(done)
         return history
 
 
-def test_a_solver_that_fails_is_told_and_the_next_wish_designed(
+def test_after_a_solver_s_failure_it_goes_on(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fails = iter((True,))
@@ -183,30 +176,26 @@ def test_a_solver_that_fails_is_told_and_the_next_wish_designed(
         assert told.acquire(timeout=20)
     done = worker.take()
     worker.close()
-    assert done[0].whole and "SVD did not converge" in done[0].error
+    assert done[0].whole and "SVD" in done[0].error
     assert done[1].made is not None
 
 
-def test_closing_does_not_wait_for_a_design(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    begun, may_end = threading.Event(), threading.Event()
+def test_closing_waits_for_no_design(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, may_end, ended = (threading.Event() for _ in range(3))
 
     def long(_: Palette) -> Design:
         begun.set()
         may_end.wait(20)
+        ended.set()
         raise PaletteError("ended")
 
     monkeypatch.setattr(designs, "design", long)
     worker, asked = designs.DesignWorker(lambda: None), with_target(state, 5)
     worker.request(designs.DesignJob(palette_from_state(asked), asked.palette.targets))
     assert begun.wait(20)
-    started = time.perf_counter()
     worker.close(0.1)
-    took = time.perf_counter() - started
+    assert not ended.is_set()
     may_end.set()
-    # It waits 0.1 s; a slow machine gets as much as is still far from the design's 20 s.
-    assert took < 5.0
 
 
 def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewState) -> None:
@@ -240,8 +229,7 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
     may_end.set()
     after = bench.until(history, lambda h: not bench.designs.status.busy)
     assert (after.present is history.present) == other
-    assert ("discarded: the materials changed" in bench.designs.status.complaint) == other
-    assert ("discarded: the materials changed" in bench.notice.text) == other
+    assert bool(bench.designs.status.complaint) == bool(bench.notice.text) == other
 
 
 def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
@@ -278,8 +266,9 @@ def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
     own = run_command(changed, "palette-own").state
     assert own.lights is state.document.lights and own.transfer is state.transfer
     # Which light shines is no spectrum.
-    weights = tuple(replace(row, weight=1.0) for row in state.lights)
-    assert run_command(replace(state, lights=weights), "palette-own").state.lights is weights
+    rows = tuple(replace(row, weight=1.0) for row in state.lights)
+    again = run_command(replace(state, lights=rows), "palette-own").state
+    assert again.lights is rows
 
 
 def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
@@ -301,29 +290,6 @@ def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
     assert load_palette(path).cells == history.present.palette.targets.cells
 
 
-def test_files_asked_for_are_there_when_the_window_has_closed(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def slow(_: object, path: str) -> None:
-        time.sleep(0.05)
-        Path(path).touch()
-
-    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
-    monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", slow)
-    monkeypatch.setattr(designs, "save_palette", slow)
-    scene, palette, bench = tmp_path / "scene.toml", tmp_path / "palette.toml", Bench()
-    rest = (UiContext(), bench.notice, None, None)
-    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, bench.designs.file)
-    for name, path in (("export-scene", scene), ("palette-save", palette)):
-        answer = REQUESTS[name], str(path)
-        monkeypatch.setattr(FileDialogs, "take", lambda _, answer=answer: answer)
-        file_commands.run(Request("message"), with_target(state, 5))
-        file_commands.take(first=False)
-    file_commands.close(None, faulty=True)
-    bench.designs.close()
-    assert scene.exists() and palette.exists()
-
-
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
     viewing = replace(state.relight.viewing, display=Display(space=wall))
@@ -333,9 +299,7 @@ def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     assert scene.relight.viewing.display.colours == wall
 
 
-def test_a_palette_s_model_that_cannot_adapt_to_pixels_measures_the_picture(
-    state: ViewState,
-) -> None:
+def test_a_palette_s_model_without_pixels_measures_the_picture(state: ViewState) -> None:
     palette = load_palette(PALETTES / "figure-2.toml")
     palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
     eye = replace(state.relight.viewing, model="CAM16", adapting="pixel")

@@ -15,10 +15,9 @@ from tests.viewer._edits import MODULES, drawn
 from volspec.raycast import Ambient, Camera, Headlight, LightGroup
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
-from volspec.transfer import TransferFunction
-from volspec.viewer.model import camera, light_rows, lights, transfer_edits
+from volspec.viewer.model import camera, light_rows, lights
 from volspec.viewer.model.commands import COMMANDS
-from volspec.viewer.model.document import Document, plain_scene
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.light_rows import LightRow
 from volspec.viewer.model.state import ViewState
@@ -29,16 +28,12 @@ WORDS = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "light")
 _COMMANDS = st.sampled_from([each.change for each in COMMANDS if each.change is not None])
 
 
-@settings(
-    max_examples=100, deadline=None, suppress_health_check=list(HealthCheck), derandomize=True
-)
+@settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(
-    edits=st.lists(drawn(WORDS, *MODULES) | _COMMANDS, min_size=100, max_size=100),
+    edits=st.lists(drawn(WORDS, *MODULES) | _COMMANDS, min_size=50, max_size=60),
     grouped=st.booleans(),
 )
-def test_ten_thousand_random_edits_never_raise(
-    state: ViewState, edits: list[Change], grouped: bool
-) -> None:
+def test_random_edits_never_raise(state: ViewState, edits: list[Change], grouped: bool) -> None:
     if grouped:  # a light of two groups, over a cast with both
         groups = LightGroup("gold", (Headlight(),)), LightGroup("A", (Ambient(),))
         rig = LightRig((light("A"), light("D65")), (1.0, 0.5), None, ("gold", "A"))
@@ -57,9 +52,7 @@ def test_ten_thousand_random_edits_never_raise(
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
-def test_a_camera_becomes_the_orbit_that_stands_there(
-    document: Document, orthographic: bool
-) -> None:
+def test_a_camera_becomes_the_orbit_there(document: Document, orthographic: bool) -> None:
     volume = document.volume
     for up in ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)):
         given = View(40.0, 25.0, 1.7, 24.0, orthographic, up, (3.0, 4.0, 2.0)).camera(volume)
@@ -97,7 +90,7 @@ def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
     x=st.floats(-2, 2, allow_subnormal=False),
     y=st.floats(-2, 2, allow_subnormal=False),
 )
-def test_dial_weights_share_one_and_come_back_to_their_place(
+def test_dial_weights_sum_to_one_and_come_back_to_their_place(
     count: int, x: float, y: float
 ) -> None:
     weights = lights.dial_weights(count, x, y)
@@ -105,14 +98,6 @@ def test_dial_weights_share_one_and_come_back_to_their_place(
     # Weights on the dial are those of its place, which is where they are drawn.
     again = lights.dial_weights(count, *lights.dial_place(weights))
     np.testing.assert_allclose(again, weights, atol=1e-9)
-
-
-def test_lights_stand_where_the_dial_takes_them_alone() -> None:
-    for count in (2, 3, 5, 8):
-        for i, place in enumerate(lights.rim_places(count)):
-            np.testing.assert_allclose(
-                lights.dial_weights(count, *place), np.eye(count)[i], atol=1e-12
-            )
 
 
 def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
@@ -126,14 +111,12 @@ def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
     assert light_rows.light_rig(lights.toggle_mute(solo, 1).lights) is None
 
 
-def test_a_light_is_added_alone_and_refused_where_it_is_unknown(state: ViewState) -> None:
+def test_a_light_is_added_alone_and_heated(state: ViewState) -> None:
     added = lights.add(state, "planck:2700").state
     assert light_rows.effective_weights(added.lights) == (0.0, 0.0, 0.0, 0.0, 1.0)
     assert added.lights[-1].kelvin == 2700
     hotter = lights.set_kelvin(added, 4, 5000.4).lights
     assert hotter[4].name == "5000 K" and hotter[4].rig is not added.lights[4].rig
-    refused = lights.add(added, "D66")
-    assert refused.state is added and "D65" in refused.message
 
 
 def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
@@ -152,20 +135,6 @@ def test_space_goes_round_all_lights(state: ViewState) -> None:
     assert seen == [0, 1, 2, 3] and light_rows.brightest_row(state.lights) == 0
 
 
-def test_points_stay_in_order_and_shift_together(state: ViewState) -> None:
-    def values(of: ViewState) -> list[float]:
-        assert isinstance(of.transfer, TransferFunction)
-        return [point[0] for point in of.transfer.points]
-
-    dragged = transfer_edits.move_point(state, 1, 5.0, 2.0)
-    assert values(dragged)[0] < values(dragged)[1] < values(dragged)[2]
-    assert isinstance(dragged.transfer, TransferFunction)
-    assert dragged.transfer.points[1][1] == 1.0
-    there = transfer_edits.shift(state, 0.1)
-    np.testing.assert_allclose(values(there), np.add(values(state), 0.1))
-    np.testing.assert_allclose(values(transfer_edits.shift(there, 0.0)), values(state))
-
-
 def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:
     pace = Pace()
     for _ in range(9):
@@ -175,10 +144,3 @@ def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:
         pace = pace.after(pace.divisor, 0.5)
     assert pace.divisor == 1 and pace.after(1, 300.0).divisor == 2
     assert replace(pace, divisor=4, whole_ms=5000.0).to_whole == (2, 1)
-
-
-def test_a_volume_without_a_scene_gets_one_that_holds(document: Document) -> None:
-    file = plain_scene("somewhere/ball.nrrd", document.volume)
-    assert file.title == "ball.nrrd" and len(file.light) == 4
-    assert file.transfer.points is not None
-    assert file.transfer.points[0].opacity == 0.0

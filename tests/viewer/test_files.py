@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -17,27 +18,41 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.viewer import SCENES, opened
-from volspec.errors import CastCancelled, InputError, SceneError, ViewingError, VolspecWarning
+from volspec.errors import (
+    CastCancelled,
+    InputError,
+    OpenGLError,
+    SceneError,
+    ViewingError,
+    VolspecWarning,
+)
 from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, light
+from volspec.viewer.app import Options, view
 from volspec.viewer.model import camera, light_rows, transfer_edits
 from volspec.viewer.model.document import demo
 from volspec.viewer.model.light_rows import LightRow
 from volspec.viewer.model.paths import PathRequest, dropped_path, list_paths
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work import background
+from volspec.viewer.work.background import Outcome, Tasks
+from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.screenshot import (
     CUSTOM,
     SHOWN,
     TWICE,
     UHD,
+    ClipboardError,
     Progress,
     Shot,
+    copy_values,
     render_frame,
     save_picture,
 )
 from volspec.viewer.work.script import export_python, script_from_state
+from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -106,9 +121,11 @@ def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path: Path, 
 
 def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path: Path) -> None:
     text = script_from_state(opened(tmp_path))
-    assert 'vs.light("D65")' in text and 'vs.reflectance("copper")' in text
-    assert "vs.Spectrum(" not in text
-    assert max(len(line) for line in text.splitlines() if "load_volume" not in line) <= 88
+    assert re.findall(r'vs\.light\("(.*?)"', text) == ["D65"]
+    assert set(re.findall(r'vs\.reflectance\("(.*?)"', text)) == {"copper", "grey:0.5"}
+    assert "Spectrum(" not in text
+    lines = [line for line in text.splitlines() if "load_volume" not in line]
+    assert max(map(len, lines)) <= 88
 
 
 def test_a_script_is_refused_where_it_could_not_run(state: ViewState, tmp_path: Path) -> None:
@@ -133,7 +150,8 @@ def test_dropped_files_mean_one_scene_or_one_volume() -> None:
 
 
 def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> None:
-    for name in ("Engine-a.toml", "engine-b.toml", "engine.nrrd", "notes.txt", ".hidden.toml"):
+    hidden = ".hidden.toml"
+    for name in ("Engine-a.toml", "engine-b.toml", "engine.nrrd", "notes.txt", hidden):
         (tmp_path / name).touch()
     (tmp_path / "folder").mkdir()
     start = f"{tmp_path}/"
@@ -143,18 +161,17 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> N
     some = list_paths(start + "en", (".toml",))
     assert some.common.casefold() == start.casefold() + "engine-"
     assert list_paths(start + "f").common == start + "folder/"
-    assert list_paths(start + ".h", (".toml",)).rows == (".hidden.toml",)
-    nothing = list_paths(f"{tmp_path}/no/such")
-    assert nothing.rows == () and nothing.common == f"{tmp_path}/no/such"
+    assert list_paths(start + ".h", (".toml",)).rows == (hidden,)
+    nothing = list_paths(missing := f"{tmp_path}/nosuch/a")
+    assert nothing.rows == () and nothing.common == missing
 
 
 def test_a_name_to_be_written_gets_its_ending() -> None:
-    save = PathRequest("x", "Save", True, (".volspec.json", ".json"))
-    assert save.complete(" a ") == "a.volspec.json"
+    save = PathRequest("x", "Save", True, (SUFFIX, ".json"))
+    assert save.complete(" a ") == f"a{SUFFIX}"
     assert save.complete("a.json") == "a.json" and save.complete("") == ""
-    assert PathRequest("x", "Open", suffixes=(".toml",)).complete("~/a") == os.path.expanduser(
-        "~/a"
-    )
+    read = PathRequest("x", "Open", suffixes=(".toml",))
+    assert read.complete("~/a") == os.path.expanduser("~/a")
 
 
 def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path: Path) -> None:
@@ -195,14 +212,15 @@ def test_pictures_have_the_size_that_was_asked_for() -> None:
     assert Shot(CUSTOM, (-5, 10**9)).size(shown) == (1, MAX_SIDE)
 
 
-def test_pictures_get_names_that_are_free(tmp_path: Path) -> None:
-    unnamed, named = Shot(folder=str(tmp_path)), Shot(folder=str(tmp_path), name="a b.png")
-    assert unnamed.path("My ball").name == "volspec-My-ball-1.png"
-    assert named.path("My ball").name == "a-b.png"
-    for shot in (unnamed, named):
-        shot.path("My ball").touch()
-    assert unnamed.path("My ball").name == "volspec-My-ball-2.png"
-    assert named.path("My ball").name == "a-b-1.png"
+@pytest.mark.parametrize(
+    ("name", "stems"), [("", ("volspec-My-ball-1", "volspec-My-ball-2")), ("a b", ("a-b", "a-b-1"))]
+)
+def test_pictures_get_free_names(tmp_path: Path, name: str, stems: tuple[str, ...]) -> None:
+    shot = Shot(folder=str(tmp_path), name=name)
+    for stem in stems:
+        path = shot.path("My ball")
+        assert path.stem == stem and path.suffix == ".png"
+        path.touch()
 
 
 def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path: Path) -> None:
@@ -236,24 +254,20 @@ def test_a_picture_that_is_given_up_is_not_written(tmp_path: Path) -> None:
 
 def test_a_document_knows_what_opens_it_again(tmp_path: Path) -> None:
     document = opened(tmp_path).document
-    assert document.source == str(tmp_path / "ball.toml")
+    assert document.source == str(document.path)
     assert replace(document, path=demo()).source is None
 
 
-def test_a_path_that_is_not_there_is_refused_before_a_window_opens(tmp_path: Path) -> None:
-    """Without a display: a window that was tried first would be what the message is about."""
-    environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    for name in ("nosuch.toml", "nosuch.raw?shape=2x2x2"):
-        done = subprocess.run(
-            [sys.executable, "-c", "from volspec.cli import main; main()", "view", name],
-            env=environment | {"PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-            check=False,
-            cwd=tmp_path,
-        )
-        assert done.returncode == 1
-        assert "no such file" in done.stderr and done.stderr.count("\n") == 1
+@pytest.fixture
+def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+def test_without_a_display_the_remedy_is_to_render(no_display: None) -> None:
+    with raises(OpenGLError) as caught:
+        view(Options())
+    assert "render" in caught.value.remedy
 
 
 _ZENITY = """#!/bin/sh
@@ -294,39 +308,19 @@ def test_the_system_s_dialog_is_asked_without_waiting(tmp_path: Path) -> None:
         check=False,
         timeout=40,
     )
-    assert done.stdout.split() == ["/tmp/chosen.nrrd", "/tmp/saved.toml"], done.stderr
+    assert [Path(line).stem for line in done.stdout.split()] == ["chosen", "saved"], done.stderr
 
 
-def test_without_a_clipboard_or_a_picture_one_line_says_so(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", _COPY],
-        env={k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-        | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        check=True,
-        cwd=tmp_path,
-    )
-    first, second = done.stdout.splitlines()
-    assert first == "Point at something in the picture first"
-    # Where the system needs no display, it is copied.
-    assert second.startswith("The text cannot be copied: ") or sys.platform != "linux"
-
-
-_COPY = """
-from volspec.viewer.work.screenshot import ClipboardError, copy_values
-from volspec.viewer.work.probe import Reading
-for values in (None, Reading((("XYZ", "1 2 3"),), None, None, None)):
-    try:
-        print(copy_values(values))
-    except ClipboardError as error:
-        print(error)
-"""
+def test_nothing_is_copied_without_a_clipboard_or_a_picture(no_display: None) -> None:
+    with raises(ClipboardError, "missing"):
+        copy_values(None)
+    if sys.platform == "linux":  # elsewhere the system needs no display
+        nothing: Any = None
+        with raises(ClipboardError, "unsupported"):
+            copy_values(Reading((("XYZ", "1 2 3"),), nothing, nothing, nothing))
 
 
 def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixture[str]) -> None:
-    from volspec.viewer.work.background import Outcome, Tasks
-
     def ends(task: Callable[[], object]) -> Outcome:
         woken = threading.Event()
         tasks = Tasks(woken.set)
@@ -338,16 +332,12 @@ def test_a_fault_in_a_task_is_told_and_not_waited_for(capsys: pytest.CaptureFixt
         raise InputError("no\nsuch thing")
 
     assert ends(lambda: 3).result == 3
-    assert ends(refused).error == "no such thing"
-    assert ends(lambda: 1 / 0).error.startswith("picture failed: ZeroDivisionError")
+    assert "\n" not in ends(refused).error
+    assert ZeroDivisionError.__name__ in ends(lambda: 1 / 0).error
     assert "ZeroDivisionError" in capsys.readouterr().err
 
 
-def test_what_is_being_written_is_waited_for_at_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from volspec.viewer.work import background as module
-
+def test_closing_waits_for_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def slow(name: str) -> None:
         time.sleep(0.05)
         (tmp_path / name).touch()
@@ -355,18 +345,24 @@ def test_what_is_being_written_is_waited_for_at_the_end(
     def full() -> None:
         raise InputError("b.toml: the disk is full")
 
-    tasks, may_end = module.Tasks(lambda: None), threading.Event()
+    tasks, may_end = Tasks(lambda: None), threading.Event()
     tasks.start("map", may_end.wait)  # nobody waits for it
     for name in ("a.toml", "b.toml"):  # the last of a kind and the one before
         tasks.start("export-scene", lambda name=name: slow(name), writes=True)
     tasks.close()
     assert {path.name for path in tmp_path.iterdir()} == {"a.toml", "b.toml"}
     tasks.start("export-scene", full, writes=True)
-    with pytest.warns(VolspecWarning, match=r"b\.toml: the disk is full"):
-        tasks.close()
-    tasks.close()  # it has been told
-    monkeypatch.setattr(module, "_PATIENCE_S", 0.02)
+    assert "b.toml" in warned(tasks.close)
+    tasks.close()  # it has been reported
+    monkeypatch.setattr(background, "_PATIENCE_S", 0.02)
     tasks.start("export-python", may_end.wait, writes=True)
-    with pytest.warns(VolspecWarning, match="export-python: not written when the window closed"):
-        tasks.close()
+    assert "export-python" in warned(tasks.close)
     may_end.set()
+
+
+def warned(act: Callable[[], object]) -> str:
+    """Return the warning of a call, which has one."""
+    with pytest.warns(VolspecWarning) as caught:
+        act()
+    (warning,) = caught
+    return str(warning.message)

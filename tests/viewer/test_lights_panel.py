@@ -20,9 +20,7 @@ AREA = (0, 20, 900, 600)
 
 
 @given(at=st.floats(0, 900), left=st.floats(20, 400), right=st.floats(20, 400))
-def test_names_of_both_sides_stay_in_the_picture_and_apart(
-    at: float, left: float, right: float
-) -> None:
+def test_names_of_both_sides_stay_inside_and_apart(at: float, left: float, right: float) -> None:
     from volspec.viewer.ui.overlays import label_boxes
 
     a, b = label_boxes(AREA, at, (left, right), 20.0, 16.0, 12.0)
@@ -40,12 +38,11 @@ def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
 
     rig, wrong = verdict("D65*0.7+planck:2700*0.3", DEFAULT_GRID, ".")
     assert rig is not None and wrong == ""
-    rig, wrong = verdict("D65*0.7+Q*0.3", DEFAULT_GRID, ".")
-    assert rig is None and "'Q' in the mix" in wrong
-    assert verdict("daylight:62", DEFAULT_GRID, ".")[1].endswith("choose one inside")
-    assert verdict("lamp.csv", DEFAULT_GRID, ".") == (None, "Enter reads the file")
-    assert "lamp:candle-1900" in matching("candle") and matching("sodium")[0] == "HP1"
-    assert matching("d65")[0] == "D65" and matching("no such light") == []
+    for text, named in (("D65*0.7+Q*0.3", "'Q'"), ("daylight:62", "62"), ("lamp.csv", "file")):
+        rig, wrong = verdict(text, DEFAULT_GRID, ".")
+        assert rig is None and named in wrong
+    assert matching("candle")[0].startswith("lamp:") and matching("sodium")[0] == "HP1"
+    assert matching("d65")[0] == "D65" and matching("nosuch") == []
     found = matching("fl")
     assert found[0].startswith("FL") and all("fl" in name.casefold() for name in found)
     assert all(light_class(name) for name in library_names())
@@ -56,8 +53,8 @@ def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
 def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewState) -> None:
     for edit in (lights.add, partial(light_parts.respell, index=0, part=0)):
         new, refusal = edit(state, text="D65*0.7+Q*0.3")
-        assert new is state and "'Q' in the mix" in refusal and "\n" not in refusal
-        assert "there.csv" in edit(state, text="not/there.csv").message
+        assert new is state and "'Q'" in refusal and "\n" not in refusal
+        assert "nosuch" in edit(state, text="nosuch.csv").message
         assert edit(state, text="FL11").message == ""
 
 
@@ -101,7 +98,7 @@ def wide(text: str) -> float:
         max_size=40,
     )
 )
-def test_names_at_the_dial_never_overlap_and_never_leave_it(
+def test_names_at_the_dial_never_overlap(
     boxes: list[tuple[float, float, float, float]],
 ) -> None:
     labels = [lights_dial.Label(i, box, float(i)) for i, box in enumerate(boxes)]
@@ -118,11 +115,8 @@ def test_names_at_the_dial_never_overlap_and_never_leave_it(
 
 
 def test_the_light_under_the_mouse_is_found_at_the_rim_only() -> None:
-    assert (
-        lights_dial.light_at(4, 0.05, -1.0, 0.1) == 0
-        and lights_dial.light_at(4, 1.0, 0.02, 0.1) == 1
-    )
-    assert lights_dial.light_at(4, 0.0, 0.0, 0.1) == -1
+    for x, y, found in ((0.05, -1.0, 0), (1.0, 0.02, 1), (0.0, 0.0, -1)):
+        assert lights_dial.light_at(4, x, y, 0.1) == found
 
 
 def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:

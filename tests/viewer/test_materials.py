@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,16 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.viewer import KINDS, assert_same_picture, curve_of, of_kind, opened, picture
-from volspec.basis import MaterialBasis, SpectralBasis
+from tests.support.viewer import (
+    KINDS,
+    assert_same_picture,
+    curve_of,
+    of_kind,
+    opened,
+    picture,
+    wait_until,
+)
+from volspec.basis import MaterialBasis
 from volspec.errors import TransferError
 from volspec.spectra import Spectrum, light, reflectance, reflectance_from_colour, reflectance_names
 from volspec.spectra.construct.colours import sRGB_from_word
@@ -23,7 +30,6 @@ from volspec.viewer.model.materials import (
     MOST_MATERIALS,
     colour_names,
     material_message,
-    uses_of_material,
     without_material,
 )
 from volspec.viewer.model.state import ViewState
@@ -32,6 +38,8 @@ from volspec.viewer.work.css_colours import Colours
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import read_session, restore_state, save_session
 
+BANANA = "PMC/Banana"
+
 
 def given(state: ViewState, name: str, index: int = 0) -> ViewState:
     return materials.add_material(state, index, name).state
@@ -39,31 +47,24 @@ def given(state: ViewState, name: str, index: int = 0) -> ViewState:
 
 def test_a_material_of_the_library_is_exact_under_any_light(state: ViewState) -> None:
     """A basis that was trained on others need not hold it: materials become the channels."""
-    new = given(state, "pmc/banana", 1)
-    assert list_parts(new.transfer)[1].mix == {"PMC/Banana": 1.0}
-    assert list(new.transfer.materials) == ["copper", "gold", "PMC/Banana"]
+    new = given(state, BANANA.lower(), 1)
+    assert list_parts(new.transfer)[1].mix == {BANANA: 1.0}
+    assert list(new.transfer.materials) == ["copper", "gold", BANANA]
     basis = new.transfer.basis
     assert isinstance(basis, MaterialBasis)
-    lamp, banana = light("HP1"), reflectance("PMC/Banana")
-    channels = basis.channels_for_materials({"PMC/Banana": banana})[0]
-    exact = SpectralBasis.load("general-7").grid
-    wanted = MaterialBasis({"one": banana}, grid=exact).xyz([1.0, 0.0], lamp)
+    lamp, banana = light("HP1"), reflectance(BANANA)
+    channels = basis.channels_for_materials({BANANA: banana})[0]
+    wanted = MaterialBasis({"one": banana}, grid=basis.grid).xyz([1.0, 0.0], lamp)
     np.testing.assert_allclose(basis.xyz(channels, lamp), wanted, rtol=1e-12)
-    said = "Added PMC/Banana: materials are the channels now, instead of basis 'general-7'"
-    assert material_message(state.transfer, new.transfer) == said
-    more = given(new, "white")
-    assert isinstance(more.transfer.basis, MaterialBasis)
-    assert material_message(new.transfer, more.transfer) == "Added white"
+    assert isinstance(given(new, "white").transfer.basis, MaterialBasis)
 
 
-def test_what_is_there_already_is_given_and_another_of_its_name_is_numbered(
-    state: ViewState,
-) -> None:
+def test_what_is_there_is_given_and_another_of_its_name_is_numbered(state: ViewState) -> None:
     gold = given(state, "gold")
     assert list_parts(gold.transfer)[0].mix == {"gold": 1.0}
     assert gold.transfer.basis is state.transfer.basis
     assert material_message(state.transfer, gold.transfer) == ""
-    paint = {**state.transfer.materials, "gold": reflectance("PMC/Banana")}
+    paint = {**state.transfer.materials, "gold": reflectance(BANANA)}
     painted = replace(state, transfer=replace(curve_of(state), materials=paint))
     new = given(given(painted, "gold"), "gold", 1)
     assert [list(part.mix) for part in list_parts(new.transfer)][:2] == [["gold (2)"]] * 2
@@ -76,7 +77,6 @@ def test_a_basis_that_filters_need_stays_and_that_is_told(state: ViewState) -> N
     new = given(filtered, "silver")
     assert new.transfer.basis is state.transfer.basis
     assert curve_of(new).filters == {"copper": glass}
-    assert "stays, as filters need it" in material_message(filtered.transfer, new.transfer)
 
 
 def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) -> None:
@@ -87,22 +87,22 @@ def test_materials_that_nothing_is_made_of_make_room_for_more(state: ViewState) 
     # Points 2 and 3 are of copper and gold, the first was of the last that was tried.
     last = f"CES/{MOST_MATERIALS - 2}"
     assert set(new.transfer.materials) == {"copper", "gold", last, "silver"}
-    assert "nothing is made of them: CES/1, CES/2" in material_message(state.transfer, new.transfer)
+    message = material_message(state.transfer, new.transfer)
+    assert all(
+        name in message for name in set(state.transfer.materials) - {*new.transfer.materials}
+    )
     points = [(float(i), 0.1, f"CES/{i + 1}") for i in range(MOST_MATERIALS - 2)]
     curve = replace(curve_of(state), points=[*points, (98, 0.1, "gold"), (99, 0.1, "copper")])
     full = replace(state, transfer=curve)
     assert given(full, "silver") is full
-    why = materials.add_material(full, 0, "silver").message
-    assert why.startswith(f"'silver': {MOST_MATERIALS} materials are in use")
+    assert str(MOST_MATERIALS) in materials.add_material(full, 0, "silver").message
 
 
 def taken_out(state: ViewState, name: str) -> ViewState:
     return materials.remove_material(state, name)
 
 
-def test_a_material_that_nothing_is_made_of_is_taken_out_in_one_step_of_undo(
-    state: ViewState,
-) -> None:
+def test_a_material_without_a_part_is_taken_out_in_one_step_of_undo(state: ViewState) -> None:
     tried = given(given(state, "silver"), "copper")
     history = History(tried).then(taken_out(tried, "silver"), 1)
     new = history.present
@@ -114,23 +114,13 @@ def test_a_material_that_nothing_is_made_of_is_taken_out_in_one_step_of_undo(
     # A fitted basis is no list of materials: it stays.
     fitted = replace(curve_of(state), materials=tried.transfer.materials)
     assert without_material(fitted, "silver").basis is fitted.basis
-    assert taken_out(state, "no such") is state
+    assert taken_out(state, "nosuch") is state
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_material_that_parts_are_made_of_stays_and_the_parts_are_named(
-    state: ViewState, kind: str
-) -> None:
+def test_a_material_that_parts_are_made_of_stays(state: ViewState, kind: str) -> None:
     state = of_kind(state, kind)
     assert taken_out(state, "gold") is state
-    said = {
-        "points": "point 3",
-        "regions": "region 2",
-        "surfaces": "surface 2",
-        "labels": "label 7",
-    }
-    why = f"{said[kind]} is made of it; give it another material first"
-    assert uses_of_material(state.transfer, "gold") == why
     with raises(TransferError, "conflict"):
         without_material(state.transfer, "gold")
     free = transfer_edits.set_material(state, len(list_parts(state.transfer)) - 1, "copper")
@@ -146,9 +136,7 @@ def test_shares_of_nothing_and_a_filter_go_with_their_material(state: ViewState)
     assert list(new.filters) == list(new.materials) == ["copper"]
 
 
-def test_a_colour_is_a_material_and_a_metal_comes_before_a_colour_of_its_name(
-    state: ViewState,
-) -> None:
+def test_a_colour_is_a_material_and_a_metal_comes_before_it(state: ViewState) -> None:
     new = given(state, " #c08040 ", 2)
     spectrum = new.transfer.materials["#c08040"]
     assert spectrum.notes["constructed"] == "delaunay"
@@ -157,10 +145,9 @@ def test_a_colour_is_a_material_and_a_metal_comes_before_a_colour_of_its_name(
     np.testing.assert_array_equal(metal.values, reflectance("silver").values)
 
 
-def test_colours_of_the_web_are_made_beside_whoever_asks(state: ViewState) -> None:
-    made, end = Colours(state.transfer.basis.grid, 2), time.monotonic() + 60
-    while made.spectra is None and time.monotonic() < end:
-        time.sleep(0.01)
+def test_colours_of_the_web_are_made_in_the_background(state: ViewState) -> None:
+    made = Colours(state.transfer.basis.grid, 2)
+    wait_until(lambda: made.spectra is not None, 60)
     assert made.spectra is not None and set(made.spectra) == set(colour_names())
     tomato = reflectance_from_colour("tomato")
     np.testing.assert_allclose(made.spectra["tomato"].values, tomato.values, atol=1e-12)
@@ -168,8 +155,8 @@ def test_colours_of_the_web_are_made_beside_whoever_asks(state: ViewState) -> No
 
 def test_what_is_no_reflectance_is_refused_in_words(state: ViewState) -> None:
     for name, said in (("gould", "gold"), ("missing.csv", "missing.csv"), ("grey:7", "0..1")):
-        assert given(state, name) is state
-        assert said in materials.add_material(state, 0, name).message
+        edited = materials.add_material(state, 0, name)
+        assert edited.state is state and said in edited.message
     assert given(state, "silver", 9) is state
 
 
@@ -179,25 +166,26 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
     names = library.library_names()
     assert len(set(names)) == len(names)
     measured = set(reflectance_names())
-    assert {name for name in names if library.material_class(name) != "CSS colour"} == measured
+    css = library.material_class("steelblue")
+    assert {name for name in names if library.material_class(name) != css} == measured
     assert "sample" not in {library.material_class(name) for name in names}
     for name in set(names) - measured:
         assert sRGB_from_word(name).shape == (3,)
-    assert library.matching_entries("banana")[0] == "PMC/Banana"
-    assert "steelblue" in library.matching_entries("blue css")
+    found = {search: library.matching_entries(search) for search in ("banana", "blue css")}
+    assert found["banana"][0] == BANANA and "steelblue" in found["blue css"]
 
 
 @pytest.mark.parametrize("basis", ['name = "general-5"', 'method = "materials"'])
 def test_scenes_sessions_and_scripts_keep_such_a_material(
     tmp_path: Path, basis: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    state = replace(given(opened(tmp_path, basis=basis), "PMC/Banana", 1), size=(24, 18))
+    state = replace(given(opened(tmp_path, basis=basis), BANANA, 1), size=(24, 18))
     again = assert_same_picture(state, tmp_path)
-    assert list(again.transfer.materials) == ["copper", "grey", "PMC/Banana"]
+    assert list(again.transfer.materials) == ["copper", "grey", BANANA]
     assert again.transfer.basis.fingerprint == state.transfer.basis.fingerprint
 
     kept = restore_state(read_session(save_session(state, tmp_path / "a.volspec.json")), cast=False)
-    one, other = kept.transfer.materials["PMC/Banana"], state.transfer.materials["PMC/Banana"]
+    one, other = kept.transfer.materials[BANANA], state.transfer.materials[BANANA]
     np.testing.assert_array_equal(one.values, other.values)
     np.testing.assert_array_equal(picture(kept), picture(state))
 
@@ -205,7 +193,7 @@ def test_scenes_sessions_and_scripts_keep_such_a_material(
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {"__file__": str(script)}
     exec(compile(script.read_text(encoding="utf-8"), str(script), "exec"), names)
-    np.testing.assert_array_equal(names["materials"]["PMC/Banana"].values, other.values)
+    np.testing.assert_array_equal(names["materials"][BANANA].values, other.values)
     assert names["basis"].fingerprint == state.transfer.basis.fingerprint
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.support.errors import raises
 from tests.support.viewer import (
     curve_of,
     of_kind,
@@ -19,25 +20,31 @@ from tests.support.viewer import (
     small_document,
     table_with,
 )
+from volspec.errors import VolspecError, one_line
 from volspec.palette import Cell
 from volspec.pipeline import raycast
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap
-from volspec.spectra import Spectrum, light
+from volspec.spectra import DEFAULT_GRID, Spectrum, light
 from volspec.transfer import Region, TransferFunction2D
 from volspec.viewer.model import light_parts, lights, materials
 from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, LightState, lux_note
 from volspec.viewer.model.light_states import MOST_STATES
 from volspec.viewer.model.palette_table import colour_table
 from volspec.viewer.model.palette_targets import STAY
+from volspec.viewer.model.paths import check_name, dropped_path
+from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import conversion_losses
 from volspec.viewer.ui.context import Results, UiContext
+from volspec.viewer.ui.lights_library import verdict
 from volspec.viewer.ui.lights_rows import row_tip
 from volspec.viewer.ui.menus import sizes, timings
 from volspec.viewer.ui.overlays import error_map_lines
 from volspec.viewer.ui.palette_cells import cell_lines, column_note
 from volspec.viewer.ui.palette_panel import summary
+from volspec.viewer.work.screenshot import Progress, copy_values, render_frame
+from volspec.viewer.work.script import script_from_state
 
 GOLDEN = Path(__file__).with_name("messages.txt")
 RED = Cell(colour=(1, 0, 0))
@@ -57,6 +64,7 @@ def transcript(state: ViewState) -> str:
         _materials,
         _cells,
         _overlays,
+        _errors,
     )
     return "\n\n".join("\n".join((f"# {f.__name__[1:]}", *f(state))) for f in parts) + "\n"
 
@@ -134,6 +142,24 @@ def _overlays(state: ViewState) -> Iterator[str]:
     for results in (Results(), Results(fault="no"), coarse, replace(coarse, whole=True)):
         yield sizes(state, UiContext(results=results))
     yield timings(UiContext(results=Results(fps=59.9, ms={"cast": 12.3})))
+
+
+def _errors(state: ViewState) -> Iterator[str]:
+    """Messages of refused files, notations and copies."""
+    dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
+    for refused in (
+        lambda: dropped_path(["/a/x.nrrd", "/b/y.nrrd"]),
+        lambda: check_name("/a/caf\udce9.npy"),
+        lambda: scene_from_state(state),
+        lambda: script_from_state(state),
+        lambda: render_frame(dark, (8, 8), Progress("")),
+        lambda: copy_values(None),
+    ):
+        with raises(VolspecError) as caught:
+            refused()
+        yield one_line(caught.value)
+    for text in ("D65*0.7+Q*0.3", "daylight:62", "lamp.csv"):
+        yield verdict(text, DEFAULT_GRID, ".")[1]
 
 
 if __name__ == "__main__":

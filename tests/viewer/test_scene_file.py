@@ -99,9 +99,7 @@ def test_lux_stay_with_their_lights(tmp_path: Path) -> None:
     assert rig is not None and rig.total_lux == pytest.approx(0.7 * 340.0)
 
 
-def test_a_basis_that_a_scene_trains_is_kept_where_new_lights_would_change_it(
-    tmp_path: Path,
-) -> None:
+def test_a_basis_that_a_scene_trains_is_kept_if_lights_would_change_it(tmp_path: Path) -> None:
     state = opened(tmp_path, basis='train = "scene"\nsize = 4')
     assert_same_picture(state, tmp_path)
     assert not (tmp_path / "again.basis.json").exists()
@@ -114,7 +112,7 @@ def test_materials_as_channels_and_another_folder(tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
     again = assert_same_picture(camera.orbit(state, 0.1, 0.0), tmp_path / "there")
     assert again.document.file is not None
-    assert again.document.file.volume.file == "../ball.npy"
+    assert Path(again.document.file.volume.file).parent == Path("..")
 
 
 def test_what_no_file_can_say_is_refused_in_a_line(state: ViewState, tmp_path: Path) -> None:
@@ -124,17 +122,13 @@ def test_what_no_file_can_say_is_refused_in_a_line(state: ViewState, tmp_path: P
     spectrum = RelightSpec(backdrop=Spectrum([400, 700], [0.1, 0.2]))
     with raises(SceneError, "unsupported", "viewing.backdrop"):
         scene_from_state(replace(here, relight=spectrum))
+    dark = tuple(replace(row, weight=0.0) for row in here.lights)
+    with raises(SceneError, "missing"):  # it would open lit
+        scene_from_state(replace(here, lights=dark))
     with raises(SceneError):
         export_scene(here, tmp_path / "x.json")
     with raises(InputError, "unwritable"):
         export_scene(here, "/proc/nothing/x.toml")
-
-
-def test_a_scene_under_no_light_is_refused_as_it_would_open_lit(tmp_path: Path) -> None:
-    here = opened(tmp_path)
-    dark = tuple(replace(row, weight=0.0) for row in here.lights)
-    with raises(SceneError, "missing"):
-        scene_from_state(replace(here, lights=dark))
 
 
 def test_a_basis_of_another_scene_is_shown_by_its_name(tmp_path: Path) -> None:

@@ -62,9 +62,7 @@ def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:
     return pixels(screen)
 
 
-def test_each_frame_draws_a_band_and_the_last_one_makes_it_whole(
-    slow: Screen, state: ViewState
-) -> None:
+def test_each_frame_draws_a_band_until_it_is_whole(slow: Screen, state: ViewState) -> None:
     day, lamp = lit(slow, under(state, 0)), lit(slow, under(state, 1))
     slow.mark_stale()
     rows = SIZE[1] // BANDS
@@ -77,9 +75,7 @@ def test_each_frame_draws_a_band_and_the_last_one_makes_it_whole(
     assert not slow.relight(under(state, 0), held=False)
 
 
-def test_of_lights_that_change_in_every_frame_each_second_one_is_drawn_whole(
-    slow: Screen, state: ViewState
-) -> None:
+def test_each_second_of_changing_lights_is_drawn_whole(slow: Screen, state: ViewState) -> None:
     wanted = [lit(slow, under(state, light)) for light in (0, 1)]
     for light in (0, 1, 0, 1):
         slow.mark_stale()
@@ -107,9 +103,7 @@ def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: 
     assert after is not None and str(after) != str(before)
 
 
-def test_a_picture_keeps_its_shape_until_one_of_another_is_drawn(
-    slow: Screen, state: ViewState
-) -> None:
+def test_a_picture_keeps_its_shape_until_another_is_drawn(slow: Screen, state: ViewState) -> None:
     cast = done(state, 1)
     wide = replace(state, size=AREA[2:])
     taken = replace(cast, job=replace(cast.job, size=wide.size))
@@ -178,7 +172,7 @@ def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins
         screen.mark_stale()
         screen.relight(seen_by(state, "Nayatani95", light), held=True)
         assert np.array_equal(pixels(screen), before)
-        assert screen._notice.text == "Nayatani95: computing its colour table …"
+        assert "Nayatani95" in screen._notice.text
         # Values under the mouse would be of another light than its pixel.
         assert screen.probe(seen_by(state, "Nayatani95", light), (0.5, 0.5), held=False) is None
     # A cast that comes meanwhile waits for the light, too.
@@ -219,9 +213,7 @@ def test_a_table_under_way_is_given_up_for_the_next_light(
     assert begun[0] not in screen.pictures.tables and begun[1] in screen.pictures.tables
 
 
-def test_both_sides_of_the_divide_have_tables_of_their_own(
-    screen: Screen, state: ViewState
-) -> None:
+def test_both_sides_of_the_divide_have_own_tables(screen: Screen, state: ViewState) -> None:
     both = replace(
         seen_by(state, "Nayatani95", 0), other=light_rows.only_row(state.lights, 1), divide=0.5
     )
@@ -239,16 +231,18 @@ def test_both_sides_of_the_divide_have_tables_of_their_own(
 def test_a_table_that_cannot_be_is_told_and_asked_for_once(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    reason = "no colour at\nsome node"
+
     def refused(key: lut3d.LutKey, cancel: object) -> None:
-        raise ViewingError("no colour at\nsome node")
+        raise ViewingError(reason)
 
     monkeypatch.setattr(lut3d, "_bake_texels", refused)
     hunt = seen_by(state, "Hunt", 0)
     screen.relight(hunt, held=False)
     until_told(screen)
-    assert screen._notice.text == "no colour at some node"
+    assert screen._notice.text.split() == reason.split()
     screen.relight(hunt, held=False)
-    assert screen._notice.text == "no colour at some node"
+    assert screen._notice.text.split() == reason.split()
     # Another model is drawn at once.
     screen.mark_stale()
     screen.relight(seen_by(state, "CAM16", 0), held=False)
@@ -302,7 +296,7 @@ def shot(state: ViewState) -> tuple[Camera, CoefficientImage, LightRig]:
 
 
 @pytest.mark.parametrize("orthographic", [False, True])
-def test_the_probe_says_where_a_ball_is_hit(
+def test_the_probe_finds_the_hit_of_a_ball(
     state: ViewState, document: Document, orthographic: bool
 ) -> None:
     """The middle of the picture is hit on the near side, on the camera's axis."""
@@ -356,7 +350,7 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     camera, image, rig = shot(state)
     reading = read(image, camera, state.document.volume, rig, state.relight, MIDDLE, (0, 0, 0))
     whole = error_map(image, rig, state.relight.mode, state.relight.backdrop)
-    assert dict(reading.rows)["ΔE00"] == f"{whole.delta_e[16, 16]:.2f} to exact"
+    assert f"{whole.delta_e[16, 16]:.2f}" in dict(reading.rows)["ΔE00"]
     exact = replace(state.relight, mode="exact")
     told = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
     assert "ΔE00" not in dict(told)

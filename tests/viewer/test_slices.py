@@ -273,9 +273,7 @@ def test_slices_one_above_the_other_keep_one_scale_and_stay_within_the_room() ->
     ("dtype", "top"),
     [(np.uint16, 300), (np.uint16, 65535), *((np.float32, top) for top in (300, 65535, 2**31))],
 )
-def test_a_table_of_labels_is_bounded_and_tells_those_apart_that_can_be_named(
-    dtype: type, top: int
-) -> None:
+def test_a_table_of_labels_is_bounded_and_tells_names_apart(dtype: type, top: int) -> None:
     """Volumes of 32-bit integers are kept as floats: they had 4096 entries, evenly."""
     volume = Volume(np.array([0, 1, 2, top // 2, top - 1, top, 7, 8], dtype).reshape(2, 2, 2))
     entries = slice_table.table_entries(volume, labels=True)

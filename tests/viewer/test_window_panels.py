@@ -86,9 +86,7 @@ def ask(robot: Robot, menu: str, action: str) -> None:
         robot.rest()
 
 
-def test_a_colour_is_dragged_and_a_material_hidden_with_no_cast_after_the_first(
-    tmp_path: Path,
-) -> None:
+def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(tmp_path: Path) -> None:
     with Robot(tmp_path, (), (1000, 700)) as robot:
         robot.whole()
         for _ in range(2):  # closed and opened, it comes to the front
@@ -130,7 +128,6 @@ def test_a_colour_is_dragged_and_a_material_hidden_with_no_cast_after_the_first(
 
 
 def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(tmp_path: Path) -> None:
-
     with Robot(tmp_path, (), (900, 640)) as robot:
         robot.whole()
         robot.rest()
@@ -268,10 +265,10 @@ def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) ->
         robot.rest()
         robot.key("F2")
         robot.rest()
-        robot.type("my lamp")
+        robot.type(name := "my lamp")
         robot.key("Return")
         first = state(robot, "first")
-        assert first["lights"][1]["name"] == "my lamp" and first["interface"]["light"] == 1
+        assert first["lights"][1]["name"] == name and first["interface"]["light"] == 1
         # The wheel's three notches are one step, and the mix before them another.
         robot.key("k")
         robot.rest()

@@ -71,10 +71,7 @@ class Options:
 def view(options: Options) -> None:
     """Open the window; return when it is closed.
 
-    Raises
-    ------
-    VolspecError
-        If no window can be opened, or the path cannot be.
+    Raises VolspecError if no window can be opened, or the path cannot be.
     """
     return_large_blocks()
     turn = sys.getswitchinterval()

@@ -38,10 +38,7 @@ T = TypeVar("T")
 class LightRow:
     """One light of the list.
 
-    Raises
-    ------
-    ViewingError
-        If there is not one text for each light of the rig.
+    Raises ViewingError if there is not one text for each light of the rig.
     """
 
     name: str
@@ -225,10 +222,7 @@ def light_from_text(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[S
     A file's relative name starts from the document's folder. If the file is only in the working
     directory, the notation gets its absolute name.
 
-    Raises
-    ------
-    SpectrumError
-        If there is no such light.
+    Raises SpectrumError if there is no such light.
     """
     text = text.strip()
     address = split_address(text) if text else None

@@ -81,10 +81,7 @@ def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: st
     folder : str
         A file's relative name starts from it.
 
-    Raises
-    ------
-    SpectrumError
-        If it is none of these.
+    Raises SpectrumError if it is none of these.
     """
     try:
         return reflectance(text, grid, folder=folder)
@@ -109,10 +106,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     spectrum : Spectrum
         On the basis' grid.
 
-    Raises
-    ------
-    TransferError
-        If there is no room for one more.
+    Raises TransferError if there is no room for one more.
     """
     if not 0 <= index < len(list_parts(transfer)):
         return transfer
@@ -137,10 +131,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
 def without_material(transfer: Transfer, name: str) -> Transfer:
     """Remove a material, and its channel if materials are the channels.
 
-    Raises
-    ------
-    TransferError
-        If a part is made of it.
+    Raises TransferError if a part is made of it.
     """
     if name not in transfer.materials:
         return transfer

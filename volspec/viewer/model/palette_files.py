@@ -32,10 +32,7 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
     Its reflectances replace materials of the same name, then those of the same spectrum, then the
     others in order; lights that match none are added.
 
-    Raises
-    ------
-    PaletteError
-        If there is no room for its lights.
+    Raises PaletteError if there is no room for its lights.
     """
     grid = state.document.grid
     rows = _match_spectra(palette.reflectances, state.transfer.materials)

@@ -230,12 +230,8 @@ def _existing_cells(
 def palette_from_state(state: ViewState) -> Palette:
     """Return a state's targets as a palette to design.
 
-    Raises
-    ------
-    PaletteError
-        If nothing is free or has a target, or targets contradict each other.
-    SpectrumError
-        If a lamp is unknown.
+    Raises PaletteError if nothing is free or has a target, or targets contradict each other;
+    SpectrumError if a lamp is unknown.
     """
     board, transfer, grid = state.palette, state.transfer, state.document.grid
     targets = board.targets

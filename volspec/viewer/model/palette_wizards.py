@@ -42,10 +42,7 @@ _FIRM = 10.0
 def run_wizard(state: ViewState, name: str) -> Redesigned:
     """Run one of `WIZARDS` on the choices of the panel, ``state.interface.pick``; takes seconds.
 
-    Raises
-    ------
-    VolspecError
-        If the wizard refuses.
+    Raises VolspecError if the wizard refuses.
     """
     if not can_be_exact(state.transfer):
         raise PaletteError(

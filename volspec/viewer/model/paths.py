@@ -22,10 +22,7 @@ MOST_ROWS = 200
 def dropped_path(paths: Sequence[str]) -> str:
     """Return the one scene or volume that files dropped together belong to.
 
-    Raises
-    ------
-    InputError
-        If they belong to several.
+    Raises InputError if they belong to several.
     """
     if len(paths) == 1:
         return paths[0]

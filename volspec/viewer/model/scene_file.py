@@ -116,12 +116,8 @@ def same_spectrum(one: Spectrum, other: Spectrum) -> bool:
 def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     """Write a state as a ``.toml``; a basis that the file cannot reproduce is written next to it.
 
-    Raises
-    ------
-    SceneError
-        If the name is not ``.toml``, the document has no file, or no scene file can hold the state.
-    InputError
-        If nothing can be written there.
+    Raises SceneError if the name is not ``.toml``, the document has no file, or no scene file can
+    hold the state; InputError if nothing can be written there.
     """
     target = require_toml(path)
     document, file = state.document, scene_from_state(state)
@@ -142,11 +138,8 @@ def scene_from_state(state: ViewState) -> SceneFile:
 
     Names of files start from the open file's folder.
 
-    Raises
-    ------
-    SceneError
-        If the document has no file, or no file can hold the state: no light is on, or the backdrop
-        is a spectrum.
+    Raises SceneError if the document has no file, or no file can hold the state: no light is on, or
+    the backdrop is a spectrum.
     """
     document, file = state.document, state.document.file
     if file is None:
@@ -254,10 +247,7 @@ def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
 def require_plain_backdrop(spec: RelightSpec) -> RelightSpec:
     """Refuse a backdrop that no file can have.
 
-    Raises
-    ------
-    SceneError
-        If it is a spectrum.
+    Raises SceneError if it is a spectrum.
     """
     if isinstance(spec.backdrop, Spectrum):
         raise SceneError(

@@ -56,10 +56,7 @@ def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
     lux : float, optional
         The light's own illuminance, which replaces the viewing's; None if it has none.
 
-    Raises
-    ------
-    ViewingError
-        If the illuminance is out of range.
+    Raises ViewingError if the illuminance is out of range.
 
     >>> given_viewing(Viewing(adapting="picture"), 500.0).illuminance_lux
     500.0

@@ -33,10 +33,7 @@ _NICE = 10
 def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
     """Make the caster of a volume; or return None and the reason that this machine cannot cast.
 
-    Raises
-    ------
-    OpenCLError
-        If a device is named and cannot.
+    Raises OpenCLError if a device is named and cannot.
     """
     try:
         # On Linux the device's threads, which outlive this one, have its priority.

@@ -31,10 +31,7 @@ from volspec.volume import load_volume
 def open_document(path: str | None, device: str | None = None) -> Document:
     """Open a scene file, or a volume with a scene made for it; None is the bundled demo.
 
-    Raises
-    ------
-    VolspecError
-        If it cannot be read, or a device is named and cannot cast.
+    Raises VolspecError if it cannot be read, or a device is named and cannot cast.
     """
     if path is not None:
         check_name(path)
@@ -122,10 +119,7 @@ class DocumentService:
     def finish_open(self, outcome: Outcome, first: bool) -> Opened | None:
         """Return the result of a task ``open``; if it failed, say so and return None.
 
-        Raises
-        ------
-        InputError
-            If nothing is open yet (``first``), and nothing can be opened instead.
+        Raises InputError if nothing is open yet (``first``), and nothing can be opened instead.
         """
         if not outcome.error:
             opened: Opened = outcome.result

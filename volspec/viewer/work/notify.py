@@ -22,10 +22,7 @@ from volspec.errors import VolspecWarning, one_line
 class Trace:
     """Writes lines to a new file; does nothing without a path.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be written to.
+    Raises OSError if the file cannot be written to.
     """
 
     def __init__(self, path: Path | None = None) -> None:

@@ -47,10 +47,7 @@ def read(
 ) -> Reading:
     """Read the values of a pixel (x, y), displayed with an 8-bit ``code`` (R, G, B).
 
-    Raises
-    ------
-    ViewingError, SpectrumError
-        If the light has no power.
+    Raises ViewingError or SpectrumError if the light has no power.
     """
     x, y = pixel
     lit = Illumination.of(image.basis, rig, spec, image.groups)

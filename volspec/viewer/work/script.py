@@ -40,10 +40,8 @@ _LEFT_OUT = ("tile_ms",)
 def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
     """Write the script; a basis that does not ship goes into a file next to it.
 
-    Raises
-    ------
-    VolspecError
-        If the name is not ``.py``, or nothing can be written there, and as `script_from_state`.
+    Raises VolspecError if the name is not ``.py``, or nothing can be written there, and as
+    `script_from_state`.
     """
     target = Path(path)
     if target.suffix.lower() != ".py":

@@ -71,10 +71,7 @@ class Session:
 def session_from_state(state: ViewState) -> Session:
     """Return a state's session.
 
-    Raises
-    ------
-    SceneError
-        If the document has no file to be read from again.
+    Raises SceneError if the document has no file to be read from again.
     """
     document = state.document
     if document.file is None or document.path is None:
@@ -102,11 +99,8 @@ def session_from_state(state: ViewState) -> Session:
 def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
     """Write a session, whole or not at all.
 
-    Raises
-    ------
-    VolspecError
-        If the name does not end in ``.json``, nothing can be written there, or as
-        `session_from_state`.
+    Raises VolspecError if the name does not end in ``.json``, nothing can be written there, or as
+    `session_from_state`.
     """
     target = Path(path)
     if target.suffix.lower() != ".json":
@@ -125,10 +119,7 @@ def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
 def read_session(path: str | os.PathLike[str]) -> Session:
     """Read a session's file, without its scene and volume.
 
-    Raises
-    ------
-    SessionError
-        If it is missing, not a session, or of a later version.
+    Raises SessionError if it is missing, not a session, or of a later version.
     """
     name, text = os.fspath(path), read_text(path, SessionError, f"a session (FILE{SUFFIX})")
     try:
@@ -176,12 +167,8 @@ def _migrate(part: Any, fields: Mapping[str, str], classes: Mapping[str, str]) -
 def restore_state(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
     """Return the state that a session saved, with its volume read again, and a caster if ``cast``.
 
-    Raises
-    ------
-    SessionError
-        If a field is missing or wrong; the message names it.
-    VolspecError
-        If the volume cannot be read, or there is no device.
+    Raises SessionError if a field is missing or wrong; the message names it; VolspecError if the
+    volume cannot be read, or there is no device.
     """
     data = session.data
     try:

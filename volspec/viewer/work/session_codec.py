@@ -83,10 +83,7 @@ class Reader:
     def value(self, hint: Any, data: Any, where: str) -> Any:
         """Return the value of a field with an annotation; messages call it ``where``.
 
-        Raises
-        ------
-        ValueFault
-            If ``data`` is no such value.
+        Raises ValueFault if ``data`` is no such value.
         """
         origin, inner = get_origin(hint), get_args(hint)
         if origin in (Union, types.UnionType):

@@ -160,10 +160,7 @@ class SessionStore:
     def save(self, state: ViewState) -> Path | None:
         """Write a state to this program's file; return None if nothing has changed.
 
-        Raises
-        ------
-        VolspecError
-            If it cannot be written.
+        Raises VolspecError if it cannot be written.
         """
         return self._ordered(state)()
 
