@@ -41,19 +41,9 @@ _LINES = 64
 def field_weights(cos: Array, spans: Array) -> tuple[Array, Array]:
     """Return the weights of a picture's parts in the fields around lines of sight.
 
-    Parameters
-    ----------
-    cos : (K, N)
-        Cosines between lines of sight and the parts' centres.
-    spans : (N,)
-        The parts' solid angles, sr.
-
-    Returns
-    -------
-    parts : (2, K, N) float64
-        Weight of each part in background and adapting field; 0 or more.
-    rest : (2, K) float64
-        Weight of everything outside of the picture; with the parts' the sum is 1.
+    ``cos`` (K, N) are cosines between lines of sight and the parts' centres, ``spans`` (N,) the
+    parts' solid angles, sr. Returns (2, K, N) weights of the parts in background and adapting
+    field, and (2, K) those of everything outside of the picture; together they sum to 1.
     """
 
     def fraction_within(degrees: float) -> Array:
@@ -85,61 +75,29 @@ def directions_on_sphere(u: Array, v: Array) -> tuple[Array, Array]:
 
 
 def pixel_pitch(shape: tuple[int, int], fov_deg: float) -> float:
-    """Return the width of a pixel of a picture at distance 1.
-
-    Raises
-    ------
-    ViewingError
-        If the field of view is out of range.
-    """
+    """Return the width of a pixel of a picture (H, W) at distance 1."""
     require_angle("measured.fov_deg", fov_deg)
     return 2.0 * math.tan(math.radians(fov_deg) / 2.0) / shape[0]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdaptationGrid:
-    """Lines of sight, and the cells of a picture that their fields are averaged over.
+    """Lines of sight, and the cells of a picture that their fields are averaged over."""
 
-    Parameters
-    ----------
-    edges : ((cells down + 1,), (cells across + 1,)) int
-        The first row and column of each cell of the picture, and its size.
-    spans : (N,)
-        Solid angles of the cells, row by row, sr.
-    parts, rest : (2, K, N), (2, K)
-        `field_weights` of the cells around each line of sight.
-    nodes : (R, C)
-        The K lines of sight are R rows of C.
-    """
-
-    edges: tuple[Indices, Indices]
-    spans: Array
-    parts: Array
-    rest: Array
-    nodes: tuple[int, int]
+    edges: tuple[Indices, Indices]  # first row and column of each cell, and the picture's size
+    spans: Array  # (N,) solid angles of the cells, row by row, sr
+    parts: Array  # (2, K, N) and
+    rest: Array  # (2, K) `field_weights` of the cells around each line of sight
+    nodes: tuple[int, int]  # the K lines of sight are R rows of C
 
     @classmethod
     def of(
         cls, shape: tuple[int, int], fov_deg: float, cells: int, *, centre_only: bool = False
     ) -> AdaptationGrid:
-        """Lay a grid over a picture.
+        """Lay a grid of ``cells`` along its longer side over a picture (H, W), ``fov_deg`` high.
 
-        Parameters
-        ----------
-        shape : (H, W)
-            The picture's size, pixels.
-        fov_deg : float
-            Its height as an angle.
-        cells : int
-            Count along its longer side.
-        centre_only : bool
-            One line of sight, through the picture's centre, instead of those to all corners of
-            (as nearly as pixels allow) equal cells.
-
-        Raises
-        ------
-        ViewingError
-            If the field of view is out of range.
+        Lines of sight go to all corners of the (nearly equal) cells, or to the picture's centre
+        alone.
         """
         scale = pixel_pitch(shape, fov_deg)
         cells_per_pixel = min(cells / max(shape), 1.0)
@@ -196,18 +154,10 @@ class AdaptationGrid:
         return np.asarray((sums / np.outer(np.diff(rows), np.diff(columns))).ravel())
 
     def measure(self, cells: Array, outside: float) -> tuple[Array, Array]:
-        """Return the mean Y of background and adapting field around each line of sight.
+        """Return the mean Y (R, C) of background and adapting field around each line of sight.
 
-        Parameters
-        ----------
-        cells : (N,)
-            Mean Y of each cell, 0 or more.
-        outside : float
-            Y of everything outside of the picture.
-
-        Returns
-        -------
-        Y_b, Y_A : (R, C) float64
+        ``cells`` (N,) is the mean Y of each cell, ``outside`` that of everything beyond the
+        picture.
         """
         # Not BLAS: its threads would wait for cores that draw, 1 ms against 0.2 to 12.
         Y_b, Y_A = np.einsum("kln,n->kl", self.parts, cells) + self.rest * outside
@@ -234,38 +184,20 @@ def _linear_weights(at: Array, nodes: int) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ViewTransformGrid:
-    """`CamTransform`s at the nodes of a grid over a picture.
+    """`CamTransform`s at the nodes of a grid over a picture."""
 
-    Parameters
-    ----------
-    transform : CamTransform
-        One node's: the display's side is the same in all.
-    numbers : (R, C, 12) float64
-        Each node's, in the order of the texture's layers: a column of the scene's
-        ``response_from_XYZ`` and, fourth, ``scene_achromatic``, ``lightness_power`` and
-        ``chroma_gain``.
-    """
-
-    transform: CamTransform
+    transform: CamTransform  # one node's: the display's side is the same in all
+    # (R, C, 12), in the order of the texture's layers: a column of `response_from_XYZ` and, fourth,
+    # `scene_achromatic`, `lightness_power` and `chroma_gain`.
     numbers: Array
 
     @classmethod
     def of(cls, viewing: Viewing, white_XYZ: Array, Y_b: Array, L_A: Array) -> ViewTransformGrid:
         """Make the transforms of an eye that is adapted differently at each node.
 
-        Parameters
-        ----------
-        viewing : Viewing
-            Its model is CIECAM02 or CAM16; its Y_b and L_A are ignored.
-        white_XYZ : (3,)
-            The scene's adopted white.
-        Y_b, L_A : (R, C)
-            Background, percent of the white; adapting luminance, cd/m².
-
-        Raises
-        ------
-        ViewingError
-            If the white has no lightness in the model at some node.
+        ``Y_b`` (percent of the white) and ``L_A`` (cd/m²), both (R, C), replace the viewing's,
+        whose model is CIECAM02 or CAM16. Raises ViewingError if the white has no lightness at some
+        node.
         """
         model, L_A, Y_b = viewing.model, np.asarray(L_A), np.asarray(Y_b)
         given = replace(viewing, adapting="given")

@@ -79,13 +79,7 @@ UNIQUE_HUES_H = _frozen([0.0, 100.0, 200.0, 300.0, 400.0])
 
 
 def shader_constants() -> dict[str, float | NDArray[np.float64]]:
-    """Return the models' numbers that ``shaders/include`` reads, for `volspec._gpu.prelude`.
-
-    Returns
-    -------
-    dict
-        Name in GLSL -> scalar, vector or (3, 3) matrix.
-    """
+    """Return the models' numbers that ``shaders/include`` reads, by GLSL name."""
     return {
         "RESPONSE_POLE": RESPONSE_POLE,
         "RESPONSE_HALF": RESPONSE_HALF,

@@ -45,13 +45,7 @@ GAMUTS: tuple[Gamut, ...] = get_args(Gamut)
 
 
 def colour_space(space: str | Path | ColourSpace) -> ColourSpace:
-    """Return a space by name, as it is, or from a display's profile, ``FILE.icc``.
-
-    Raises
-    ------
-    ViewingError
-        If there is none of that name, or the profile cannot be used.
-    """
+    """Return a space by name, as it is, or from a display's profile, ``FILE.icc``."""
     if isinstance(space, ColourSpace):
         return space
     name = str(space)

@@ -52,26 +52,7 @@ NAYATANI_HUES = _equal_eccentricity(20.14, 90.0, 164.25, 231.0)
 
 
 def quadrature(h: ArrayLike, hues: UniqueHues = CIE_HUES) -> Array:
-    """Return hue quadrature H of the hue angle (eq. 41).
-
-    Parameters
-    ----------
-    h : (...) array_like
-        Hue angle, degrees, within [0, 360].
-    hues : UniqueHues
-
-    Returns
-    -------
-    (...) float64
-        0 to 400: red 0, yellow 100, green 200, blue 300.
-
-    Examples
-    --------
-    >>> quadrature([20.14, 90.0, 237.53]).tolist()
-    [0.0, 100.0, 300.0]
-    >>> float(quadrature(270.0, CIELAB_HUES).round(1))
-    317.4
-    """
+    """Return hue quadrature H, 0 to 400, of hue angles within [0, 360] degrees (eq. 41)."""
     angles = np.array([*hues.degrees, hues.degrees[0] + 360.0])
     factors = np.array([*hues.eccentricity, hues.eccentricity[0]])
     quarters = np.array([*hues.H, 400.0])
@@ -87,22 +68,8 @@ def quadrature(h: ArrayLike, hues: UniqueHues = CIE_HUES) -> Array:
 def composition(H: ArrayLike) -> str | NDArray[np.str_]:
     """Write hue quadrature as percentages of the two unique hues around it, the larger first.
 
-    Parameters
-    ----------
-    H : (...) array_like
-        Hue quadrature; 400 and 0 are both red.
-
-    Returns
-    -------
-    str, or (...) array of str
-        Whole percent; 0 % is left out.
-
-    Examples
-    --------
-    >>> composition(105.0)
-    '95Y 5G'
-    >>> composition([0.0, 50.0, 382.6]).tolist()
-    ['100R', '50R 50Y', '83R 17B']
+    >>> composition([0.0, 105.0, 382.6]).tolist()
+    ['100R', '95Y 5G', '83R 17B']
     """
     quarters = np.asarray(H, dtype=np.float64) % 400.0
     texts = [_percentages(value) for value in quarters.ravel().tolist()]

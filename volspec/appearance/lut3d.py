@@ -93,18 +93,10 @@ def lut_nodes(offset: float = 0.0) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LutSpace:
-    """The colour spaces of a LUT's axes and values.
+    """The colour spaces of a LUT's axes and values."""
 
-    Parameters
-    ----------
-    adapted_from_XYZ : (3, 3)
-        Scene XYZ to linear RGB of the display, white to white, by CAT16's responses or by cones.
-    space : ColourSpace
-        The display's.
-    """
-
-    adapted_from_XYZ: Array
-    space: ColourSpace
+    adapted_from_XYZ: Array  # to the display's linear RGB, white to white, by CAT16 or by cones
+    space: ColourSpace  # the display's
 
     @classmethod
     def between(cls, scene_white_XYZ: ArrayLike, space: ColourSpace) -> LutSpace:
@@ -120,26 +112,16 @@ class LutSpace:
 class Lut3D:
     """A view transform as a LUT, interpolated linearly between the nodes.
 
-    Cells with an interpolation error above `TOLERANCE`, as at a model's cliffs and poles, fall
-    back to the closed form if there is one; so do colours outside of the LUT. Without a closed
-    form, colours brighter than its top are scaled down to it at their chromaticity, and colours
-    below its first node clamped.
-
-    Parameters
-    ----------
-    space : LutSpace
-    codes : (NODES, NODES, NODES, 3) float32
-        The display's, not clipped; axes are blue, green, red and the channel.
-    valid : (NODES, NODES, NODES) float32
-        1 if the cell above a node is within the tolerance, else 0.
-    fallback : ViewTransform or None
-        The closed form.
+    Cells with an interpolation error above `TOLERANCE`, as at a model's cliffs and poles, fall back
+    to the closed form if there is one; so do colours outside of the LUT. Without a closed form,
+    colours brighter than its top are scaled down to it at their chromaticity, and colours below its
+    first node clamped.
     """
 
     space: LutSpace
-    codes: NDArray[np.float32]
-    valid: NDArray[np.float32]
-    fallback: ViewTransform | None
+    codes: NDArray[np.float32]  # the display's, not clipped; blue, green, red, channel
+    valid: NDArray[np.float32]  # 1 if the cell above a node is within the tolerance, else 0
+    fallback: ViewTransform | None  # the closed form
 
     @classmethod
     def of(
@@ -147,19 +129,9 @@ class Lut3D:
     ) -> Lut3D:
         """Bake a view transform.
 
-        Parameters
-        ----------
-        transform : ViewTransform
-        space : LutSpace
-        cancel : callable, optional
-            Called before each eighth if there is no closed form: the whole takes up to seconds.
-
-        Raises
-        ------
-        ViewingError
-            If the transform is not finite at a node.
-        LutCancelled
-            If ``cancel`` returns True.
+        Without a closed form, which takes seconds, ``cancel`` is called before each eighth:
+        LutCancelled if it returns True. Raises ViewingError if the transform is not finite at a
+        node.
         """
         if not isinstance(transform, ClosedTransform):
             slabs = []
@@ -229,15 +201,7 @@ def needs_host_lut(model: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LutKey:
-    """The inputs of a LUT.
-
-    Parameters
-    ----------
-    viewing : Viewing
-        Under the light, with gamut and mark at their defaults.
-    white_XYZ : tuple of float
-        The adopted white.
-    """
+    """The inputs of a LUT: viewing under a light, gamut and mark at their defaults, and white."""
 
     viewing: Viewing
     white_XYZ: tuple[float, ...]
@@ -252,15 +216,7 @@ class LutKey:
 
 
 class LutCache:
-    """The latest `MOST_LUTS` LUTs baked on the host, shared by threads and Relighters.
-
-    Examples
-    --------
-    >>> luts = LutCache()
-    >>> key = LutKey(Viewing(model="Nayatani95"), (95.05, 100.0, 108.88))
-    >>> key in luts, luts.texels(key).shape, key in luts
-    (False, (41, 41, 41, 4), True)
-    """
+    """The latest `MOST_LUTS` LUTs baked on the host, shared by threads and Relighters."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -274,18 +230,7 @@ class LutCache:
     def texels(self, key: LutKey, cancel: Callable[[], bool] | None = None) -> NDArray[np.float32]:
         """Return (NODES, NODES, NODES, 4): a LUT's codes, and 1; baked if it is not cached.
 
-        Parameters
-        ----------
-        key : LutKey
-        cancel : callable, optional
-            Called before each eighth of the work; if it returns True, nothing is cached.
-
-        Raises
-        ------
-        ViewingError
-            If the white is not a colour, or the model gives no colour at some node.
-        LutCancelled
-            If ``cancel`` returns True.
+        See `Lut3D.of` for ``cancel`` and errors; a cancelled LUT is not cached.
         """
         with self._lock:
             found = next((texels for own, texels in self._cached if own == key), None)

@@ -58,12 +58,11 @@ def measured_conditions(
     Parameters
     ----------
     Y : (H, W) array_like
-        Luminance factor of each pixel on the white's scale; below 0 counts as 0.
+        Luminance factors on the white's scale; below 0 counts as 0.
     white_XYZ : (3,) array_like
         The adopted white.
     fov_deg : float
-        The picture's height as an angle: `Camera.fov_deg`; for an orthographic camera, an assumed
-        angle.
+        The picture's height as an angle, as `Camera.fov_deg`.
     luminance_of_white : float
         Luminance of a perfect diffuser, cd/m²: E_v/π.
     at : (x, y), optional
@@ -73,22 +72,10 @@ def measured_conditions(
     surround : str or float or None
         As `surround_at`; None is the measured ratio L_A / luminance_of_white, 1 at most [1].
 
-    Returns
-    -------
-    ViewingConditions
-
     Raises
     ------
-    ShapeError
-        If Y is not (H, W).
-    ViewingError
-        If a number is out of range.
-
-    Examples
-    --------
-    >>> conditions = measured_conditions(np.full((64, 64), 18.0), (95, 100, 109), 40.0, 300.0)
-    >>> round(conditions.Y_b, 6), round(conditions.L_A, 6)
-    (18.0, 54.0)
+    ShapeError, ViewingError
+        If Y is not (H, W), or a number is out of range.
     """
     picture = _factors(Y)
     white = np.asarray(white_XYZ, dtype=np.float64)
@@ -128,32 +115,12 @@ def adapting_fields(
     *,
     outside: float | None = None,
 ) -> tuple[Array, Array]:
-    """Return background and adapting luminance of every pixel.
+    """Return Y_b, on Y's scale, and L_A, cd/m², of every pixel, (H, W) each.
 
     Averages over cones of 11° change slowly: they are worked out for a grid of lines of sight over
     cells of the picture, 48 along its longer side, and interpolated between. Cones and solid angles
     are those of the sphere, at edges too; cells above 2° (a picture of 90°) blur the rim.
-
-    Parameters
-    ----------
-    Y, fov_deg, luminance_of_white, outside
-        As `measured_conditions`.
-    Y_w : float
-        The white's Y.
-
-    Returns
-    -------
-    Y_b : (H, W) float64
-        On Y's scale.
-    L_A : (H, W) float64
-        cd/m².
-
-    Raises
-    ------
-    ShapeError
-        If Y is not (H, W).
-    ViewingError
-        If a number is out of range.
+    Parameters and errors are those of `measured_conditions`; ``Y_w`` is the white's Y.
     """
     picture = _factors(Y)
     _require_luminance(luminance_of_white)

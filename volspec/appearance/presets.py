@@ -185,24 +185,8 @@ PRESETS: Mapping[str, Preset] = MappingProxyType({preset.name: preset for preset
 
 
 def preset(name: str) -> Preset:
-    """Return viewing conditions by name.
+    """Return viewing conditions by name; raise ViewingError if there are none.
 
-    Parameters
-    ----------
-    name : str
-        One of `PRESETS`.
-
-    Returns
-    -------
-    Preset
-
-    Raises
-    ------
-    ViewingError
-        If there is none of that name; the nearest are given.
-
-    Examples
-    --------
     >>> preset("cinema").display().surround
     'dark'
     """

@@ -50,23 +50,11 @@ def D50_from_white(white_XYZ: Array) -> Array:
 
 
 def read_profile(path: str | Path) -> ColourSpace:
-    """Read the space of a display's matrix profile.
+    """Read the space of a display's matrix profile, ``.icc`` or ``.icm``, named after the file.
 
-    Parameters
-    ----------
-    path : path
-        A ``.icc`` or ``.icm`` file.
-
-    Returns
-    -------
-    ColourSpace
-        Named after the file. Sampled curves become the power, or sRGB's curve, that they sample.
-
-    Raises
-    ------
-    ViewingError
-        If it is no such file, no display's, has tables instead of a matrix, or curves of another
-        kind; the field names the file.
+    Sampled curves become the power, or sRGB's curve, that they sample. Raises ViewingError, with
+    the file as its field, if it is no such file, no display's, has tables instead of a matrix, or
+    curves of another kind.
     """
     field = f"colour space {str(path)!r}"
     try:

@@ -23,13 +23,7 @@ CLOSED = MappingProxyType({m.NAME: m.view_transform for m in (ciecam02, cam16, c
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelTransform:
-    """A model's inverse after its forward, colour by colour; shaders need it as a 3-D LUT.
-
-    Parameters
-    ----------
-    model : Model
-    scene, display : ViewingConditions
-    """
+    """A model's inverse after its forward, colour by colour; shaders need it as a 3-D LUT."""
 
     model: Model
     scene: ViewingConditions

@@ -90,18 +90,9 @@ class DisplayGamut:
 
     @classmethod
     def of(cls, conditions: CamConditions, space: ColourSpace) -> DisplayGamut:
-        """Work out the grey axis of a display.
+        """Work out the grey axis of a display, under conditions with Y = 100 for its white.
 
-        Parameters
-        ----------
-        conditions : CamConditions
-            CIECAM02's or CAM16's; Y = 100 for the display's white.
-        space : ColourSpace
-
-        Raises
-        ------
-        ViewingError
-            If a colour without chroma cannot be shown at any lightness.
+        Raises ViewingError if a colour without chroma cannot be shown at any lightness.
         """
         scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
         RGB_from_XYZ = space.RGB_from_XYZ
@@ -163,28 +154,8 @@ def reduce_chroma(
     """Lower chroma at constant lightness and hue until the display can show the colour.
 
     J is cut to the white's first; above the knee, J = 96.6 at sRGB's conditions, hue gives way to
-    the display's white (see the module).
-
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        Y = 100 for the display's white.
-    conditions : CamConditions
-        The display's viewing conditions.
-    space : ColourSpace
-
-    Returns
-    -------
-    XYZ : (..., 3) float64
-        Colours inside of the gamut are unchanged.
-    mapped : (...) bool
-
-    Raises
-    ------
-    ShapeError
-        If the last axis is not 3.
-    ViewingError
-        As `DisplayGamut.of`.
+    the display's white (see the module). Returns XYZ, unchanged inside of the gamut, and a mask of
+    the colours that were mapped; Y = 100 for the display's white. Errors as `DisplayGamut.of`.
     """
     given = triples("gamut.XYZ", XYZ)
     gamut = DisplayGamut.of(conditions, space)
@@ -214,21 +185,8 @@ def reduce_chroma_opponent(
         s  : the largest k / 2^steps, by halving, for which linear(R0 + s R1) lies within 0…1
         linear(R) = linear_from_response · sign(R) (|R| / (400 - |R|))^(1/0.42)
 
-    Parameters
-    ----------
-    achromatic, a, b : (...) array_like
-        x', a', b' as in `volspec.appearance.models.cam.CamTransform`.
-    gamut : DisplayGamut
-    steps : int
-        Halvings; the chroma left out is 2^-steps of the way at most.
-    slack : float
-        This far outside of 0…1 counts as inside; frames take `GAMUT_SLACK`.
-
-    Returns
-    -------
-    linear : (..., 3) float64
-        Linear RGB, within -slack to 1 + slack.
-    mapped : (...) bool
+    Colours ``slack`` outside of 0…1 count as inside; frames take `GAMUT_SLACK`. Returns linear RGB
+    (..., 3) within -slack to 1 + slack, and a mask of the colours that were mapped.
     """
     given = np.stack(np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (achromatic, a, b))))
     signals = np.where(given[0] > 0.0, given, 0.0)
@@ -251,33 +209,18 @@ def reduce_chroma_opponent(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Screen:
-    """The last stage of a frame: gamut mapping, hatching and encoding for one display.
-
-    Parameters
-    ----------
-    space : ColourSpace
-    RGB_from_XYZ : (3, 3)
-        The space's.
-    gamut : DisplayGamut, optional
-        The gamut to reduce chroma into; None clips.
-    mark : bool
-        Hatch the pixels with colours outside of the gamut.
-    """
+    """The last stage of a frame: gamut mapping, hatching and encoding for one display."""
 
     space: ColourSpace
     RGB_from_XYZ: Array
-    gamut: DisplayGamut | None
-    mark: bool
+    gamut: DisplayGamut | None  # to reduce chroma into; None clips
+    mark: bool  # hatch the pixels with colours outside of the gamut
 
     @classmethod
     def of(cls, display: Display, model: str = "CIECAM02") -> Screen:
         """Make the screen of a display; chroma is CAM16's if that is the model, else CIECAM02's.
 
-        Raises
-        ------
-        ViewingError
-            If chroma shall be reduced and the display shows no colour without any, as
-            `DisplayGamut.of`.
+        Errors as `DisplayGamut.of`, if chroma shall be reduced.
         """
         space = display.colours
         gamut = None
@@ -287,18 +230,9 @@ class Screen:
         return cls(space, space.RGB_from_XYZ, gamut, display.mark)
 
     def linear(self, XYZ: ArrayLike) -> tuple[Array, Mask]:
-        """Return linear RGB, with chroma reduced if so set, and a mask of colours out of gamut.
+        """Return linear RGB, not clipped, and a mask of the colours out of gamut.
 
-        Parameters
-        ----------
-        XYZ : (..., 3) array_like
-            Y = 100 for the display's white.
-
-        Returns
-        -------
-        linear : (..., 3) float64
-            Not clipped.
-        outside : (...) bool
+        Y = 100 for the display's white; chroma is reduced if so set.
         """
         given = triples("screen.XYZ", XYZ)
         linear = given @ self.RGB_from_XYZ.T
@@ -309,19 +243,9 @@ class Screen:
         return linear, np.asarray(outside)
 
     def codes(self, XYZ: ArrayLike, first_row: int = 0) -> Array:
-        """Return the code values of rows of a picture.
+        """Return the codes, 0 to 1, of rows of a picture (H, W, 3).
 
-        Parameters
-        ----------
-        XYZ : (H, W, 3) array_like
-            Y = 100 for the display's white.
-        first_row : int
-            Index in the picture of the first of these rows; the hatch depends on it.
-
-        Returns
-        -------
-        (H, W, 3) float64
-            0 to 1.
+        ``first_row`` is the index of the first of them in the picture; the hatch depends on it.
         """
         linear, outside = self.linear(XYZ)
         codes = self.space.encode(np.clip(linear, 0.0, 1.0))
@@ -329,16 +253,7 @@ class Screen:
 
 
 def hatch(codes: Array, outside: ArrayLike, first_row: int = 0) -> Array:
-    """Hatch pixels: diagonal bands over the pixel's own grey.
-
-    Parameters
-    ----------
-    codes : (H, W, 3) float64
-    outside : (H, W) bool
-        The pixels to hatch. All of them change, but greys between the bands.
-    first_row : int
-        As `Screen.codes`.
-    """
+    """Hatch the pixels of a mask (H, W): diagonal bands over the pixel's own grey."""
     height, width = codes.shape[:2]
     diagonal = (np.arange(height) + first_row)[:, None] + np.arange(width)
     band = diagonal % HATCH_PERIOD < HATCH_WIDTH
@@ -353,11 +268,5 @@ def _cached_screen(display: Display, model: str) -> Screen:
 
 
 def screen_for_viewing(viewing: Viewing) -> Screen:
-    """Return the screen of a viewing's display; the latest 16 are cached.
-
-    Raises
-    ------
-    ViewingError
-        As `Screen.of`.
-    """
+    """Return the screen of a viewing's display; the latest 16 are cached. Errors as `Screen.of`."""
     return _cached_screen(viewing.display, "CAM16" if viewing.model == "CAM16" else "CIECAM02")

@@ -47,13 +47,8 @@ _LEAST_AREA = 1e-6
 class Transfer:
     """A curve between linear light and code values, odd about 0, with 0 and 1 fixed.
 
-        V = slope · L                          L <= toe
-        V = gain · L^power - (gain - 1)        above
-
-    Raises
-    ------
-    ViewingError
-        If a number is out of range or the segments do not meet.
+    V = slope · L                          L <= toe
+    V = gain · L^power - (gain - 1)        above
     """
 
     power: Annotated[Positive, Field(examples=[0.4545])]
@@ -77,13 +72,7 @@ class Transfer:
 
     @classmethod
     def gamma(cls, exponent: float) -> Transfer:
-        """Make L = V^γ.
-
-        Raises
-        ------
-        ViewingError
-            If γ is not above 0.
-        """
+        """Make L = V^γ."""
         if not (is_finite(exponent) and exponent > 0.0):
             raise ViewingError.refused(
                 "Transfer.gamma", exponent, "expected a number above 0, as 2.2", "range"
@@ -104,17 +93,8 @@ class Transfer:
         """Make an ICC profile's parametricCurveType: L = (aV + b)^g + e for V >= d, else cV + f.
 
         Types 0 (g), 3 (g, a, b, c, d) and 4 with e = f = 0; types 1 and 2 lift black, which no
-        space does here.
-
-        Raises
-        ------
-        ViewingError
-            If g <= 0, white is not 1, black is not 0 or the segments do not meet.
-
-        Examples
-        --------
-        >>> round(float(Transfer.icc(2.4, 1 / 1.055, 0.055 / 1.055, 1 / 12.92, 0.04045).gain), 6)
-        1.055
+        space does here. Raises ViewingError if g <= 0, white is not 1, black is not 0 or the
+        segments do not meet.
         """
         curve = "Transfer.icc"
         for name, value in {"g": g, "a": a, "b": b, "c": c, "d": d, "e": e, "f": f}.items():
@@ -144,26 +124,14 @@ class Transfer:
         return cls(1.0 / g, 1.0 / a, slope, toe)
 
     def encode(self, linear: ArrayLike) -> Array:
-        """Return code values of linear light, (...) float64; odd about 0.
-
-        Raises
-        ------
-        ShapeError
-            If they are no numbers.
-        """
+        """Return code values of linear light, (...) float64; odd about 0."""
         signed = _numbers("linear", linear)
         x = np.abs(signed)
         curve = self.gain * x**self.power - (self.gain - 1.0)
         return np.copysign(np.where(x <= self.toe, self.slope * x, curve), signed)
 
     def decode(self, encoded: ArrayLike) -> Array:
-        """Return linear light of code values, (...) float64: the inverse of `encode`.
-
-        Raises
-        ------
-        ShapeError
-            If they are no numbers.
-        """
+        """Return linear light of code values, (...) float64: the inverse of `encode`."""
         signed = _numbers("encoded", encoded)
         x = np.abs(signed)
         curve = ((x + self.gain - 1.0) / self.gain) ** (1.0 / self.power)
@@ -202,13 +170,6 @@ Chromaticity = Annotated[Pair, AfterValidator(_chromaticity)]
 class ColourSpace:
     """An RGB space of a display.
 
-    Raises
-    ------
-    ViewingError
-        If the primaries span no colours or do not mix to the white.
-
-    Examples
-    --------
     >>> SPACES["Display P3"].XYZ_from_RGB.sum(axis=1).round(2).tolist()
     [95.05, 100.0, 108.91]
     """
@@ -328,37 +289,12 @@ sRGB_WHITE_XYZ = _frozen(SPACES["sRGB"].white_XYZ)
 
 
 def linear_sRGB_from_XYZ(XYZ: ArrayLike) -> Array:
-    """Return linear sRGB, 1 for the display's white; beyond 0 to 1 if the colour is out of gamut.
-
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        Y = 100 for the display's white.
-
-    Returns
-    -------
-    (..., 3) float64
-    """
+    """Return linear sRGB, 1 for the display's white; out of gamut beyond 0 to 1."""
     return np.asarray(XYZ, dtype=np.float64) @ sRGB_FROM_XYZ.T
 
 
 def encode_sRGB(linear: ArrayLike) -> Array:
-    """Clip linear sRGB to the gamut and encode it.
-
-    Parameters
-    ----------
-    linear : (..., 3) array_like
-
-    Returns
-    -------
-    (..., 3) float64
-        Codes, 0 to 1.
-
-    Examples
-    --------
-    >>> encode_sRGB([0.0, 0.5, 2.0]).round(4).tolist()
-    [0.0, 0.7354, 1.0]
-    """
+    """Clip linear sRGB to the gamut and encode it: codes, 0 to 1."""
     return sRGB_CURVE.encode(np.clip(np.asarray(linear, dtype=np.float64), 0.0, 1.0))
 
 
@@ -376,19 +312,10 @@ _VISIBLE = SpectralGrid(360.0, 830.0, 2.0)
 
 
 def spectrum_colours(wavelengths_nm: ArrayLike) -> Array:
-    """Return sRGB of monochromatic lights for axes and legends, desaturated and dimmed to fit.
+    """Return sRGB codes (N, 3) of monochromatic lights for axes, desaturated and dimmed to fit.
 
-    Parameters
-    ----------
-    wavelengths_nm : (N,) array_like
+    As bright as the eye sees equal power; black outside 360-830 nm.
 
-    Returns
-    -------
-    (N, 3) float64
-        Codes, 0 to 1; as bright as the eye sees equal power. Black outside 360-830 nm.
-
-    Examples
-    --------
     >>> spectrum_colours([540, 620]).argmax(axis=1).tolist()
     [1, 0]
     """

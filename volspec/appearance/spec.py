@@ -148,10 +148,7 @@ class Viewing:
     def adapting_luminance(self) -> float:
         """L_A of the scene, cd/m²: ``L_A``, or that of a background under ``illuminance_lux``.
 
-        Raises
-        ------
-        ViewingError
-            If it is to be measured.
+        ViewingError if it is to be measured.
         """
         if self.L_A is not None:
             return self.L_A
@@ -159,28 +156,14 @@ class Viewing:
         return self.illuminance_lux / math.pi * self.Y_b / 100.0
 
     def lit_by(self, lux: float | None) -> Viewing:
-        """Return the viewing under a light of E_v lux; itself if the light carries none.
-
-        Raises
-        ------
-        ViewingError
-            If it is not above 0.
-        """
+        """Return the viewing under a light of E_v lux; itself if the light carries none."""
         return self if lux is None else replace(self, illuminance_lux=lux)
 
     def conditions(self, white_XYZ: ArrayLike) -> ViewingConditions:
-        """Return the conditions of an eye in the scene, under a light of a given white.
+        """Return the conditions of an eye in the scene, under a light of a white (3,), Y = 100.
 
-        Parameters
-        ----------
-        white_XYZ : (3,) array_like
-            Of a perfect diffuser, Y = 100. A channel that a narrow light leaves without power
-            counts as 1e-6 of Y.
-
-        Raises
-        ------
-        ViewingError
-            If they are to be measured.
+        A channel that a narrow light leaves without power counts as 1e-6 of Y. ViewingError if the
+        conditions are to be measured.
         """
         self._require_given()
         X, Y, Z = np.maximum(white_XYZ, 1e-6 * np.asarray(white_XYZ)[1]).tolist()

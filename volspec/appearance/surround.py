@@ -201,16 +201,7 @@ class ViewingConditions:
 
     @classmethod
     def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:
-        """Conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w.
-
-        Parameters
-        ----------
-        white_XYZ : (X, Y, Z)
-        illuminance_lux : float
-            Above 0.
-        **others
-            As the constructor's, but L_A.
-        """
+        """Conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w."""
         if not (is_finite(illuminance_lux) and illuminance_lux > 0.0):
             remedy = f"give {expected(Illuminance)}"
             raise ViewingError.refused("illuminance_lux", illuminance_lux, remedy, "range")

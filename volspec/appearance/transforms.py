@@ -37,13 +37,7 @@ class ClosedTransform(ViewTransform, Protocol):
 
 
 def triples(name: str, values: ArrayLike) -> Array:
-    """Return values as float64 triples.
-
-    Raises
-    ------
-    ShapeError
-        If they are no numbers, or the last axis is not 3.
-    """
+    """Return values as float64 triples (..., 3); raise ShapeError if they are none."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -73,12 +67,7 @@ def _inverted(matrix: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearTransform:
-    """XYZ' = matrix · XYZ, the form of all adaptations of the von Kries kind.
-
-    Parameters
-    ----------
-    matrix : (3, 3)
-    """
+    """XYZ' = matrix · XYZ, the form of all adaptations of the von Kries kind."""
 
     matrix: Array
 
@@ -95,14 +84,9 @@ class LinearTransform:
 class CurveTransform:
     """A curve per response, between two matrices.
 
-        r   = response_from_XYZ · XYZ
-        r'  = (gain · (r + shift)^power + offset)^outer        powers with the sign of their base
-        XYZ' = XYZ_from_response · r'
-
-    Parameters
-    ----------
-    response_from_XYZ, XYZ_from_response : (3, 3)
-    gain, power, shift, offset, outer : (3,)
+    r   = response_from_XYZ · XYZ
+    r'  = (gain · (r + shift)^power + offset)^outer        powers with the sign of their base
+    XYZ' = XYZ_from_response · r'
     """
 
     response_from_XYZ: Array

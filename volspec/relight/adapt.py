@@ -33,12 +33,6 @@ def to_texture(frame: Pixels) -> pyvista.Texture:
     ------
     RelightError
         If it is no such picture.
-
-    Examples
-    --------
-    >>> texture = to_texture(np.zeros((48, 64, 3), np.uint8))
-    >>> texture.dimensions
-    (64, 48)
     """
     import pyvista
 

@@ -173,10 +173,8 @@ def error_map(
     ----------
     image : CoefficientImage
     light : Spectrum or LightRig
-    mode : str
-        Compared with ``"exact"``, the light matrix.
-    backdrop : float or Spectrum
-        As in `RelightSpec`; both pictures have it.
+    mode, backdrop
+        As `RelightSpec`.
     every : int
         Sample every n-th row and column only, for the figures without the map.
 

@@ -68,26 +68,9 @@ _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
 class GLEngine:
     """Draws frames of one coefficient image with OpenGL.
 
-    Parameters
-    ----------
-    coefficients : (H, W, L·M) float32
-        The channels of L light groups, premultiplied by alpha.
-    alpha : (H, W) float32
-        Opacity.
-    context : moderngl.Context, optional
-        A context that is current and stays its owner's; None makes a headless one.
-    lut3d : bool, optional
-        Draw view transforms by LUT, also those with a closed form; None if it is faster.
-    lut_cache : LutCache, optional
-        Cache of LUTs baked on the host; None makes one.
-    packed : PackedLayers, optional
-        Coefficients and alpha, packed beforehand.
-
-    Raises
-    ------
-    OpenGLError
-        If no context can be made, the image or its channels do not fit the device, or the driver
-        refuses the shader.
+    ``coefficients`` (H, W, L·M) hold the channels of L light groups, premultiplied by ``alpha`` (H,
+    W). For the other arguments see `Relighter`. Raises OpenGLError if no context can be made, the
+    image or its channels do not fit the device, or the driver refuses the shader.
     """
 
     def __init__(
@@ -243,12 +226,7 @@ class GLEngine:
     ) -> Pixels:
         """Return (H, W, 3) codes of the display: uint8, or float32 0 to 1 before rounding.
 
-        A ``grid`` of view transforms over the picture replaces the viewing's.
-
-        Raises
-        ------
-        ShapeError, ContextLost
-            As `draw`.
+        A ``grid`` of view transforms over the picture replaces the viewing's. Errors as `draw`.
         """
         with self._current():
             target = self._draw_frame(light, viewing, dtype, grid)
@@ -265,16 +243,10 @@ class GLEngine:
         grid: ViewTransformGrid | None = None,
         within: Box | None = None,
     ) -> moderngl.Framebuffer:
-        """Draw a frame, which stays on the device; in its context.
+        """Draw a frame, which stays on the device, in its context.
 
-        Pixels outside of a box do not change.
-
-        Raises
-        ------
-        ShapeError
-            If the light is for another number of channels.
-        ContextLost
-            If another library ended the context.
+        Pixels outside of a box do not change. Raises ShapeError if the light is for another number
+        of channels, ContextLost if another library ended the context.
         """
         with self._current():
             return self._draw_frame(light, viewing, dtype, grid, within)

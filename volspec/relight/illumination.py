@@ -46,10 +46,8 @@ class Illumination:
 
     Raises
     ------
-    ShapeError
-        If the arrays are not (3, L·M), (3,) and (3,).
-    ViewingError
-        If a number is not finite or beyond 1e20.
+    ShapeError, ViewingError
+        If the arrays are not (3, L·M), (3,) and (3,), or a number is not finite or beyond 1e20.
     """
 
     XYZ_from_channels: Array
@@ -136,7 +134,7 @@ class Illumination:
         return cls(gain * matrix, white, gain * backdrop, lux, viewing, gain)
 
     def scene_XYZ(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
-        """Return the colour of each pixel in the scene.
+        """Return XYZ (..., 3) of each pixel in the scene; 100 for a perfect diffuser at gain 1.
 
         Parameters
         ----------
@@ -144,11 +142,6 @@ class Illumination:
             Premultiplied by alpha.
         alpha : (...) array_like
             Opacity, 0 to 1.
-
-        Returns
-        -------
-        (..., 3) float64
-            XYZ, Y = 100 for a perfect diffuser at gain 1.
 
         Raises
         ------
@@ -168,15 +161,7 @@ class Illumination:
         return C @ self.XYZ_from_channels.T + (1.0 - opacity)[..., None] * self.backdrop_XYZ
 
     def luminance_factors(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
-        """Return Y of each pixel in the scene, 100 for a perfect diffuser at any gain.
-
-        Parameters
-        ----------
-        coefficients : (..., L·M) array_like
-            Premultiplied by alpha.
-        alpha : (...) array_like
-            Opacity, 0 to 1.
-        """
+        """Return Y of each pixel in the scene, 100 for a perfect diffuser at any gain."""
         covered = np.asarray(coefficients, dtype=np.float64) @ self.XYZ_from_channels[1]
         bare = (1.0 - np.asarray(alpha, dtype=np.float64)) * self.backdrop_XYZ[1]
         return np.asarray((covered + bare) / self.gain)

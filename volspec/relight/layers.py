@@ -36,15 +36,7 @@ _WORK_GROUP = (64, 1, 1)
 
 
 def coefficient_shape(image: CoefficientImage) -> Shape:
-    """Return (H, W, L·M), if an image's arrays, basis and groups fit together.
-
-    Raises
-    ------
-    RelightError
-        If it is no image.
-    ShapeError
-        If they do not.
-    """
+    """Return (H, W, L·M) of an image; ShapeError if its parts do not fit."""
     if not hasattr(image, "coefficients"):
         raise RelightError.refused(
             "Relighter.image",
@@ -65,13 +57,7 @@ def coefficient_shape(image: CoefficientImage) -> Shape:
 
 
 def require_fit(shape: Shape, groups: Sized, old: CoefficientImage) -> None:
-    """Refuse another shape or number of light groups than a Relighter was made for.
-
-    Raises
-    ------
-    ShapeError
-        If one differs.
-    """
+    """Raise ShapeError for another shape or number of groups than a Relighter was made for."""
     if shape != old.coefficients.shape:
         raise ShapeError(
             f"the image has shape {shape}, this Relighter was made for {old.coefficients.shape}",
@@ -126,35 +112,17 @@ def _zero_nan(values: Pixels32) -> Pixels32:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PackedLayers:
-    """An image's channels as texture layers: packed on one thread, uploaded on another.
-
-    Parameters
-    ----------
-    layers : (layers, H, W, 4) float32
-        As `pack_layers` makes them.
-    """
+    """An image's channels by `pack_layers`: packed on one thread, uploaded on another."""
 
     layers: Pixels32
 
     @classmethod
     def of(cls, image: CoefficientImage) -> Self:
-        """Pack an image: most of the work of its `Relighter.update`.
-
-        Raises
-        ------
-        ShapeError
-            If the image's arrays do not fit together.
-        """
+        """Pack an image: most of the work of its `Relighter.update`."""
         return cls(pack_layers(*float32_arrays(image)))
 
     def require(self, height: int, width: int, channels: int) -> None:
-        """Refuse an image of another shape.
-
-        Raises
-        ------
-        ShapeError
-            If the layers are not those of (H, W, L·M).
-        """
+        """Raise ShapeError if the layers are not those of an image (H, W, L·M)."""
         expected = layer_count(channels), height, width, 4
         if self.layers.shape != expected:
             raise ShapeError(
@@ -167,23 +135,11 @@ class PackedLayers:
 def band_packer(
     compute: Compute, shape: tuple[int, int, int], layers: Any, *, half: bool
 ) -> Callable[[Any, Any, slice], Any]:
-    """Make the function that packs a band of a picture (``kernels/layers.cl``).
+    """Make the function that packs a band of a picture (H, W, L·M) with ``kernels/layers.cl``.
 
-    Parameters
-    ----------
-    compute : Compute
-    shape : (H, W, L·M)
-        The whole picture's.
-    layers : cl.Buffer or cl.GLBuffer
-        (layers, H, W, 4) float32, written.
-    half : bool
-        Round channels as half-float pictures are.
-
-    Returns
-    -------
-    callable
-        Takes the band's coefficients (h, W, L·M) and alpha (h, W), both float32 on the device,
-        and its lines of the picture; queues a launch and returns its event.
+    It takes the band's coefficients (h, W, L·M) and alpha (h, W), both float32 on the device, and
+    its lines of the picture; queues a launch that writes ``layers`` and returns its event. ``half``
+    rounds channels as half-float pictures are.
     """
     height, width, channels = shape
     constants = {
@@ -209,29 +165,17 @@ class SharedLayers:
     """An OpenGL buffer for one picture's channels, which OpenCL writes.
 
     The picture on display does not change until `Relighter.update` takes the buffer.
-
-    Parameters
-    ----------
-    sharing : Sharing
-        The context that the caster's device shares.
-    buffer : moderngl.Buffer
-        (layers, H, W, 4) float32.
-    shape : (H, W, L·M)
-        The picture's.
     """
 
     sharing: Sharing
-    buffer: Any
-    shape: tuple[int, int, int]
+    buffer: Any  # moderngl.Buffer: (layers, H, W, 4) float32
+    shape: tuple[int, int, int]  # (H, W, L·M) of the picture
 
     @contextmanager
     def receiving(self, compute: Compute, half: bool) -> Iterator[Callable[[Any, Any, slice], Any]]:
         """Lend the buffer to a cast: the `band_packer` for its bands.
 
-        Raises
-        ------
-        OpenCLError
-            If the driver does not share the buffer, or the kernel does not build.
+        Raises OpenCLError if the driver does not share the buffer, or the kernel does not build.
         """
         with self.sharing.acquired(compute.queue, self.buffer) as layers:
             yield band_packer(compute, self.shape, layers, half=half)

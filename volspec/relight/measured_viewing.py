@@ -52,27 +52,11 @@ class ViewingMeter:
     def measure_viewing(
         self, image: CoefficientImage, light: Illumination
     ) -> tuple[Viewing, ViewTransformGrid | None]:
-        """Return the light's viewing with all conditions given, as the engines take it.
+        """Return the light's viewing with all conditions given, and transforms of pixels or None.
 
-        Parameters
-        ----------
-        image : CoefficientImage
-        light : Illumination
-            The light and its viewing.
-
-        Returns
-        -------
-        Viewing
-            Measured conditions as given ones; the viewing itself if nothing is to be measured, or
-            if conditions are measured for each pixel.
-        ViewTransformGrid or None
-            The transforms of each pixel.
-
-        Raises
-        ------
-        ViewingError
-            If neither viewing nor image knows the picture's field of view, or a white has no
-            lightness.
+        The viewing itself, if nothing is to be measured or conditions are measured for each pixel.
+        Raises ViewingError if neither viewing nor image knows the picture's field of view, or a
+        white has no lightness.
         """
         viewing = light.viewing
         if viewing.adapting == "given":

@@ -41,17 +41,10 @@ Uniforms = dict[str, NDArray[np.float32]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LutTransform:
-    """A view transform that is looked up in a LUT.
-
-    Parameters
-    ----------
-    space : LutSpace
-    closed : CurveTransform or CamTransform, optional
-        The closed form from adapted linear RGB on, to bake.
-    """
+    """A view transform that is looked up in a LUT."""
 
     space: LutSpace
-    closed: Closed | None
+    closed: Closed | None  # the closed form from adapted linear RGB on, to bake
 
     @classmethod
     def of(cls, transform: ViewTransform, space: LutSpace) -> LutTransform:
@@ -90,20 +83,10 @@ def shader_form(transform: DrawnTransform) -> dict[str, int]:
 
 
 def light_uniforms(light: Illumination, transform: DrawnTransform) -> Uniforms:
-    """Return the uniforms of a light by GLSL name.
+    """Return the uniforms of a light by GLSL name: flat float32 arrays, matrices column by column.
 
-    Parameters
-    ----------
-    light : Illumination
-        The light, for L·M channels.
-    transform : DrawnTransform
-        From the scene to the display. Its first matrix costs a pixel nothing: it is multiplied
-        in here.
-
-    Returns
-    -------
-    dict
-        Flat float32 arrays; matrices column by column.
+    The first matrix of the transform from the scene to the display costs a pixel nothing: it is
+    multiplied in here.
     """
     channels = light.XYZ_from_channels.shape[1]
     columns = np.zeros((layer_count(channels) * 4, 3))
@@ -119,13 +102,7 @@ def light_uniforms(light: Illumination, transform: DrawnTransform) -> Uniforms:
 
 
 def transform_uniforms(transform: DrawnTransform, target: Screen) -> Uniforms:
-    """Return the uniforms of a view transform: those of ``view_transform.*`` that its form has.
-
-    Returns
-    -------
-    dict
-        Flat float32 arrays by GLSL name; matrices column by column.
-    """
+    """Return the uniforms of a view transform: those of ``view_transform.*`` that its form has."""
     if isinstance(transform, LinearTransform | LutTransform):
         return {}
     form = shader_form(transform)
@@ -189,13 +166,8 @@ def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
 class Programs:
     """Programs by the constants compiled into them, each with the triangle that it draws.
 
-    Parameters
-    ----------
-    context : moderngl.Context
-    constants : {name: int}
-        Constants of all: LAYERS, IMAGE_HEIGHT and EVERY.
-    own : callable
-        Registers a resource for the engine to release, and returns it.
+    ``constants`` are those of all: LAYERS, IMAGE_HEIGHT and EVERY. ``own`` registers a resource for
+    the engine to release, and returns it.
     """
 
     def __init__(
@@ -205,21 +177,10 @@ class Programs:
         self._compiled: dict[tuple[Any, ...], tuple[Any, Any]] = {}
 
     def program(self, name: str, form: Mapping[str, int], target: Screen) -> tuple[Any, Any]:
-        """Return a program and its vertex array; compile it at first use.
+        """Return a fragment shader's program and its vertex array; compile it at first use.
 
-        Parameters
-        ----------
-        name : {"relight", "bake_lut3d", "check_lut3d"}
-            The fragment shader.
-        form : {name: int}
-            As `shader_form`.
-        target : Screen
-            Its space's matrix and curve are compiled in, and whether it reduces or marks.
-
-        Raises
-        ------
-        OpenGLError
-            If the driver refuses the shader.
+        ``form`` is as `shader_form`. The target's matrix and curve are compiled in, and whether it
+        reduces or marks. Raises OpenGLError if the driver refuses the shader.
         """
         ends = screen_form(target)
         key = (name, *form.values(), *ends.values(), target.space)
@@ -243,14 +204,7 @@ class Programs:
 
 
 class LookupTextures:
-    """One engine's textures of a LUT and of a transform grid, made at first use.
-
-    Parameters
-    ----------
-    context : moderngl.Context
-    own : callable
-        Registers a resource for the engine to release, and returns it.
-    """
+    """One engine's textures of a LUT and of a transform grid, made at first use; see `Programs`."""
 
     def __init__(self, context: Any, own: Callable[[Any], Any]) -> None:
         self._context, self._own = context, own
@@ -279,15 +233,9 @@ class LookupTextures:
         self._lut_texture().write(texels)
 
     def bake_lut(self, closed: Closed, target: Screen, draw: Callable[..., None]) -> None:
-        """Bake a view transform's LUT on the device.
+        """Bake the LUT of a transform from adapted linear RGB on the device.
 
-        Parameters
-        ----------
-        closed : CurveTransform or CamTransform
-            From adapted linear RGB on.
-        target : Screen
-        draw : callable
-            The engine's: (name of the fragment shader, form, uniforms, screen).
+        ``draw`` is the engine's: (name of the fragment shader, form, uniforms, screen).
         """
         nodes, centres, checked = self._bake_targets()
         form = shader_form(closed)

@@ -41,21 +41,8 @@ def display_XYZ(
 ) -> Array:
     """Return the display XYZ of equal appearance, by colour-science.
 
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        Y = 100 for a perfect diffuser.
-    white_XYZ : (3,) array_like
-        The scene's adopted white.
-    viewing : Viewing
-        Scene and display conditions.
-    adapted : (Y_b, L_A), optional
-        The conditions of each colour, (...) each, instead of the viewing's.
-
-    Returns
-    -------
-    (..., 3) float64
-        Y = 100 for the display's white. Colours without lightness are black.
+    Colours without lightness are black. ``adapted`` are Y_b and L_A of each colour instead of the
+    viewing's.
     """
     scene = np.asarray(XYZ, dtype=np.float64)
     if viewing.model == "none":
@@ -137,30 +124,10 @@ def encoded_frame(
     viewing: Viewing,
     adapted: tuple[Array, Array] | None = None,
 ) -> Array:
-    """Relight coefficients in float64.
+    """Relight coefficients (H, W, L·M) in float64: codes of the display, 0 to 1, before rounding.
 
-    Parameters
-    ----------
-    coefficients : (H, W, L·M) array_like
-        Premultiplied by alpha.
-    alpha : (H, W) array_like
-        Opacity.
-    light : Illumination
-    viewing : Viewing
-        Scene and display conditions.
-    adapted : (Y_b, L_A), optional
-        The conditions of each pixel, (H, W) each, instead of the viewing's.
-
-    Returns
-    -------
-    (H, W, 3) float64
-        Codes of the display, 0 to 1, before rounding; row 0 is the top.
-
-    Raises
-    ------
-    ViewingError
-        If the display reduces chroma or marks, which has no independent reference, or its space
-        is unknown to colour-science.
+    ``adapted`` as `display_XYZ`. Raises ViewingError if the display reduces chroma or marks, which
+    has no independent reference, or its space is unknown to colour-science.
     """
     display = viewing.display
     if display.gamut != "clip" or display.mark:
@@ -179,25 +146,7 @@ def encoded_frame(
 def relight_reference(
     image: CoefficientImage, light: Spectrum | LightRig, spec: RelightSpec | None = None
 ) -> Array:
-    """Return the reference picture of a coefficient image.
-
-    Parameters
-    ----------
-    image : CoefficientImage
-    light : Spectrum or LightRig
-    spec : RelightSpec, optional
-        Viewing, mode, backdrop, level.
-
-    Returns
-    -------
-    (H, W, 3) float64
-        Codes of the display, 0 to 1, before rounding (`volspec.appearance.spaces.to_uint8` rounds).
-
-    Raises
-    ------
-    ViewingError, SpectrumError
-        As `Illumination.of` and `encoded_frame`.
-    """
+    """Return the reference picture (H, W, 3) of a coefficient image: codes before rounding."""
     spec = spec or RelightSpec()
     lit = Illumination.of(image.basis, light, spec, image.groups)
     meter, viewing, adapted = ViewingMeter(), lit.viewing, None

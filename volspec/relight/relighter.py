@@ -47,13 +47,7 @@ BACKENDS = ("gl", "numpy")
 
 
 def pixel_type(dtype: Any) -> type:
-    """Return numpy.uint8 or numpy.float32, the types of frames.
-
-    Raises
-    ------
-    RelightError
-        If it is another.
-    """
+    """Return numpy.uint8 or numpy.float32, the types of frames; RelightError if it is another."""
     try:
         kind = np.dtype(dtype).type
     except TypeError:
@@ -219,10 +213,8 @@ class Relighter:
 
         Raises
         ------
-        RelightError
-            If it is closed.
-        ShapeError
-            If size, channel count or number of groups differ.
+        RelightError, ShapeError
+            If it is closed; or size, channel count or number of groups differ.
         """
         self._require_open()
         shape = coefficient_shape(image)
@@ -327,24 +319,9 @@ class Relighter:
     ) -> LutKey | None:
         """Return the key of a LUT that the next frame would wait for, as the host must bake it.
 
-        Hunt and Nayatani 95 have such LUTs, one for each light and viewing.
-
-        Parameters
-        ----------
-        light, spec
-            As `frame`.
-
-        Returns
-        -------
-        LutKey or None
-            For `LutCache.texels` of the ``lut_cache`` given to the Relighter, on any thread.
-
-        Raises
-        ------
-        RelightError
-            If it is closed.
-        ViewingError, SpectrumError
-            As `frame`.
+        Hunt and Nayatani 95 have such LUTs, one for each light and viewing. The key is for
+        `LutCache.texels` of the ``lut_cache`` given to the Relighter, on any thread. Arguments and
+        errors as `frame`.
         """
         self._require_open()
         settings = RelightSpec.of(spec)
@@ -360,45 +337,14 @@ class Relighter:
         backdrop: float | Spectrum = 0.2,
         every: int = 1,
     ) -> ErrorMap:
-        """Return CIEDE2000 from the picture of the exact light matrix, pixel by pixel.
-
-        Parameters
-        ----------
-        light : Spectrum or LightRig
-        mode, backdrop
-            As `RelightSpec`.
-        every : int
-            Sample every n-th row and column only: fast, for the figures without the map.
-
-        Returns
-        -------
-        ErrorMap
-            CIEDE2000 of every pixel; ``.image()`` draws it with a scale.
-
-        Raises
-        ------
-        RelightError
-            If it is closed.
-        ViewingError, SpectrumError
-            As `frame`.
-        """
+        """Return CIEDE2000 from the picture of the exact light matrix, as `error_map`."""
         self._require_open()
         return error_map(self._image, light, mode, backdrop, every)
 
     def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
         """Give materials other reflectances without a new cast; the next frame shows them.
 
-        Parameters
-        ----------
-        reflectances : {name: Spectrum}
-            The materials that change.
-
-        Raises
-        ------
-        RelightError
-            If it is closed.
-        ImageError, BasisError
-            As `CoefficientImage.with_reflectances`.
+        Errors as `CoefficientImage.with_reflectances`; RelightError if it is closed.
         """
         self._require_open()
         self._image = self._image.with_reflectances(reflectances)

@@ -92,13 +92,7 @@ class LightRig:
 
     @classmethod
     def of(cls, light: Spectrum | LightRig) -> LightRig:
-        """Return a light as a rig; a rig as it is.
-
-        Raises
-        ------
-        ViewingError
-            If it is neither.
-        """
+        """Return a light as a rig; a rig as it is."""
         if isinstance(light, LightRig):
             return light
         if isinstance(light, Spectrum):
@@ -126,8 +120,7 @@ class LightRig:
         Raises
         ------
         ViewingError
-            If a light shines from a group that the image does not have, or all lights from groups
-            that gave it no light.
+            If a light's group is not the image's, or none of the lights' groups lit the cast.
         """
         for j, group in enumerate(self.groups):
             if group and group not in shares:
@@ -193,13 +186,6 @@ def _no_light(field: str, given: object) -> ViewingError:
 def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
     """Mix several rigs into one, each times its weight; lux count if all that shine have them.
 
-    Raises
-    ------
-    ViewingError
-        If nothing shines.
-
-    Examples
-    --------
     >>> from volspec.spectra import light
     >>> day, lamp = LightRig((light("D65"),)), LightRig((light("A"),), (0.5,))
     >>> mixed_rig([day, lamp, day], [0.25, 1.0, 0.0]).weights
@@ -254,13 +240,7 @@ class RelightSpec:
 
     @classmethod
     def of(cls, spec: RelightSpec | Viewing | None) -> RelightSpec:
-        """Return settings as a spec; with a `Viewing` alone the others are as by default.
-
-        Raises
-        ------
-        ViewingError
-            If it is neither.
-        """
+        """Return settings as a spec; with a `Viewing` alone the others are as by default."""
         if spec is None:
             return cls()
         if isinstance(spec, RelightSpec):
@@ -272,21 +252,7 @@ class RelightSpec:
         )
 
     def for_lights(self, lights: Iterable[Spectrum | LightRig]) -> RelightSpec:
-        """Return the settings for lights shown in turn: relative if one of them carries no lux.
-
-        Raises
-        ------
-        ViewingError
-            If something else is among them.
-
-        Examples
-        --------
-        >>> flat = Spectrum([390, 710], [1, 1])
-        >>> bright = LightRig((flat,), illuminance_lux=(500,))
-        >>> spec = RelightSpec(level="absolute")
-        >>> spec.for_lights([bright]).level, spec.for_lights([bright, flat]).level
-        ('absolute', 'relative')
-        """
+        """Return the settings for lights shown in turn: relative if one of them carries no lux."""
         if all(LightRig.of(light).illuminance_lux is not None for light in lights):
             return self
         return replace(self, level="relative")

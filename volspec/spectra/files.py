@@ -124,20 +124,10 @@ def split_address(text: Address) -> tuple[str, str] | None:
 def named_in_palette(
     address: tuple[str, str], role: str, folder: Address
 ) -> tuple[str, str] | None:
-    """Return the name that a palette's address refers to, unless the palette has its values.
+    """Return the name that a palette's address refers to, as ``D65``, and a file's base.
 
-    Parameters
-    ----------
-    address : (FILE, selector)
-        See `split_address`.
-    role : "light" or "reflectance"
-    folder : path
-        Base of the file's relative name.
-
-    Returns
-    -------
-    (name, folder) or None
-        Such as ``D65``, and the base of a file in it. None for values, or no palette.
+    ``folder`` is the base of the address' relative name. None if the palette has values of its own,
+    or the file is no palette.
     """
     path = Path(path_text(folder), address[0])
     if path.suffix.lower() != PALETTE:

@@ -114,8 +114,7 @@ class SpectralGrid:
         Raises
         ------
         SpectrumError
-            If the shapes differ, the wavelengths do not increase, or a band's centre is
-            not covered; the message names the missing range.
+            If shapes differ, wavelengths do not increase, or a band's centre is not covered.
 
         Examples
         --------

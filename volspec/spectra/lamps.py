@@ -61,18 +61,7 @@ LAMPS: Mapping[str, Lamp] = MappingProxyType({row.name: row for row in _TABLE})
 
 
 def lamp(name: str) -> Lamp:
-    """Return a lamp by name, with or without ``lamp:``, in any case.
-
-    Raises
-    ------
-    SpectrumError
-        If the name is unknown; the nearest are listed.
-
-    Examples
-    --------
-    >>> lamp("lamp:studio-3200").efficacy_lm_per_W
-    25.0
-    """
+    """Return a lamp by name, with or without ``lamp:``, in any case."""
     bare = str(name).strip().casefold().removeprefix(f"{PREFIX}:").strip()
     if bare in LAMPS:
         return LAMPS[bare]
@@ -84,15 +73,7 @@ def lamp(name: str) -> Lamp:
 def lamp_for_light(light: str) -> Lamp:
     """Return the lamp that a light's text names, whose illuminance follows from its watts.
 
-    Raises
-    ------
-    SpectrumError
-        If it is a mix, or a light of another kind.
-
-    Examples
-    --------
-    >>> lamp_for_light("lamp:halogen-3000").efficacy_lm_per_W
-    21.0
+    Raises SpectrumError if it is a mix, or a light of another kind.
     """
     prefix, _, name = str(light).strip().casefold().partition(":")
     if prefix == PREFIX and name.strip() in LAMPS:
@@ -105,18 +86,9 @@ def lamp_for_light(light: str) -> Lamp:
 
 
 def flux_lm(of: str | Lamp, power_W: float) -> float:
-    """Return the luminous flux of a lamp, lm: power times efficacy.
+    """Return the luminous flux of a lamp, lm: electrical power times efficacy.
 
-    Parameters
-    ----------
-    of : str or Lamp
-    power_W : float
-        Electrical power.
-
-    Raises
-    ------
-    SpectrumError
-        If the lamp is unknown or table 4 has no efficacy for it, or the power is not above 0.
+    Raises SpectrumError if the lamp is unknown or table 4 has no efficacy for it.
     """
     source = of if isinstance(of, Lamp) else lamp(of)
     _require_above_0("power_W", power_W)
@@ -146,14 +118,10 @@ def lamp_illuminance_lux(
     beam_deg : float, optional
         Full angle of the cone that receives all flux evenly; None is all around.
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     SpectrumError
-        See `flux_lm`; or if the distance is not above 0 or the angle not within 0…360.
+        As `flux_lm`; or if the distance is not above 0 or the angle not within 0…360.
 
     Examples
     --------
@@ -186,18 +154,7 @@ def lumens_per_watt(radiation: Spectrum) -> float:
 
 
 def monochromatic_lm(power_W: float, wavelength_nm: float) -> float:
-    """Return the lumens of light of one wavelength: 683 V(λ) P [1, eq. 2].
-
-    Raises
-    ------
-    SpectrumError
-        If the wavelength is outside of 360-830 nm.
-
-    Examples
-    --------
-    >>> round(monochromatic_lm(1.0, 555.0), 1)
-    683.0
-    """
+    """Return the lumens of light of one wavelength, 360-830 nm: 683 V(λ) P [1, eq. 2]."""
     if not 360.0 <= wavelength_nm <= 830.0:
         raise SpectrumError.refused("wavelength_nm", wavelength_nm, "expected within 360-830 nm")
     return LUMINOUS_EFFICACY * luminosity(wavelength_nm) * power_W
@@ -210,26 +167,10 @@ def luminosity(wavelength_nm: float) -> float:
 
 
 def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = None) -> Spectrum:
-    """Scale a light to the spectral irradiance of an illuminance.
+    """Scale a light to the spectral irradiance, W / (m² nm), of an illuminance, lux.
 
-    Parameters
-    ----------
-    light : Spectrum
-        Relative power.
-    illuminance : float
-        E_v, lux.
-    grid : SpectralGrid, optional
-        Default: the light's own.
-
-    Returns
-    -------
-    Spectrum
-        W / (m² nm); `volspec.spectra.photometry.illuminance_lux` of it is E_v.
-
-    Raises
-    ------
-    SpectrumError
-        If the light has no luminous energy or the illuminance is not above 0.
+    On ``grid``, by default the light's own. Raises SpectrumError if the light has no luminous
+    energy or the illuminance is not above 0.
     """
     _require_above_0("illuminance", illuminance)
     shape = light if grid is None else light.on(grid)

@@ -122,20 +122,10 @@ class Temperature(NamedTuple):
 
 
 def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
-    """Return correlated colour temperature and Duv of a light [1].
+    """Return correlated colour temperature and Duv of a light's white XYZ, on any scale [1].
 
-    Parameters
-    ----------
-    white_XYZ : (3,) array_like
-        On any scale.
+    None if the light is too far from Planck's locus, or outside 1000 K to 100 000 K.
 
-    Returns
-    -------
-    Temperature or None
-        None if the light is too far from Planck's locus, or outside 1000 K to 100 000 K.
-
-    Examples
-    --------
     >>> kelvin, Duv = correlated_temperature([95.047, 100, 108.883])
     >>> round(kelvin), round(Duv, 4)
     (6503, 0.0032)

@@ -137,10 +137,7 @@ class SpectralImage:
     def on(self, grid: SpectralGrid) -> SpectralImage:
         """Return every pixel's band means on a grid; see `SpectralGrid.band_means`.
 
-        Raises
-        ------
-        SpectrumError
-            If the wavelengths do not cover the grid; nothing is extrapolated.
+        Nothing is extrapolated: SpectrumError if the wavelengths do not cover the grid.
         """
         require_grid(grid)
         # Linear in the samples: the band means of unit samples are the (N, L) matrix.
@@ -149,17 +146,12 @@ class SpectralImage:
         return SpectralImage(values, grid.wavelengths_nm, self.kind, self.notes)
 
     def mean(self, box: Sequence[int] | None = None) -> Spectrum:
-        """Return the mean spectrum of the image or of a box of pixels.
+        """Return the mean spectrum of the image or of a box of pixels, with the image's notes.
 
         Parameters
         ----------
         box : (x0, y0, x1, y1), optional
             Pixels counted from the upper left of the image; x1 and y1 are excluded.
-
-        Returns
-        -------
-        Spectrum
-            Its notes are the image's, and its kind as ``spectral quantity``.
 
         Raises
         ------
@@ -183,13 +175,7 @@ class SpectralImage:
         return Spectrum(self.wavelengths_nm, mean, notes=notes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an OpenEXR file of float channels [1], whole or not at all.
-
-        Raises
-        ------
-        SpectrumError
-            If the name does not end in ``.exr`` or the file cannot be written.
-        """
+        """Write an OpenEXR file (``.exr``) of float channels [1], whole or not at all."""
         name = path_text(path)
         if Path(name).suffix.lower() != ".exr":
             raise SpectrumError(
@@ -217,8 +203,7 @@ class SpectralImage:
         Raises
         ------
         SpectrumError
-            If the kind is unknown, or the file is missing, unreadable, damaged, or has no
-            spectral channels (of that kind).
+            If the file cannot be read, or has no spectral channels (of that kind).
         """
         name = path_text(path)
         if kind is not None:

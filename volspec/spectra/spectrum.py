@@ -99,13 +99,7 @@ class Spectrum:
 
     @property
     def grid(self) -> SpectralGrid:
-        """Grid of the samples.
-
-        Raises
-        ------
-        SpectrumError
-            If they are not equidistant.
-        """
+        """Grid of the samples; SpectrumError if they are not equidistant."""
         steps = np.diff(self.wavelengths_nm)
         if np.ptp(steps) > 1e-6:
             raise SpectrumError(
@@ -252,27 +246,11 @@ def real_array(values: Any, what: str) -> NDArray[np.float64]:
 def light_power(
     light: Spectrum | ArrayLike, grid: SpectralGrid, label: str = ""
 ) -> NDArray[np.float64]:
-    """Return the power of one light on a grid, checked to be visible and not negative.
+    """Return the power (N,) of one light on a grid, checked to be visible and not negative.
 
-    Parameters
-    ----------
-    light : Spectrum or (N,) array
-        Relative or absolute spectral power.
-    grid : SpectralGrid
-        N bands within 360-830 nm.
-    label : str, optional
-        Name for messages; the light's own by default.
-
-    Returns
-    -------
-    (N,) float64
-        At least 0: values below by at most a millionth of the peak become 0.
-
-    Raises
-    ------
-    SpectrumError
-        If it is more than one light, does not cover the grid, has negative power or no
-        luminous energy.
+    At least 0: values below by at most a millionth of the peak become 0. ``label`` is its name for
+    messages, the light's own by default. Raises SpectrumError if it is more than one light, does
+    not cover the grid, has negative power or no luminous energy.
     """
     E = stack(light, grid)
     own = f"light {light.name!r}" if isinstance(light, Spectrum) and light.name else "light"
@@ -301,35 +279,11 @@ def light_power(
 def reflectance_values(
     spectra: Spectrum | Sequence[Spectrum] | ArrayLike, grid: SpectralGrid, label: str
 ) -> NDArray[np.float64]:
-    """Return reflectances on a grid, checked to be 0 to 1 (2 with a warning).
+    """Return reflectances (..., N) on a grid, checked to be 0 to 1 (2 with a VolspecWarning).
 
-    Parameters
-    ----------
-    spectra : Spectrum, list of Spectrum, or (..., N) array
-    grid : SpectralGrid
-        N bands.
-    label : str
-        Name for messages.
-
-    Returns
-    -------
-    (N,) or (..., N) float64
-        At least 0: values below by at most a millionth of the peak become 0.
-
-    Raises
-    ------
-    SpectrumError
-        If a spectrum does not cover the grid, is negative, or above 2: a percentage or a light.
-
-    Warns
-    -----
-    VolspecWarning
-        If one is above 1, which only fluorescence makes.
-
-    Examples
-    --------
-    >>> reflectance_values([[0.5, -1e-9]], SpectralGrid(500, 600, 100), "paint").tolist()
-    [[0.5, 0.0]]
+    At least 0: values below by at most a millionth of the peak become 0. ``label`` is their name
+    for messages. Raises SpectrumError if a spectrum does not cover the grid, is negative, or above
+    2: a percentage or a light. Above 1 only fluorescence is.
     """
     try:
         S = stack(spectra, grid)

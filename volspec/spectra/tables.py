@@ -25,39 +25,18 @@ _SEPARATORS = (",", ";", "\t", None)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextTable:
-    """The numbers of a text table: wavelengths, K columns of values, notes.
-
-    Parameters
-    ----------
-    path : str
-    wavelengths_nm : (L,) array
-        nm, as written.
-    columns : (L, K) array
-    names : K strings
-        Names in the header; ``"1"``, ``"2"``, … without one.
-    lines : L numbers
-        Line of each row in the file, from 1.
-    notes : {str: str}
-    decimal_commas : bool
-        True if the commas between columns may be decimal marks.
-    """
+    """The numbers of a text table: wavelengths, K columns of values, notes."""
 
     path: str
     wavelengths_nm: NDArray[np.float64]
-    columns: NDArray[np.float64]
-    names: tuple[str, ...]
-    lines: tuple[int, ...]
+    columns: NDArray[np.float64]  # (L, K)
+    names: tuple[str, ...]  # in the header; "1", "2", … without one
+    lines: tuple[int, ...]  # line of each row in the file, from 1
     notes: dict[str, str] = field(default_factory=dict)
-    decimal_commas: bool = False
+    decimal_commas: bool = False  # the commas between columns may be decimal marks
 
     def spectrum(self, column: str = "") -> Spectrum:
-        """Return one column by its name (any case) or number from 1; "" for the only one.
-
-        Raises
-        ------
-        SpectrumError
-            If the column is unknown or left open, or its values make no spectrum.
-        """
+        """Return one column by its name (any case) or number from 1; "" for the only one."""
         k = self._index(column)
         values = self.columns[:, k]
         for array, name in ((self.wavelengths_nm, "wavelength"), (values, "value")):
@@ -246,21 +225,8 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
 
     Raises
     ------
-    SpectrumError
-        If the name does not end in ``.csv``.
-    InputError
-        If the folder cannot be written to.
-
-    Examples
-    --------
-    >>> from tempfile import TemporaryDirectory
-    >>> from volspec.spectra import read_spectrum
-    >>> with TemporaryDirectory() as folder:
-    ...     paint = Spectrum([400, 700], [0.2, 0.4], notes={"maker": "me"})
-    ...     write_spectrum(paint, f"{folder}/a.csv")
-    ...     back = read_spectrum(f"{folder}/a.csv")
-    >>> back.values.tolist(), back.notes["maker"]
-    ([0.2, 0.4], 'me')
+    SpectrumError, InputError
+        If the name does not end in ``.csv``; or the folder cannot be written to.
     """
     name = path_text(path)
     if Path(name).suffix.lower() != ".csv":

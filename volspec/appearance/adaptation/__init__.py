@@ -70,13 +70,6 @@ def adaptation(name: str) -> Adaptation:
     ------
     ViewingError
         If the name is unknown.
-
-    Examples
-    --------
-    >>> adaptation("CAT2")
-    Traceback (most recent call last):
-    ...
-    volspec.errors.ViewingError: adaptation is 'CAT2'; did you mean 'CAT02'...
     """
     if not (isinstance(name, str) and name in ADAPTATIONS):
         raise ViewingError.refused(
@@ -147,16 +140,8 @@ def outside(XYZ: ArrayLike, transform: ViewTransform) -> NDArray[np.bool_]:
 
     Raises
     ------
-    ShapeError
-        If they are no numbers, or the last axis is not 3.
-    ViewingError
-        If ``transform`` is none.
-
-    Examples
-    --------
-    >>> sun, sky = ViewingConditions((100, 100, 60)), ViewingConditions((92, 100, 140))
-    >>> outside([[20, 20, 20], [90, 5, 0]], adaptation("Nayatani")(sun, sky)).tolist()
-    [False, True]
+    ShapeError, ViewingError
+        If they are no numbers, the last axis is not 3, or ``transform`` is none.
     """
     if not isinstance(transform, ViewTransform):
         raise ViewingError.refused(

@@ -81,13 +81,7 @@ class Model(Protocol):
 
 
 def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return J, C and h as float64 of one shape.
-
-    Raises
-    ------
-    ShapeError
-        If they are no numbers, or do not broadcast together.
-    """
+    """Return J, C and h as float64 of one shape; raise ShapeError if that cannot be."""
     try:
         values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
     except (TypeError, ValueError):
@@ -106,13 +100,7 @@ def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Arra
 
 
 def opponents(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
-    """Return J, C cos h and C sin h, (..., 3), which have no seam; chroma below 0 counts as 0.
-
-    Raises
-    ------
-    ShapeError
-        If J, C and h do not broadcast together.
-    """
+    """Return J, C cos h and C sin h, (..., 3), which have no seam; chroma below 0 counts as 0."""
     J, C, h = broadcast(name, J, C, h)
     C, angle = np.maximum(C, 0.0), np.radians(h)
     return np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1)
@@ -121,22 +109,7 @@ def opponents(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
 def only_defined(
     XYZ: Array, J: ArrayLike, C: ArrayLike, h: ArrayLike, forward: Callable[[Array], Appearance]
 ) -> Array:
-    """Limit an inverse to the domain of its forward.
-
-    Parameters
-    ----------
-    XYZ : (..., 3) float64
-        The inverse's result.
-    J, C, h : (...) array_like
-        Its arguments; chroma below 0 counts as 0.
-    forward : callable
-        The model's, of XYZ alone.
-
-    Returns
-    -------
-    (..., 3) float64
-        XYZ where forward is `defined` and returns to J, C and h, NaN elsewhere.
-    """
+    """Return an inverse's XYZ if its forward is `defined` and returns to J, C and h, else NaN."""
     with np.errstate(all="ignore"):
         target, look = opponents("inverse", J, C, h), forward(XYZ)
         off = np.abs(opponents("inverse", look.J, look.C, look.h) - target).max(axis=-1)
@@ -145,25 +118,13 @@ def only_defined(
 
 
 def cones_of_white(name: str, conditions: ViewingConditions) -> Array:
-    """Return the (3,) Hunt-Pointer-Estévez responses of the adopted white (eq. 11).
-
-    Raises
-    ------
-    ViewingError
-        If one is not above 0, which no real light's is; or these are no `ViewingConditions`.
-    """
+    """Return the (3,) Hunt-Pointer-Estévez responses of the adopted white (eq. 11)."""
     require_conditions(f"{name}.conditions", conditions)
     return require_real_white(name, conditions, k.HPE_FROM_XYZ @ np.asarray(conditions.white_XYZ))
 
 
 def require_real_white(name: str, conditions: ViewingConditions, cones: Array) -> Array:
-    """Return a white's cone responses, all above 0.
-
-    Raises
-    ------
-    ViewingError
-        If one is not.
-    """
+    """Return a white's cone responses; raise ViewingError unless all are above 0."""
     if not np.all(cones > 0.0):
         raise ViewingError(
             f"the white XYZ = {conditions.white_XYZ} has the cone responses "
@@ -184,19 +145,9 @@ def degree_of_discounting(conditions: ViewingConditions) -> float:
 
 
 def cone_adaptation(white_cones: Array, luminance: float, D: float) -> Array:
-    """Return how far the cones follow a coloured white (eq. 18-23, 73-81).
+    """Return (3,) how far the cones follow a coloured white (eq. 18-23, 73-81); all 1 at D = 1.
 
-    Parameters
-    ----------
-    white_cones : (3,) float64
-    luminance : float
-        Luminance of the adapting field, cd/m².
-    D : float
-        1 sets all to 1: adaptation is complete.
-
-    Returns
-    -------
-    (3,) float64
+    ``luminance`` is that of the adapting field, cd/m².
     """
     fraction = 3.0 * white_cones / white_cones.sum()
     level = 1.0 + np.cbrt(luminance)

@@ -95,44 +95,22 @@ def eccentricity_scale(N_c: float, n: ArrayLike) -> Array:
 def compress(responses: Array) -> Array:
     """Return 400 f / (27.13 + f), f = |x|^0.42, with the sign of x (eq. 27-29 without noise).
 
-    The 0.1 of eq. 28 cancels in a and b and is exactly the 0.305 taken off in eq. 35, so it
-    is added only where it stays: in p2 and in the sum under t.
-
-    Parameters
-    ----------
-    responses : (..., 3) float64
-        F_L x / 100, x the Hunt-Pointer-Estévez responses.
-
-    Returns
-    -------
-    (..., 3) float64
-        Within (-400, 400).
+    x is F_L / 100 times the cone responses. The 0.1 of eq. 28 cancels in a and b and is exactly the
+    0.305 taken off in eq. 35, so it is added only where it stays: in p2 and in the sum under t.
     """
     f = np.abs(responses) ** k.RESPONSE_POWER
     return np.copysign(k.RESPONSE_POLE * f / (k.RESPONSE_HALF + f), responses)
 
 
 def expand(compressed: Array) -> Array:
-    """Invert `compress` but for 27.13^(1/0.42): (x / (400 - x))^(1/0.42) with the sign of x.
-
-    Parameters
-    ----------
-    compressed : (..., 3) float64
-        Cut short of the pole at 400.
-    """
+    """Invert `compress` but for 27.13^(1/0.42): (x / (400 - x))^(1/0.42), cut short of the pole."""
     x = np.minimum(np.abs(compressed), k.RESPONSE_LIMIT)
     return np.copysign((x / (k.RESPONSE_POLE - x)) ** (1.0 / k.RESPONSE_POWER), compressed)
 
 
 @dataclass(frozen=True, slots=True)
 class CamConditions:
-    """Viewing-condition scalars of CIECAM02 or CAM16.
-
-    Raises
-    ------
-    ViewingError
-        If the white has no lightness in the model.
-    """
+    """Scalars of CIECAM02 or CAM16; ViewingError if the white has no lightness."""
 
     model: str
     """``"CIECAM02"`` or ``"CAM16"``: selects the responses to adapt and to compress."""
@@ -179,31 +157,10 @@ class CamConditions:
         D: float | None = None,
         model: str = "CIECAM02",
     ) -> CamConditions:
-        """Compute the scalars (eq. 18-26).
+        """Compute the scalars (eq. 18-26); a ``D`` of None is eq. 24.
 
         At an L_A or Y_b of 0 they are those of 1e-6 cd/m² and of a background of 1e-4 Y_w; above
         1e9 cd/m² those of 1e9.
-
-        Parameters
-        ----------
-        white_XYZ : (3,) array_like
-            Adopted white.
-        L_A : float
-            cd/m².
-        Y_b : float
-            Background, in the units of the white's Y.
-        surround : Surround
-            F, c, N_c.
-        D : float, optional
-            Degree of adaptation; None is eq. 24.
-        model : {"CIECAM02", "CAM16"}
-
-        Raises
-        ------
-        ShapeError
-            If the white is not three numbers.
-        ViewingError
-            If the white is not finite or its Y is not positive.
         """
         field = "viewing conditions.white_XYZ"
         white = triples(field, white_XYZ)
@@ -316,13 +273,7 @@ class CamTransform:
 
     @classmethod
     def between(cls, scene: CamConditions, display: CamConditions) -> CamTransform:
-        """Make the transform from ``scene`` to ``display``.
-
-        Raises
-        ------
-        ViewingError
-            If the display's adaptation gains cannot be inverted.
-        """
+        """Make the transform; raise ViewingError if the display's gains cannot be inverted."""
         try:
             inverse = np.linalg.inv(display.response_from_XYZ())
         except np.linalg.LinAlgError as error:
@@ -353,24 +304,9 @@ class CamTransform:
         return cls.between(scene, display)
 
     def apply(self, XYZ: ArrayLike) -> Array:
-        """Return the display XYZ of equal J, C and h: the model's inverse after its forward.
+        """Return the display XYZ (..., 3) of equal J, C and h: inverse after forward.
 
         The NumPy twin of ``shaders/include/cam.glsl``.
-
-        Parameters
-        ----------
-        XYZ : (..., 3) array_like
-            Scene XYZ, Y = 100 for a perfect diffuser.
-
-        Returns
-        -------
-        (..., 3) float64
-            XYZ, Y = 100 for the display's white.
-
-        Raises
-        ------
-        ShapeError
-            If the last axis is not 3.
         """
         XYZ = triples(f"{self.scene.model}.XYZ", XYZ)
         if self.response_from_XYZ.ndim == 2:
@@ -405,34 +341,10 @@ def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
 def forward(XYZ: ArrayLike, conditions: CamConditions) -> Appearance:
     """Return the appearance of XYZ (eq. 23-37).
 
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        On the scale of the conditions' white.
-    conditions : CamConditions
-
-    Returns
-    -------
-    Appearance
-        Each correlate of shape (...). Not `defined` where the published formulas take a power of
-        a negative number, which is NaN: the achromatic response A (eq. 35-36) or the sum under t
-        (eq. 34); where either has fallen to a hundredth of the other, and floors hold; and
-        where a response nears its pole. Black is defined. A negative R', G' or B' by itself is
-        not outside: eq. 29 takes its sign along.
-
-    Raises
-    ------
-    ShapeError
-        If the last axis is not 3.
-
-    Examples
-    --------
-    The pastel of Neumann et al., table 2, under a Planck radiator of 7500 K:
-
-    >>> look = forward([61.34, 59.94, 50.07],
-    ...                CamConditions.of([87.12, 90.0, 112.95], L_A=954.93, Y_b=18))
-    >>> round(float(look.J), 2), round(float(look.C), 2), round(float(look.h), 2)
-    (81.59, 21.56, 59.4)
+    Not `defined` where the published formulas take a power of a negative number, which is NaN: the
+    achromatic response A (eq. 35-36) or the sum under t (eq. 34); where either has fallen to a
+    hundredth of the other, and floors hold; and where a response nears its pole. Black is defined.
+    A negative R', G' or B' by itself is not outside: eq. 29 takes its sign along.
     """
     responses = compress(triples(f"{conditions.model}.XYZ", XYZ) @ conditions.response_from_XYZ().T)
     signal = responses @ k.ACHROMATIC
@@ -462,22 +374,8 @@ def forward(XYZ: ArrayLike, conditions: CamConditions) -> Appearance:
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions) -> Array:
     """Return the XYZ of a lightness, chroma and hue; exact where `forward` is defined.
 
-    Parameters
-    ----------
-    J, C, h : (...) array_like
-        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
-    conditions : CamConditions
-
-    Returns
-    -------
-    (..., 3) float64
-        XYZ on the scale of the conditions' white; NaN if no XYZ that is `defined` looks so: J
-        below 0, chroma at J = 0, and anything brighter or more chromatic than the responses reach.
-
-    Raises
-    ------
-    ShapeError
-        If the three do not broadcast together.
+    NaN if no XYZ that is `defined` looks so: J below 0, chroma at J = 0, and anything brighter or
+    more chromatic than the responses reach.
     """
     J, C, h = broadcast(conditions.model, J, C, h)
     lit = J > 0.0

@@ -49,53 +49,13 @@ def _white(white_XYZ: ArrayLike) -> Array:
 
 
 def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """Return L*, a*, b*.
-
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        On the white's scale; the linear toe takes negative predictions too.
-    white_XYZ : (3,) array_like
-        The adopted white.
-
-    Returns
-    -------
-    (..., 3) float64
-        L* 0 to 100, a*, b*.
-
-    Raises
-    ------
-    ViewingError
-        If the white is not three numbers above 0.
-
-    Examples
-    --------
-    >>> cielab([57.06, 43.06, 31.96], [95.05, 100, 108.88]).round(2).tolist()
-    [71.6, 44.22, 18.11]
-    """
+    """Return (..., 3) L*, a*, b* of XYZ; the linear toe takes negative predictions too."""
     ratio = triples("CIELAB.XYZ", XYZ) / _white(white_XYZ)
     return _f(ratio) @ _LAB_FROM_F.T + _LAB_AT_0
 
 
 def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
-    """Return CIEDE2000 of pairs of CIELAB colours [2]; 1 is just noticeable.
-
-    Parameters
-    ----------
-    Lab_1, Lab_2 : (..., 3) array_like
-        Shapes that broadcast.
-
-    Returns
-    -------
-    (...) float64
-
-    Examples
-    --------
-    The first pair of [2]:
-
-    >>> float(delta_E_2000([50, 2.6772, -79.7751], [50, 0, -82.7485]).round(4))
-    2.0425
-    """
+    """Return (...) CIEDE2000 of pairs (..., 3) of CIELAB colours [2]; 1 is just noticeable."""
     (L_1, a_1, b_1), (L_2, a_2, b_2) = (
         np.moveaxis(np.asarray(Lab, dtype=np.float64), -1, 0) for Lab in (Lab_1, Lab_2)
     )
@@ -142,15 +102,7 @@ def _mean_hue(h_1: Array, h_2: Array, grey: NDArray[np.bool_]) -> Array:
 def cielab_derivative(ratio: ArrayLike) -> Array:
     """Return the derivative of CIELAB by XYZ / white: the metric of small colour differences.
 
-    Parameters
-    ----------
-    ratio : (..., 3) array_like
-        XYZ over the white's.
-
-    Returns
-    -------
-    (..., 3, 3) float64
-        Row L*, a* or b*, column X, Y or Z.
+    (..., 3) ratios to (..., 3, 3): row L*, a* or b*, column X, Y or Z.
     """
     slope = _f_slope(np.asarray(ratio, dtype=np.float64))
     return _LAB_FROM_F * slope[..., None, :]
@@ -159,18 +111,8 @@ def cielab_derivative(ratio: ArrayLike) -> Array:
 def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:
     """Return the slope of the chord of two colours: Lab(one) - Lab(other) = chord · (one - other).
 
-    Parameters
-    ----------
-    one, other : (..., 3) array_like
-        XYZ over the white's; if they are equal the chord is the tangent.
+    (..., 3) ratios XYZ / white to (..., 3, 3); of equal ones the tangent.
 
-    Returns
-    -------
-    (..., 3, 3) float64
-        Row L*, a* or b*, column X, Y or Z.
-
-    Examples
-    --------
     >>> one, other = np.array([0.3, 0.4, 0.5]), np.array([0.001, 0.2, 0.6])
     >>> difference = cielab(one, [1, 1, 1]) - cielab(other, [1, 1, 1])
     >>> bool(np.allclose(cielab_chord(one, other) @ (one - other), difference))
@@ -185,24 +127,7 @@ def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:
 
 
 def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """Return XYZ on the white's scale: the inverse of `cielab`.
-
-    Parameters
-    ----------
-    Lab : (..., 3) array_like
-        L*, a*, b*.
-    white_XYZ : (3,) array_like
-        The adopted white.
-
-    Returns
-    -------
-    (..., 3) float64
-
-    Raises
-    ------
-    ViewingError
-        If the white is not three numbers above 0.
-    """
+    """Return (..., 3) XYZ on the white's scale: the inverse of `cielab`."""
     L, a, b = np.moveaxis(triples("CIELAB.Lab", Lab), -1, 0)
     y = (L + 16.0) / 116.0
     f = np.stack([y + a / 500.0, y, y - b / 200.0], axis=-1)
@@ -213,16 +138,7 @@ def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
 def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
     """Return L*, C* and h as J, C and h; of the conditions only the white matters.
 
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        On the white's scale. Below 0 the linear toe goes on; it is not `defined` there.
-    conditions : ViewingConditions
-
-    Returns
-    -------
-    Appearance
-        With H between the unique hues of daylight; no Q, M, s.
+    H lies between the unique hues of daylight. XYZ below 0 are on the linear toe, not `defined`.
     """
     require_conditions("CIELAB.conditions", conditions)
     XYZ = triples("CIELAB.XYZ", XYZ)
@@ -238,24 +154,7 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """Return the XYZ of an L*, C* and h, in closed form.
-
-    Parameters
-    ----------
-    J, C, h : (...) array_like
-        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
-    conditions : ViewingConditions
-
-    Returns
-    -------
-    (..., 3) float64
-        XYZ on the white's scale; NaN if one of them is below 0.
-
-    Raises
-    ------
-    ShapeError
-        If the three do not broadcast together.
-    """
+    """Return the XYZ of an L*, C* and h, in closed form; NaN if one of them is below 0."""
     XYZ = continued(J, C, h, conditions)
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
 

@@ -73,8 +73,9 @@ class HuntSettings:
     N_c, N_b : float, optional
         Chromatic and brightness surround induction. None: those of projected transparencies
         (0.7, 10) in the dark, television (1, 25) dim, normal scenes (1, 75) average, on straight
-        lines between. Small areas on uniform fields have 1 and 300, large transparencies on
-        light boxes 0.7 and 25.
+        lines between.
+        Small areas on uniform fields have 1 and 300, large transparencies on light boxes
+        0.7 and 25.
     L_AS : float, optional
         Scotopic luminance of the adapting field, scotopic cd/m². None: eq. 8.
     CCT_kelvin : float, optional
@@ -86,11 +87,6 @@ class HuntSettings:
         background; the white's colour at Y_b.
     helson_judd : bool
         Light greys take on the light's hue, dark ones its complement (eq. 24-26).
-
-    Raises
-    ------
-    ViewingError
-        If a number is out of range.
     """
 
     N_c: float | None = None
@@ -136,8 +132,6 @@ def _excites(value: object) -> bool:
 def cct_mccamy(white_XYZ: Triple) -> float:
     """Return McCamy's colour temperature [2], clamped to 1667…25000 K.
 
-    Examples
-    --------
     >>> round(cct_mccamy((95.047, 100, 108.883)))
     6507
     """
@@ -225,13 +219,7 @@ class HuntConditions:
         return np.asarray(N_1), np.asarray(7.0 * A_w * self.N_b**0.362 / 200.0)
 
     def require_brightness(self, Q_w: Array) -> Array:
-        """Return Q_w.
-
-        Raises
-        ------
-        ViewingError
-            If it is not above 0.
-        """
+        """Return Q_w; raise ViewingError if it is not above 0."""
         if not (np.isfinite(Q_w) and Q_w > 0.0):
             raise ViewingError(
                 f"the white has brightness {float(Q_w):.3g} at N_b = {self.N_b:.4g} and "
@@ -339,36 +327,13 @@ def forward(
 ) -> Appearance:
     """Return the appearance of XYZ (eq. 8-59).
 
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        On the white's scale.
-    conditions : ViewingConditions
-        Discounting, or D = 1, makes adaptation complete; D below 1 does so in part, as in RLAB.
-    settings : HuntSettings
-    S : (...) array_like, optional
-        Scotopic response of each colour over the white's, S / S_w; None is Y / Y_w.
+    ``S`` (...) is the scotopic response of each colour over the white's; None is Y / Y_w.
+    Discounting, or D = 1, makes adaptation complete; D below 1 does so in part, as in RLAB.
 
-    Returns
-    -------
-    Appearance
-        Each correlate of shape (...). Not `defined` where a cone's response, S or the brightness
-        falls below 0, as that of black does in bright light; J keeps the sign of Q
-        there, and C goes with its size. Q_WB is eq. 55, with the sign of Q and Q_b in the powers.
-
-    Raises
-    ------
-    ViewingError
-        If the white excites a cone by nothing or less, or has no brightness.
-    ShapeError
-        If the last axis is not 3, or S has not the colours' shape.
-
-    Examples
-    --------
-    >>> D65 = ViewingConditions((95.05, 100, 108.88), L_A=318.31, Y_b=100, discount=True)
-    >>> look = forward([19.01, 20.0, 21.78], D65, HuntSettings(CCT_kelvin=6504))
-    >>> [round(float(each), 3) for each in (look.J, look.C, look.h)]
-    [30.046, 0.121, 269.274]
+    Not `defined` where a cone's response, S or the brightness falls below 0, as that of black does
+    in bright light; J keeps the sign of Q there, and C goes with its size. Q_WB is eq. 55, with the
+    sign of Q and Q_b in the powers. Raises ViewingError if the white excites a cone by nothing or
+    less, or has no brightness.
     """
     XYZ = triples("Hunt.XYZ", XYZ)
     eye = HuntConditions.of(conditions, settings)
@@ -402,27 +367,9 @@ def inverse(
     settings: HuntSettings = NORMAL,
     S: ArrayLike | None = None,
 ) -> Array:
-    """Return the XYZ of a lightness, chroma and hue.
+    """Return the XYZ of a lightness, chroma and hue; ``S`` as in `forward`, whatever the XYZ.
 
-    Parameters
-    ----------
-    J, C, h : (...) array_like
-        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
-    conditions : ViewingConditions
-    settings : HuntSettings
-    S : (...) array_like, optional
-        As in `forward`, whatever the XYZ.
-
-    Returns
-    -------
-    (..., 3) float64
-        XYZ on the white's scale; NaN if no XYZ that is `defined` looks so. (Black has some
-        lightness.)
-
-    Raises
-    ------
-    ShapeError
-        If the three do not broadcast together, or S has not their shape.
+    NaN if no XYZ that is `defined` looks so. (Black has some lightness.)
     """
     XYZ = continued(J, C, h, conditions, settings, S)
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings, S))

@@ -57,11 +57,6 @@ class NayataniSettings:
         Normalising illuminance, lux; usually 1000 to 3000.
     n : float
         Noise, in the units of Y; usually 1.
-
-    Raises
-    ------
-    ViewingError
-        If a number is not finite and above 0.
     """
 
     E_or: float = 1000.0
@@ -131,33 +126,11 @@ class _Scalars:
 def forward(
     XYZ: ArrayLike, conditions: ViewingConditions, settings: NayataniSettings = NORMAL
 ) -> Appearance:
-    """Return the appearance of XYZ (eq. 90-124).
+    """Return the appearance of XYZ (eq. 90-124); Y = 100 for a perfect diffuser.
 
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        Y = 100 for a perfect diffuser.
-    conditions : ViewingConditions
-        The illuminance is the one that gives the background Y_b the luminance L_A.
-    settings : NayataniSettings
-
-    Returns
-    -------
-    Appearance
-        Each correlate of shape (...). Not `defined` where a cone's response falls to the noise
-        below 0, or lightness below 0, as near black; C goes with |J|^0.7 there.
-
-    Raises
-    ------
-    ViewingError
-        If the white excites a cone by nothing or less.
-
-    Examples
-    --------
-    >>> D65 = ViewingConditions((95.05, 100, 108.88), L_A=1000 / np.pi, Y_b=20)
-    >>> look = forward([19.01, 20.0, 21.78], D65)
-    >>> [round(float(each), 3) for each in (look.J, look.C, look.h, look.Q)]
-    [50.0, 0.013, 257.523, 62.627]
+    The illuminance is the one that gives the background Y_b the luminance L_A. Not `defined` where
+    a cone's response falls to the noise below 0, or lightness below 0, as near black; C goes with
+    |J|^0.7 there. Raises ViewingError if the white excites a cone by nothing or less.
     """
     eye = _Scalars(conditions, settings)
     noisy = triples("Nayatani95.XYZ", XYZ) @ k.D65_CONES_FROM_XYZ.T + eye.n
@@ -192,27 +165,10 @@ def inverse(
     conditions: ViewingConditions,
     settings: NayataniSettings = NORMAL,
 ) -> Array:
-    """Return the XYZ of a lightness, chroma and hue, in closed form.
+    """Return the XYZ of a lightness, chroma and hue, in closed form; NaN if none looks so.
 
-    t and p give x_R - x_G, x the three logarithms times their exponents; then Q is a rising
-    line of x_G in three pieces, which end where x_R or x_G is 0.
-
-    Parameters
-    ----------
-    J, C, h : (...) array_like
-        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
-    conditions : ViewingConditions
-    settings : NayataniSettings
-
-    Returns
-    -------
-    (..., 3) float64
-        NaN if no XYZ that is `defined` looks so.
-
-    Raises
-    ------
-    ShapeError
-        If the three do not broadcast together.
+    t and p give x_R - x_G, x the three logarithms times their exponents; then Q is a rising line of
+    x_G in three pieces, which end where x_R or x_G is 0.
     """
     XYZ = continued(J, C, h, conditions, settings)
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings))

@@ -33,26 +33,9 @@ _GREYS = (0.2, 0.05, 0.01, 0.0)
 def find_root(
     function: Callable[[Array], Array], low: Array, high: Array, iterations: int = 100
 ) -> Array:
-    """Find the zero of a function between two ends, for all elements at once [1].
+    """Find the zero of an elementwise function between two ends, for all elements at once [1].
 
-    Parameters
-    ----------
-    function : callable
-        (...) to (...), elementwise.
-    low, high : (...) float64
-    iterations : int
-        The most evaluations; some ten suffice for smooth functions.
-
-    Returns
-    -------
-    (...) float64
-        NaN if the ends' values have one sign.
-
-    Examples
-    --------
-    >>> levels = np.array([2.0, 9.0, -1.0])
-    >>> find_root(lambda x: x**2 - levels, np.zeros(3), np.full(3, 4.0)).round(6).tolist()
-    [1.414214, 3.0, nan]
+    Some ten evaluations suffice for smooth functions. NaN if the ends' values have one sign.
     """
     a, b = np.array(high, dtype=np.float64), np.array(low, dtype=np.float64)
     f_a, f_b = function(a), function(b)
@@ -89,36 +72,8 @@ def nearest_inverse(
     """Invert a model; colours without an inverse are moved towards grey until one exists.
 
     Hue is constant: lightness goes towards that of a grey of 20 % until a colourless XYZ has it,
-    then chroma towards 0 until there is an inverse within 1000 times the white. So the colours
-    of a display continue without a jump, which 3-D LUTs need.
-
-    Parameters
-    ----------
-    model : Model
-    J, C, h : (...) array_like
-        Lightness, chroma, hue angle in degrees.
-    conditions : ViewingConditions
-
-    Returns
-    -------
-    (..., 3) float64
-        XYZ on the white's scale; NaN only for numbers that are not finite.
-
-    Raises
-    ------
-    ShapeError
-        If the three do not broadcast together.
-
-    Examples
-    --------
-    In Hunt's model black has some lightness, and nothing has less:
-
-    >>> from volspec.appearance.models import hunt
-    >>> dark = ViewingConditions((95.05, 100, 108.88), L_A=0.1)
-    >>> hunt.inverse(-5.0, 0.0, 0.0, dark)
-    array([nan, nan, nan])
-    >>> bool((nearest_inverse(hunt, -5.0, 0.0, 0.0, dark) < 0.01).all())
-    True
+    then chroma towards 0 until there is an inverse within 1000 times the white. So the colours of a
+    display continue without a jump, which 3-D LUTs need. NaN only for numbers that are not finite.
     """
     look = broadcast(model.NAME, J, C, h)
     white = np.asarray(conditions.white_XYZ)
@@ -166,36 +121,8 @@ def invert(
     """Invert any model from its forward alone.
 
     Levenberg-Marquardt [2] on the cube root of XYZ over the white, every pixel with its own
-    damping, from CIECAM02's inverse; pixels that fail start again nearer to grey.
-
-    Parameters
-    ----------
-    forward : callable
-        A model's ``forward``.
-    J, C, h : (...) array_like
-        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
-    conditions : ViewingConditions
-    tolerance : float
-        Largest error of J and of the two parts of C, in their units.
-    iterations : int
-        The most steps.
-
-    Returns
-    -------
-    (..., 3) float64
-        NaN if no step came within the tolerance.
-
-    Raises
-    ------
-    ShapeError
-        If the three do not broadcast together.
-
-    Examples
-    --------
-    >>> from volspec.appearance.models import cielab
-    >>> daylight = ViewingConditions((95.05, 100, 108.88))
-    >>> invert(cielab.forward, 71.6, 47.79, 22.27, daylight).round(1).tolist()
-    [57.1, 43.1, 32.0]
+    damping, from CIECAM02's inverse; pixels that fail start again nearer to grey. NaN if no step
+    came within ``tolerance``, the largest error of J and of the two parts of C.
     """
     target = opponents("numeric inverse", J, C, h).reshape(-1, 3)
     J, C, h = broadcast("numeric inverse", J, C, h)

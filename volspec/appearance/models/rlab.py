@@ -49,13 +49,7 @@ def exponent(surround: str | float) -> float:
 
 
 def reference_from_XYZ(conditions: ViewingConditions) -> Array:
-    """Return (3, 3) R A M: XYZ to those of equal appearance under D65 (eq. 70-83).
-
-    Raises
-    ------
-    ViewingError
-        If the white excites a cone by nothing or less.
-    """
+    """Return (3, 3) R A M: XYZ to those of equal appearance under D65 (eq. 70-83)."""
     white = cones_of_white(NAME, conditions)
     gains = cone_adaptation(white, conditions.L_A, degree_of_discounting(conditions)) / white
     return np.asarray(REFERENCE_FROM_ADAPTED @ (gains[:, None] * k.HPE_FROM_XYZ))
@@ -64,27 +58,7 @@ def reference_from_XYZ(conditions: ViewingConditions) -> Array:
 def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
     """Return L^R, C^R, h^R, H^R and s^R; there is no brightness and no colourfulness.
 
-    Parameters
-    ----------
-    XYZ : (..., 3) array_like
-        On the white's scale. A value that is negative under D65 keeps its sign and is not
-        `defined`.
-    conditions : ViewingConditions
-        Y_b has no influence.
-
-    Returns
-    -------
-    Appearance
-        Each correlate of shape (...).
-
-    Examples
-    --------
-    A case that Fairchild prints, under illuminant A:
-
-    >>> A = ViewingConditions((109.85, 100, 35.58), L_A=31.83, discount=True)
-    >>> look = forward([19.01, 20.0, 21.78], A)
-    >>> [round(float(each), 2) for each in (look.J, look.C, look.h)]
-    [49.83, 54.87, 286.49]
+    Y_b has no influence. A value that is negative under D65 keeps its sign and is not `defined`.
     """
     reference = triples("RLAB.XYZ", XYZ) @ reference_from_XYZ(conditions).T
     Lab = signed_power(reference, exponent(conditions.surround)) @ LAB_FROM_POWERS.T
@@ -101,24 +75,7 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """Return the XYZ of a lightness, chroma and hue, in closed form.
-
-    Parameters
-    ----------
-    J, C, h : (...) array_like
-        Lightness, chroma, hue angle in degrees. Chroma below 0 counts as 0.
-    conditions : ViewingConditions
-
-    Returns
-    -------
-    (..., 3) float64
-        XYZ on the white's scale; NaN if one is negative under the reference.
-
-    Raises
-    ------
-    ShapeError
-        If the three do not broadcast together.
-    """
+    """Return the XYZ of a lightness, chroma and hue; NaN if one is below 0 under D65."""
     XYZ = continued(J, C, h, conditions)
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
 
@@ -134,14 +91,6 @@ def view_transform(source: ViewingConditions, target: ViewingConditions) -> Curv
     """Make inverse after forward in one step: a power per response between two matrices.
 
     Equal J, C and h are equal X_ref^σ, Y_ref^σ, Z_ref^σ, so X_ref' = X_ref^(σ/σ').
-
-    Parameters
-    ----------
-    source, target : ViewingConditions
-
-    Returns
-    -------
-    CurveTransform
     """
     ones = np.ones(3)
     return CurveTransform(

@@ -92,33 +92,10 @@ class BaseSpectra:
 
 
 def bouguer(reflectances: ArrayLike, length: float, *, complementary: bool = False) -> Array:
-    """Return reflectances over another path length by Bouguer's law [1].
+    """Return reflectances R, 0 to 1, over another path length l by Bouguer's law [1]: R^l.
 
-    Parameters
-    ----------
-    reflectances : (..., N) array_like
-        R, 0 to 1.
-    length : float
-        l above 0; 1 is the path as measured.
-    complementary : bool
-        Use eq. 6 as printed, 10^(-R l): the complementary hue, and still a valid spectrum.
-
-    Returns
-    -------
-    (..., N) float64
-        R^l, or 10^(-R l).
-
-    Raises
-    ------
-    SpectrumError
-        If a reflectance leaves 0 to 1 or the length is not a positive number.
-
-    Examples
-    --------
-    >>> bouguer([0.9, 0.5], 2).round(2).tolist()
-    [0.81, 0.25]
-    >>> bouguer([1.0, 0.0], 2, complementary=True).round(2).tolist()
-    [0.01, 1.0]
+    ``complementary`` is eq. 6 as printed, 10^(-R l): the complementary hue, and still a valid
+    spectrum.
     """
     R = real_array(reflectances, "reflectances")
     if not (np.isfinite(R).all() and np.all((R >= 0) & (R <= 1))):

@@ -103,24 +103,10 @@ def _too_bright(wrong: NDArray[np.bool_], rows: Array, white_XYZ: Array) -> str:
 
 
 def XYZ_from_sRGB(encoded: ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """Return the XYZ under a light of surfaces in an sRGB picture.
+    """Return the XYZ (..., 3) under a light of surfaces in a picture of sRGB codes, 0 to 1.
 
-    Parameters
-    ----------
-    encoded : (..., 3) array_like
-        0 to 1, nonlinear.
-    white_XYZ : (3,) array_like
-        The perfect diffuser under the light; the picture's white is adapted to it (Bradford).
-
-    Returns
-    -------
-    (..., 3) float64
-        Y = 100 for white.
-
-    Examples
-    --------
-    >>> XYZ_from_sRGB([1, 1, 1], [110, 100, 35]).round(6).tolist()
-    [110.0, 100.0, 35.0]
+    The picture's white is adapted (Bradford) to ``white_XYZ``, that of the perfect diffuser under
+    the light.
     """
     linear = np.asarray(colour_science().models.eotf_sRGB(np.asarray(encoded, dtype=np.float64)))
     # Adaptation to a very red light makes saturated blues negative.

@@ -57,21 +57,12 @@ def select_distinct(points: Array) -> Indices:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Tetrahedra between base colours.
+    """Tetrahedra between base colours."""
 
-    Parameters
-    ----------
-    points : (K, 3) float64
-        The colours.
-    delaunay : scipy.spatial.Delaunay or None
-        None without tetrahedra: under light of one or two wavelengths all colours lie in a plane.
-    planes : (F, 4) float64
-        Planes of the hull: n . P + d, above 0 outside.
-    """
-
-    points: Array
+    points: Array  # (K, 3) the colours
+    # None without tetrahedra: under light of one or two wavelengths all colours lie in a plane.
     delaunay: Any | None
-    planes: Array
+    planes: Array  # (F, 4) of the hull: n . P + d, above 0 outside
 
     @classmethod
     def of(cls, points: Array) -> Mesh:
@@ -191,23 +182,10 @@ def smoothest_reflectances(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the smoothest reflectances: min |D2 (x - start)|^2, Q x = XYZ, 0 <= x <= 1.
 
-    Parameters
-    ----------
-    XYZ : (n, 3) float64
-        Y = 100 for white.
-    Q : (3, N) float64
-        Reflectances to XYZ, the light included.
-    start : (n, N) float64, optional
-        Spectra from which the difference is smooth; flat by default.
-    progress : function of a fraction 0 to 1, optional
-
-    Returns
-    -------
-    values : (n, N) float64
-        Within 0 to 1.
-    reached : (n,) bool
-        False if no reflectance has the colour: the values have the nearest one, in X/X_n,
-        Y/Y_n, Z/Z_n.
+    ``XYZ`` (n, 3) have Y = 100 for white; ``Q`` (3, N) takes reflectances to XYZ, the light
+    included. From ``start`` (n, N), by default flat, the difference is smooth. Returns (n, N)
+    values, and (n,) False if no reflectance has the colour: the values then have the nearest one,
+    in X/X_n, Y/Y_n, Z/Z_n.
     """
     solve = _smoothest_solver(Q / 100.0)
     values = np.empty((len(XYZ), Q.shape[1]))
