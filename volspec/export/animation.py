@@ -376,19 +376,23 @@ def _axes(up: Vector) -> Array:
 
 def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
     """Return the transfer function of every frame; equal ones are one object."""
-    shifts = [(key.time_s, key.transfer.shift) for key in keys if key.transfer is not None]
-    given = [(time, shift) for time, shift in shifts if shift is not None]
-    by = np.zeros(len(at_s))
-    if given:
-        times, values = zip(*given, strict=True)
-        by = interpolate_keyframes(times, values, at_s)
+    given = [(key.time_s, key.transfer) for key in keys]
+    tracks = _interpolated_tracks(given, {"shift": interpolate_keyframes}, at_s)
+    by = tracks.get("shift", np.zeros(len(at_s)))
     points = _interpolated_points(scene, keys, at_s)
     made: dict[bytes, Transfer] = {}
 
     def at(i: int) -> Transfer:
         key = np.append(np.zeros(0) if points is None else points[i].ravel(), by[i]).tobytes()
         if key not in made:
-            function = scene.transfer if points is None else _with_points(scene, points[i])
+            function = scene.transfer
+            if points is not None:
+                assert isinstance(function, TransferFunction | Isosurfaces)
+                rows = [
+                    (value, opacity, dict(zip(scene.materials, mix, strict=True)))
+                    for value, opacity, *mix in points[i].tolist()
+                ]
+                function = _with_point_rows(function, rows)
             made[key] = function if by[i] == 0.0 else shift_values(function, float(by[i]))
         return made[key]
 
@@ -397,12 +401,10 @@ def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
 
 def shift_values(transfer: Transfer, by: float) -> Transfer:
     """Shift a transfer function along the axis of values; labels have none."""
-    if isinstance(transfer, TransferFunction):
-        points = [(value + by, opacity, mix) for value, opacity, mix in transfer.points]
-        return replace(transfer, points=points)
-    if isinstance(transfer, Isosurfaces):
-        surfaces = [(value + by, opacity, mix) for value, opacity, mix in transfer.surfaces]
-        return replace(transfer, surfaces=surfaces)
+    if isinstance(transfer, TransferFunction | Isosurfaces):
+        return _with_point_rows(
+            transfer, [(value + by, *look) for value, *look in _point_rows(transfer)]
+        )
     if isinstance(transfer, TransferFunction2D):
         regions = [
             replace(region, values=(region.values[0] + by, region.values[1] + by))
@@ -421,7 +423,11 @@ def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
     ]
     if not given:
         return None
-    count, names = len(_scene_points(scene)), list(scene.materials)
+    if not isinstance(scene.transfer, TransferFunction | Isosurfaces):
+        raise SceneError(
+            "points: [transfer] has neither points nor surfaces", "leave them out", code="conflict"
+        )
+    count, names = len(_point_rows(scene.transfer)), list(scene.materials)
     for time, rows in given:
         if len(rows) != count:
             raise SceneError(
@@ -451,22 +457,14 @@ def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
     return found
 
 
-def _scene_points(scene: Scene) -> Sequence[Any]:
-    if isinstance(scene.transfer, TransferFunction):
-        return scene.transfer.points
-    if isinstance(scene.transfer, Isosurfaces):
-        return scene.transfer.surfaces
-    raise SceneError(
-        "points: [transfer] has neither points nor surfaces", "leave them out", code="conflict"
-    )
+def _point_rows(transfer: TransferFunction | Isosurfaces) -> Sequence[Any]:
+    """Return (value, opacity, mix) of each point or surface."""
+    return transfer.points if isinstance(transfer, TransferFunction) else transfer.surfaces
 
 
-def _with_points(scene: Scene, numbers: Array) -> Transfer:
-    rows = [
-        (value, opacity, dict(zip(scene.materials, mix, strict=True)))
-        for value, opacity, *mix in numbers.tolist()
-    ]
-    if isinstance(scene.transfer, Isosurfaces):
-        return replace(scene.transfer, surfaces=rows)
-    assert isinstance(scene.transfer, TransferFunction)
-    return replace(scene.transfer, points=rows)
+def _with_point_rows(
+    transfer: TransferFunction | Isosurfaces, rows: Sequence[Any]
+) -> TransferFunction | Isosurfaces:
+    if isinstance(transfer, TransferFunction):
+        return replace(transfer, points=rows)
+    return replace(transfer, surfaces=rows)

@@ -1,6 +1,6 @@
 """Export every frame of a scene: cast as rarely as possible, complete files only, resumable.
 
-Scene -> plan -> tiles -> frame_source -> [exporter] -> a folder of frames, or a film
+Scene -> plan -> tiles -> frame_files -> [exporter] -> a folder of frames, or a film
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from volspec._files import require_writable, require_writable_folder
 from volspec.errors import InputError, ViewingError
 from volspec.export.exr import ExrWriter
 from volspec.export.film import SUFFIXES, check_film, write_film
-from volspec.export.frame_files import FrameFiles
-from volspec.export.frame_source import (
+from volspec.export.frame_files import (
     Array,
+    FrameFiles,
     FrameSource,
     RelighterPool,
     check_adapting,

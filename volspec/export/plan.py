@@ -18,15 +18,8 @@ from numpy.typing import NDArray
 
 from volspec.appearance.scene_to_display import view_transform
 from volspec.errors import SceneError
-from volspec.export.animation import (
-    FrameState,
-    frame_states,
-    frame_times_s,
-    interpolate_keyframes,
-    keyframe_faults,
-    located_in,
-    turntable_cameras,
-)
+from volspec.export import animation
+from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
 from volspec.raycast import Camera
 from volspec.raycast.packed import check_reach
@@ -149,14 +142,14 @@ def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> lis
     # A spectrum holds all bands: the factor model would smooth a lamp's.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
     still = FrameState(scene.camera(volume), scene.transfer, spec)
-    with located_in(scene):
+    with animation.located_in(scene):
         check_reach(volume, still.camera, scene.raycast)
     if table.turntable is not None:
-        cameras = turntable_cameras(scene, volume, table.turntable)
+        cameras = animation.turntable_cameras(scene, volume, table.turntable)
         return [replace(still, camera=camera) for camera in cameras]
     keys = scene.file.keyframe
     if keys:
-        return frame_states(scene, volume, spec, frame_times_s(keys, table.fps))
+        return animation.frame_states(scene, volume, spec, animation.frame_times_s(keys, table.fps))
     if table.sweep is not None:
         fades = lights if table.sweep.closed else lights - 1
         frames = table.sweep.frames or _FRAMES_A_FADE * fades + (not table.sweep.closed)
@@ -176,15 +169,16 @@ def _mixes(
         rows = [[weights.get(name, 0.0) for name in names] for weights in weighted]
         by_name = {light.name: light for light in scene.lights}
         mixed = [by_name[name] for name in names]
-        at_s = frame_times_s(scene.file.keyframe, table.fps)
+        at_s = animation.frame_times_s(scene.file.keyframe, table.fps)
         mixes = []
-        for time, row in zip(at_s.tolist(), interpolate_keyframes(times, rows, at_s), strict=True):
-            with located_in(scene, f"[[keyframe]] lights: at {time:g} s"):
+        found = animation.interpolate_keyframes(times, rows, at_s)
+        for time, row in zip(at_s.tolist(), found, strict=True):
+            with animation.located_in(scene, f"[[keyframe]] lights: at {time:g} s"):
                 mixes.append(mix_lights(mixed, row))
         return mixes
     if table.sweep is None:
         return None
-    with located_in(scene, "[export] sweep"):
+    with animation.located_in(scene, "[export] sweep"):
         weights = sweep_weights(len(lights), count, table.sweep.closed)
         return [mix_lights(lights, row) for row in weights]
 
@@ -192,14 +186,14 @@ def _mixes(
 def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None:
     """Refuse, before the cast, a light or a viewing that no frame can be made with."""
     keys, shares = scene.file.keyframe, scene.raycast.shares()
-    at_s = frame_times_s(keys, table.fps) if keys else np.zeros(0)
+    at_s = animation.frame_times_s(keys, table.fps) if keys else np.zeros(0)
     # Values never go beyond the keyframes: the frames next to those are enough.
     checked = {int(np.abs(at_s - key.time_s).argmin()) for key in keys}
     # Equal specs are one object.
     shown = [shot for shot in shots if not keys or shot.time_index in checked]
     for shot in {(id(shot.rig), id(shot.spec)): shot for shot in reversed(shown)}.values():
         when = f" at {at_s[shot.time_index]:g} s" if keys else ""
-        with located_in(scene, f"[[light]] {shot.light}{when}"):
+        with animation.located_in(scene, f"[[light]] {shot.light}{when}"):
             lit = Illumination.of(scene.basis, shot.rig, shot.spec, shares)
             if table.has_eye and shot.spec.viewing.adapting == "given":
                 view_transform(lit.viewing, lit.white_XYZ)
@@ -278,7 +272,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
             scene = Scene(file, path)
             scene.camera(volume)
             require_lux(scene.lights, scene.relight, path)
-            errors += map(str, keyframe_faults(scene, volume))
+            errors += map(str, animation.keyframe_faults(scene, volume))
             if not errors:
                 plan_export(scene, volume, scene.file.export)
         except SceneError as error:

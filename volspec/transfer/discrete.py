@@ -15,17 +15,8 @@ import numpy as np
 from volspec.basis import Basis
 from volspec.errors import TransferError
 from volspec.spectra import Spectrum
-from volspec.transfer.mixes import (
-    Mix,
-    Point,
-    check_materials,
-    checked_fraction,
-    checked_list,
-    checked_mix,
-    checked_point,
-    checked_step,
-    weights_and_channels,
-)
+from volspec.transfer import mixes
+from volspec.transfer.mixes import Mix, Point
 from volspec.transfer.table import MAX_LABEL, MAX_SURFACES, SurfaceTable, TransferTable
 
 
@@ -37,11 +28,8 @@ class LabelFunction:
     ----------
     labels : {label: (opacity, material or {material: weight})}
         Whole numbers of 0 to 65535; labels left out are transparent.
-    materials : {name: Spectrum}
-        Reflectances the labels name.
-    basis : SpectralBasis or MaterialBasis
-    reference_step_mm : float, optional
-        Length to which an opacity refers; the volume's smallest spacing when left out.
+    materials, basis, reference_step_mm
+        As in `TransferFunction`.
 
     Raises
     ------
@@ -74,8 +62,8 @@ class LabelFunction:
                 "give {label: (opacity, material)}, at least one",
                 "type",
             )
-        check_materials("LabelFunction", self.materials, self.basis)
-        step = checked_step("LabelFunction", self.reference_step_mm)
+        mixes.check_materials("LabelFunction", self.materials, self.basis)
+        step = mixes.checked_step("LabelFunction", self.reference_step_mm)
         checked = dict(self._checked(label, look) for label, look in self.labels.items())
         object.__setattr__(self, "labels", checked)
         object.__setattr__(self, "reference_step_mm", step)
@@ -91,35 +79,22 @@ class LabelFunction:
                 given=label,
             )
         field = f"LabelFunction.labels[{label}]"
-        try:
-            opacity, mix = look
-        except (TypeError, ValueError):
-            raise TransferError.refused(
-                field, look, "expected (opacity, material or mix)", "type"
-            ) from None
-        opacity = checked_fraction(f"{field}.opacity", opacity)
-        return int(label), (opacity, checked_mix(f"{field}.material", mix, self.materials))
+        opacity, mix = mixes.checked_parts(field, look, "(opacity, material or mix)")
+        opacity = mixes.checked_fraction(f"{field}.opacity", opacity)
+        return int(label), (opacity, mixes.checked_mix(f"{field}.material", mix, self.materials))
 
     def __repr__(self) -> str:
         return f"LabelFunction({len(self.labels)} labels, {', '.join(self.materials)})"
 
     def bake(self, smallest_spacing_mm: float) -> TransferTable:
-        """Make a table with one entry a label, up to the greatest.
+        """Make a table with one entry a label, up to the greatest; see `TransferFunction.bake`.
 
-        Parameters
-        ----------
-        smallest_spacing_mm : float
-            The volume's, used if the function has no reference step of its own.
-
-        Returns
-        -------
-        TransferTable
-            With `labels`; weights of transparent entries are 0.
+        Weights of transparent entries are 0.
         """
         # A label that is switched off adds no material, which would slow the cast.
         visible = [label for label, (opacity, _) in self.labels.items() if opacity > 0]
         baked = visible or list(self.labels)[:1]
-        rows, channels = weights_and_channels(
+        rows, channels = mixes.weights_and_channels(
             [self.labels[label][1] for label in baked], self.materials, self.basis
         )
         last = max(1, *self.labels)
@@ -146,9 +121,8 @@ class Isosurfaces:
     surfaces : sequence of (value, opacity, material or {material: weight})
         One to eight of different values. An opacity, 0…1, is the surface's own and does not
         depend on the step.
-    materials : {name: Spectrum}
-        Reflectances the surfaces name.
-    basis : SpectralBasis or MaterialBasis
+    materials, basis
+        As in `TransferFunction`.
 
     Raises
     ------
@@ -174,7 +148,7 @@ class Isosurfaces:
 
     def __post_init__(self) -> None:
         field = "Isosurfaces.surfaces"
-        surfaces = checked_list(field, self.surfaces, "(value, opacity, material)")
+        surfaces = mixes.checked_list(field, self.surfaces, "(value, opacity, material)")
         if len(surfaces) > MAX_SURFACES:
             raise TransferError(
                 f"{len(surfaces)} surfaces, at most {MAX_SURFACES} can be cast",
@@ -183,10 +157,10 @@ class Isosurfaces:
                 field=field,
                 given=surfaces,
             )
-        check_materials("Isosurfaces", self.materials, self.basis)
+        mixes.check_materials("Isosurfaces", self.materials, self.basis)
         checked = sorted(
             (
-                checked_point(f"{field}[{i}]", surface, self.materials)
+                mixes.checked_point(f"{field}[{i}]", surface, self.materials)
                 for i, surface in enumerate(surfaces)
             ),
             key=lambda surface: surface[0],
@@ -206,18 +180,8 @@ class Isosurfaces:
         return f"Isosurfaces({len(self.surfaces)} surfaces, {', '.join(self.materials)})"
 
     def bake(self, smallest_spacing_mm: float) -> SurfaceTable:
-        """Make the surfaces' table.
-
-        Parameters
-        ----------
-        smallest_spacing_mm : float
-            Unused, as a surface has no thickness; every kind of transfer function takes it.
-
-        Returns
-        -------
-        SurfaceTable
-        """
-        weights, channels = weights_and_channels(
+        """Make the surfaces' table; their opacity does not depend on the spacing."""
+        weights, channels = mixes.weights_and_channels(
             [mix for _, _, mix in self.surfaces], self.materials, self.basis
         )
         return SurfaceTable(

@@ -100,6 +100,17 @@ def checked_list(field: str, given: Any, item: str) -> tuple[Any, ...]:
     return items
 
 
+def checked_parts(field: str, given: Any, expected: str) -> tuple[Any, ...]:
+    """Return a sequence of as many parts as ``expected``, such as ``"(low, high)"``, names."""
+    try:
+        parts = tuple(given)
+    except TypeError:
+        parts = ()
+    if len(parts) != expected.count(",") + 1:
+        raise TransferError.refused(field, given, f"expected {expected}", "type")
+    return parts
+
+
 def checked_number(field: str, given: Any) -> float:
     """Return a number as float; text and booleans are refused."""
     if isinstance(given, bool) or not isinstance(given, Real):
@@ -121,15 +132,8 @@ def checked_mix(field: str, given: Any, materials: Mapping[str, Spectrum] | None
         raise TransferError.refused(field, given, "expected a name or {name: weight}", "type")
     weights = {}
     for name, weight in mix_weights(given).items():
-        if materials is not None and name not in materials:
-            known = ", ".join(sorted(materials)) or "none"
-            raise TransferError(
-                f"no material {name!r}",
-                f"{nearest(name, materials)}known: {known}",
-                code="unknown",
-                field=field,
-                given=name,
-            )
+        if materials is not None:
+            _require_known(field, name, materials)
         weights[name] = checked_number(f"{field}[{name!r}]", weight)
         if not (math.isfinite(weights[name]) and weights[name] >= 0):
             raise TransferError.refused(f"{field}[{name!r}]", weight, "give 0…1", "range")
@@ -145,14 +149,21 @@ def checked_mix(field: str, given: Any, materials: Mapping[str, Spectrum] | None
     return weights
 
 
+def _require_known(field: str, name: str, materials: Mapping[str, Spectrum]) -> None:
+    if name not in materials:
+        known = ", ".join(sorted(materials)) or "none"
+        raise TransferError(
+            f"no material {name!r}",
+            f"{nearest(name, materials)}known: {known}",
+            code="unknown",
+            field=field,
+            given=name,
+        )
+
+
 def checked_point(field: str, given: Any, materials: Mapping[str, Spectrum]) -> Point:
     """Return (value, opacity, {material: weight}) for (value, opacity, material or mix)."""
-    try:
-        value, opacity, mix = given
-    except (TypeError, ValueError):
-        raise TransferError.refused(
-            field, given, "expected (value, opacity, material or mix)", "type"
-        ) from None
+    value, opacity, mix = checked_parts(field, given, "(value, opacity, material or mix)")
     value = checked_number(f"{field}.value", value)
     if not math.isfinite(value):
         raise TransferError.refused(f"{field}.value", value, "give a finite number", "range")
@@ -207,15 +218,7 @@ def checked_filters(
             given=filters,
         )
     for name, spectrum in filters.items():
-        if name not in materials:
-            known = ", ".join(sorted(materials))
-            raise TransferError(
-                f"no material {name!r}",
-                f"{nearest(name, materials)}known: {known}",
-                code="unknown",
-                field=f"{who}.filters",
-                given=name,
-            )
+        _require_known(f"{who}.filters", name, materials)
         field = f"{who}.filters[{name!r}]"
         if not isinstance(spectrum, Spectrum):
             raise TransferError.refused(field, spectrum, "expected a Spectrum of 0…1", "type")

@@ -21,19 +21,8 @@ from numpy.typing import NDArray
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum
-from volspec.transfer.mixes import (
-    Point,
-    check_materials,
-    checked_filters,
-    checked_fraction,
-    checked_list,
-    checked_number,
-    checked_point,
-    checked_step,
-    filter_rows,
-    used_materials,
-    weights_and_channels,
-)
+from volspec.transfer import mixes
+from volspec.transfer.mixes import Point
 from volspec.transfer.table import TransferTable, power_of_two
 
 _WHO = "TransferFunction"
@@ -89,10 +78,10 @@ class TransferFunction:
     filters: Mapping[str, Spectrum] | None = None
 
     def __post_init__(self) -> None:
-        points = checked_list(f"{_WHO}.points", self.points, "(value, opacity, material)")
-        check_materials(_WHO, self.materials, self.basis)
+        points = mixes.checked_list(f"{_WHO}.points", self.points, "(value, opacity, material)")
+        mixes.check_materials(_WHO, self.materials, self.basis)
         checked = tuple(
-            checked_point(f"{_WHO}.points[{i}]", point, self.materials)
+            mixes.checked_point(f"{_WHO}.points[{i}]", point, self.materials)
             for i, point in enumerate(points)
         )
         for i, (left, right) in enumerate(pairwise(checked), start=1):
@@ -104,11 +93,12 @@ class TransferFunction:
                     "range",
                 )
         object.__setattr__(self, "points", checked)
-        object.__setattr__(self, "reference_step_mm", checked_step(_WHO, self.reference_step_mm))
+        step = mixes.checked_step(_WHO, self.reference_step_mm)
+        object.__setattr__(self, "reference_step_mm", step)
         if self.gradient_opacity is not None:
             object.__setattr__(self, "gradient_opacity", _checked_factors(self.gradient_opacity))
         if self.filters is not None:
-            filters = checked_filters(_WHO, self.filters, self.materials, self.basis)
+            filters = mixes.checked_filters(_WHO, self.filters, self.materials, self.basis)
             if filters and self.gradient_opacity is not None:
                 raise TransferError(
                     "filters and gradient_opacity do not go together",
@@ -143,8 +133,8 @@ class TransferFunction:
         """
         values = np.array([value for value, _, _ in self.points])
         opacities = np.array([opacity for _, opacity, _ in self.points])
-        mixes = [mix for _, _, mix in self.points]
-        weights, channels = weights_and_channels(mixes, self.materials, self.basis)
+        own_mixes = [mix for _, _, mix in self.points]
+        weights, channels = mixes.weights_and_channels(own_mixes, self.materials, self.basis)
         low, high = values[0], values[-1]
         if low == high:  # one value: a table needs two ends
             low, high = low - 0.5, high + 0.5
@@ -160,9 +150,10 @@ class TransferFunction:
             opacity = np.interp(row_at, gradients, factors)[:, None] * opacity
             # Copied, since the device takes the memory as it is.
             weights = np.ascontiguousarray(np.broadcast_to(weights, (len(row_at), *weights.shape)))
-        own = {k: f for k, f in (self.filters or {}).items() if k in used_materials(mixes)}
+        used = mixes.used_materials(own_mixes)
+        own = {name: each for name, each in (self.filters or {}).items() if name in used}
         if own and isinstance(self.basis, SpectralBasis):
-            weighted = _sample(at, values, filter_rows(mixes, own, self.basis))
+            weighted = _sample(at, values, mixes.filter_rows(own_mixes, own, self.basis))
             # A mean of rows of 0…1 may leave that by rounding.
             filters = (weighted[:, :-1] / weighted[:, -1:]).clip(0, 1)
         return TransferTable(
@@ -180,12 +171,9 @@ class TransferFunction:
 def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
     item, field = "(gradient magnitude, factor)", f"{_WHO}.gradient_opacity"
     checked: list[tuple[float, float]] = []
-    for i, pair in enumerate(checked_list(field, given, item)):
-        try:
-            gradient, factor = pair
-        except (TypeError, ValueError):
-            raise TransferError.refused(f"{field}[{i}]", pair, f"expected {item}", "type") from None
-        gradient = checked_number(f"{field}[{i}].gradient", gradient)
+    for i, pair in enumerate(mixes.checked_list(field, given, item)):
+        gradient, factor = mixes.checked_parts(f"{field}[{i}]", pair, item)
+        gradient = mixes.checked_number(f"{field}[{i}].gradient", gradient)
         remedy = ""
         if not (math.isfinite(gradient) and gradient >= 0):
             remedy = "give 0 or more, value per mm"
@@ -193,7 +181,7 @@ def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float,
             remedy = f"let gradients rise, the one before is {checked[-1][0]:g}"
         if remedy:
             raise TransferError.refused(f"{field}[{i}].gradient", gradient, remedy, "range")
-        checked.append((gradient, checked_fraction(f"{field}[{i}].factor", factor)))
+        checked.append((gradient, mixes.checked_fraction(f"{field}[{i}].factor", factor)))
     if checked[-1][0] == 0:
         raise TransferError("ends at gradient 0", "give one above", code="range", field=field)
     return tuple(checked)

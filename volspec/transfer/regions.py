@@ -25,16 +25,8 @@ from numpy.typing import NDArray
 from volspec.basis import Basis
 from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum
-from volspec.transfer.mixes import (
-    Mix,
-    check_materials,
-    checked_fraction,
-    checked_list,
-    checked_mix,
-    checked_number,
-    checked_step,
-    weights_and_channels,
-)
+from volspec.transfer import mixes
+from volspec.transfer.mixes import Mix
 from volspec.transfer.table import TransferTable, power_of_two
 
 _WHO = "TransferFunction2D"
@@ -85,10 +77,10 @@ class Region:
             )
         object.__setattr__(self, "values", (low, high))
         object.__setattr__(self, "gradients", (bottom, top))
-        mix = checked_mix("Region.material", self.material, None)
+        mix = mixes.checked_mix("Region.material", self.material, None)
         object.__setattr__(self, "material", mix)
         for name in ("opacity", "softness"):
-            fraction = checked_fraction(f"Region.{name}", getattr(self, name))
+            fraction = mixes.checked_fraction(f"Region.{name}", getattr(self, name))
             object.__setattr__(self, name, fraction)
 
     @property
@@ -107,11 +99,8 @@ class TransferFunction2D:
     Parameters
     ----------
     regions : sequence of Region
-    materials : {name: Spectrum}
-        Reflectances the regions name.
-    basis : SpectralBasis or MaterialBasis
-    reference_step_mm : float, optional
-        Length to which an opacity refers; the volume's smallest spacing when left out.
+    materials, basis, reference_step_mm
+        As in `TransferFunction`.
 
     Raises
     ------
@@ -136,15 +125,16 @@ class TransferFunction2D:
     reference_step_mm: float | None = None
 
     def __post_init__(self) -> None:
-        regions = checked_list(f"{_WHO}.regions", self.regions, "Region")
-        check_materials(_WHO, self.materials, self.basis)
+        regions = mixes.checked_list(f"{_WHO}.regions", self.regions, "Region")
+        mixes.check_materials(_WHO, self.materials, self.basis)
         for i, region in enumerate(regions):
             field = f"{_WHO}.regions[{i}]"
             if not isinstance(region, Region):
                 raise TransferError.refused(field, region, "expected a Region", "type")
-            checked_mix(f"{field}.material", region.material, self.materials)
+            mixes.checked_mix(f"{field}.material", region.material, self.materials)
         object.__setattr__(self, "regions", regions)
-        object.__setattr__(self, "reference_step_mm", checked_step(_WHO, self.reference_step_mm))
+        step = mixes.checked_step(_WHO, self.reference_step_mm)
+        object.__setattr__(self, "reference_step_mm", step)
 
     def __repr__(self) -> str:
         return f"TransferFunction2D({len(self.regions)} regions, {', '.join(self.materials)})"
@@ -157,7 +147,7 @@ class TransferFunction2D:
         Parameters
         ----------
         smallest_spacing_mm : float
-            The volume's, used if the function has no reference step of its own.
+            As for `TransferFunction.bake`.
         size : (values, gradients), optional
             Entries and rows; (256, 64), or up to (2048, 256) for narrow regions. Narrower
             ones cause a warning.
@@ -194,7 +184,7 @@ class TransferFunction2D:
                     VolspecWarning,
                     stacklevel=2,
                 )
-        weights, channels = weights_and_channels(
+        weights, channels = mixes.weights_and_channels(
             [region.material for region in regions], self.materials, self.basis
         )
         by_region = np.where(alphas.any(axis=0), alphas, _nearest_region(regions, at, row_at))
@@ -212,11 +202,10 @@ class TransferFunction2D:
 
 def _checked_bounds(name: str, given: Any) -> tuple[float, float]:
     field = f"Region.{name}"
-    try:
-        low, high = given
-    except (TypeError, ValueError):
-        raise TransferError.refused(field, given, "expected (low, high)", "type") from None
-    low, high = checked_number(f"{field}[0]", low), checked_number(f"{field}[1]", high)
+    low, high = (
+        mixes.checked_number(f"{field}[{i}]", bound)
+        for i, bound in enumerate(mixes.checked_parts(field, given, "(low, high)"))
+    )
     if not low < high:
         raise TransferError.refused(field, given, "let the second be greater", "range")
     return low, high

@@ -141,13 +141,7 @@ class TransferTable:
 
     @property
     def entries_per_value(self) -> float:
-        """Table entries per unit of value.
-
-        Raises
-        ------
-        TransferError
-            If the domain is too short for float32.
-        """
+        """Table entries per unit of value; `TransferError` if that is too much for float32."""
         low, high = self.domain
         scale = (self.opacity.shape[-1] - 1) / (high - low)
         if scale > np.finfo(np.float32).max:
@@ -181,15 +175,8 @@ class SurfaceTable:
         Levels, rising.
     opacity : (S,)
         A surface's own opacity, 0…1; 1 ends the ray.
-    material_weights : (S, K)
-    channels : (K, M), optional
-    white : (M,), optional
-        See `TransferTable`.
-
-    Raises
-    ------
-    TransferError
-        If the arrays do not belong together or a number is out of range.
+    material_weights, channels, white
+        (S, K), (K, M), (M,) as in `TransferTable`, which also names the errors.
     """
 
     values: NDArray[np.float64]
@@ -285,10 +272,8 @@ def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Row
     rows_hi, rows_lo : (N, 1 + K) float32
         I_j = Σ_{i<j} (c_i + c_{i+1}) / 2 as a sum of two, since one float32 would lose small
         segments far along a long table.
-    rates : (N, 1 + K) float32
-        c_j.
-    rises : (N, 1 + K) float32
-        c_{j+1} − c_j; 0 in the last row.
+    rates, rises : (N, 1 + K) float32
+        c_j, and c_{j+1} − c_j, 0 in the last row.
 
     Raises
     ------
@@ -317,10 +302,8 @@ def segment_means(
 
     Parameters
     ----------
-    table : TransferTable
-        Over values alone, not of labels.
-    step_mm : float
-        Length of a whole step.
+    table, step_mm
+        As for `integral_rows`.
     front_values, back_values : (R,)
         Values at a segment's ends, in any order. Values outside the domain count as its nearest
         end.
@@ -336,7 +319,7 @@ def segment_means(
     ShapeError
         If fronts and backs are not (R,) both.
     TransferError
-        If the table has gradients or labels, or the step is not above 0.
+        As for `integral_rows`.
 
     Examples
     --------

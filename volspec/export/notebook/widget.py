@@ -48,12 +48,8 @@ _SETTINGS = ("image", "weights", "viewing", "mode", "backdrop", "level", "probe"
 class _Checked(traitlets.TraitType):
     """Trait with values checked at once by a method of the widget, in this package's words."""
 
-    def __init__(self, check: str, **kind: Any) -> None:
-        super().__init__(**kind)
-        self._check = check
-
     def validate(self, widget: RelightWidget, value: object) -> Any:
-        return getattr(widget, self._check)(value)
+        return getattr(widget, f"_checked_{self.name}")(value)
 
 
 class RelightWidget(anywidget.AnyWidget):
@@ -99,21 +95,21 @@ class RelightWidget(anywidget.AnyWidget):
     _page = traitlets.Unicode().tag(sync=True)
     _room = traitlets.Dict().tag(sync=True)
 
-    image = _Checked("_checked_image")
-    weights = _Checked("_checked_weights").tag(
+    image = _Checked()
+    weights = _Checked().tag(
         sync=True,
         to_json=lambda weights, _: list(weights.values()),
         from_json=lambda values, widget: dict(zip(widget._names, values, strict=True)),
     )
-    viewing = _Checked("_checked_viewing").tag(
+    viewing = _Checked().tag(
         sync=True,
         to_json=lambda viewing, widget: look_from_viewing(viewing, widget.lights),
         from_json=lambda look, widget: viewing_from_look(look, widget.viewing.display),
     )
-    mode = _Checked("_checked_mode").tag(sync=True)
-    backdrop = _Checked("_checked_backdrop").tag(sync=True)
-    level = _Checked("_checked_level").tag(sync=True)
-    probe = _Checked("_checked_probe", default_value=None).tag(sync=True)
+    mode = _Checked().tag(sync=True)
+    backdrop = _Checked().tag(sync=True)
+    level = _Checked().tag(sync=True)
+    probe = _Checked(default_value=None).tag(sync=True)
     probed = traitlets.Any(read_only=True, default_value=None)
 
     def __init__(

@@ -108,23 +108,14 @@ def write_page(
     Parameters
     ----------
     path : str or path
-        Ends in ``.html``.
+        Ends in ``.html``, else `ImageError`.
     views, lights, relight_spec, spec
-        As `page_html`.
+        As `page_html`, which names the other errors.
 
     Returns
     -------
     int
         Bytes written.
-
-    Raises
-    ------
-    ImageError
-        If the name does not end in ``.html``, or there is no view or light.
-    InputError
-        If the folder cannot be written to.
-    ShapeError, ViewingError
-        As `page_html`.
     """
     if Path(path).suffix.lower() not in (".html", ".htm"):
         raise ImageError(f"{os.fspath(path)}: pages are HTML files", "name it .html", code="type")
