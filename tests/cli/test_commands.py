@@ -18,10 +18,13 @@ import pytest
 
 from tests import conftest
 from tests.cli.test_render import TELLING_BANDS
-from volspec import cli, doctor
+from tests.support.commands import call, figures, refusal
+from tests.support.errors import raises
+from volspec import doctor
 from volspec._gpu import devices
 from volspec.basis import SpectralBasis
-from volspec.errors import OpenGLError
+from volspec.cli import main
+from volspec.errors import DeviceError, OpenGLError
 from volspec.export import read_frame_text
 from volspec.pipeline import raycast
 from volspec.raycast import Camera
@@ -33,17 +36,6 @@ from volspec.volume import phantom
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def test_the_package_can_be_run_by_its_name() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "volspec", "light", "D56"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1 and done.stderr.startswith("volspec: ")
-    assert "light 'D56' is unknown" in done.stderr
-
-
 def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:
     """The installed command in a process of its own, as a user calls it."""
     return subprocess.run(
@@ -53,15 +45,6 @@ def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:
         check=False,
         **settings,
     )
-
-
-def call(*words: str) -> int:
-    """The same in this process; returns the exit code."""
-    try:
-        cli.main(list(words))
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 @pytest.fixture(scope="module")
@@ -121,14 +104,6 @@ def test_several_lights_give_several_files(demo: Path, tmp_path: Path) -> None:
     assert {p.name for p in tmp_path.iterdir()} == {"e-FL2.png", "e-D65-0.7+A-0.3.png"}
 
 
-def test_two_lights_never_share_a_file(
-    demo: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    words = ["relight", str(demo / "engine.exr"), "-o", str(tmp_path / "e.png")]
-    assert call(*words, "--light", "A", "--light", "a") == 1
-    assert "one file" in capsys.readouterr().err and not list(tmp_path.iterdir())
-
-
 def test_a_light_the_basis_does_not_know_is_warned_about(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -143,7 +118,7 @@ def test_a_light_the_basis_does_not_know_is_warned_about(
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         assert call(*words) == 0
-        assert "use --mode exact" in capsys.readouterr().err
+        assert capsys.readouterr().err.count("--mode exact") == 1
         assert call(*words, "--mode", "exact") == 0
         assert capsys.readouterr().err == ""
 
@@ -155,8 +130,8 @@ def test_an_interrupted_demo_says_so_and_leaves_nothing(tmp_path: Path) -> None:
     assert process.stdout is not None
     assert process.stdout.readline() == "band\n"
     process.send_signal(signal.SIGINT)
-    said = process.communicate(timeout=60)[1]
-    assert process.returncode == 130 and "nothing half-written" in said
+    process.communicate(timeout=60)
+    assert process.returncode == 130
     assert not (tmp_path / "out" / "sheet.png").exists()
 
 
@@ -171,16 +146,14 @@ def test_render_writes_an_image_that_relight_reads(tmp_path: Path) -> None:
 
 
 def test_info_prints_figures_for_people_and_machines(capsys: pytest.CaptureFixture[str]) -> None:
-    engine = str(ROOT / "data" / "engine.nrrd")
+    engine = ROOT / "data" / "engine.nrrd"
     assert call("info", engine) == 0
     assert "256 × 256 × 110" in capsys.readouterr().out
-    assert call("info", engine, "--json") == 0
-    assert json.loads(capsys.readouterr().out)["shape"] == [256, 256, 110]
+    assert figures(capsys, "info", engine)["shape"] == [256, 256, 110]
 
 
 def test_doctor_lists_devices(capsys: pytest.CaptureFixture[str]) -> None:
-    assert call("doctor", "--json") == 0
-    report = json.loads(capsys.readouterr().out)
+    report = figures(capsys, "doctor")
     assert report["healthy"] and report["opencl"][0]["name"]
     assert call("doctor") == 0
 
@@ -195,62 +168,14 @@ def test_doctor_names_what_brings_films_and_notebooks(
     monkeypatch.setattr(doctor, "version", lambda name: missing(name) if "any" in name else "1.2")
     found = doctor.examine()
     assert found.healthy and found.problems == ()
-    assert found.extras == {
-        "films": "not here: pip install 'volspec[video]'",
-        "notebooks": "not here: pip install 'volspec[notebook]'",
-        "several machines": "dask 1.2, zarr 1.2",
-        "OME-Zarr": "zarr 1.2",
-    }
+    films, notebooks, *others = found.extras.values()
+    assert "volspec[video]" in films and "volspec[notebook]" in notebooks
+    assert [re.findall(r"(\w+) 1\.2", each) for each in others] == [["dask", "zarr"], ["zarr"]]
     monkeypatch.undo()
     pytest.importorskip("imageio_ffmpeg")
     assert call("doctor") == 0
     # The binary's own version, from running it.
     assert re.search(r"films +│ ffmpeg \S*\d", capsys.readouterr().out)
-
-
-BAD = {
-    "no light": (
-        ("relight", "DEMO", "--light", "nofile.csv", "-o", "f.png"),
-        1,
-        "nofile.csv: no such file; check the path",
-    ),
-    "missing volume": (("info", "none.nrrd"), 1, "none.nrrd: no such file"),
-    "missing image": (("relight", "n.exr", "--light", "A", "-o", "f.png"), 1, "n.exr: no such"),
-    "unknown light": (("relight", "DEMO", "--light", "D56", "-o", "f.png"), 1, "'D65'"),
-    "not a png": (("relight", "n.exr", "--light", "A", "-o", "f.jpg"), 1, "name it .png"),
-    "not an exr": (("render", "s.toml", "-o", "f.png"), 1, "name it .exr"),
-    "missing scene": (("render", "s.toml", "-o", "f.exr"), 1, "s.toml: no such file; check the"),
-    "unknown model": (
-        ("relight", "DEMO", "--light", "A", "-o", "f.png", "--model", "CIECAM97"),
-        1,
-        "CIECAM02",
-    ),
-    "unknown device": (("demo", "--device", "nonsense"), 1, "no OpenCL device named 'nonsense'"),
-    "unknown command": (("relit",), 2, "relight"),
-    "no full stop inside": (("foo",), 2, " and more; see volspec --help"),
-    "nor after options": (("--bogus",), 2, " and more; see volspec --help"),
-    "missing option": (("render", "s.toml"), 2, "render: --output or -o is missing; see"),
-    "missing light": (("relight", "n.exr", "-o", "f.png"), 2, "relight: --light is missing; see"),
-    "missing file": (("relight",), 2, "relight: IMAGE is missing; see"),
-    "unknown option": (("demo", "--colour", "red"), 2, "--colour"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_gives_one_line_and_its_exit_code(
-    case: str,
-    demo: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    words, code, message = BAD[case]
-    words = tuple(str(demo / "engine.exr") if word == "DEMO" else word for word in words)
-    monkeypatch.chdir(tmp_path)
-    assert call(*words) == code
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.startswith("volspec: ")]
-    assert len(lines) == 1 and message in lines[0]
-    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252", "latin-1", "utf-8"])
@@ -291,8 +216,8 @@ def test_bad_input_shows_no_traceback_unless_asked(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_named(demo: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("mine")
     out = tmp_path / "file" / "below.png"
-    done = run("relight", str(demo / "engine.exr"), "--light", "A", "-o", str(out))
-    assert done.returncode == 1 and "below.png: cannot write there" in done.stderr
+    error = refusal("relight", demo / "engine.exr", "--light", "A", "-o", out)
+    assert str(error).startswith(f"{out}: ")
     assert (tmp_path / "file").read_text() == "mine"
 
 
@@ -300,11 +225,12 @@ def test_without_opencl_the_remedy_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setattr(devices, "all_devices", list)
-    assert call("demo", "--out", str(tmp_path / "out")) == 1
-    assert "no OpenCL device found; install your GPU's driver, or " in capsys.readouterr().err
+    error = refusal("demo", "--out", tmp_path / "out")
+    assert isinstance(error, DeviceError) and error.code == "missing"
+    assert "volspec[intel]" in error.remedy
     assert not (tmp_path / "out").exists()
     assert call("doctor") == 1
-    assert "or pip install 'volspec[intel]'" in capsys.readouterr().out
+    assert "volspec[intel]" in capsys.readouterr().out
 
 
 def test_the_suite_s_last_lines_name_the_devices_or_say_none(
@@ -316,9 +242,10 @@ def test_the_suite_s_last_lines_name_the_devices_or_say_none(
     assert re.fullmatch("OpenCL: .+, .+, driver .+; OpenGL: .+", conftest.devices_line())
     monkeypatch.setenv(devices.DEVICE_VARIABLE, "no such device")
     monkeypatch.setattr(conftest, "headless_context", refuse)
-    said = conftest.devices_line()
-    assert said.startswith("OpenCL: none (no OpenCL device named 'no such device'")
-    assert said.endswith("; OpenGL: none (OpenGL: no headless context (test))")
+    assert re.fullmatch(
+        r"OpenCL: none \(.+'no such device'.+\); OpenGL: none \(OpenGL: .+\)",
+        conftest.devices_line(),
+    )
 
 
 def test_without_gl_the_demo_works_with_one_warning(
@@ -334,8 +261,7 @@ def test_without_gl_the_demo_works_with_one_warning(
     with warnings.catch_warnings():
         warnings.simplefilter("default")
         assert call(*words, "-o", str(tmp_path / "a.png")) == 0
-    said = capsys.readouterr().err
-    assert said.count("warning") == 1 and "relighting with NumPy" in said
+    assert capsys.readouterr().err.count("warning") == 1
     here, there = iio.imread(tmp_path / "a.png"), iio.imread(demo / "frames" / "A.png")
     assert np.abs(here.astype(int) - there).max() <= 1
 
@@ -348,9 +274,10 @@ def test_a_kernel_that_does_not_build_names_device_options_and_line(
     from volspec.errors import OpenCLError
 
     text = '#line 7 "kernels/broken.cl"\n__kernel void f(__global int *x) { x[0] = y; }\n'
-    with pytest.raises(OpenCLError, match=r"broken\.cl:7.*undeclared") as caught:
+    with raises(OpenCLError) as caught:
         Compute.open().kernel(Source(text, ("<prelude>", "kernels/broken.cl")), "f", ["-w"])
-    assert Compute.open().info.name in str(caught.value) and "-w" in str(caught.value)
+    for named in (Compute.open().info.name, "-w", "broken.cl:7"):
+        assert named in str(caught.value)
 
 
 def test_the_exit_code_stays_with_a_thread_in_an_extension() -> None:
@@ -358,7 +285,7 @@ def test_the_exit_code_stays_with_a_thread_in_an_extension() -> None:
     program = (
         "import atexit, sys, threading, time\n"
         "threading.Thread(target=time.sleep, args=(60,), daemon=True).start()\n"
-        "atexit.register(print, 'handlers ran')\n"
+        "atexit.register(print, 'handlers')\n"
         "class Late:\n"
         "    def __del__(self): print('finalized')\n"
         "late = Late()\n"
@@ -369,5 +296,38 @@ def test_the_exit_code_stays_with_a_thread_in_an_extension() -> None:
         [sys.executable, "-c", program, "light", "--list", "D65"], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[0].startswith("D65") and "handlers ran" in done.stdout
-    assert "finalized" not in done.stdout
+    assert done.stdout.split()[-1] == "handlers" and "finalized" not in done.stdout
+
+
+@pytest.mark.parametrize("words", ["light --list", "light --help", "light D65", "light D65 --json"])
+def test_a_pipe_that_nobody_reads_ends_the_command_quietly(
+    words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ours, theirs = os.pipe()
+    os.close(ours)
+    with io.TextIOWrapper(os.fdopen(theirs, "wb")) as stdout:
+        monkeypatch.setattr("sys.stdout", stdout)
+        assert call(*words.split()) == 141
+        monkeypatch.undo()
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("light", "x" * 100_000),
+        ("reflectance", "9" * 5000),
+        ("info", "(" * 3000),
+        ("compositing", "\0", "-o", "x.nk"),
+        ("render", "\udcff.toml", "-o", "x.exr"),
+        ("+" * 5000,),
+    ],
+    ids=lambda words: words[0][:12],
+)
+def test_a_value_of_any_length_is_refused_in_one_short_line(
+    words: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(list(words))
+    [line] = capsys.readouterr().err.splitlines()
+    assert ended.value.code in (1, 2) and len(line) < 1100 and line.startswith("volspec: ")

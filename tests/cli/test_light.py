@@ -7,17 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from volspec.cli import main
+from tests.support.commands import call
+from tests.support.commands import figures as command_figures
 from volspec.spectra.photometry import correlated_temperature
 
 LAMP = "lamp:tungsten-2850"
 
 
 def figures(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, float | None]:
-    with pytest.raises(SystemExit) as caught:
-        main(["light", *words, "--json"])
-    assert caught.value.code == 0
-    return dict(json.loads(capsys.readouterr().out))
+    return dict(command_figures(capsys, "light", *words))
 
 
 # x, y of CIE 15; the temperatures of D65 and FL2 (6500 and 4230 K) are given there to ten kelvin.
@@ -64,21 +62,6 @@ def test_black_bodies_lie_on_their_locus_and_saturated_lights_have_no_temperatur
     assert correlated_temperature([1, 1, 1]) is not None
 
 
-def test_people_read_a_line_a_figure(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        main(["light", LAMP, "--power-W", "100", "--distance-m", "2", "--beam-deg", "60"])
-    out = " ".join(capsys.readouterr().out.split())
-    for words in (
-        f"{LAMP} chromaticity x, y 0.4480, 0.4076",
-        "correlated temperature 2850 K, Duv +0.0000",
-        "efficacy of the lamp 15 lm/W flux at 100 W 1500 lm at 2 m, within 60° 445.5 lx",
-    ):
-        assert words in out
-    with pytest.raises(SystemExit):
-        main(["light", "planck:700"])
-    assert "none between 1000 and 100 000 K" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("command", "search", "known"),
     [
@@ -91,9 +74,7 @@ def test_names_are_listed_for_people_and_programs(
     command: str, search: str, known: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def listed(*words: str) -> str:
-        with pytest.raises(SystemExit) as caught:
-            main([command, "--list", *words])
-        assert caught.value.code == 0
+        assert call(command, "--list", *words) == 0
         return capsys.readouterr().out
 
     found = listed(search).splitlines()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import subprocess
 import sys
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from volspec import cli
+from tests.support.commands import call, figures
 from volspec.errors import OpenCLError
 from volspec.raycast import CoefficientImage
 from volspec.raycast.gpu import Raycaster
@@ -45,15 +44,6 @@ height = 16
 """
 
 
-def call(*words: str | Path) -> int:
-    """The command in this process; returns the exit code."""
-    try:
-        cli.main([*map(str, words)])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
-
-
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
     np.save(tmp_path / "ball.npy", phantom.ball(16).values)
@@ -64,9 +54,8 @@ def scene(tmp_path: Path) -> Path:
 def test_render_says_what_it_wrote(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = scene.with_name("i.exr")
     assert call("render", scene, "-o", out) == 0
-    said = capsys.readouterr()
-    assert said.out == f"{out}: 24×16, 7 channels for each of key, sky\n"
-    assert "cast" in said.err and "100%" in said.err
+    printed = capsys.readouterr()
+    assert printed.out.startswith(f"{out}: 24×16") and "100%" in printed.err
     image = CoefficientImage.load(out)
     assert image.coefficients.dtype == np.float32 and list(image.groups) == ["key", "sky"]
 
@@ -78,25 +67,6 @@ def test_size_and_half_are_taken_in_place_of_the_scene_s(scene: Path) -> None:
     assert image.size == (40, 30) and image.coefficients.dtype == np.float16
 
 
-@pytest.mark.parametrize("size", ["40", "40x", "x40", "40x-3", "40.5x30", "0x30", "4x3x2", "wide"])
-def test_a_size_that_is_none_is_refused(
-    scene: Path, size: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = scene.with_name("i.exr")
-    assert call("render", scene, "-o", out, "--size", size) == 1
-    (line,) = capsys.readouterr().err.splitlines()
-    assert f"{size!r} is no WIDTHxHEIGHT, such as 1024x768" in line
-    assert not out.exists()
-
-
-def test_a_size_beyond_what_can_be_cast_is_refused(
-    scene: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert call("render", scene, "-o", scene.with_name("i.exr"), "--size", "20000x3") == 1
-    line = refusal(capsys)
-    assert "scene.toml: raycast: the picture is 20000x3" in line
-
-
 def test_a_device_that_refuses_is_told_in_one_line(
     scene: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -105,13 +75,7 @@ def test_a_device_that_refuses_is_told_in_one_line(
 
     monkeypatch.setattr(Raycaster, "cast", refuse)
     assert call("render", scene, "-o", scene.with_name("i.exr")) == 1
-    assert refusal(capsys) == "volspec: pocl: out of memory; cast it smaller"
-
-
-def refusal(capsys: pytest.CaptureFixture[str]) -> str:
-    """The one line of a refusal."""
-    (line,) = [s for s in capsys.readouterr().err.splitlines() if s.startswith("volspec: ")]
-    return line
+    assert capsys.readouterr().err.count("volspec: pocl: ") == 1
 
 
 # The command, which says on stdout that a band of the picture is there. A suite that a shell runs
@@ -141,7 +105,7 @@ def test_an_interrupted_cast_leaves_the_image_that_was_there(tmp_path: Path) -> 
     _, err = process.communicate(timeout=60)
     watchdog.cancel()
     assert process.returncode == 130
-    assert err.splitlines()[-1] == "volspec: interrupted; nothing half-written is left"
+    assert err.splitlines()[-1].startswith("volspec: interrupted; ")
     assert "Traceback" not in err
     assert out.read_bytes() == b"mine"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["i.exr", "s.toml"]
@@ -160,10 +124,8 @@ LABELS = {
 def test_info_tells_labels(case: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     values, labels = LABELS[case]
     np.save(tmp_path / "v.npy", values)
-    assert call("info", tmp_path / "v.npy", "--json") == 0
-    assert json.loads(capsys.readouterr().out).get("labels") == labels
+    assert figures(capsys, "info", tmp_path / "v.npy").get("labels") == labels
     assert call("info", tmp_path / "v.npy") == 0
     printed = capsys.readouterr().out
     assert (" values " in printed) == (labels is not None)
-    if labels:
-        assert f"{labels[0]}–{labels[-1]}: {len(labels)} values" in printed
+    assert not labels or f"{labels[0]}–{labels[-1]}: {len(labels)} " in printed
