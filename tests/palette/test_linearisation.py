@@ -167,7 +167,7 @@ def test_the_subspace_error_of_a_reflectance_is_eq_20(scale: float) -> None:
     cells = {("s", "FL11"): Cell(colour=COLOUR, weight=2.0)}
     opened = replace(palette, reflectances=(surface("s"),), lights=(lamp("FL11"),), cells=cells)
     # A designed light may have another level than 100: the error has it, too.
-    state = State.start(opened).with_lights({0: scale * power("FL11")})
+    state = State.start(opened).with_spectra(True, {0: scale * power("FL11")})
     term = only_term(Phase(state, False).problem()[1], "the subspace error")
     assert term.weight == 6.0
     S = np.random.default_rng(0).random(31)
@@ -179,7 +179,7 @@ def test_the_subspace_error_of_a_reflectance_is_eq_20(scale: float) -> None:
 @pytest.mark.parametrize("scale", [1.0, 0.3])
 def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale: float) -> None:
     palette = subspace_palette("absolute")
-    state = State.start(palette).with_lights({0: scale * power("FL11")})
+    state = State.start(palette).with_spectra(True, {0: scale * power("FL11")})
     phase = Phase(state, True)
     part = only_term(phase.problem()[1], "the subspace error").parts["light 'l'"] / phase.unit
     S, E = state.S[0], state.E[0]
@@ -196,7 +196,7 @@ def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale: float) ->
 
 def test_flat_white_has_no_subspace_error_under_any_light() -> None:
     palette = subspace_palette("absolute")
-    state = State.start(palette).with_reflectances({0: np.ones(31)})
+    state = State.start(palette).with_spectra(False, {0: np.ones(31)})
     part = only_term(Phase(state, True).problem()[1], "the subspace error").parts["light 'l'"]
     assert np.abs(part @ np.random.default_rng(3).random(31)).max() < 1e-6
 

@@ -3,8 +3,7 @@
 design, report -> [figure] -> PNG, PDF, SVG
 
 After figures 1 and 2 of [1]: in each cell the surround is the colour obtained and the framed square
-the one wanted; the spectra are at the margins. matplotlib is imported late and draws on a canvas of
-its own.
+the one wanted; the spectra are at the margins.
 
 References
 ----------
@@ -20,8 +19,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._figures import FAINT, HAIR, INK, PAPER, inch_axes, shorten, write
-from volspec._files import write_whole
+from volspec._figures import (
+    DPI,
+    FAINT,
+    HAIR,
+    INK,
+    inch_axes,
+    new_figure,
+    shorten,
+    write,
+    write_figure,
+)
 from volspec.appearance.spaces import spectrum_colours
 from volspec.errors import ImageError
 from volspec.palette.optimisation import Design
@@ -35,7 +43,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SUFFIXES = (".png", ".svg", ".pdf")
-DPI = 160
 # Inches. Cells shrink from the largest to the smallest as a palette grows.
 _CELLS, _LARGEST, _SMALLEST = 7.2, 1.25, 0.56
 _MARGIN, _GAP, _KEY, _LINE = 0.36, 0.07, 0.5, 0.17
@@ -49,28 +56,10 @@ _VISIBLE = 1.0
 
 
 def palette_figure(design: Design, report: DesignReport | None = None, title: str = "") -> Figure:
-    """Draw a designed palette.
-
-    Parameters
-    ----------
-    design : Design
-    report : DesignReport, optional
-        The design's own, if there is one already.
-    title : str
-        Headline.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        On an Agg canvas; ``savefig`` writes it.
-    """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
+    """Draw a designed palette under a headline; by default with its own report."""
     report = report or DesignReport.of(design)
     layout = _Layout(*design.palette.names, bool(title))
-    figure = Figure(figsize=(layout.width, layout.height), dpi=DPI, facecolor=PAPER)
-    FigureCanvasAgg(figure)
+    figure = new_figure(layout.width, layout.height)
     if title:
         y = 1.0 - 0.3 / layout.height
         text = write(figure, _MARGIN / layout.width, y, title, fontsize=12, weight="bold",
@@ -89,32 +78,17 @@ def save_palette_figure(
     report: DesignReport | None = None,
     title: str = "",
 ) -> None:
-    """Write `palette_figure` in the format of the name's suffix; whole or not at all.
-
-    Parameters
-    ----------
-    design, report, title
-        As `palette_figure`.
-    path : path
-        A .png, .svg or .pdf.
+    """Write `palette_figure` as .png, .svg or .pdf; whole or not at all.
 
     Raises
     ------
     ImageError
         If the name has another suffix.
     """
-    kind = Path(path).suffix.lower()
-    if kind not in SUFFIXES:
-        raise ImageError(
-            f"{path}: figures are {', '.join(SUFFIXES)} files; name it .png",
-            code="unsupported",
-            field="path",
-            given=path,
-        )
-    with write_whole(path) as temporary:
-        figure = palette_figure(design, report, title)
-        metadata = {"Date": None} if kind == ".svg" else {}  # the same file tomorrow
-        figure.savefig(temporary, format=kind[1:], dpi=DPI, metadata=metadata)
+    if Path(path).suffix.lower() not in SUFFIXES:
+        problem = f"{path}: figures are {', '.join(SUFFIXES)} files; name it .png"
+        raise ImageError(problem, code="unsupported", field="path", given=path)
+    write_figure(palette_figure(design, report, title), path)
 
 
 class _Layout:

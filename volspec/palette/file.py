@@ -80,13 +80,7 @@ class PaletteFaults(FileFaults, PaletteError):
 
 
 def palette_file(path: FileName) -> PaletteFile:
-    """Return the tables of a palette's file, each checked by itself.
-
-    Raises
-    ------
-    PaletteError
-        As `load_palette`.
-    """
+    """Return the tables of a palette's file, each checked by itself."""
     name, text = os.fspath(path), palette_text(path)
     try:
         tables = parse_toml(text)
@@ -99,13 +93,7 @@ def palette_file(path: FileName) -> PaletteFile:
 
 
 def palette_text(path: FileName) -> str:
-    """Contents of the file.
-
-    Raises
-    ------
-    PaletteError
-        If it cannot be read.
-    """
+    """Return the contents of the file."""
     return read_text(path, PaletteError, "a palette's file")
 
 

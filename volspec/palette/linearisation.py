@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,17 +38,10 @@ _GAMUT = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AffineColour:
-    """A colour as an affine function of the free variables.
+    """A colour as an affine function of the free variables."""
 
-    Parameters
-    ----------
-    parts : {block: (3, n)}
-        Empty if the colour is constant.
-    constant : (3,)
-    """
-
-    parts: Mapping[str, Array]
-    constant: Array
+    parts: Mapping[str, Array]  # {block: (3, n)}; empty if the colour is constant
+    constant: Array  # (3,)
 
     def transform(self, matrix: Array, shift: Array | float = 0.0) -> AffineColour:
         """Return matrix · colour + shift."""
@@ -66,46 +58,23 @@ class AffineColour:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Variables:
-    """Free variables of a phase.
-
-    Parameters
-    ----------
-    state : State
-    lights : bool
-        True if lights are designed, False if reflectances are.
-    names : {number: block}
-        Blocks of the free spectra.
-    synthesis : {number: (N, n)}
-        Variables to the spectrum in the state.
-    first : bool
-        True in the first iteration.
-    """
+    """Free variables of a phase."""
 
     state: State
-    lights: bool
-    names: Mapping[int, str]
-    synthesis: Mapping[int, Array]
-    first: bool
+    lights: bool  # True if lights are designed, False if reflectances are
+    names: Mapping[int, str]  # {number: block} of the free spectra
+    synthesis: Mapping[int, Array]  # {number: (N, n)}: variables to the spectrum in the state
+    first: bool  # True in the first iteration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """Linear RGB of all cells, linearised by the spectra at one colour each.
-
-    Parameters
-    ----------
-    variables : Variables
-    jacobian : (R, L, 3, 3)
-        Linear RGB by XYZ.
-    rows : (R, L, 3, N)
-        Linear RGB by the spectrum that is designed.
-    constant : (R, L, 3)
-    """
+    """Linear RGB of all cells, linearised by the spectra at one colour each."""
 
     variables: Variables
-    jacobian: Array
-    rows: Array
-    constant: Array
+    jacobian: Array  # (R, L, 3, 3): linear RGB by XYZ
+    rows: Array  # (R, L, 3, N): linear RGB by the spectrum that is designed
+    constant: Array  # (R, L, 3)
 
     @classmethod
     def at(cls, variables: Variables, models: list[ColourModel], XYZ: Array) -> Linearisation:
@@ -130,34 +99,16 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CellEquations:
-    """Linearised equations of all cells.
-
-    Parameters
-    ----------
-    cells : {(i, j): Cell}
-    Lab : (R, L, 3)
-        Current colours.
-    Lab_slopes : (R, L, 3, 3)
-        CIELAB by linear RGB: chords or tangents.
-    Lab_at_black : (R, L, 3)
-        Their value at linear RGB 0.
-    wanted : {(i, j): ((3,), (3,))}
-        Linear RGB and CIELAB of wanted colours, black included.
-    free : {group: ((3, 3), (3,))}
-        Slopes, and value at linear RGB 0, at each free colour.
-    at_current, at_wanted : Linearisation
-        At the current colours, and at the wanted ones of equality constraints and of the first
-        iteration.
-    """
+    """Linearised equations of all cells."""
 
     cells: Mapping[Index, Cell]
-    Lab: Array
-    Lab_slopes: Array
-    Lab_at_black: Array
-    wanted: Mapping[Index, tuple[Array, Array]]
-    free: Mapping[str, tuple[Array, Array]]
+    Lab: Array  # (R, L, 3): current colours
+    Lab_slopes: Array  # (R, L, 3, 3): CIELAB by linear RGB, chords or tangents
+    Lab_at_black: Array  # (R, L, 3): their value at linear RGB 0
+    wanted: Mapping[Index, tuple[Array, Array]]  # linear RGB and CIELAB, black included
+    free: Mapping[str, tuple[Array, Array]]  # slopes and value at linear RGB 0, by group
     at_current: Linearisation
-    at_wanted: Linearisation
+    at_wanted: Linearisation  # for equality constraints, and in the first iteration
 
     @classmethod
     def of(cls, variables: Variables) -> CellEquations:
@@ -173,11 +124,11 @@ class CellEquations:
         )
         free = _free_colours(cells, current, model, state.palette)
         ends, anchors = current.copy(), XYZ.copy()
-        for j, of_light in groupby(sorted(places, key=_column), _column):
-            places = [p for p in of_light if variables.first or math.isinf(cells[p].weight)]
-            for place in places:
-                ends[place] = wanted[place][0]
-            rows = [i for i, _ in places]
+        met = [at for at in places if variables.first or math.isinf(cells[at].weight)]
+        for at in met:
+            ends[at] = wanted[at][0]
+        for j in {j for _, j in met}:
+            rows = [i for i, k in met if k == j]
             anchors[rows, j] = models[j].XYZ_from_RGB(ends[rows, j])
         if variables.first:
             for place, cell in cells.items():
@@ -288,10 +239,6 @@ def _tangent(model: ColourModel, colour: Array) -> tuple[Array, Array]:
     """Return the slopes of CIELAB at a colour, and the tangent's value at linear RGB 0."""
     slopes = model.Lab_chord(colour, colour)
     return slopes, model.Lab_from_RGB(colour) - slopes @ colour
-
-
-def _column(place: Index) -> int:
-    return place[1]
 
 
 def _variable_colour(name: str) -> tuple[str, AffineColour]:

@@ -20,8 +20,8 @@ from pydantic import Field
 
 from volspec.appearance.spec import Viewing
 from volspec.basis import SpectralBasis
-from volspec.errors import PaletteError, SpectrumError, nearest, quoted
-from volspec.palette.variables import PaletteSpectrum
+from volspec.errors import Code, PaletteError, SpectrumError, nearest, quoted
+from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import NotNegative, settings
 from volspec.spectra import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.construct.colours import sRGB_from_word
@@ -85,12 +85,9 @@ class Cell:
         for name in ("colour", "group", "other"):
             needed, given = needs.get(self.kind) == name, bool(getattr(self, name))
             if needed != given:
-                raise PaletteError(
-                    f"kind {self.kind!r} {'needs' if needed else 'takes no'} {name}",
-                    code="missing" if needed else "conflict",
-                    field=f"Cell.{name}",
-                    given=getattr(self, name),
-                )
+                problem = f"kind {self.kind!r} {'needs' if needed else 'takes no'} {name}"
+                code: Code = "missing" if needed else "conflict"
+                raise fault(f"Cell.{name}", problem, code, getattr(self, name))
         for name in ("weight", "distance"):
             value = getattr(self, name)
             if not (isinstance(value, int | float) and value > 0.0):
@@ -115,13 +112,7 @@ class Cell:
 
 
 def _display_codes(field: str, given: object, remedy: str) -> Triple:
-    """Return three display codes.
-
-    Raises
-    ------
-    PaletteError
-        If they are not three numbers of 0 to 1.
-    """
+    """Return three display codes, or refuse others than three numbers of 0 to 1."""
     try:
         red, green, blue = np.asarray(given, dtype=np.float64).tolist()
         codes = float(red), float(green), float(blue)
@@ -129,36 +120,14 @@ def _display_codes(field: str, given: object, remedy: str) -> Triple:
         raise PaletteError.refused(field, given, remedy, "type") from None
     if outside := [code for code in codes if not 0.0 <= code <= 1.0]:
         hint = "divide by 255" if 1.0 < max(outside) <= 255.0 else remedy
-        raise PaletteError(
-            f"{quoted(given)} has a code of {outside[0]:g}, which no display shows",
-            hint,
-            code="range",
-            field=field,
-            given=given,
-        )
+        problem = f"{quoted(given)} has a code of {outside[0]:g}, which no display shows"
+        raise fault(field, f"{problem}; {hint}", "range", given)
     return codes
 
 
 def parse_colour(given: str | Sequence[float]) -> Triple:
-    """Return the display codes of a colour in hexadecimal, a CSS name, or three codes.
+    """Return the display codes, 0 to 1, of a colour in hexadecimal, a CSS name, or three codes.
 
-    Parameters
-    ----------
-    given : str or three floats
-        ``"#ca0020"``, ``"#fff"``, ``"steelblue"`` or ``(0.79, 0.0, 0.13)``.
-
-    Returns
-    -------
-    (3,) floats
-        0 to 1.
-
-    Raises
-    ------
-    PaletteError
-        If it is none of these, or lies outside the display.
-
-    Examples
-    --------
     >>> parse_colour("#f00"), parse_colour("white")
     ((1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
     """
@@ -243,24 +212,15 @@ class Palette:
             members = tuple(getattr(self, name))
             object.__setattr__(self, name, members)
             if not members:
-                raise PaletteError(
-                    "there are none; give at least one", code="missing", field=f"Palette.{name}"
-                )
+                raise fault(f"Palette.{name}", "there are none; give at least one", "missing")
             names = [member.name for member in members]
             if twice := next((n for n in names if names.count(n) > 1), None):
-                raise PaletteError(
-                    f"two are named {twice!r}; rename one",
-                    code="duplicate",
-                    field=f"Palette.{name}",
-                    given=twice,
-                )
+                problem = f"two are named {twice!r}; rename one"
+                raise fault(f"Palette.{name}", problem, "duplicate", twice)
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))
         if not self.cells:
-            raise PaletteError(
-                "there are none; give at least one wanted colour",
-                code="missing",
-                field="Palette.cells",
-            )
+            problem = "there are none; give at least one wanted colour"
+            raise fault("Palette.cells", problem, "missing")
         if self.level not in LEVELS:
             remedy = f"{nearest(str(self.level), LEVELS)}expected {' or '.join(LEVELS)}"
             raise PaletteError.refused("Palette.level", self.level, remedy, "unknown")
@@ -268,28 +228,20 @@ class Palette:
             self._check_basis()
         self._check_cells()
         if not any(member.free for member in (*self.reflectances, *self.lights)):
-            raise PaletteError(
-                "every spectrum is given; make one free to design it",
-                code="missing",
-                field="Palette.reflectances",
-            )
+            problem = "every spectrum is given; make one free to design it"
+            raise fault("Palette.reflectances", problem, "missing")
 
     def _check_basis(self) -> None:
         found, subspace = self.basis, self.criteria.subspace
         if found is None or found.grid != self.grid:
-            raise PaletteError(
-                f"criteria.subspace is {subspace:g}, but the basis is "
-                f"{'missing' if found is None else f'on {found.grid}'}; give one on {self.grid}",
-                code="missing" if found is None else "conflict",
-                field="Palette.basis",
-            )
+            state = "missing" if found is None else f"on {found.grid}"
+            problem = f"criteria.subspace is {subspace:g}, but the basis is {state}"
+            code: Code = "missing" if found is None else "conflict"
+            raise fault("Palette.basis", f"{problem}; give one on {self.grid}", code)
         if found.observer_deg != 2:
-            raise PaletteError(
-                f"{found.name!r} is for the {found.observer_deg} degree observer, palettes for "
-                "that of 2 degrees; fit one for it",
-                code="conflict",
-                field="Palette.basis",
-            )
+            problem = f"{found.name!r} is for the {found.observer_deg} degree observer"
+            remedy = "palettes for that of 2 degrees; fit one for it"
+            raise fault("Palette.basis", f"{problem}, {remedy}")
 
     def _check_cells(self) -> None:
         for place, cell in self.cells.items():
@@ -297,22 +249,14 @@ class Palette:
                 self.member("reflectance", reflectance)
                 self.member("light", light)
             if cell.other == place:
-                raise PaletteError(
-                    f"cell {place} is compared with itself; name another",
-                    code="conflict",
-                    field="Palette.cells",
-                    given=place,
-                )
+                problem = f"cell {place} is compared with itself; name another"
+                raise fault("Palette.cells", problem, given=place)
             if cell.kind == "free":
                 low, high = self.free_bounds(cell.group)
                 if any(one > other for one, other in zip(low, high, strict=True)):
-                    raise PaletteError(
-                        f"cells of the free colour {cell.group!r} exclude each other by their "
-                        f"bounds, low {low} and high {high}; widen them",
-                        code="conflict",
-                        field="Palette.cells",
-                        given=cell.group,
-                    )
+                    problem = f"cells of the free colour {cell.group!r} exclude each other by their"
+                    bounds = f"bounds, low {low} and high {high}; widen them"
+                    raise fault("Palette.cells", f"{problem} {bounds}", given=cell.group)
 
     @property
     def names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -345,25 +289,16 @@ class Palette:
         return cells
 
     def member(self, kind: str, name: str) -> PaletteSpectrum:
-        """Return a ``"light"`` or a ``"reflectance"`` by its name.
-
-        Raises
-        ------
-        PaletteError
-            If there is none of that name.
-        """
+        """Return a ``"light"`` or a ``"reflectance"`` by its name; refuse an unknown one."""
         members = self.lights if kind == "light" else self.reflectances
         found = next((member for member in members if member.name == name), None)
         if found is None:
             names = [member.name for member in members]
-            raise PaletteError(
-                f"no {kind} is named {name!r}; {nearest(name, names)}there is {', '.join(names)}",
-                code="unknown",
-                field=f"Palette.{kind}s",
-                given=name,
-            )
+            hint = f"{nearest(name, names)}there is {', '.join(names)}"
+            problem = f"no {kind} is named {name!r}; {hint}"
+            raise fault(f"Palette.{kind}s", problem, "unknown", name)
         return found
 
     def with_exposure(self, exposure: float) -> Palette:
-        """Return the palette with another `Viewing.exposure`."""
+        """Return the palette with another exposure."""
         return replace(self, viewing=replace(self.viewing, exposure=exposure))

@@ -44,20 +44,11 @@ _SUBSPACE = "the subspace error of"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Phase:
-    """Least-squares problem of the free reflectances, or of the free lights.
-
-    Parameters
-    ----------
-    state : State
-    lights : bool
-        True to design the lights, False the reflectances.
-    first : bool
-        True in the first iteration; see `linearisation`.
-    """
+    """Least-squares problem of the free reflectances, or of the free lights."""
 
     state: State
-    lights: bool
-    first: bool = True
+    lights: bool  # True to design the lights, False the reflectances
+    first: bool = True  # in the first iteration; see `linearisation`
 
     @property
     def members(self) -> tuple[PaletteSpectrum, ...]:
@@ -70,9 +61,11 @@ class Phase:
         """Numbers of the spectra that this phase designs."""
         return [number for number, member in enumerate(self.members) if member.free]
 
-    def block_name(self, number: int) -> str:
-        """Return the name of a spectrum's variables."""
-        return f"{'light' if self.lights else 'reflectance'} {self.members[number].name!r}"
+    @property
+    def names(self) -> dict[int, str]:
+        """Blocks of the free spectra: their variables' names, by number."""
+        kind = "light" if self.lights else "reflectance"
+        return {number: f"{kind} {self.members[number].name!r}" for number in self.free}
 
     @property
     def unit(self) -> float:
@@ -92,14 +85,8 @@ class Phase:
         }
 
     def problem(self) -> tuple[dict[str, Block], list[Term]]:
-        """Return the blocks of variables, and the terms over them.
-
-        Raises
-        ------
-        PaletteError
-            If a free spectrum has no band to be free in.
-        """
-        names = {number: self.block_name(number) for number in self.free}
+        """Return the blocks of variables, and the terms over them."""
+        names = self.names
         synthesis = {number: self.synthesis(number) for number in names}
         variables = Variables(self.state, self.lights, names, synthesis, self.first)
         equations = CellEquations.of(variables)
@@ -120,17 +107,14 @@ class Phase:
     def solve(self) -> tuple[State, float, float]:
         """Return the state with this phase's spectra designed, the cost and the residual."""
         found = solve(*self.problem())
-        spectra = {
-            number: self.synthesis(number) @ found.values[self.block_name(number)]
-            for number in self.free
-        }
-        update = self.state.with_lights if self.lights else self.state.with_reflectances
-        return update(spectra), found.cost, found.residual
+        spectra = {n: self.synthesis(n) @ found.values[name] for n, name in self.names.items()}
+        return self.state.with_spectra(self.lights, spectra), found.cost, found.residual
 
     def costs(self) -> dict[str, float]:
         """Return the weighted squares of smoothness and subspace error at the current state."""
         costs = {"smoothness": 0.0, "subspace": 0.0}
-        x = {self.block_name(number): values for number, values in self.values().items()}
+        names = self.names
+        x = {names[number]: values for number, values in self.values().items()}
         for term in self.problem()[1]:
             subspace = term.label.startswith(_SUBSPACE)
             if subspace or term.label in x:  # smoothness has the spectrum's name
@@ -170,8 +154,12 @@ class Phase:
             if number not in variables.names:
                 continue
             if j not in from_basis:
-                slopes = _basis_XYZ_by_light if self.lights else _basis_XYZ_by_reflectance
-                from_basis[j] = slopes(basis, state.E[j], state.Q)
+                own = basis, state.E[j], state.Q
+                from_basis[j] = (
+                    _basis_XYZ_by_light(*own)
+                    if self.lights
+                    else _XYZ_from_channels(*own) @ basis.analysis
+                )
             less = from_basis[j] @ channels[i] if self.lights else from_basis[j]
             other = state.S[i] if self.lights else state.E[j]
             rows = ROW_WEIGHT * equations.at_current.jacobian[i, j] @ (state.Q * other - less)
@@ -186,11 +174,6 @@ def _XYZ_from_channels(basis: SpectralBasis, E: Array, Q: Array) -> Array:
     e = basis.analysis @ E
     level = float(Q[1] @ E) / 100.0
     return level * display_matrix(basis.XYZ_from_channels, e, E, Q) * e
-
-
-def _basis_XYZ_by_reflectance(basis: SpectralBasis, E: Array, Q: Array) -> Array:
-    """Return (3, N): a reflectance to the XYZ that the basis makes of it under a light."""
-    return _XYZ_from_channels(basis, E, Q) @ basis.analysis
 
 
 def _basis_XYZ_by_light(basis: SpectralBasis, E: Array, Q: Array) -> Array:
@@ -269,14 +252,13 @@ class Design:
     Parameters
     ----------
     palette : Palette
-        The palette with every spectrum filled in.
+        With every spectrum filled in.
     state : State
         Spectra on the palette's grid.
     cost : float
         Weighted sum of squares of the last solution.
     residual : float
-        Largest violation of the last solutions' optimality conditions; see
-        `quadratic_program.Optimum`.
+        Largest relative violation of the last solutions' optimality conditions.
     """
 
     palette: Palette
@@ -410,10 +392,6 @@ def fitted_exposure(palette: Palette) -> float:
     The palette is designed without upper bounds; if a reflectance exceeds its own, the light is
     raised by as much [1]. A colour is the same under twice the light on half the reflectance, so
     nothing is lost.
-
-    Parameters
-    ----------
-    palette : Palette
 
     Returns
     -------

@@ -33,14 +33,7 @@ _ACCURATE = 1e-8
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """Variables of one spectrum or of one free colour.
-
-    Parameters
-    ----------
-    size : int
-    lower, upper : (size,) float64
-        Infinite if unbounded.
-    """
+    """Variables of one spectrum or of one free colour; bounds (size,), infinite if unbounded."""
 
     size: int
     lower: Array
@@ -49,40 +42,24 @@ class Block:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Term:
-    """Weighted equations: Σ_b A_b x_b = target.
+    """Weighted equations: Σ_b A_b x_b = target."""
 
-    Parameters
-    ----------
-    parts : {block: (k, n_b)}
-    target : (k,)
-    weight : float
-        Infinite: an equality constraint.
-    label : str
-        Name in messages.
-    """
-
-    parts: Mapping[str, Array]
-    target: Array
-    weight: float
-    label: str
+    parts: Mapping[str, Array]  # {block: (k, n_b)}
+    target: Array  # (k,)
+    weight: float  # infinite: an equality constraint
+    label: str  # name in messages
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Optimum:
     """Solution of a quadratic program.
 
-    Parameters
-    ----------
-    values : {block: (n_b,)}
-    cost : float
-        The weighted sum of squares.
-    residual : float
-        Largest violation of the optimality conditions (Karush, Kuhn, Tucker), relative to the
-        problem's numbers.
+    Its residual is the largest violation of the optimality conditions (Karush, Kuhn, Tucker),
+    relative to the problem's numbers.
     """
 
-    values: Mapping[str, Array]
-    cost: float
+    values: Mapping[str, Array]  # {block: (n_b,)}
+    cost: float  # the weighted sum of squares
     residual: float
 
 
@@ -117,24 +94,15 @@ def _connected_blocks(blocks: Mapping[str, Block], terms: Sequence[Term]) -> lis
 class _Quadratic:
     """Minimise xᵀPx/2 + qᵀx with A x + s = b: s = 0 in the first rows, s >= 0 in the others.
 
-    Parameters
-    ----------
-    P : (n, n)
-    q : (n,)
-        Both divided by one number, so that q is about 1.
-    C : (k, n)
-        Equations, first in A.
-    d : (k,)
-    lower, upper : (n,)
-        Bounds: next in A the equal ones, then the lower, then the upper ones.
+    A has the equations C x = d, then equal bounds, then lower, then upper ones.
     """
 
-    P: Array
-    q: Array
-    C: Array
-    d: Array
-    lower: Array
-    upper: Array
+    P: Array  # (n, n)
+    q: Array  # (n,); both divided by one number, so that q is about 1
+    C: Array  # (k, n)
+    d: Array  # (k,)
+    lower: Array  # (n,)
+    upper: Array  # (n,)
 
     @classmethod
     def from_terms(

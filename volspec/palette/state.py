@@ -19,9 +19,8 @@ from volspec.appearance.scene_to_display import view_transform
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import ClosedTransform, LinearTransform
-from volspec.errors import PaletteError
 from volspec.palette.model import Palette
-from volspec.palette.variables import initial_light, initial_reflectance
+from volspec.palette.variables import fault, initial_light, initial_reflectance
 from volspec.spectra import colour_matching_functions
 
 Array = NDArray[np.float64]
@@ -36,40 +35,20 @@ _LEAST_WHITE = 1e-6
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColourModel:
-    """Appearance under one light: scene XYZ to linear RGB of the display, and its derivatives.
+    """Appearance under one light: scene XYZ to linear RGB of the display, and its derivatives."""
 
-    Parameters
-    ----------
-    transform : ClosedTransform
-        Scene XYZ to the display's.
-    exposure : float
-        `Viewing.exposure`.
-    space : ColourSpace
-        The display's.
-    """
-
-    transform: ClosedTransform
+    transform: ClosedTransform  # scene XYZ to the display's
     exposure: float
-    space: ColourSpace
+    space: ColourSpace  # the display's
 
     @classmethod
     def of(cls, viewing: Viewing, white_XYZ: ArrayLike) -> ColourModel:
-        """Return the colour model of a viewing, adapted to a light's white.
-
-        Raises
-        ------
-        PaletteError
-            If the viewing's model has no inverse in closed form.
-        """
+        """Return the model of a viewing, adapted to a white; refuse one without an inverse."""
         transform = view_transform(viewing, white_XYZ)
         if not isinstance(transform, ClosedTransform):
-            raise PaletteError(
-                f"{viewing.model!r} has no inverse in closed form to design with; use CIECAM02, "
-                "CAM16, CIELAB, RLAB, an adaptation as CAT02, or none",
-                code="unsupported",
-                field="viewing.model",
-                given=viewing.model,
-            )
+            problem = f"{viewing.model!r} has no inverse in closed form to design with"
+            remedy = "use CIECAM02, CAM16, CIELAB, RLAB, an adaptation as CAT02, or none"
+            raise fault("viewing.model", f"{problem}; {remedy}", "unsupported", viewing.model)
         return cls(transform, viewing.exposure, viewing.display.colours)
 
     def RGB_from_XYZ(self, XYZ: ArrayLike) -> Array:
@@ -121,32 +100,15 @@ def _RGB_from_XYZ(space: ColourSpace) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Spectra of a palette at one point of its design.
-
-    Parameters
-    ----------
-    palette : Palette
-    S : (R, N)
-        Reflectances.
-    E : (L, N)
-        Lights, scaled so that XYZ = Q (E ∗ S) and a given light's white has Y = 100.
-    """
+    """Spectra of a palette at one point of its design."""
 
     palette: Palette
-    S: Array
-    E: Array
+    S: Array  # (R, N) reflectances
+    E: Array  # (L, N) lights: XYZ = Q (E ∗ S), and a given light's white has Y = 100
 
     @classmethod
     def start(cls, palette: Palette) -> State:
-        """Return the given spectra and the initial values of free ones.
-
-        Raises
-        ------
-        SpectrumError
-            If a spectrum does not cover the grid, or a given one is no light or reflectance.
-        PaletteError
-            If the light that a free one starts from has no luminance within its band.
-        """
+        """Return the given spectra and the initial values of free ones."""
         grid = palette.grid
         S = [initial_reflectance(row, grid) for row in palette.reflectances]
         E = [initial_light(column, grid, number) for number, column in enumerate(palette.lights)]
@@ -174,26 +136,13 @@ class State:
         return [ColourModel.of(viewing, 100.0 * white / white[1]) for white in whites]
 
     def RGB(self, models: list[ColourModel] | None = None) -> Array:
-        """Return (R, L, 3) linear RGB of the display, not clipped.
-
-        Parameters
-        ----------
-        models : list of ColourModel, optional
-            `colour_models`, if there are some already.
-        """
+        """Return (R, L, 3) linear RGB of the display, not clipped; by default make the models."""
         models, XYZ = models or self.colour_models(), self.XYZ
         return np.stack([model.RGB_from_XYZ(XYZ[:, j]) for j, model in enumerate(models)], axis=1)
 
-    def with_reflectances(self, rows: dict[int, Array]) -> State:
-        """Return the state with other reflectances in some rows."""
-        S = self.S.copy()
-        for i, values in rows.items():
-            S[i] = values
-        return replace(self, S=S)
-
-    def with_lights(self, columns: dict[int, Array]) -> State:
-        """Return the state with other lights in some columns."""
-        E = self.E.copy()
-        for j, values in columns.items():
-            E[j] = values
-        return replace(self, E=E)
+    def with_spectra(self, lights: bool, spectra: dict[int, Array]) -> State:
+        """Return the state with other lights, or reflectances, in some columns or rows."""
+        values = (self.E if lights else self.S).copy()
+        for number, spectrum in spectra.items():
+            values[number] = spectrum
+        return replace(self, E=values) if lights else replace(self, S=values)

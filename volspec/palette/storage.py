@@ -17,11 +17,11 @@ from volspec._files import line_end, write_whole
 from volspec._toml import set_key
 from volspec.appearance.profile import is_profile
 from volspec.basis.storage import shipped_names
-from volspec.errors import PaletteError, SpectrumError, visible
+from volspec.errors import SpectrumError, visible
 from volspec.palette.file import palette_file, palette_text
 from volspec.palette.model import Cell, Palette, hexadecimal, parse_colour
 from volspec.palette.optimisation import Design
-from volspec.palette.variables import PaletteSpectrum
+from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import plain
 from volspec.spectra import Spectrum, light
 from volspec.spectra.files import rebase_address, rebase_path
@@ -63,12 +63,8 @@ def save_palette(
     """
     target = Path(path)
     if target.suffix.lower() != ".toml":
-        raise PaletteError(
-            f"{target}: palettes are TOML; name it .toml",
-            code="unsupported",
-            field="path",
-            given=path,
-        )
+        problem = f"{target}: palettes are TOML; name it .toml"
+        raise fault("path", problem, "unsupported", path)
     palette = palette.palette if isinstance(palette, Design) else palette
     if source is None:
         document, ends = _new_document(palette, comment), "\n"
@@ -90,13 +86,9 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
         rows = getattr(table, kind)
         names = [row.name for row in rows]
         if names != [member.name for member in members]:
-            raise PaletteError(
-                f"{source}: its {kind}s are {', '.join(names)}, the palette's "
-                f"{', '.join(member.name for member in members)}; give the file it came from",
-                code="conflict",
-                field="source",
-                given=source,
-            )
+            own = ", ".join(member.name for member in members)
+            problem = f"{source}: its {kind}s are {', '.join(names)}, the palette's {own}"
+            raise fault("source", f"{problem}; give the file it came from", given=source)
         for entry, member in zip(document[kind], members, strict=True):
             if elsewhere and "spectrum" in entry:
                 move = rebase_light if kind == "light" else rebase_address
@@ -158,11 +150,8 @@ def _table_array(rows: Sequence[dict[str, Any]]) -> Any:
 def _viewing_keys(palette: Palette) -> dict[str, Any]:
     viewing, default = palette.viewing, type(palette.viewing)()
     if viewing.adapting != default.adapting or viewing.fov_deg is not None:
-        raise PaletteError(
-            "it adapts to pictures, which a palette has not; give its conditions",
-            code="unsupported",
-            field="Palette.viewing",
-        )
+        problem = "it adapts to pictures, which a palette has not; give its conditions"
+        raise fault("Palette.viewing", problem, "unsupported")
     return {"model": viewing.model, **plain(viewing)}
 
 
@@ -174,13 +163,9 @@ def _criteria_keys(palette: Palette) -> dict[str, Any]:
     keys |= {"level": palette.level, "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm]}
     if palette.basis is not None:
         if palette.basis.name not in shipped_names():
-            raise PaletteError(
-                f"{palette.basis.name!r} does not ship; save it, name the file in a palette's "
-                "[criteria], and give that as source",
-                code="unsupported",
-                field="Palette.basis",
-                given=palette.basis.name,
-            )
+            name = palette.basis.name
+            remedy = "save it, name the file in a palette's [criteria], and give that as source"
+            raise fault("Palette.basis", f"{name!r} does not ship; {remedy}", "unsupported", name)
         keys["basis"] = palette.basis.name
     return keys
 
@@ -212,13 +197,9 @@ def _lamp(lamp: Spectrum, palette: Palette) -> str:
             return lamp.name
     except SpectrumError:
         pass
-    raise PaletteError(
-        f"the lamp {lamp.name!r} is not the light of that name; save it as a file and load it from "
-        "there: volspec.light('FILE.csv')",
-        code="unknown",
-        field="PaletteSpectrum.mixture",
-        given=lamp.name,
-    )
+    problem = f"the lamp {lamp.name!r} is not the light of that name"
+    remedy = "save it as a file and load it from there: volspec.light('FILE.csv')"
+    raise fault("PaletteSpectrum.mixture", f"{problem}; {remedy}", "unknown", lamp.name)
 
 
 def _cell_keys(cell: Cell) -> Iterator[tuple[str, Any]]:

@@ -15,18 +15,10 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from volspec.appearance import Viewing
-from volspec.errors import Code, PaletteError
+from volspec.errors import PaletteError
 from volspec.palette.model import Criteria, Level
-from volspec.settings import (
-    FLAT,
-    PYTHON_ONLY,
-    Hint,
-    Name,
-    Pair,
-    Unit,
-    Vector,
-    settings,
-)
+from volspec.palette.variables import fault
+from volspec.settings import FLAT, PYTHON_ONLY, Hint, Name, Pair, Unit, Vector, settings
 
 Place = Annotated[tuple[str, str], Field(strict=False), Hint("reflectance and light", whole=True)]
 Colour = Annotated[
@@ -87,7 +79,7 @@ class _MemberSpec:
         given = table.get("spectrum") is not None or table.get("values") is not None
         if keys and not table.get("design", not given):
             problem = f"it is not designed, but has {' and '.join(sorted(keys))}"
-            raise fault("design", problem, "give design = true, or leave that out")
+            raise fault("design", f"{problem}; give design = true, or leave that out")
         return table
 
     @property
@@ -99,7 +91,7 @@ class _MemberSpec:
 
     def __post_init__(self) -> None:
         if self.spectrum is not None and self.values is not None and not self.open:
-            raise fault("values", "given with spectrum", "give one, or design = true")
+            raise fault("values", "given with spectrum; give one, or design = true")
 
 
 @settings(PaletteError)
@@ -159,16 +151,17 @@ class CellSpec:
         either = self.reflectance is not None or self.light is not None
         if (self.at is not None) == either or either != both:
             remedy = 'give at = ["reflectance", "light"], or both reflectance and light'
-            raise fault("at", "no place, or two", remedy)
+            raise fault("at", f"no place, or two; {remedy}")
         wanted = [name for name in WANTS if getattr(self, name) not in (None, False)]
         if len(wanted) != 1:
             problem = f"asks for {' and '.join(wanted) or 'nothing'}"
-            raise fault("", problem, f"give one of {', '.join(WANTS)}")
+            raise fault("", f"{problem}; give one of {', '.join(WANTS)}")
         if self.must and self.weight is not None:
-            raise fault("weight", "given with must", "exact colours need no weight, leave it out")
+            problem = "given with must; exact colours need no weight, leave it out"
+            raise fault("weight", problem)
         for name, owner in (("low", "free"), ("high", "free"), ("distance", "distinct")):
             if getattr(self, name) is not None and wanted != [owner]:
-                raise fault(name, f"for {owner} cells", "leave it out")
+                raise fault(name, f"for {owner} cells; leave it out")
 
     @property
     def kind(self) -> str:
@@ -204,13 +197,8 @@ class PaletteFile:
             return table
         for key in ("adapting", "fov_deg"):
             if key in given:
-                raise fault(f"viewing.{key}", "measured in pictures", "leave it out", "unknown")
+                raise fault(f"viewing.{key}", "measured in pictures; leave it out", "unknown")
         viewing, auto = {"model": "none", **given}, given.get("exposure") == "auto"
         if auto:
             viewing.pop("exposure")
         return {**table, "viewing": viewing, "auto_exposure": auto}
-
-
-def fault(field: str, problem: str, remedy: str, code: Code = "conflict") -> PaletteError:
-    """Return an error about a field."""
-    return PaletteError(problem, remedy, code=code, field=field)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._deprecated import renamed_attribute, renamed_keyword
-from volspec.errors import PaletteError
+from volspec.errors import Code, PaletteError
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 from volspec.spectra.spectrum import light_power, reflectance_values
 
@@ -22,6 +22,11 @@ Array = NDArray[np.float64]
 _WAVES_NM = (60.0, 85.0, 110.0, 140.0, 45.0)
 # A light with less luminance than this fraction of an even one has none for a colour.
 _LEAST_Y = 1e-9
+
+
+def fault(field: str, message: str, code: Code = "conflict", given: object = None) -> PaletteError:
+    """Return an error about a field; the message is "problem; remedy"."""
+    return PaletteError(message, code=code, field=field, given=given)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,11 +71,8 @@ class PaletteSpectrum:
         if not (isinstance(self.name, str) and self.name.strip()):
             raise PaletteError.refused("PaletteSpectrum.name", self.name, "give it a name")
         if self.spectrum is None and not self.free:
-            raise PaletteError(
-                f"{self.name!r} has no spectrum; give one, or make it free for design",
-                code="missing",
-                field="PaletteSpectrum.spectrum",
-            )
+            problem = f"{self.name!r} has no spectrum; give one, or make it free for design"
+            raise fault("PaletteSpectrum.spectrum", problem, "missing")
         for name in ("lower", "upper"):
             value = getattr(self, name)
             if value is not None and not math.isfinite(value):
@@ -78,44 +80,25 @@ class PaletteSpectrum:
                 raise PaletteError.refused(field, value, "give a number, or none", "range")
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
             remedy = "leave a range between them" if self.lower == self.upper else "swap them"
-            raise PaletteError(
-                f"{self.lower:g} is not below upper {self.upper:g}",
-                remedy,
-                code="conflict",
-                field="PaletteSpectrum.lower",
-                given=self.lower,
-            )
+            problem = f"{self.lower:g} is not below upper {self.upper:g}; {remedy}"
+            raise fault("PaletteSpectrum.lower", problem, given=self.lower)
         if self.band_nm is not None and not self.band_nm[0] < self.band_nm[1]:
             remedy = "the band is empty, the shortest comes first"
             raise PaletteError.refused("PaletteSpectrum.band_nm", self.band_nm, remedy, "range")
         if self.mixture and not self.free:
-            raise PaletteError(
-                f"{self.name!r} is a given spectrum, not a sum of lamps; make it free for design",
-                code="conflict",
-                field="PaletteSpectrum.mixture",
-            )
+            problem = f"{self.name!r} is a given spectrum, not a sum of lamps"
+            raise fault("PaletteSpectrum.mixture", f"{problem}; make it free for design")
 
     def synthesis(self, grid: SpectralGrid) -> Array:
-        """Return the (N, n) matrix from variables to bands: an identity, a part of it, or lamps.
-
-        Raises
-        ------
-        PaletteError
-            If no band lies within the limits.
-        SpectrumError
-            If a lamp does not cover the grid.
-        """
+        """Return the (N, n) matrix from variables to bands: an identity, a part of it, or lamps."""
         inside = np.ones(grid.size, dtype=bool)
         if self.band_nm is not None:
             wavelengths = grid.wavelengths_nm
             inside = (wavelengths >= self.band_nm[0]) & (wavelengths <= self.band_nm[1])
             if not inside.any():
-                raise PaletteError(
-                    f"{self.name!r}: no band of {grid} lies within {self.band_nm} nm; widen it",
-                    code="range",
-                    field="PaletteSpectrum.band_nm",
-                    given=self.band_nm,
-                )
+                problem = f"{self.name!r}: no band of {grid} lies within {self.band_nm} nm"
+                field = "PaletteSpectrum.band_nm"
+                raise fault(field, f"{problem}; widen it", "range", self.band_nm)
         if self.mixture:
             lamps = np.stack([light_power(lamp, grid) for lamp in self.mixture], axis=-1)
             return (lamps / lamps.mean(axis=0)) * inside[:, None]
@@ -128,13 +111,7 @@ PaletteSpectrum.__init__ = renamed_keyword(open="free")(PaletteSpectrum.__init__
 
 
 def initial_reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:
-    """Return the (N,) values of a given reflectance, or those that a free one starts from.
-
-    Raises
-    ------
-    SpectrumError
-        If it does not cover the grid, or a given one is no reflectance.
-    """
+    """Return the (N,) values of a given reflectance, or those that a free one starts from."""
     if row.spectrum is None:
         return np.full(grid.size, 0.5)
     if row.free:
@@ -145,21 +122,17 @@ def initial_reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:
 def initial_light(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> Array:
     """Return the (N,) power, at Y = 100, of a given light, or that a free one starts from.
 
-    Parameters
-    ----------
-    column : PaletteSpectrum
-    grid : SpectralGrid
-    number : int
-        Its column: free lights start from waves of different periods.
-
-    Raises
-    ------
-    SpectrumError
-        If it does not cover the grid or is no light.
-    PaletteError
-        If it has no luminance within its band.
+    Free lights in columns of different ``number`` start from waves of different periods.
     """
-    power = _initial_power(column, grid, number)
+    if column.spectrum is not None:
+        power = light_power(column.spectrum, grid, f"palette: light {column.name!r}")
+    elif column.mixture:
+        power = column.synthesis(grid).sum(axis=1)
+    else:
+        period = _WAVES_NM[number % len(_WAVES_NM)]
+        wave = 0.5 + 0.5 * np.cos(2.0 * np.pi * (grid.wavelengths_nm - grid.start_nm) / period)
+        synthesis = column.synthesis(grid)
+        power = synthesis @ (synthesis.T @ wave)
     V = colour_matching_functions(grid)[1]
     if not V @ power > _LEAST_Y * V.sum():
         raise PaletteError(
@@ -168,14 +141,3 @@ def initial_light(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> A
             code="impossible",
         )
     return 100.0 * power / (V @ power)
-
-
-def _initial_power(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> Array:
-    if column.spectrum is not None:
-        return light_power(column.spectrum, grid, f"palette: light {column.name!r}")
-    period = _WAVES_NM[number % len(_WAVES_NM)]
-    wave = 0.5 + 0.5 * np.cos(2.0 * np.pi * (grid.wavelengths_nm - grid.start_nm) / period)
-    synthesis = column.synthesis(grid)
-    if column.mixture:
-        return synthesis.sum(axis=1)
-    return synthesis @ (synthesis.T @ wave)

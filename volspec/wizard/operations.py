@@ -22,16 +22,8 @@ import numpy as np
 
 from volspec.appearance.display import colour_space
 from volspec.appearance.models.cielab import delta_E_2000
-from volspec.errors import PaletteError, SceneError
-from volspec.palette import (
-    Cell,
-    Criteria,
-    Design,
-    DesignReport,
-    Palette,
-    PaletteSpectrum,
-    design,
-)
+from volspec.errors import Code, PaletteError, SceneError
+from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
 from volspec.palette.model import Place, Triple
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum
@@ -122,25 +114,17 @@ def hide(
     """
     palette = ScenePalette(scene)
     palette.require_material(material)
-    host = None
+    host, refusal = None, ""
     if not black:
         host = palette.surrounding_material(material) if within is None else within
         palette.require_material(host)
         palette.other_materials(material)
         if host == material:
-            raise SceneError(
-                f"{material!r} cannot hide in itself; name another",
-                code="conflict",
-                field="within",
-                given=within,
-            )
+            refusal = f"{material!r} cannot hide in itself; name another"
     elif within is not None:
-        raise SceneError(
-            f"{material!r} is either black or like {within!r}; choose",
-            code="conflict",
-            field="within",
-            given=within,
-        )
+        refusal = f"{material!r} is either black or like {within!r}; choose"
+    if refusal:
+        raise SceneError(refusal, code="conflict", field="within", given=within)
     target = TargetLight.of(palette, under, like, lamps)
     problem = DesignProblem(palette, (material,), target)
     weight = _HEAVY if black or target.new else math.inf
@@ -205,13 +189,10 @@ def reveal(
             found = problem.redesign(made)
             if min(found.delta_e(under, material, one) for one in others) >= distance:
                 return found
-    raise PaletteError(
-        f"{material!r} comes no further than ΔE {furthest:.1f} from the others under {under!r}, "
-        f"not {distance:g}; give a smaller one{'' if target.new else ', or a new light'}",
-        code="impossible",
-        field="distance",
-        given=distance,
-    )
+    refusal = f"{material!r} comes no further than ΔE {furthest:.1f} from the others under"
+    remedy = f"give a smaller one{'' if target.new else ', or a new light'}"
+    refusal = f"{refusal} {under!r}, not {distance:g}"
+    raise PaletteError(refusal, remedy, code="impossible", field="distance", given=distance)
 
 
 def _distinct_designs(
@@ -276,20 +257,13 @@ def merge(
     palette = ScenePalette(scene)
     names = tuple(dict.fromkeys(palette.require_material(name) for name in materials))
     if len(names) < 2:
-        raise SceneError(
-            f"{', '.join(names) or 'nothing'} alone cannot be merged; name two or more",
-            code="missing",
-            field="materials",
-            given=materials,
-        )
+        refusal = f"{', '.join(names) or 'nothing'} alone cannot be merged; name two or more"
+        raise SceneError(refusal, code="missing", field="materials", given=materials)
     if colours and (split is None or len(colours) != len(names)):
         remedy = "split, a new light" if split is None else f"{len(names)}, one for each material"
-        raise SceneError(
-            f"{len(colours)} colours are given; give {remedy}",
-            code="missing" if split is None else "shape",
-            field="colours",
-            given=colours,
-        )
+        refusal = f"{len(colours)} colours are given; give {remedy}"
+        code: Code = "missing" if split is None else "shape"
+        raise SceneError(refusal, code=code, field="colours", given=colours)
     one = TargetLight.of(palette, under, None, ())
     target = one if split is None else TargetLight.of(palette, split, under, lamps)
     problem = DesignProblem(palette, names, target)
@@ -313,15 +287,6 @@ def keep(scene: Scene, material: str) -> Redesigned:
 
     It is the colour under the scene's first light, or a near one if that is impossible.
 
-    Parameters
-    ----------
-    scene : Scene
-    material : str
-
-    Returns
-    -------
-    Redesigned
-
     Raises
     ------
     SceneError
@@ -342,54 +307,29 @@ def keep(scene: Scene, material: str) -> Redesigned:
         made = problem.design(dict.fromkeys(places, free))
         if max((_cell_distance(made, places[0], at) for at in places[1:]), default=0.0) < _ALIKE:
             return problem.redesign(made)
-    raise PaletteError(
-        f"no colour near that of {material!r} is the same under {', '.join(columns)}; give it a "
-        "greyer one, or leave out the light with least colours",
-        code="impossible",
-        field="material",
-        given=material,
-    )
+    refusal = f"no colour near that of {material!r} is the same under {', '.join(columns)}"
+    remedy = "give it a greyer one, or leave out the light with least colours"
+    raise PaletteError(refusal, remedy, code="impossible", field="material", given=material)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetLight:
-    """The light that a wizard is for: one of the scene, or a new one to be designed.
+    """The light that a wizard is for: one of the scene, or a new one to be designed."""
 
-    Parameters
-    ----------
-    columns : tuple of str
-        Its columns in the palette.
-    like : tuple of str
-        Columns that a new light should resemble; else empty.
-    new : NewLight, optional
-    """
-
-    columns: tuple[str, ...]
-    like: tuple[str, ...] = ()
+    columns: tuple[str, ...]  # in the palette
+    like: tuple[str, ...] = ()  # columns that a new light should resemble
     new: NewLight | None = None
 
     @classmethod
     def of(
         cls, palette: ScenePalette, name: str, like: str | None, lamps: Sequence[str]
     ) -> TargetLight:
-        """Return a light of the scene, or with ``like`` a new one.
-
-        Raises
-        ------
-        SceneError
-            If there is no such light, or already one, or lamps are given for one of the scene.
-        SpectrumError
-            If a lamp is unknown.
-        """
+        """Return a light of the scene, or with ``like`` a new one, which may be made of lamps."""
         if like is None:
             if lamps:
-                raise SceneError(
-                    f"{', '.join(lamps)} are for a new light; say which light of the scene it is "
-                    "like",
-                    code="conflict",
-                    field="lamps",
-                    given=lamps,
-                )
+                refusal = f"{', '.join(lamps)} are for a new light"
+                remedy = "say which light of the scene it is like"
+                raise SceneError(refusal, remedy, code="conflict", field="lamps", given=lamps)
             hint = "; for a new light say which of these it is like"
             return cls(tuple(palette.light_columns(palette.light(name, hint=hint))))
         palette.require_new_light(name)
@@ -403,14 +343,7 @@ class TargetLight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignProblem:
-    """Materials of a scene to be designed, and the light that they are designed for.
-
-    Parameters
-    ----------
-    palette : ScenePalette
-    materials : tuple of str
-    target : TargetLight
-    """
+    """Materials of a scene to be designed, and the light that they are designed for."""
 
     palette: ScenePalette
     materials: tuple[str, ...]

@@ -21,7 +21,7 @@ from volspec._files import require_writable
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.scene_to_display import view_transform
 from volspec.basis import MaterialBasis
-from volspec.errors import SceneError, SpectrumError
+from volspec.errors import Code, SceneError, SpectrumError
 from volspec.palette import Design, PaletteSpectrum, save_palette
 from volspec.relight import Illumination
 from volspec.scene import NamedLight, Scene, write_scene
@@ -68,21 +68,11 @@ class LightEvaluation:
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """New rows of a scene's file.
+    """New rows of a scene's file."""
 
-    Parameters
-    ----------
-    materials : tuple of str
-        Materials with reflectances from the palette.
-    light : str, optional
-        A new light, from the palette too.
-    exact : bool
-        True if the scene is now cast by its materials, as its basis would blur the design.
-    """
-
-    materials: tuple[str, ...]
-    light: str | None = None
-    exact: bool = False
+    materials: tuple[str, ...]  # those with reflectances from the palette
+    light: str | None = None  # a new light, from the palette too
+    exact: bool = False  # the scene is now cast by its materials: its basis would blur the design
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,9 +106,7 @@ class Redesigned:
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, Path]:
         """Write the scene's file with its comments, and next to it ``…-palette.toml``.
 
-        Returns
-        -------
-        (scene, palette) : paths
+        Returns both paths.
 
         Raises
         ------
@@ -134,18 +122,10 @@ class Redesigned:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NewLight:
-    """A light that a wizard designs.
+    """A light that a wizard designs."""
 
-    Parameters
-    ----------
-    member : PaletteSpectrum
-        Free.
-    like : NamedLight
-        Light of the scene that it resembles.
-    """
-
-    member: PaletteSpectrum
-    like: NamedLight
+    member: PaletteSpectrum  # free
+    like: NamedLight  # the light of the scene that it resembles
 
 
 def redesign(
@@ -198,23 +178,17 @@ def _with_exact_basis(scene: Scene, spectra: dict[str, Spectrum]) -> tuple[Scene
 def evaluate_lights(
     before: Scene, after: Scene, materials: Sequence[str], like: NamedLight | None = None
 ) -> tuple[LightEvaluation, ...]:
-    """Return the figures of every light.
+    """Return the figures of every light: the designed materials against each other and the rest.
 
-    Parameters
-    ----------
-    before, after : Scene
-    materials : sequence of str
-        The designed ones: compared with each other, and with all others.
-    like : NamedLight, optional
-        The light that a new one resembles.
+    ``like`` is the light that a new one resembles.
     """
     old = {light.name: light for light in before.lights}
     names, evaluations = list(after.materials), []
     pairs = [
         (one, two)
-        for one in materials
+        for number, one in enumerate(materials)
         for two in names
-        if one != two and not (two in materials and materials.index(two) < materials.index(one))
+        if two not in materials[: number + 1]
     ]
     for light in after.lights:
         shown = dict(zip(names, displayed_Lab(after, light), strict=True))
@@ -253,10 +227,7 @@ def displayed_Lab(scene: Scene, light: NamedLight) -> Array:
 def require_output(scene: Scene, path: Path) -> Path:
     """Refuse a new scene that would overwrite files that are not a wizard's.
 
-    Returns
-    -------
-    path
-        The palette next to it.
+    Returns the palette's path, next to it.
 
     Raises
     ------
@@ -270,40 +241,24 @@ def require_output(scene: Scene, path: Path) -> Path:
     palette = path.with_name(f"{path.stem}-palette.toml")
     for each in (path, palette):
         require_writable(each)
+
+    def refuse(problem: str, code: Code, remedy: str = "name the new scene otherwise") -> None:
+        raise SceneError(problem, remedy, code=code, field="path", given=path)
+
     if _same_file(path, scene.path):
-        raise SceneError(
-            f"{path}: is the scene that the new one is made of; name it otherwise",
-            code="conflict",
-            field="path",
-            given=path,
-        )
+        problem = f"{path}: is the scene that the new one is made of"
+        refuse(problem, "conflict", "name it otherwise")
     if path.exists() and not _uses_palette(path, palette):
-        raise SceneError(
-            f"{path}: is there already, and no wizard's; name the new scene otherwise",
-            code="duplicate",
-            field="path",
-            given=path,
-        )
+        refuse(f"{path}: is there already, and no wizard's", "duplicate")
     if not palette.exists():
         return palette
     start = palette.read_bytes().removeprefix(b"\xef\xbb\xbf")[:200].decode("utf-8", "replace")
     if not start.lstrip("# ").startswith(_OURS):
-        raise SceneError(
-            f"{palette}: is there already, and no wizard's; rename it, or name the new scene "
-            "otherwise",
-            code="duplicate",
-            field="path",
-            given=path,
-        )
-    if any(
-        _same_file(palette, scene.folder / f) for f in _spectrum_files(scene.file, scene.folder)
-    ):
-        raise SceneError(
-            f"{palette}: {scene.path} takes spectra from it; name the new scene otherwise",
-            code="conflict",
-            field="path",
-            given=path,
-        )
+        remedy = "rename it, or name the new scene otherwise"
+        refuse(f"{palette}: is there already, and no wizard's", "duplicate", remedy)
+    files = (scene.folder / name for name in _spectrum_files(scene.file, scene.folder))
+    if any(_same_file(palette, file) for file in files):
+        refuse(f"{palette}: {scene.path} takes spectra from it", "conflict")
     return palette
 
 
@@ -333,10 +288,8 @@ def _same_file(one: Path, other: Path) -> bool:
 def _write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Path, Path]:
     palette = require_output(scene, path)
     if not scene.path.is_file():
-        raise SceneError(
-            f"{scene.path}: cannot be read again; load it from a file",
-            code="not-found",
-        )
+        problem = f"{scene.path}: cannot be read again; load it from a file"
+        raise SceneError(problem, code="not-found")
     # Relative to the original scene's folder, as all names in the scene are.
     address = rebase_path(palette.name, palette.parent, scene.folder)
     file = _with_addresses(scene.file, changes, address)

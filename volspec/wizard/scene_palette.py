@@ -24,29 +24,16 @@ _BEFORE = " before"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScenePalette:
-    """A scene's materials and lights as rows and columns, looked up by name.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Raises
-    ------
-    SceneError
-        If the scene uses the 10° observer, for which there are no palettes.
-    """
+    """A scene's materials and lights as rows and columns, looked up by name."""
 
     scene: Scene
 
     def __post_init__(self) -> None:
         if self.scene.basis.observer_deg != 2:
-            raise SceneError(
-                f"{self.scene.path} has the {self.scene.basis.observer_deg}° observer; give 2, as "
-                "palettes have that of 2°",
-                code="unsupported",
-                field="basis.observer_deg",
-                given=self.scene.basis.observer_deg,
-            )
+            given = self.scene.basis.observer_deg
+            problem = f"{self.scene.path} has the {given}° observer"
+            remedy, field = "give 2, as palettes have that of 2°", "basis.observer_deg"
+            raise SceneError(problem, remedy, code="unsupported", field=field, given=given)
 
     @property
     def viewing(self) -> Viewing:
@@ -59,32 +46,17 @@ class ScenePalette:
         return self.scene.basis.grid
 
     def require_material(self, name: str) -> str:
-        """Return the name.
-
-        Raises
-        ------
-        SceneError
-            If no material has it.
-        """
+        """Return the name; refuse one that no material has."""
         return _require_name(self.scene, "material", name, self.scene.materials)
 
     def other_materials(self, name: str) -> list[str]:
-        """Return the materials but one.
-
-        Raises
-        ------
-        SceneError
-            If there is no such material, or no other.
-        """
+        """Return the materials but one, of which there must be some."""
         self.require_material(name)
         others = [other for other in self.scene.materials if other != name]
         if not others:
-            raise SceneError(
-                f"{name!r} is the scene's only one; add the [[material]] that it is compared with",
-                code="missing",
-                field="material",
-                given=name,
-            )
+            problem = f"{name!r} is the scene's only one"
+            remedy = "add the [[material]] that it is compared with"
+            raise SceneError(problem, remedy, code="missing", field="material", given=name)
         return others
 
     def surrounding_material(self, name: str) -> str:
@@ -105,43 +77,18 @@ class ScenePalette:
         return max(candidates, key=lambda other: visible.get(other, 0.0))
 
     def light(self, name: str, field: str = "under", hint: str = "") -> NamedLight:
-        """Return a light of the scene.
-
-        Parameters
-        ----------
-        name : str
-        field : str
-            The argument that names it, for messages.
-        hint : str
-            Added to the message.
-
-        Raises
-        ------
-        SceneError
-            If there is none of that name.
-        """
+        """Return a light of the scene; ``field`` is the argument that names it, for errors."""
         lights = {light.name: light for light in self.scene.lights}
         return lights[_require_name(self.scene, "light", name, lights, field, hint)]
 
     def require_new_light(self, name: str) -> None:
-        """Check the name of a new light.
-
-        Raises
-        ------
-        SceneError
-            If it is blank, or the scene has a light of that name.
-        """
+        """Refuse a new light's name that is blank, or that of a light of the scene."""
         if not name.strip():
-            raise SceneError(
-                "the new light has no name; give it one", code="missing", field="light"
-            )
+            problem = "the new light has no name; give it one"
+            raise SceneError(problem, code="missing", field="light")
         if any(light.name == name for light in self.scene.lights):
-            raise SceneError(
-                f"{name!r} is one of the scene already; name the new one otherwise",
-                code="duplicate",
-                field="light",
-                given=name,
-            )
+            problem = f"{name!r} is one of the scene already; name the new one otherwise"
+            raise SceneError(problem, code="duplicate", field="light", given=name)
 
     def light_columns(self, light: NamedLight) -> dict[str, Spectrum]:
         """Return a light's columns, one for each group: equal under each is equal under all.
@@ -167,20 +114,7 @@ class ScenePalette:
         )
 
     def rows(self, free: Sequence[str], originals: bool = True) -> tuple[PaletteSpectrum, ...]:
-        """Return the rows of all materials.
-
-        Parameters
-        ----------
-        free : sequence of str
-            Materials to design.
-        originals : bool
-            True adds a given row for each free material as it is now.
-
-        Raises
-        ------
-        SceneError
-            If a material has the name of such a row.
-        """
+        """Return the rows of all materials; ``originals`` adds each free one as it is now."""
         rows = []
         for name, spectrum in self.scene.materials.items():
             if name not in free:
@@ -189,13 +123,10 @@ class ScenePalette:
             # A measured value above 1 is a fluorescence that no design may count on.
             rows.append(PaletteSpectrum(name, spectrum, free=True, upper=1.0))
             if originals and original_name(name) in self.scene.materials:
-                raise SceneError(
-                    f"one is named {original_name(name)!r}, as wizards call the original {name!r}; "
-                    f"name it without {_BEFORE!r}",
-                    code="duplicate",
-                    field="material",
-                    given=original_name(name),
-                )
+                taken = original_name(name)
+                problem = f"one is named {taken!r}, as wizards call the original {name!r}"
+                remedy = f"name it without {_BEFORE!r}"
+                raise SceneError(problem, remedy, code="duplicate", field="material", given=taken)
             if originals:
                 rows.append(PaletteSpectrum(original_name(name), spectrum))
         return tuple(rows)
@@ -225,11 +156,7 @@ def _require_name(
     scene: Scene, kind: str, name: str, known: Mapping[str, object], field: str = "", hint: str = ""
 ) -> str:
     if name not in known:
-        raise SceneError(
-            f"{name!r} is unknown",
-            f"{nearest(str(name), known)}there is {', '.join(known)}{hint}",
-            code="unknown",
-            field=field or kind,
-            given=name,
-        )
+        remedy = f"{nearest(str(name), known)}there is {', '.join(known)}{hint}"
+        problem, field = f"{name!r} is unknown", field or kind
+        raise SceneError(problem, remedy, code="unknown", field=field, given=name)
     return name
