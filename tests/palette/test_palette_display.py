@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import volspec as vs
+from tests.support.errors import raises
 from volspec.appearance.spaces import SPACES
 from volspec.errors import PaletteError
 from volspec.export.png import icc_profile
@@ -35,11 +36,6 @@ def load(folder: Path, display: str) -> vs.Palette:
     path = folder / "palette.toml"
     path.write_text(TEXT.replace("DISPLAY", display), encoding="utf-8")
     return vs.load_palette(path)
-
-
-def test_gamut_and_mark_are_taken(tmp_path: Path) -> None:
-    display = load(tmp_path, 'gamut = "reduce"\nmark = true').viewing.display
-    assert (display.gamut, display.mark) == ("reduce", True)
 
 
 def test_a_colour_is_what_a_measured_display_shows(tmp_path: Path) -> None:
@@ -74,24 +70,19 @@ def test_a_profile_is_found_next_to_the_palette_and_from_another_folder(
     assert x == pytest.approx(0.68, abs=1e-3)  # ICC's numbers have 16 bits
     target = tmp_path / "sub" / "made.toml"
     vs.save_palette(vs.design(palette), target, source=tmp_path / "palette.toml")
-    assert 'space = "../mine.icc"' in target.read_text(encoding="utf-8")
     again = vs.load_palette(target).viewing.display.colours
     assert again == palette.viewing.display.colours
 
 
 @pytest.mark.parametrize(
-    ("display", "said"),
+    ("display", "code", "field"),
     [
-        ('gamut = "cut"', r"viewing\.display\.gamut is 'cut'"),
-        ('gamma = "cut"', r"viewing\.display\.gamma: unknown key; did you mean 'gamut'"),
-        (
-            "space = { white_xy = [0.3, 0.3], transfer = 2.2 }",
-            r"viewing\.display\.space\.primaries_xy: missing; add primaries_xy = \[\[0\.64, ",
-        ),
-        ('space = "gone.icc"', r"viewing\.display\.space: .*gone\.icc': no such file"),
+        ('gamut = "cut"', "unknown", "gamut"),
+        ('gamma = "cut"', "unknown", "gamma"),
+        ("space = { white_xy = [0.3, 0.3], transfer = 2.2 }", "missing", "space.primaries_xy"),
+        ('space = "gone.icc"', "not-found", "space"),
     ],
 )
-def test_a_wrong_display_is_refused_in_one_line(tmp_path: Path, display: str, said: str) -> None:
-    with pytest.raises(PaletteError, match=said) as refused:
+def test_a_wrong_display_is_refused(tmp_path: Path, display: str, code: str, field: str) -> None:
+    with raises(PaletteError, code, f"viewing.display.{field}"):
         load(tmp_path, display)
-    assert "\n" not in str(refused.value) and "palette.toml: " in str(refused.value)

@@ -14,7 +14,6 @@ from benchmarks.palette import (
     drawn,
     joint,
     live,
-    with_colours,
 )
 from tools.palette_figures import REFERENCE, SIZES_OF, SQUARES, distances, tenths
 from volspec.palette import design
@@ -103,13 +102,6 @@ def test_live_designs_stay_within_their_bounds_and_are_optimal() -> None:
     assert made.residual < 1e-6
     assert made.state.S.min() >= 0.0 and made.state.S.max() <= 1.0
     assert made.state.Q[1] @ made.state.E.T == pytest.approx(np.full(10, 100.0))
-
-
-def test_other_colours_can_be_wanted_of_the_same_spectra() -> None:
-    palette = drawn(POSITIVE, 1, 1, 0)
-    other = with_colours(palette, np.full((1, 1, 3), 0.25))
-    assert other.cells["r0", "l0"].colour == (0.25, 0.25, 0.25)
-    assert other.criteria == palette.criteria and other.level == palette.level
 
 
 def test_tables_have_the_reference_sizes_and_say_little_as_nothing() -> None:

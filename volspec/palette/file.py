@@ -28,7 +28,7 @@ from volspec.palette.tables import (
     PaletteFile,
     ReflectanceMember,
 )
-from volspec.palette.variables import PaletteSpectrum
+from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import FileFaults, row_names, try_table
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflectance
 
@@ -129,10 +129,8 @@ class _Reader:
             if table.criteria.grid_nm is not None:
                 grid = SpectralGrid(*table.criteria.grid_nm)
                 if grid.size > _MOST_BANDS:
-                    raise PaletteError(
-                        f"grid_nm has {grid.size} bands; a design takes up to {_MOST_BANDS}, give "
-                        "a longer step"
-                    )
+                    remedy = f"a design takes up to {_MOST_BANDS}, give a longer step"
+                    raise fault("", f"grid_nm has {grid.size} bands; {remedy}", "size")
             criteria, basis = table.criteria.criteria, self._basis(table.criteria)
         reflectances = tuple(self._member(row, grid) for row in table.reflectance)
         lights = tuple(self._member(row, grid) for row in table.light)
@@ -150,7 +148,8 @@ class _Reader:
         file = table.basis.endswith(".json")
         found = load_basis(os.fspath(self.path.parent / table.basis) if file else table.basis)
         if not isinstance(found, SpectralBasis):
-            raise PaletteError(f"basis {table.basis!r} holds materials; give a fitted one")
+            problem = f"basis {table.basis!r} holds materials; give a fitted one"
+            raise fault("", problem, "unsupported")
         return found
 
     def _member(self, row: LightMember | ReflectanceMember, grid: SpectralGrid) -> PaletteSpectrum:
@@ -177,10 +176,9 @@ class _Reader:
         if row.values is None:
             return None
         if len(row.values) != grid.size:
-            raise PaletteError(
-                f"{len(row.values)} values, but {grid.size} bands ({grid}); leave the values out, "
-                "or give [criteria] grid_nm as they were made with"
-            )
+            remedy = "leave the values out, or give [criteria] grid_nm as they were made with"
+            problem = f"{len(row.values)} values, but {grid.size} bands ({grid}); {remedy}"
+            raise fault("", problem, "shape")
         return Spectrum(grid.wavelengths_nm, np.array(row.values), row.name, _NOTES[row.open])
 
     def _cells(self) -> dict[Place, Cell]:
@@ -191,15 +189,15 @@ class _Reader:
                 cell = _cell(row)
                 first, other = groups.setdefault(cell.group, (number, cell))
                 if cell.group and (cell.low, cell.high) != (other.low, other.high):
-                    raise PaletteError(
-                        f"the free colour {cell.group!r} has other bounds than in cell {first}; "
-                        "give both the same low and high, or name one of them otherwise"
+                    remedy = "give both the same low and high, or name one of them otherwise"
+                    problem = (
+                        f"the free colour {cell.group!r} has other bounds than in cell {first}"
                     )
+                    raise fault("", f"{problem}; {remedy}")
                 for place in self._places(row):
                     if place in cells:
-                        raise PaletteError(
-                            f"({', '.join(place)}) is asked for twice; leave out one of them"
-                        )
+                        problem = f"({', '.join(place)}) is asked for twice"
+                        raise fault("", f"{problem}; leave out one of them", "duplicate")
                     cells[place] = cell
         return cells
 
@@ -215,13 +213,12 @@ class _Reader:
             return known
         names = [given] if isinstance(given, str) else list(given or ())
         if not names:
-            raise PaletteError(f"{kind} is empty; give a name, several, or {EVERY!r} for all")
+            problem = f"{kind} is empty; give a name, several, or {EVERY!r} for all"
+            raise fault("", problem, "missing")
         for name in names:
             if name not in known:
-                raise PaletteError(
-                    f"no {kind} is named {name!r}; {nearest(name, known)}there is "
-                    f"{', '.join(known)}"
-                )
+                hint = f"{nearest(name, known)}there is {', '.join(known)}"
+                raise fault("", f"no {kind} is named {name!r}; {hint}", "unknown")
         return names
 
 
