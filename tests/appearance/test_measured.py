@@ -170,12 +170,7 @@ def test_a_black_picture_has_conditions_that_models_take():
     ],
 )
 def test_bad_measurements_are_one_clear_line(change, error, part):
-    given = {
-        "Y": np.ones((4, 4)),
-        "white_XYZ": WHITE,
-        "fov_deg": 30.0,
-        "luminance_of_white": 100.0,
-    }
+    given = {"Y": np.ones((4, 4)), "white_XYZ": WHITE, "fov_deg": 30.0, "luminance_of_white": 100.0}
     with pytest.raises(error, match=part) as caught:
         measured_conditions(**(given | change))
     assert "\n" not in str(caught.value)

@@ -10,6 +10,7 @@ from colour.appearance import hunt as colour_hunt
 from tests.appearance._models import CONDITIONS, D65, A, colours
 from tests.appearance.test_models_forward import colour_science_hunt, hunt_white_brightness
 from volspec.appearance import ViewingConditions
+from volspec.appearance.adaptation.nonlinear import nayatani_exponent
 from volspec.appearance.constants import D65_CONES_FROM_XYZ, HPE_FROM_XYZ
 from volspec.appearance.hue import CIELAB_HUES, HUNT_HUES, composition, quadrature
 from volspec.appearance.models import ciecam02, cielab, hunt, nayatani95, rlab
@@ -115,7 +116,7 @@ def test_r83b_of_table_1_stands_at_270_degrees_not_276():
 
 def test_nayatani_exponents_have_6_469_below_too():
     """Survey 002, eq. 96, 97, 102 print 6.649: in the dark the exponent must be 1."""
-    assert float(nayatani95._exponents(0.0, 6.469, 6.362, 0.4495)) == 1.0
+    assert float(nayatani_exponent(0.0, 6.469, 6.362, 0.4495)) == 1.0
     # Eq. 92-94 are eq. 103 of the white over its Y, which shows -0.0808 in the corner.
     x, y = 0.31, 0.33
     grey = D65_CONES_FROM_XYZ @ np.array([x / y, 1.0, (1.0 - x - y) / y])

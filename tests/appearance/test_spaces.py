@@ -125,10 +125,7 @@ def test_imaginary_primaries_are_a_space_too():
         (lambda: Transfer.icc(2.4, 0.9, 0.0), "range Transfer.icc"),
         (lambda: Transfer.icc(2.4, 1.0, 0.0, 1.0, 0.0, 0.01), "unsupported Transfer.icc"),
         (lambda: Transfer.icc(2.4, 0.9, 0.1), "conflict Transfer"),
-        (
-            lambda: Transfer.icc(2.4, 1 / 1.055, 0.055 / 1.055, 0.0, 0.04),
-            "range Transfer.icc.c",
-        ),
+        (lambda: Transfer.icc(2.4, 1 / 1.055, 0.055 / 1.055, 0.0, 0.04), "range Transfer.icc.c"),
         (lambda: Transfer(1 / 2.4, 1.055, 12.0, 0.0031308), "conflict Transfer"),
         (lambda: Transfer(1 / 2.4, 1.0, 1.0, 1.0), "range Transfer.toe"),
         (lambda: colour_space("srbg"), "unknown colour space"),

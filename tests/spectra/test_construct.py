@@ -302,10 +302,7 @@ def test_white_is_white_under_every_light() -> None:
         ([20, np.nan, 3], "range"),
         ([255, 128, 0], "range"),
         ([1, 2], "shape"),
-        (
-            [[1, 2, 3]] * 2,
-            "shape",
-        ),
+        ([[1, 2, 3]] * 2, "shape"),
         ([1, "a", 3], "type"),
     ],
 )

@@ -107,9 +107,7 @@ def test_daylight_is_that_of_colour_science_to_the_last_bit(kelvin: float) -> No
     assert np.ptp(ours / means) <= 4 * np.finfo(float).eps * (ours / means).max()
 
 
-def test_a_second_start_imports_neither_colour_science_nor_what_it_imports(
-    tmp_path: Path,
-) -> None:
+def test_a_second_start_imports_neither_colour_science_nor_what_it_imports(tmp_path: Path) -> None:
     environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "PYTHONPATH": str(ROOT)}
 
     def started() -> str:

@@ -86,12 +86,7 @@ def test_a_column_is_found_by_name_or_number(table: Path, column: str) -> None:
 
 @pytest.mark.parametrize(
     ("column", "code"),
-    [
-        ("", "missing"),
-        ("#cool", "unknown"),
-        ("#3", "unknown"),
-        ("#0", "unknown"),
-    ],
+    [("", "missing"), ("#cool", "unknown"), ("#3", "unknown"), ("#0", "unknown")],
 )
 def test_an_open_or_unknown_column_lists_what_there_is(table: Path, column: str, code: str) -> None:
     with raises(SpectrumError, code):
@@ -131,12 +126,7 @@ def test_notes_are_read_only_lower_case_text() -> None:
 
 def test_notes_survive_grids_factors_copies_and_pickles() -> None:
     s = Spectrum([390, 710], [1, 1], "s", {"maker": "me"})
-    for other in (
-        s.on(SpectralGrid()),
-        2 * s,
-        copy.deepcopy(s),
-        pickle.loads(pickle.dumps(s)),
-    ):
+    for other in (s.on(SpectralGrid()), 2 * s, copy.deepcopy(s), pickle.loads(pickle.dumps(s))):
         assert (other.name, other.notes) == ("s", s.notes)
 
 
@@ -198,14 +188,8 @@ SAMPLE = '<SpectralData wavelength="{}">{}</SpectralData>'
         (spdx().replace('"400"', '"nan"'), "range"),
         (spdx(samples=SAMPLE.format(400, "x")), "syntax"),
         (spdx(samples="<SpectralData>1</SpectralData>"), "syntax"),
-        (
-            spdx(samples=SAMPLE.format(500, 1) + SAMPLE.format(400, 1)),
-            "range",
-        ),
-        (
-            spdx(samples=SAMPLE.format(400, "nan") + SAMPLE.format(500, 1)),
-            "range",
-        ),
+        (spdx(samples=SAMPLE.format(500, 1) + SAMPLE.format(400, 1)), "range"),
+        (spdx(samples=SAMPLE.format(400, "nan") + SAMPLE.format(500, 1)), "range"),
         (spdx().replace("1.0</Bandwidth", "x</Bandwidth"), "damaged"),
     ],
 )
@@ -309,9 +293,7 @@ def test_what_the_eye_sees_is_never_filled(
         read(write("gap.csv", constant(0.5, 450, 650)))
 
 
-def test_negative_reflectance_names_value_and_wavelength(
-    write: Callable[[str, str], str],
-) -> None:
+def test_negative_reflectance_names_value_and_wavelength(write: Callable[[str, str], str]) -> None:
     path = write("paint.csv", "390,0.1\n500,-0.02\n710,0.1\n")
     with raises(SpectrumError, "range"):
         reflectance(path)

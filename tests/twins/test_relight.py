@@ -5,6 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tests.support.relight_reference import encoded_frame
 from volspec._gpu.opengl import compile_program, describe, headless_context
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import Source, assemble
@@ -17,7 +18,6 @@ from volspec.relight import Illumination
 from volspec.relight import programs as programs_module
 from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
-from volspec.relight.reference import encoded_frame
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
 

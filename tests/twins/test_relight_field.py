@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.support.relight_reference import relight_reference
 from tests.twins.test_relight import ciede2000, needs_gl  # noqa: F401
 from tests.twins.test_relighter import box_basis, cast
 from volspec.appearance import Display, Viewing, view_transform
@@ -17,7 +18,6 @@ from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, Relighter, RelightSpec
 from volspec.relight import programs as programs_module
 from volspec.relight.gpu import GLEngine
-from volspec.relight.reference import relight_reference
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.relight_reference import relight_reference
 from tests.twins.test_relighter import box_basis, gl_or_skip
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing
@@ -16,7 +17,6 @@ from volspec.errors import OpenGLError, ShapeError
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
-from volspec.relight.reference import relight_reference
 from volspec.spectra import light, reflectance
 
 RIG = LightRig(

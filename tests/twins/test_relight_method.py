@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.support.relight_reference import relight_reference
 from tests.twins.test_relighter import GRID, RAW, gl_or_skip
 from volspec.appearance import Viewing
 from volspec.appearance.models.cielab import cielab
@@ -18,7 +19,6 @@ from volspec.appearance.spaces import (
 from volspec.basis import SpectralBasis
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec, relight
-from volspec.relight.reference import relight_reference
 from volspec.spectra import Spectrum, colour_matching_functions, light, reflectance
 
 

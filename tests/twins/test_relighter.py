@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import refuses
+from tests.support.relight_reference import relight_reference
 from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing, lut3d
@@ -29,7 +30,6 @@ from volspec.relight import Illumination, LightRig, Relighter, RelightSpec, reli
 from volspec.relight import gpu as gpu_module
 from volspec.relight import programs as programs_module
 from volspec.relight.layers import PackedLayers
-from volspec.relight.reference import relight_reference
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.datasets import colour_matching_functions
 

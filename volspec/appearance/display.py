@@ -20,22 +20,9 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 from volspec.appearance.profile import is_profile, read_profile
 from volspec.appearance.spaces import SPACES, ColourSpace
-from volspec.appearance.surround import (
-    Background,
-    Luminance,
-    SurroundOrRatio,
-    ViewingConditions,
-)
+from volspec.appearance.surround import Background, Luminance, SurroundOrRatio, ViewingConditions
 from volspec.errors import ViewingError, nearest
-from volspec.settings import (
-    Hint,
-    Positive,
-    Unit,
-    plain,
-    settings,
-    table_of,
-    value_or_table,
-)
+from volspec.settings import Hint, Positive, Unit, plain, settings, table_of, value_or_table
 
 # Fields that a preset gives.
 ROOM = ("white_cd_m2", "L_A", "Y_b", "surround")
@@ -78,11 +65,6 @@ def _look_up(space: object) -> object:
 @dataclass(frozen=True, slots=True)
 class Display:
     """A display and the room it is in.
-
-    Raises
-    ------
-    ViewingError
-        If a number is out of range or a name unknown.
 
     Examples
     --------

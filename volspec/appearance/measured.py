@@ -41,6 +41,7 @@ Array = NDArray[np.float64]
 
 # Cells along a picture's longer side, for the maps.
 _CELLS = 48
+_LUMINANCE = "cd/m² above 0, E_v/π of the light"
 
 
 def measured_conditions(
@@ -83,11 +84,8 @@ def measured_conditions(
         raise ShapeError(
             f"has shape {white.shape}", "expected (3,)", field="measured.white_XYZ", given=white_XYZ
         )
-    if not white[1] > 0.0:
-        raise ViewingError.refused(
-            "measured.white_XYZ[1]", white[1], "expected above 0, as 100", "range"
-        )
-    _require_luminance(luminance_of_white)
+    _require_above_0("white_XYZ[1]", white[1], "above 0, as 100")
+    _require_above_0("luminance_of_white", luminance_of_white, _LUMINANCE)
     height, width = picture.shape
     x, y = _pixel(at, (height, width))
     scale = pixel_pitch((height, width), fov_deg)
@@ -123,9 +121,8 @@ def adapting_fields(
     Parameters and errors are those of `measured_conditions`; ``Y_w`` is the white's Y.
     """
     picture = _factors(Y)
-    _require_luminance(luminance_of_white)
-    if not (math.isfinite(Y_w) and Y_w > 0.0):
-        raise ViewingError.refused("measured.Y_w", Y_w, "expected the white's Y, as 100", "range")
+    _require_above_0("luminance_of_white", luminance_of_white, _LUMINANCE)
+    _require_above_0("Y_w", Y_w, "the white's Y, as 100")
     height, width = picture.shape
     grid = AdaptationGrid.of((height, width), fov_deg, _CELLS)
     cells = grid.means(picture)
@@ -175,11 +172,6 @@ def _outside_or_mean(outside: float | None, picture: Array, spans: Array) -> flo
     return float(outside)
 
 
-def _require_luminance(value: float) -> None:
+def _require_above_0(name: str, value: float, meaning: str) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise ViewingError.refused(
-            "measured.luminance_of_white",
-            value,
-            "expected cd/m² above 0, E_v/π of the light",
-            "range",
-        )
+        raise ViewingError.refused(f"measured.{name}", value, f"expected {meaning}", "range")

@@ -84,12 +84,7 @@ _PRINT_LIGHT = "lit as the print is: S_R = 1 [2]"
 
 
 def _preset(
-    name: str,
-    white: float,
-    surround: SurroundOrRatio,
-    space: str,
-    L_A: float | None,
-    *sources: str,
+    name: str, white: float, surround: SurroundOrRatio, space: str, L_A: float | None, *sources: str
 ) -> Preset:
     """Make a preset; sources are those of the white, the surround, L_A and Y_b."""
     luminance = 0.2 * white if L_A is None else L_A
@@ -97,90 +92,31 @@ def _preset(
     return Preset(name, luminance, 20.0, surround, white, space, Sources(*every))
 
 
+# fmt: off
 _PRESETS = (
-    _preset(
-        "sRGB",
-        80.0,
-        "average",
-        "sRGB",
-        64.0 / math.pi * 0.2,
-        _sRGB_WHITE,
-        "64 lx on white is 20 cd/m², a quarter of the display's: S_R = 0.25 [2]",
-        "IEC 61966-2-1: 64 lx on reflectance 0.2, 64/π · 0.2",
-        _sRGB_GREY,
-    ),
-    _preset(
-        "sRGB office",
-        80.0,
-        "average",
-        "sRGB",
-        200.0 / math.pi * 0.2,
-        _sRGB_WHITE,
-        "200 lx on white is 64 cd/m²: S_R = 0.8 [2]",
-        "IEC 61966-2-1, typical: 200 lx on reflectance 0.2, 200/π · 0.2",
-        _sRGB_GREY,
-    ),
-    _preset(
-        "bright office",
-        80.0,
-        "average",
-        "sRGB",
-        15.0,
-        _MORONEY_WHITE,
-        "Moroney 2002: 500 lx, S_R = 2",
-        "Moroney 2002: 15 cd/m²",
-    ),
-    _preset(
-        "dim room",
-        80.0,
-        "dim",
-        "sRGB",
-        20.0,
-        _MORONEY_WHITE,
-        "Moroney 2002, display at home: 38 lx, S_R = 0.15, dim",
-        "Moroney 2002: 20 cd/m²",
-    ),
-    _preset(
-        "television studio",
-        100.0,
-        "dim",
-        "Rec. 709",
-        None,
-        "BT.2035: 100 cd/m²",
-        "BT.2035: a tenth of the white's, S_R = 0.1",
-    ),
+    _preset("sRGB", 80.0, "average", "sRGB", 64.0 / math.pi * 0.2, _sRGB_WHITE,
+            "64 lx on white is 20 cd/m², a quarter of the display's: S_R = 0.25 [2]",
+            "IEC 61966-2-1: 64 lx on reflectance 0.2, 64/π · 0.2", _sRGB_GREY),
+    _preset("sRGB office", 80.0, "average", "sRGB", 200.0 / math.pi * 0.2, _sRGB_WHITE,
+            "200 lx on white is 64 cd/m²: S_R = 0.8 [2]",
+            "IEC 61966-2-1, typical: 200 lx on reflectance 0.2, 200/π · 0.2", _sRGB_GREY),
+    _preset("bright office", 80.0, "average", "sRGB", 15.0, _MORONEY_WHITE,
+            "Moroney 2002: 500 lx, S_R = 2", "Moroney 2002: 15 cd/m²"),
+    _preset("dim room", 80.0, "dim", "sRGB", 20.0, _MORONEY_WHITE,
+            "Moroney 2002, display at home: 38 lx, S_R = 0.15, dim", "Moroney 2002: 20 cd/m²"),
+    _preset("television studio", 100.0, "dim", "Rec. 709", None, "BT.2035: 100 cd/m²",
+            "BT.2035: a tenth of the white's, S_R = 0.1"),
     _preset("cinema", 48.0, "dark", "DCI-P3", None, "SMPTE ST 431-1: 48 cd/m²", _THEATRE),
     _preset("film projector", 55.0, "dark", "", None, "SMPTE 196M: 55 cd/m², no film", _THEATRE),
-    _preset(
-        "projector",
-        150.0,
-        "dark",
-        "sRGB",
-        30.0,
-        "Moroney 2002, slides: 150 cd/m²",
-        "Moroney 2002: 0 lx, S_R = 0",
-        "Moroney 2002: 30 cd/m²",
-    ),
-    _preset(
-        "light box",
-        1270.0,
-        "dim",
-        "",
-        None,
-        "ISO 3664 T1: 1270 cd/m²",
-        "ISO 3664 T1: at most a tenth of the white's",
-    ),
-    _preset(
-        "light booth",
-        2000.0 / math.pi,
-        "average",
-        "",
-        None,
-        "ISO 3664 P1: 2000 lx",
-        _PRINT_LIGHT,
-    ),
+    _preset("projector", 150.0, "dark", "sRGB", 30.0, "Moroney 2002, slides: 150 cd/m²",
+            "Moroney 2002: 0 lx, S_R = 0", "Moroney 2002: 30 cd/m²"),
+    _preset("light box", 1270.0, "dim", "", None, "ISO 3664 T1: 1270 cd/m²",
+            "ISO 3664 T1: at most a tenth of the white's"),
+    _preset("light booth", 2000.0 / math.pi, "average", "", None, "ISO 3664 P1: 2000 lx",
+            _PRINT_LIGHT),
     _preset("print", 500.0 / math.pi, "average", "", None, "ISO 3664 P2: 500 lx", _PRINT_LIGHT),
 )
+# fmt: on
 PRESETS: Mapping[str, Preset] = MappingProxyType({preset.name: preset for preset in _PRESETS})
 
 

@@ -45,10 +45,6 @@ def view_transform(viewing: Viewing, white_XYZ: ArrayLike) -> ViewTransform:
     white_XYZ : (3,) array_like
         The scene's adopted white.
 
-    Returns
-    -------
-    ViewTransform
-
     Raises
     ------
     ViewingError

@@ -75,18 +75,12 @@ SHADER_CONSTANTS: Mapping[str, ArrayLike] = MappingProxyType(
 class DisplayGamut:
     """A display's cube in opponent signals: the uniforms of ``gamut.glsl``."""
 
-    conditions: CamConditions
-    """The display's viewing conditions."""
-    RGB_from_XYZ: Array
-    """(3, 3): XYZ with Y = 100 for white -> linear RGB."""
-    linear_from_response: Array
-    """(3, 3): responses as `expand` gives them -> linear RGB."""
-    top: float
-    """x_w, the white's x: no lighter colour is shown."""
-    knee: float
-    """x0: up to here grey has no chroma."""
-    knee_slope: tuple[float, float]
-    """(a_w, b_w) / (x_w - x0)."""
+    conditions: CamConditions  # the display's viewing conditions
+    RGB_from_XYZ: Array  # (3, 3): XYZ with Y = 100 for white -> linear RGB
+    linear_from_response: Array  # (3, 3): responses as `expand` gives them -> linear RGB
+    top: float  # x_w, the white's x: no lighter colour is shown
+    knee: float  # x0: up to here grey has no chroma
+    knee_slope: tuple[float, float]  # (a_w, b_w) / (x_w - x0)
 
     @classmethod
     def of(cls, conditions: CamConditions, space: ColourSpace) -> DisplayGamut:

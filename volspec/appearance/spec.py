@@ -86,12 +86,6 @@ FieldOfView = Annotated[
 class Viewing:
     """Appearance model, the scene's viewing conditions, and the display of the picture.
 
-    Raises
-    ------
-    ViewingError
-        If the model, surround or ``adapting`` is unknown, a number is out of range, or the model
-        cannot adapt to each pixel.
-
     Examples
     --------
     >>> round(Viewing().adapting_luminance, 2)

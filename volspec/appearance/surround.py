@@ -20,16 +20,7 @@ import numpy as np
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from volspec.errors import ViewingError, nearest
-from volspec.settings import (
-    Fraction,
-    Hint,
-    NotNegative,
-    Positive,
-    Unit,
-    Vector,
-    expected,
-    settings,
-)
+from volspec.settings import Fraction, Hint, NotNegative, Positive, Unit, Vector, expected, settings
 
 Triple = tuple[float, float, float]
 
@@ -42,12 +33,9 @@ _WHITE_Y, _WHITE_XYZ = (2.0, 1e5), (1e-30, 1e8)
 class Surround(NamedTuple):
     """CIECAM02's three factors of a surround; unitless."""
 
-    F: float
-    """Largest degree of adaptation."""
-    c: float
-    """Impact of the surround on lightness."""
-    N_c: float
-    """Chromatic induction."""
+    F: float  # largest degree of adaptation
+    c: float  # impact of the surround on lightness
+    N_c: float  # chromatic induction
 
 
 SURROUNDS = MappingProxyType(
@@ -113,17 +101,6 @@ def is_finite(value: object) -> bool:
     """Return True for a real, finite number."""
     real = isinstance(value, numbers.Real) and not isinstance(value, bool)
     return real and math.isfinite(value)  # type: ignore[arg-type]
-
-
-def as_triple(value: object) -> Triple | None:
-    """Return three finite numbers as floats; None for anything else, text included."""
-    try:
-        x, y, z = tuple(value)  # type: ignore[arg-type, var-annotated]
-    except (TypeError, ValueError):
-        return None
-    if not (is_finite(x) and is_finite(y) and is_finite(z)):
-        return None
-    return float(x), float(y), float(z)
 
 
 def require_conditions(name: str, value: object) -> None:

@@ -93,22 +93,10 @@ class ErrorMap:
         return (colormaps["inferno"](fraction)[..., :3] * 255).round().astype(np.uint8)
 
     def image(self, top: float | None = None) -> NDArray[np.uint8]:
-        """Draw the map with its scale at the right and its figures below.
+        """Draw the map with its scale at the right and its figures below: (H + 58, W + 108, 3).
 
-        Parameters
-        ----------
-        top : float, optional
-            CIEDE2000 at the scale's upper end; `top` when left out. Give one to compare maps.
-
-        Returns
-        -------
-        (H + 58, W + 108, 3) uint8
-            Larger if the map is too small for its text.
-
-        Raises
-        ------
-        ViewingError
-            If ``top`` is not positive.
+        ``top`` is the CIEDE2000 at the scale's upper end, `top` when left out; give one to compare
+        maps. Larger if the map is too small for its text.
         """
         from matplotlib import colormaps, get_data_path
         from PIL import Image, ImageDraw, ImageFont
@@ -197,17 +185,8 @@ def difference_map(
 ) -> ErrorMap:
     """Return CIEDE2000 between a picture and another cast of the scene, by its light matrix.
 
-    Parameters
-    ----------
-    image, truth : CoefficientImage
-        Of one size and the same light groups; the bases may differ.
-    light, mode, backdrop
-        As `error_map`.
-
-    Raises
-    ------
-    ShapeError
-        If the sizes differ.
+    ``image`` and ``truth`` have one size, else ShapeError, and the same light groups; their bases
+    may differ. The others are as `error_map`.
     """
     if image.size != truth.size:
         raise ShapeError(

@@ -96,9 +96,7 @@ class Illumination:
         basis : SpectralBasis or MaterialBasis
             The basis of the coefficient image.
         light : Spectrum or LightRig
-            One light, or lights with weights and groups.
         spec : RelightSpec
-            Mode, backdrop, level and exposure.
         groups : {str: float}
             The image's light groups in the order of their channels, and their fractions.
 

@@ -76,8 +76,7 @@ class Relighter:
         for models without a closed form, and for 8-bit frames of 1024² pixels and more on software
         GL, where it is faster.
     lut_cache : LutCache, optional
-        Cache of LUTs baked on the host, for several Relighters or threads to share; None makes
-        one.
+        Cache of LUTs baked on the host, for several Relighters or threads to share.
     packed : PackedLayers, optional
         The image's channels, packed beforehand on another thread.
 
@@ -85,10 +84,8 @@ class Relighter:
     ------
     OpenGLError
         If ``backend="gl"`` and no context can be made.
-    RelightError
-        If the backend is unknown, or ``lut3d`` or ``lut_cache`` is something else.
-    ShapeError
-        If the image's arrays do not fit together.
+    RelightError, ShapeError
+        If an argument is of another kind, or the image's arrays do not fit together.
 
     Examples
     --------
@@ -167,21 +164,9 @@ class Relighter:
     def place(self, shape: Shape, groups: Sized, sharing: Sharing | None) -> SharedLayers | None:
         """Return a place for the picture of a cast that is about to begin, for `update` to take.
 
-        Parameters
-        ----------
-        shape : (H, W, L·M)
-            The picture's, refused now rather than after the cast.
-        groups : sized
-            Its light groups.
-        sharing : Sharing or None
-            `Raycaster.sharing`; without one there is no place.
-
-        Raises
-        ------
-        OpenCLError
-            If the caster shares another OpenGL context than this draws in.
-        RelightError, ShapeError
-            As `update`.
+        A ``shape`` (H, W, L·M) or number of light groups that `update` would refuse is refused now.
+        None without `Raycaster.sharing`; OpenCLError if the caster shares another OpenGL context
+        than this draws in.
         """
         self._require_open()
         require_fit(shape, groups, self._image)
@@ -294,10 +279,8 @@ class Relighter:
 
         Raises
         ------
-        RelightError
-            If it is closed or draws with NumPy.
-        ViewingError, SpectrumError
-            As `frame`.
+        RelightError, ViewingError, SpectrumError
+            As `frame`; also if it draws with NumPy.
         """
         self._require_open()
         if isinstance(self._engine, CpuEngine):
@@ -313,9 +296,7 @@ class Relighter:
     missing_table = renamed_attribute("missing_lut")
 
     def missing_lut(
-        self,
-        light: Spectrum | LightRig,
-        spec: RelightSpec | Viewing | None = None,
+        self, light: Spectrum | LightRig, spec: RelightSpec | Viewing | None = None
     ) -> LutKey | None:
         """Return the key of a LUT that the next frame would wait for, as the host must bake it.
 

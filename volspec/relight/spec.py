@@ -213,13 +213,7 @@ def _reflects(backdrop: Spectrum) -> Spectrum:
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True, eq=False)
 class RelightSpec:
-    """Settings of a picture from coefficients and a light.
-
-    Raises
-    ------
-    ViewingError
-        If a word is unknown or a reflectance lies outside 0 to 1.
-    """
+    """Settings of a picture from coefficients and a light."""
 
     viewing: Annotated[Viewing, FLAT] = field(default_factory=Viewing)
     """The eye's and the display's conditions."""

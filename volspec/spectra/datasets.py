@@ -129,16 +129,13 @@ def colour_science() -> ModuleType:
     return colour
 
 
-_OBSERVERS = {
-    2: "CIE 1931 2 Degree Standard Observer",
-    10: "CIE 1964 10 Degree Standard Observer",
-}
+_OBSERVERS = {2: "CIE 1931 2 Degree Standard Observer", 10: "CIE 1964 10 Degree Standard Observer"}
 
 
 # One grid in most programs; spectra that are measured or tried bring their own.
 @lru_cache(maxsize=64)
 def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArray[np.float64]:
-    """Return the colour-matching functions of a standard observer as band means.
+    """Return a standard observer's colour-matching functions x, y, z: (3, N) band means.
 
     Parameters
     ----------
@@ -146,11 +143,6 @@ def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDAr
         Within 360-830 nm.
     observer_deg : {2, 10}
         CIE 1931 2 degrees, or CIE 1964 10 degrees.
-
-    Returns
-    -------
-    (3, N) float64, read-only
-        x, y, z; unitless.
 
     Raises
     ------

@@ -89,8 +89,7 @@ def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], 
     what = role or "light or reflectance"
     if not names:
         raise SpectrumError(
-            f"{path}: holds no {what}; a palette has [[{role or 'light'}]] tables",
-            code="missing",
+            f"{path}: holds no {what}; a palette has [[{role or 'light'}]] tables", code="missing"
         )
     if not selector:
         raise SpectrumError(

@@ -32,11 +32,9 @@ _FULL_RANGE_NM = (360.0, 830.0)
 
 
 def XYZ_from_spectra(
-    light: Spectrum,
-    reflectances: Spectrum | Sequence[Spectrum] | ArrayLike,
-    observer_deg: int = 2,
+    light: Spectrum, reflectances: Spectrum | Sequence[Spectrum] | ArrayLike, observer_deg: int = 2
 ) -> NDArray[np.float64]:
-    """Return the colour of reflectances under a light.
+    """Return the colour (..., 3) of reflectances under a light; Y = 100 for a perfect diffuser.
 
     Parameters
     ----------
@@ -46,11 +44,6 @@ def XYZ_from_spectra(
         Spectra are resampled to the light's grid; arrays must be on it.
     observer_deg : {2, 10}
         See `colour_matching_functions`.
-
-    Returns
-    -------
-    (3,) or (..., 3) float64
-        Y = 100 for a perfect diffuser.
 
     Raises
     ------
@@ -117,8 +110,7 @@ class Temperature(NamedTuple):
     """Nearest Planck radiator in CIE 1960 u, v."""
 
     kelvin: float
-    Duv: float
-    """Distance from it: above 0 greener, below 0 pinker."""
+    Duv: float  # distance from it: above 0 greener, below 0 pinker
 
 
 def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:

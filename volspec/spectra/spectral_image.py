@@ -68,12 +68,6 @@ class SpectralImage:
     SpectrumError
         If the arrays do not fit together or hold anything but finite numbers, or the kind is
         unknown.
-
-    Examples
-    --------
-    >>> image = SpectralImage(np.ones((2, 3, 4)), [400, 500, 600, 700], "reflective")
-    >>> image.size, image.mean((0, 0, 2, 1)).values.tolist()
-    ((3, 2), [1.0, 1.0, 1.0, 1.0])
     """
 
     values: NDArray[np.float32]

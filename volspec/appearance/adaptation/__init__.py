@@ -53,12 +53,7 @@ ADAPTATIONS: Mapping[str, Adaptation] = MappingProxyType(
 
 
 def adaptation(name: str) -> Adaptation:
-    """Return a chromatic adaptation by name.
-
-    Parameters
-    ----------
-    name : str
-        One of `ADAPTATIONS`.
+    """Return a chromatic adaptation by name, one of `ADAPTATIONS`.
 
     Returns
     -------
@@ -82,10 +77,7 @@ def adaptation(name: str) -> Adaptation:
 
 
 def adapt(
-    XYZ: ArrayLike,
-    source: ViewingConditions,
-    target: ViewingConditions,
-    method: str = "CAT02",
+    XYZ: ArrayLike, source: ViewingConditions, target: ViewingConditions, method: str = "CAT02"
 ) -> Array:
     """Return corresponding colours: those that look the same under the target's white.
 

@@ -60,6 +60,7 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
 from volspec.appearance.adaptation.linear import (
@@ -81,13 +82,21 @@ GUTH_SIGMA = 300.0
 GUTH_ADAPTING = 50.0
 
 
-def nayatani_exponents(conditions: ViewingConditions) -> Array:
-    """Return (3,) β of the cones: 1 to 6.4, and 0.78 to 6.3 for the last."""
-    adapting = conditions.L_A * cones_of_white(conditions)
-    x = adapting[:2] ** 0.4495
-    s = adapting[2] ** 0.5128
-    longer = (6.469 + 6.362 * x) / (6.469 + x)
-    return np.append(longer, 0.7844 * (8.414 + 8.091 * s) / (8.414 + s))
+def nayatani_exponent(responses: ArrayLike, knee: float, top: float, power: float) -> Array:
+    """Return β: from 1 in the dark towards ``top``."""
+    x = np.asarray(responses, dtype=np.float64) ** power
+    return np.asarray((knee + top * x) / (knee + x))
+
+
+def nayatani_exponents(adapting: Array) -> Array:
+    """Return (3,) β of adapting cone responses: 1 to 6.4, and 0.78 to 6.3 for the last."""
+    longer = nayatani_exponent(adapting[:2], 6.469, 6.362, 0.4495)
+    return np.append(longer, 0.7844 * nayatani_exponent(adapting[2], 8.414, 8.091, 0.5128))
+
+
+def own_exponents(conditions: ViewingConditions) -> Array:
+    """Return (3,) β of the cones under viewing conditions."""
+    return nayatani_exponents(conditions.L_A * cones_of_white(conditions))
 
 
 def background_responses(conditions: ViewingConditions, Y_o: float | None = None) -> Array:
@@ -100,7 +109,7 @@ def background_responses(conditions: ViewingConditions, Y_o: float | None = None
 def level_factor(conditions: ViewingConditions) -> float:
     """Return k of one side."""
     lift = background_responses(conditions) / background_responses(conditions, 20.0)
-    exponents = nayatani_exponents(conditions)[:2] * (2.0 / 3.0, 1.0 / 3.0)
+    exponents = own_exponents(conditions)[:2] * (2.0 / 3.0, 1.0 / 3.0)
     return float(np.prod(lift[:2] ** exponents))
 
 
@@ -109,14 +118,14 @@ def nayatani_transform(
 ) -> CurveTransform:
     """Make Nayatani's transform, with K of CIE 109 or without."""
     # The background's responses are divided off first: powers of numbers near 1 suit float32.
-    near, beta = background_responses(source), nayatani_exponents(target)
+    near, beta = background_responses(source), own_exponents(target)
     K = level_factor(source) / level_factor(target) if use_level else 1.0
     ones = np.ones(3)
     return CurveTransform(
         response_from_XYZ=percent_scale(source) * k.D65_CONES_FROM_XYZ / near[:, None],
         XYZ_from_response=inverse(percent_scale(target) * k.D65_CONES_FROM_XYZ),
         gain=background_responses(target) * K ** (1.0 / beta),
-        power=nayatani_exponents(source) / beta,
+        power=own_exponents(source) / beta,
         shift=NAYATANI_NOISE / near,
         offset=-NAYATANI_NOISE * ones,
         outer=ones,

@@ -112,30 +112,18 @@ def expand(compressed: Array) -> Array:
 class CamConditions:
     """Scalars of CIECAM02 or CAM16; ViewingError if the white has no lightness."""
 
-    model: str
-    """``"CIECAM02"`` or ``"CAM16"``: selects the responses to adapt and to compress."""
-    white_XYZ: Triple
-    """The adopted white; Y is usually 100."""
-    L_A: float
-    """Luminance of the adapting field, cd/m²."""
-    Y_b: float
-    """Luminance factor of the background."""
-    surround: Surround
-    """F, c and N_c."""
-    D: float
-    """Degree of adaptation, 0 to 1."""
-    F_L: float
-    """Luminance-level adaptation factor."""
-    n: float
-    """Y_b / Y_w."""
-    N_bb: float
-    """Background induction; equals N_cb."""
-    z: float
-    """Base exponent of lightness, 1.48 + √n."""
-    D_RGB: Triple
-    """Gains on the adapted responses, CAT02's or CAT16's."""
-    white_achromatic: float
-    """p2 - 0.305 of the white, so A_w = N_bb times this."""
+    model: str  # "CIECAM02" or "CAM16": selects the responses to adapt and to compress
+    white_XYZ: Triple  # the adopted white; Y is usually 100
+    L_A: float  # luminance of the adapting field, cd/m²
+    Y_b: float  # luminance factor of the background
+    surround: Surround  # F, c and N_c
+    D: float  # degree of adaptation, 0 to 1
+    F_L: float  # luminance-level adaptation factor
+    n: float  # Y_b / Y_w
+    N_bb: float  # background induction; equals N_cb
+    z: float  # base exponent of lightness, 1.48 + √n
+    D_RGB: Triple  # gains on the adapted responses, CAT02's or CAT16's
+    white_achromatic: float  # p2 - 0.305 of the white, so A_w = N_bb times this
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.white_achromatic) and self.white_achromatic > 0.0):
@@ -254,20 +242,15 @@ class CamTransform:
     t = p1 √(a² + b²) / (R + G + 21/20 B) and 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2.
     """
 
-    scene: CamConditions
-    """The source's conditions."""
-    display: CamConditions
-    """The target's."""
+    scene: CamConditions  # the source's conditions
+    display: CamConditions  # the target's
     response_from_XYZ: Array
     """(3, 3): scene XYZ -> linear responses; (..., 3, 3) if each colour has its own scene."""
-    XYZ_from_response: Array
-    """(3, 3): x / (400 - x) raised to 1/0.42 -> display XYZ."""
+    XYZ_from_response: Array  # (3, 3): x / (400 - x) raised to 1/0.42 -> display XYZ
     scene_achromatic: float | Array
     """w: p2 - 0.305 of the scene's white; an array (...), as the two below, if each has its own."""
-    display_achromatic: float
-    """w': p2 - 0.305 of the display's white."""
-    lightness_power: float | Array
-    """γ = cz / (c'z')."""
+    display_achromatic: float  # w': p2 - 0.305 of the display's white
+    lightness_power: float | Array  # γ = cz / (c'z')
     chroma_gain: float | Array
     """κ = (chroma scale / chroma scale')^(1/0.9) · N_c N_cb / (N_c' N_cb')."""
 

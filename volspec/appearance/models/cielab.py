@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.hue import CIELAB_HUES, quadrature
 from volspec.appearance.models.base import ROUNDING, Appearance, only_defined, opponents
-from volspec.appearance.surround import ViewingConditions, as_triple, require_conditions
+from volspec.appearance.surround import ViewingConditions, require_conditions
 from volspec.appearance.transforms import LinearTransform, triples
 from volspec.errors import ViewingError
 
@@ -40,12 +40,15 @@ def _f_slope(ratio: Array) -> Array:
 
 
 def _white(white_XYZ: ArrayLike) -> Array:
-    white = as_triple(white_XYZ)
-    if white is None or min(white) <= 0.0:
+    try:
+        white = np.array(white_XYZ, dtype=np.float64)
+    except (TypeError, ValueError):
+        white = np.zeros(0)
+    if white.shape != (3,) or not np.all((white > 0.0) & np.isfinite(white)):
         raise ViewingError.refused(
             "CIELAB.white_XYZ", white_XYZ, "expected three finite numbers above 0", "range"
         )
-    return np.array(white)
+    return white
 
 
 def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:

@@ -21,9 +21,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import AfterValidator, Field
 
 from volspec.appearance import constants as k
 from volspec.appearance.hue import HUNT_HUES, quadrature
@@ -39,9 +41,11 @@ from volspec.appearance.models.base import (
     only_defined,
 )
 from volspec.appearance.models.numeric import find_root
-from volspec.appearance.surround import Triple, ViewingConditions, as_triple, is_finite
+from volspec.appearance.surround import Triple, ViewingConditions
 from volspec.appearance.transforms import signed_power, triples
 from volspec.errors import ShapeError, ViewingError
+from volspec.settings import Positive, Vector
+from volspec.settings import settings as checked
 
 __all__ = ["NAME", "HuntSettings", "forward", "inverse"]
 
@@ -64,69 +68,39 @@ def expand(response: Array) -> Array:
     return np.asarray(np.copysign((HALF * y / (POLE - y)) ** (1.0 / POWER), response))
 
 
+def _excites(XYZ: Vector) -> Vector:
+    if not np.all(k.HPE_FROM_XYZ @ np.asarray(XYZ) > 0.0):
+        raise ViewingError("", "give the XYZ of a real colour", code="range", given=XYZ)
+    return XYZ
+
+
+NearField = Annotated[Vector, AfterValidator(_excites)] | None
+
+
+@checked(ViewingError)
 @dataclass(frozen=True, slots=True)
 class HuntSettings:
-    """Inputs of Hunt's model beyond `ViewingConditions`; None is derived from these.
+    """Inputs of Hunt's model beyond `ViewingConditions`; None is derived from these."""
 
-    Parameters
-    ----------
-    N_c, N_b : float, optional
-        Chromatic and brightness surround induction. None: those of projected transparencies
-        (0.7, 10) in the dark, television (1, 25) dim, normal scenes (1, 75) average, on straight
-        lines between.
-        Small areas on uniform fields have 1 and 300, large transparencies on light boxes
-        0.7 and 25.
-    L_AS : float, optional
-        Scotopic luminance of the adapting field, scotopic cd/m². None: eq. 8.
-    CCT_kelvin : float, optional
-        Correlated colour temperature of the light, for eq. 8. None: McCamy's of the white.
-    p : float
-        Chromatic induction by the proximal field: contrast from -1, assimilation to 1.
-    proximal_XYZ, background_XYZ : (X, Y, Z), optional
-        The field around the colour and the one around that, for eq. 30-35. None: the
-        background; the white's colour at Y_b.
-    helson_judd : bool
-        Light greys take on the light's hue, dark ones its complement (eq. 24-26).
-    """
-
-    N_c: float | None = None
-    N_b: float | None = None
-    L_AS: float | None = None
-    CCT_kelvin: float | None = None
-    p: float = 0.0
-    proximal_XYZ: Triple | None = None
-    background_XYZ: Triple | None = None
+    N_c: Positive | None = None
+    """Chromatic surround induction. None, for this and the next: those of projected transparencies
+    (0.7, 10) in the dark, television (1, 25) dim, normal scenes (1, 75) average, on straight lines
+    between. Small areas on uniform fields have 1 and 300, large transparencies on light boxes 0.7
+    and 25."""
+    N_b: Positive | None = None
+    """Brightness surround induction."""
+    L_AS: Positive | None = None
+    """Scotopic luminance of the adapting field, scotopic cd/m². None: eq. 8."""
+    CCT_kelvin: Positive | None = None
+    """Correlated colour temperature of the light, for eq. 8. None: McCamy's of the white."""
+    p: Annotated[float, Field(ge=-1, le=1)] = 0.0
+    """Chromatic induction by the proximal field: contrast from -1, assimilation to 1."""
+    proximal_XYZ: NearField = None
+    """The field around the colour, for eq. 30-35. None: the background."""
+    background_XYZ: NearField = None
+    """The field around that. None: the white's colour at Y_b."""
     helson_judd: bool = False
-
-    def __post_init__(self) -> None:
-        for name in ("N_c", "N_b", "L_AS", "CCT_kelvin"):
-            value = getattr(self, name)
-            if value is not None and not (is_finite(value) and value > 0.0):
-                raise ViewingError.refused(
-                    f"HuntSettings.{name}",
-                    value,
-                    "expected a finite number above 0, or None",
-                    "range",
-                )
-        if not (is_finite(self.p) and -1.0 <= self.p <= 1.0):
-            raise ViewingError.refused(
-                "HuntSettings.p", self.p, "expected -1 (contrast) to 1 (assimilation)", "range"
-            )
-        for name in ("proximal_XYZ", "background_XYZ"):
-            value = getattr(self, name)
-            if value is not None and not _excites(value):
-                raise ViewingError.refused(
-                    f"HuntSettings.{name}", value, "expected the XYZ of a real colour, or None"
-                )
-        if not isinstance(self.helson_judd, bool):
-            raise ViewingError.refused(
-                "HuntSettings.helson_judd", self.helson_judd, "expected True or False", "type"
-            )
-
-
-def _excites(value: object) -> bool:
-    XYZ = as_triple(value)
-    return XYZ is not None and bool(np.all(k.HPE_FROM_XYZ @ np.asarray(XYZ) > 0.0))
+    """Light greys take on the light's hue, dark ones its complement (eq. 24-26)."""
 
 
 def cct_mccamy(white_XYZ: Triple) -> float:
@@ -148,22 +122,16 @@ class HuntConditions:
     """Scalars and, per cone, triples of Hunt's model under one viewing condition."""
 
     white_XYZ: Triple
-    gain: Array
-    """F_L F / ρ'_w: the factor of a cone's response before f_n."""
-    bleaching: Array
-    """B_ρ, B_γ, B_β (eq. 27-29)."""
-    helson_judd: Array
-    """ρ_D, γ_D, β_D (eq. 24-26)."""
-    n: float
-    """Y_b / Y_w."""
+    gain: Array  # F_L F / ρ'_w: the factor of a cone's response before f_n
+    bleaching: Array  # B_ρ, B_γ, B_β (eq. 27-29)
+    helson_judd: Array  # ρ_D, γ_D, β_D (eq. 24-26)
+    n: float  # Y_b / Y_w
     N_c: float
     N_b: float
-    N_bb: float
-    """Equals N_cb (eq. 9-10)."""
+    N_bb: float  # equals N_cb (eq. 9-10)
     F_L: float
     F_t: float
-    scotopic: float
-    """5 L_AS / 2.26."""
+    scotopic: float  # 5 L_AS / 2.26
 
     @classmethod
     def of(cls, conditions: ViewingConditions, settings: HuntSettings) -> HuntConditions:
@@ -413,9 +381,7 @@ def continued(
 
     def excess(A_c: Array) -> Array:
         A = _achromatic(
-            A_c,
-            XYZ_at(A_c)[..., 1] / eye.Y_w if rod_response is None else rod_response,
-            eye,
+            A_c, XYZ_at(A_c)[..., 1] / eye.Y_w if rod_response is None else rod_response, eye
         )
         return np.asarray(A + m * kappa * A_c / 100.0 - response)
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec.appearance import constants as k
+from volspec.appearance.adaptation.nonlinear import nayatani_exponent, nayatani_exponents
 from volspec.appearance.hue import NAYATANI_HUES, quadrature
 from volspec.appearance.models.base import (
     ROUNDING,
@@ -30,9 +31,11 @@ from volspec.appearance.models.base import (
     only_defined,
     require_real_white,
 )
-from volspec.appearance.surround import ViewingConditions, is_finite, require_conditions
+from volspec.appearance.surround import ViewingConditions, require_conditions
 from volspec.appearance.transforms import triples
 from volspec.errors import ViewingError
+from volspec.settings import Positive
+from volspec.settings import settings as checked
 
 NAME = "Nayatani95"
 
@@ -47,37 +50,18 @@ _COSINES = np.array([-0.0055, -0.0521, -0.0573, -0.0061])
 _LEAST = 1e-3
 
 
+@checked(ViewingError)
 @dataclass(frozen=True, slots=True)
 class NayataniSettings:
-    """Inputs of the model beyond `ViewingConditions`.
+    """Inputs of the model beyond `ViewingConditions`."""
 
-    Parameters
-    ----------
-    E_or : float
-        Normalising illuminance, lux; usually 1000 to 3000.
-    n : float
-        Noise, in the units of Y; usually 1.
-    """
-
-    E_or: float = 1000.0
-    n: float = 1.0
-
-    def __post_init__(self) -> None:
-        for name in ("E_or", "n"):
-            value = getattr(self, name)
-            if not (is_finite(value) and value > 0.0):
-                raise ViewingError.refused(
-                    f"NayataniSettings.{name}", value, "expected a finite number above 0", "range"
-                )
+    E_or: Positive = 1000.0
+    """Normalising illuminance, lux; usually 1000 to 3000."""
+    n: Positive = 1.0
+    """Noise, in the units of Y; usually 1."""
 
 
 NORMAL = NayataniSettings()
-
-
-def _exponents(responses: ArrayLike, knee: float, top: float, power: float) -> Array:
-    """Return β (eq. 96-98, 102): from 1 in the dark towards ``top``."""
-    x = np.asarray(responses, dtype=np.float64) ** power
-    return np.asarray((knee + top * x) / (knee + x))
 
 
 def _weight(x: Array) -> Array:
@@ -106,12 +90,9 @@ class _Scalars:
         self.n = settings.n
         # Y_o E_o / (100 π) is the adapting luminance L_A itself (eq. 90).
         adapting = conditions.L_A * grey
-        self.beta = np.append(
-            _exponents(adapting[:2], 6.469, 6.362, 0.4495),
-            0.7844 * _exponents(adapting[2], 8.414, 8.091, 0.5128),
-        )
+        self.beta = nayatani_exponents(adapting)
         L_or = conditions.Y_b * settings.E_or / (100.0 * np.pi)
-        self.beta_or = float(_exponents(L_or, 6.469, 6.362, 0.4495))
+        self.beta_or = float(nayatani_exponent(L_or, 6.469, 6.362, 0.4495))
         self.background = 20.0 * grey + self.n
         ratios = self.beta * np.log10((100.0 * grey + self.n) / self.background)
         self.raised = _MIDDLE / self.beta_or * (2.0 * self.beta[0] + self.beta[1]) / 3.0

@@ -42,7 +42,6 @@ class BaseSpectra:
     Parameters
     ----------
     names : K strings
-        Names for messages and reports.
     values : (K, N) array
         Reflectances, 0 to 1; read-only.
     grid : SpectralGrid
@@ -53,12 +52,6 @@ class BaseSpectra:
     SpectrumError
         If names and values do not fit together, there are fewer than four (a tetrahedron), or
         a value is outside 0 to 1.
-
-    Examples
-    --------
-    >>> greys = np.multiply.outer([0.0, 0.3, 0.6, 1.0], np.ones(31))
-    >>> len(BaseSpectra(("black", "dark", "light", "white"), greys))
-    4
     """
 
     names: tuple[str, ...]
@@ -130,11 +123,6 @@ def base_spectra(
         Black, white, the measured, then each length's, and 120 greys; named ``CES/12``,
         ``CES/12^2``, ``10^(-2 CES/12)`` and ``grey 21.8 %``.
 
-    Raises
-    ------
-    SpectrumError
-        If a length is not a positive number, or the tables do not cover the grid.
-
     Examples
     --------
     >>> base = base_spectra(powers=(2,))
@@ -189,11 +177,6 @@ class MadeReflectances:
     shares : (..., 4) float64
         Their weights, summing to 1; 0 for none.
     base : BaseSpectra
-
-    Raises
-    ------
-    SpectrumError
-        If the shapes do not belong together.
     """
 
     values: NDArray[np.float64]
