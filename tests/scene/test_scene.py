@@ -93,9 +93,8 @@ def test_a_spacing_against_the_file_s_own_is_warned_about(
     assert scene.volume().spacing_mm == pytest.approx((1, 1, given), rel=1e-12)
     said = [str(warning.message) for warning in recwarn]
     assert len(said) == warned
-    if warned:
-        assert "scene.toml: [volume] spacing_mm is 1 × 1 × 2.501" in said[0]
-        assert "ball.raw says 1 × 1 × 2.5; " in said[0] and "\n" not in said[0]
+    for line in said:
+        assert "spacing_mm" in line and "2.501" in line and "ball.raw" in line
 
 
 def test_a_volume_is_down_sampled(folder: Path) -> None:
@@ -169,7 +168,7 @@ def test_files_beside_the_scene_win_over_those_where_the_program_runs(
     (elsewhere / "lamp.csv").write_text("nm,value\n390,1\n710,1\n")
     monkeypatch.chdir(elsewhere)
     mixed = GOOD.replace('"D65"', '"lamp.csv*0.5+A*0.5"')
-    with pytest.raises(SceneError, match=r"lamp\.csv"):
+    with raises(SceneError, "not-found", "light[0]"):
         load(folder, mixed)
     (folder / "lamp.csv").write_text("nm,value\n390,1\n710,3\n")
     values = load(folder, mixed).lights[0].spectrum.values
@@ -289,6 +288,13 @@ CHANGES = {
     ),
     "not TOML": ("[volume]", "[volume", "syntax "),
     "missing volume": ("ball.npy", "bell.npy", "not-found volume"),
+    "two bases": (
+        "[output]",
+        '[basis]\nname = "general-7"\ntrain = "scene"\n[output]',
+        "conflict basis.name",
+    ),
+    "nothing at all": (GOOD, "", "missing volume"),
+    "no lights": (GOOD[GOOD.index("[[light]]") :], "", "missing light"),
 }
 
 
@@ -299,23 +305,6 @@ def test_mistakes_are_named_in_one_line(folder: Path, change: str) -> None:
     with raises(SceneError, *message.split(" ")) as caught:
         load(folder, GOOD.replace(old, new)).render()
     assert "scene.toml: " in str(caught.value)
-
-
-def test_a_missing_scene_is_named(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=r"none\.toml: no such file; check"):
-        Scene.load(tmp_path / "none.toml")
-
-
-def test_basis_is_either_named_or_trained(folder: Path) -> None:
-    with pytest.raises(SceneError, match="give one of them"):
-        load(folder, GOOD + '[basis]\nname = "general-7"\ntrain = "scene"\n')
-
-
-def test_an_empty_scene_is_told_what_to_add(folder: Path) -> None:
-    with pytest.raises(SceneError, match=r"volume: missing; add"):
-        load(folder, "")
-    with pytest.raises(SceneError, match=r"light is \[\]; give at least 1"):
-        load(folder, "light = []\n" + GOOD[: GOOD.index("[[light]]")])
 
 
 def test_a_byte_order_mark_is_read(folder: Path) -> None:

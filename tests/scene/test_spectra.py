@@ -79,7 +79,7 @@ def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Pa
     back = again.materials["ball"]
     assert np.array_equal(back.values, paint.values)
     assert back.name == "orange" and back.notes == paint.notes
-    assert again.basis_reason == "orange came from a designer"
+    assert "designer" in again.basis_reason
     assert again.file == file
 
 

@@ -37,7 +37,7 @@ def _simple(schema: Any) -> Any:
     if isinstance(said.get("default", {}), dict | type(None)):
         said.pop("default", None)
     if "description" in said:
-        said["description"] = said["description"].replace("``", "`")
+        said["description"] = said["description"].split("\n\n")[0].replace("``", "`")
     if "properties" in said or "$defs" in said:
         # Names of keys and tables, not words of a schema.
         for key in ("properties", "$defs"):
