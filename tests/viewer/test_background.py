@@ -25,7 +25,7 @@ from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import documents
 from volspec.viewer.work.background import LatestWorker, Tasks
-from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
+from volspec.viewer.work.casts import DIVISORS, CastDone, CastJob, CastWorker, Pace
 from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.screenshot import Progress, render_frame
@@ -349,3 +349,14 @@ def test_a_picture_s_memory_is_given_back() -> None:
     # MiB, of which the small ones take 1.1.
     assert back < 3
     assert kept > back + 8
+
+
+def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:
+    pace = Pace()
+    for _ in range(9):
+        pace = pace.after(pace.divisor, 500.0)
+    assert pace.divisor == DIVISORS[-1]
+    for _ in range(9):
+        pace = pace.after(pace.divisor, 0.5)
+    assert pace.divisor == 1 and pace.after(1, 300.0).divisor == 2
+    assert replace(pace, divisor=4, whole_ms=5000.0).to_whole == (2, 1)

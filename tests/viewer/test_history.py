@@ -7,16 +7,19 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from tests.support.errors import raises
 from tests.support.viewer import run_command
-from tests.viewer._edits import MODULES, edits_of, with_arguments
+from tests.viewer._edits import MODULES, drawn, edits_of, with_arguments
 from volspec.errors import InputError
 from volspec.palette import Cell
-from volspec.raycast import ClipPlane
-from volspec.relight import RelightSpec
-from volspec.spectra import reflectance
+from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup
+from volspec.relight import LightRig, RelightSpec
+from volspec.spectra import DEFAULT_GRID, light, reflectance
 from volspec.viewer.model import (
     camera,
     cuts,
@@ -29,9 +32,9 @@ from volspec.viewer.model import (
 )
 from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.edit import after
+from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
-from volspec.viewer.model.light_rows import Fade, LightState, effective_weights
+from volspec.viewer.model.light_rows import Fade, LightRow, LightState, effective_weights
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.ui.inputs import Input
@@ -419,3 +422,30 @@ def test_a_frame_of_a_busy_window_takes_one_gesture(
         assert inputs.take() == []
     finally:
         module.imgui.destroy_context(context)
+
+
+_WORDS_DRAWN = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "light")
+_CHANGES = st.sampled_from([each.change for each in COMMANDS if each.change is not None])
+
+
+@settings(max_examples=60, suppress_health_check=list(HealthCheck))
+@given(
+    edits=st.lists(drawn(_WORDS_DRAWN, *MODULES) | _CHANGES, min_size=50, max_size=60),
+    grouped=st.booleans(),
+)
+def test_random_edits_never_raise(state: ViewState, edits: list[Change], grouped: bool) -> None:
+    if grouped:  # a light of two groups, over a cast with both
+        groups = LightGroup("gold", (Headlight(),)), LightGroup("A", (Ambient(),))
+        rig = LightRig((light("A"), light("D65")), (1.0, 0.5), None, ("gold", "A"))
+        rows = (*state.lights, LightRow("evening", "", rig, texts=("A", "D65")))
+        state = replace(state, lights=rows, shading=replace(state.shading, groups=groups))
+    for edit in edits:
+        state = after(edit, state).state
+    state.view.camera(state.document.volume)
+    rig_now = light_rows.light_rig(state.lights)
+    assert rig_now is None or any(rig_now.weights)
+    for row in state.lights:
+        assert np.isfinite(row.rig.mixed(DEFAULT_GRID).values).all()
+        assert len(row.texts) == len(row.rig.lights)
+    assert state.lights and state.transfer.bake(1.0).opacity.max() <= 1
+    assert 0 <= state.interface.light < light_rows.MOST_ROWS

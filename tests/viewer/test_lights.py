@@ -209,14 +209,6 @@ def test_a_file_is_found_beside_the_scene_and_else_where_the_program_runs(
         light_rows.light_from_text("nosuch.csv", DEFAULT_GRID, str(scene))
 
 
-def test_names_stay_apart_as_rows_of_one_name_are_one_setting(lit: ViewState) -> None:
-    for _ in range(3):
-        lit = lights.add(lit, "d65").state
-    added = lit.lights[4:]
-    assert [each.name for each in added] == ["D65 (2)", "D65 (3)", "D65 (4)"]
-    assert {each.texts for each in added} == {("D65",)}
-
-
 # Mixes
 
 
@@ -305,17 +297,6 @@ def test_weights_spectra_and_temperatures_lie_between(share: float) -> None:
     assert viewing.illuminance_lux == pytest.approx(1000 ** (1 - share) * 10**share)
     assert viewing.Y_b == pytest.approx(20 + 20 * share)
     assert seen.backdrop == pytest.approx(0.2 + 0.4 * share)
-
-
-def test_a_fade_moves_without_jumps_from_end_to_end() -> None:
-    """A hundredth of the way changes no band by more than its part of the whole difference."""
-    mixes = []
-    for share in np.linspace(0, 1, 101):
-        rig = light_rig(interpolate_lights((START, DIM), (END, DIM), float(share))[0])
-        assert rig is not None
-        mixes.append(rig.mixed(DEFAULT_GRID).values)
-    steps = np.abs(np.diff(mixes, axis=0)).max(axis=1)
-    assert steps.max() < 6 * np.abs(mixes[-1] - mixes[0]).max() / 100
 
 
 def test_a_fade_of_words_that_do_not_go_together_takes_those_of_its_end() -> None:
@@ -413,3 +394,53 @@ def test_a_state_recalled_on_the_way_starts_from_there(state: ViewState) -> None
     assert again.fade is not None and effective_weights(again.fade.lights)[:2] == (0.5, 0.5)
     at_first = light_states.during_fade(again, 0.0)
     assert effective_weights(at_first.lights)[:2] == (0.5, 0.5)
+
+
+@given(
+    count=st.integers(1, 12),
+    x=st.floats(-2, 2, allow_subnormal=False),
+    y=st.floats(-2, 2, allow_subnormal=False),
+)
+def test_dial_weights_sum_to_one_and_come_back_to_their_place(
+    count: int, x: float, y: float
+) -> None:
+    weights = lights.dial_weights(count, x, y)
+    assert min(weights) >= 0 and sum(weights) == pytest.approx(1.0)
+    # Weights on the dial are those of its place, which is where they are drawn.
+    again = lights.dial_weights(count, *lights.dial_place(weights))
+    np.testing.assert_allclose(again, weights, atol=1e-9)
+
+
+def test_solo_and_mute_decide_who_shines(state: ViewState) -> None:
+    lit = state
+    for i in range(3):
+        lit = lights.set_weight(lit, i, 0.5)
+    assert light_rows.effective_weights(lit.lights) == (0.5, 0.5, 0.5, 0.0)
+    solo = lights.toggle_solo(lit, 1)
+    assert light_rows.effective_weights(solo.lights) == (0.0, 0.5, 0.0, 0.0)
+    assert light_rows.effective_weights(lights.toggle_mute(solo, 1).lights) == (0.0,) * 4
+    assert light_rows.light_rig(lights.toggle_mute(solo, 1).lights) is None
+
+
+def test_a_light_is_added_alone_and_heated(state: ViewState) -> None:
+    added = lights.add(state, "planck:2700").state
+    assert light_rows.effective_weights(added.lights) == (0.0, 0.0, 0.0, 0.0, 1.0)
+    assert added.lights[-1].kelvin == 2700
+    hotter = lights.set_kelvin(added, 4, 5000.4).lights
+    assert hotter[4].name == "5000 K" and hotter[4].rig is not added.lights[4].rig
+
+
+def test_lights_kept_beside_stay_while_others_change(state: ViewState) -> None:
+    kept = run_command(state, "b").state
+    changed = run_command(kept, "space").state
+    assert changed.other == state.lights != changed.lights
+    assert lights.set_divide(changed, 7.0).divide == 0.98
+    assert run_command(changed, "b").state.other is None
+
+
+def test_space_goes_round_all_lights(state: ViewState) -> None:
+    seen = []
+    for _ in state.lights:
+        seen.append(light_rows.brightest_row(state.lights))
+        state = run_command(state, "space").state
+    assert seen == [0, 1, 2, 3] and light_rows.brightest_row(state.lights) == 0

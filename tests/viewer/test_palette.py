@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.support.errors import raises
-from tests.support.viewer import VISIBLE, run_command, with_designed, with_target
+from tests.support.viewer import KINDS, VISIBLE, of_kind, run_command, with_designed, with_target
 from tests.viewer._edits import MODULES, drawn
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
@@ -22,11 +22,7 @@ from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
 from volspec.spectra import light, reflectance
 from volspec.transfer import (
-    Isosurfaces,
-    LabelFunction,
-    Region,
     TransferFunction,
-    TransferFunction2D,
 )
 from volspec.viewer.model import camera, palette_edits, palette_files, palette_wizards
 from volspec.viewer.model.document import Document
@@ -270,22 +266,6 @@ def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     assert Difference.between(undressed(state), plain).stage == "relight"
 
 
-def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState) -> None:
-    metals, basis = state.transfer.materials, state.transfer.basis
-    region = Region((0.3, 0.6), (0.0, 1.0), 0.5, "gold")
-    for transfer in (
-        state.transfer,
-        TransferFunction2D([region], metals, basis),
-        LabelFunction({1: (0.5, "gold"), 2: (0.2, {"copper": 0.5})}, metals, basis),
-        Isosurfaces([(0.3, 0.5, "copper"), (0.6, 1.0, "gold")], metals, basis),
-    ):
-        scene = palette_wizards.wizard_scene(replace(state, transfer=transfer))
-        assert list(scene.materials) == ["copper", "gold"]
-        assert type(scene.transfer) is type(transfer)
-        assert [each.name for each in scene.lights] == list(column_names(state.lights))
-        assert scene.relight.viewing == state.relight.viewing
-
-
 def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -> None:
     assert isinstance(state.transfer, TransferFunction)
     glass = replace(state.transfer, filters={"gold": reflectance("gold")})
@@ -313,3 +293,13 @@ def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: 
     for name, spectrum in hidden.transfer.materials.items():  # six decimals are written
         values = again.transfer.materials[name].values
         np.testing.assert_allclose(values, spectrum.values, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState, kind: str) -> None:
+    state = of_kind(state, kind)
+    scene = palette_wizards.wizard_scene(state)
+    assert list(scene.materials) == ["copper", "gold"]
+    assert type(scene.transfer) is type(state.transfer)
+    assert [each.name for each in scene.lights] == list(column_names(state.lights))
+    assert scene.relight.viewing == state.relight.viewing

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.support.viewer import run_command
-from volspec.raycast import ClipPlane
+from volspec.raycast import Camera, ClipPlane
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, slices, transfer_edits
 from volspec.viewer.model.camera import fit_view, shown_mm
@@ -328,3 +328,38 @@ def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
     # What is cut away is not shown.
     cut = replace(state.shading, crop_voxels=((0.0, 3.0), (0.0, 7.0), (0.0, 7.0)))
     assert shown_mm(volume, state.transfer, cut)[:, 0].max() <= 3.0
+
+
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_a_camera_becomes_the_orbit_there(document: Document, orthographic: bool) -> None:
+    volume = document.volume
+    for up in ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)):
+        view = View(40.0, 25.0, 1.7, 24.0, orthographic, target_mm=(3.0, 4.0, 2.0), up=up)
+        given = view.camera(volume)
+        again = View.of(given, volume).camera(volume)
+        np.testing.assert_allclose(again.position_mm, given.position_mm, atol=1e-9)
+        np.testing.assert_allclose(again.frame()[1], given.frame()[1], atol=1e-9)
+        if orthographic:
+            assert again.height_mm == pytest.approx(given.height_mm)
+
+
+def test_a_point_follows_the_mouse_when_it_is_panned(state: ViewState) -> None:
+    """The target moves by as much of the picture's height as the mouse, the other way."""
+    start = replace(state, view=View(zoom=1.3))
+
+    def height_of(camera: Camera) -> float:
+        return 2 * camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
+
+    before, panned = (
+        each.view.camera(state.document.volume) for each in (start, camera.pan(start, 0.1, 0.2))
+    )
+    right, up, _ = before.frame()
+    step = np.subtract(panned.target_mm, before.target_mm) / height_of(before)
+    np.testing.assert_allclose([step @ right, step @ up], [-0.1, 0.2], atol=1e-9)
+
+
+def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
+    for side, towards in (("front", (0, 1, 0)), ("right", (-1, 0, 0)), ("top", (0, 0, -1))):
+        view = run_command(state, f"view-{side}").state.view
+        forward = view.camera(state.document.volume).frame()[2]
+        np.testing.assert_allclose(forward, towards, atol=1e-9)

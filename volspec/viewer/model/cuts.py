@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.spec import MAX_PLANES
+from volspec.settings import Vector
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Place, Projection, Vector, clamp, radius_mm, vector
+from volspec.viewer.model.view import Place, Projection, clamp, radius_mm, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]

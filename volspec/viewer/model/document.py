@@ -53,8 +53,6 @@ class JointHistogram:
 def joint_histogram(volume: Volume) -> JointHistogram:
     """Return the histogram of every n-th voxel along each axis, by central differences.
 
-    Examples
-    --------
     >>> from volspec.volume import phantom
     >>> joint = joint_histogram(phantom.ball(16))
     >>> joint.counts.shape, joint.top > 0
@@ -112,6 +110,13 @@ class Document:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "joint", joint_histogram(self.volume))
+
+    def saved(self) -> tuple[SceneFile, Path]:
+        """Return the scene's file and where it is; raises SceneError if there is none."""
+        if self.file is None or self.path is None:
+            problem = "was not read from a file; save the volume first"
+            raise SceneError(f"{self.title}: {problem}", code="missing")
+        return self.file, self.path
 
     @property
     def folder(self) -> str:

@@ -87,13 +87,7 @@ class Fade:
 def rows_from_scene(
     lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightSpec]]
 ) -> Rows:
-    """Return a scene's lights as rows, of which the first is on.
-
-    Parameters
-    ----------
-    tables : {name: rows}
-        Tables of each light in the file (`volspec.scene.lights.rows_by_name`): its notation.
-    """
+    """Return a scene's lights, with the file's `rows_by_name`, as rows; the first is on."""
     rows = []
     for i, named in enumerate(lights):
         given = [table.spectrum for table in tables.get(named.name, ())]
@@ -238,12 +232,7 @@ def light_from_text(text: str, grid: SpectralGrid, folder: str = ".") -> tuple[S
 def facing_lux(rig: LightRig, shares: Mapping[str, float]) -> float | None:
     """Return the illuminance of a surface that faces every source, lux.
 
-    None if the rig has no lux, or shines only from groups that are dark or not there.
-
-    Parameters
-    ----------
-    shares : {group: float}
-        As `volspec.RaycastSpec.shares`.
+    None if the rig has no lux, or shines only from groups without a share.
     """
     try:
         return rig.facing(shares).total_lux
@@ -269,23 +258,10 @@ def lux_note(rows: Rows, shares: Mapping[str, float], spec: RelightSpec) -> str:
 
 
 def draw_stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.float64]:
-    """Draw a straight stroke of the pen over a spectrum's bands.
+    """Draw a straight stroke of the pen over a spectrum's (N,) bands, whose power stays >= 0.
 
-    Parameters
-    ----------
-    values : (N,) float64
-        Power of each band.
-    start, end : (x, y)
-        Ends of the stroke: ``x`` 0 to 1 from the first band's middle to the last one's, ``y``
-        power.
+    Its ends are (x, power), with x from 0 at the first band's middle to 1 at the last one's.
 
-    Returns
-    -------
-    (N,) float64
-        At least 0; bands that the pen did not pass are unchanged.
-
-    Examples
-    --------
     >>> draw_stroke(np.zeros(5), (0.25, 1.0), (0.75, 2.0)).tolist()
     [0.0, 1.0, 1.5, 2.0, 0.0]
     """

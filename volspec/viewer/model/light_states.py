@@ -66,12 +66,8 @@ def interpolate_lights(
     """Interpolate between two settings of lights and viewing.
 
     Weights, lux, spectra and the viewing's numbers change linearly; temperatures by mireds; lux of
-    the viewing and exposure by ratio; words change at the start.
-
-    Parameters
-    ----------
-    share : float
-        0 gives the start itself and 1 the end.
+    the viewing and exposure by ratio; words change at the start. A ``share`` of 0 gives the start
+    itself, of 1 the end.
     """
     if not share > 0.0:
         return start

@@ -69,19 +69,10 @@ def is_colour(text: str) -> bool:
 
 
 def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: str) -> Spectrum:
-    """Return a reflectance on a grid from its name, a colour, or a file.
+    """Return a reflectance on a grid from its name or file, as `volspec.reflectance` takes it.
 
-    Parameters
-    ----------
-    text : str
-        As `volspec.reflectance` takes it, else a CSS colour or ``#rrggbb`` under D65: ``gold`` is
-        the metal.
-    observer_deg : {2, 10}
-        The observer of colours.
-    folder : str
-        A file's relative name starts from it.
-
-    Raises SpectrumError if it is none of these.
+    Else from a CSS colour or ``#rrggbb`` under D65: ``gold`` is the metal. Raises SpectrumError if
+    it is none of these.
     """
     try:
         return reflectance(text, grid, folder=folder)
@@ -95,18 +86,8 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     """Make one part of a single material, which is added if it is new.
 
     Materials become channels, unless filters or their number forbid it. If there are too many,
-    those that no part uses are removed.
-
-    Parameters
-    ----------
-    index : int
-        The part's; nothing changes if there is none.
-    name : str
-        For a spectrum that has none; numbered if another material has it.
-    spectrum : Spectrum
-        On the basis' grid.
-
-    Raises TransferError if there is no room for one more.
+    those that no part uses are removed. ``name`` is for a spectrum that has none. Raises
+    TransferError if there is no room for one more.
     """
     if not 0 <= index < len(list_parts(transfer)):
         return transfer

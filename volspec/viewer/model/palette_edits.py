@@ -285,8 +285,8 @@ COMMANDS = (
 )
 
 
-def _with_pick(state: ViewState, **changes: Any) -> ViewState:
-    """Change choices of the panel."""
+def with_pick(state: ViewState, **changes: Any) -> ViewState:
+    """Change choices of the panel, a `Pick`."""
     return with_interface(state, pick=replace(state.interface.pick, **changes))
 
 
@@ -295,7 +295,7 @@ def pick_material(state: ViewState, name: str) -> ViewState:
     """Pick the material that wizards redesign."""
     if name not in state.transfer.materials:
         return state
-    return _with_pick(state, place=(name, wizard_place(state)[1]))
+    return with_pick(state, place=(name, wizard_place(state)[1]))
 
 
 @edit
@@ -303,46 +303,16 @@ def pick_light(state: ViewState, name: str) -> ViewState:
     """Pick the light that wizards redesign for."""
     if name not in column_names(state.lights):
         return state
-    return _with_pick(state, place=(wizard_place(state)[0], name))
-
-
-@edit
-def pick_like(state: ViewState, name: str) -> ViewState:
-    """Pick the light that a new one should resemble; an empty name for none."""
-    return _with_pick(state, like=name)
-
-
-@edit
-def pick_within(state: ViewState, name: str) -> ViewState:
-    """Pick the material to hide in; an empty name for the hidden one's surroundings."""
-    return _with_pick(state, within=name, black=False)
-
-
-@edit
-def pick_black(state: ViewState) -> ViewState:
-    """Pick black to hide in."""
-    return _with_pick(state, within="", black=True)
+    return with_pick(state, place=(wizard_place(state)[0], name))
 
 
 @edit
 def pick_distance(state: ViewState, distance: float) -> ViewState:
     """Set the ΔE by which a material is revealed."""
-    return _with_pick(state, distance=clamp(distance, *palette_targets.DISTANCES))
+    return with_pick(state, distance=clamp(distance, *palette_targets.DISTANCES))
 
 
 @edit
 def toggle_merged(state: ViewState, name: str) -> ViewState:
     """Add a material to those to merge, or remove it."""
-    return _with_pick(state, materials=state.interface.pick.materials ^ {name})
-
-
-@edit
-def pick_values(state: ViewState, first: float, last: float) -> ViewState:
-    """Pick the range of values that a material is assigned to."""
-    return _with_pick(state, values=(min(first, last), max(first, last)))
-
-
-@edit
-def pick_use(state: ViewState, name: str) -> ViewState:
-    """Pick the material that is assigned to values."""
-    return _with_pick(state, use=name)
+    return with_pick(state, materials=state.interface.pick.materials ^ {name})

@@ -9,7 +9,6 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import takewhile
-from pathlib import Path
 
 from volspec.errors import InputError
 
@@ -75,14 +74,8 @@ class Listing:
 def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
     """List folders, and files with one of the endings, that complete a path.
 
-    Names that are not UTF-8 are left out, as `check_name` refuses them.
-
-    Parameters
-    ----------
-    text : str
-        ``~`` is the user's home folder; relative paths start at the working directory.
-    suffixes : sequence of str
-        Endings of files, in lower case; none lists all.
+    ``~`` is the user's home folder; no endings, in lower case, list all. Names that are not UTF-8
+    are left out, as `check_name` refuses them.
     """
     start = max(text.rfind("/"), text.rfind(os.sep)) + 1  # Windows takes both
     folder, typed = text[:start], text[start:]
@@ -124,8 +117,3 @@ class PathRequest:
         path = os.path.expanduser(text.strip())
         ends = not self.save or path.lower().endswith(self.suffixes)
         return path if not path or ends else path + self.suffixes[0]
-
-
-def path_exists(path: str) -> bool:
-    """Return True if there is such a file."""
-    return Path(path).is_file()

@@ -5,30 +5,37 @@ Volume, histogram -> [presets] -> Transfer
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
+from volspec._gpu.sources import asset
+from volspec._parse import parse_toml
 from volspec.basis import Basis, MaterialBasis
+from volspec.errors import InputError
+from volspec.settings import Pair, read_table, settings
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction
 from volspec.volume import Volume
 
+Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
+
+@settings(InputError)
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A transfer function for one kind of volume."""
+    """A transfer function for one kind of volume, as ``data/presets.toml`` has it."""
 
     name: str
     title: str
     # By material, in the order of their values: a name of `volspec.reflectance`, and the curve's
     # points, or the surfaces, as (HU, opacity).
-    parts: Mapping[str, tuple[str, tuple[tuple[float, float], ...]]]
+    parts: dict[str, Annotated[tuple[str, Points], Field(strict=False)]]
     medical: bool = False  # for Hounsfield units, and listed first for volumes that have them
-    kind: Literal["points", "surfaces"] = "points"
+    surfaces: bool = False  # not a curve
     # To show only boundaries: the fraction of the volume's contrast per voxel at which they are at
     # full opacity.
     edges: float | None = None
@@ -39,107 +46,12 @@ class Preset:
         return {name: reflectance for name, (reflectance, _) in self.parts.items()}
 
 
-_SKIN = "Vrhel/81 skin caucasian light"
-_BLOOD = "Vrhel/44 red flower plant had red leaves"
-_BONE = "Vrhel/158 fabric white"
+def _shipped() -> tuple[Preset, ...]:
+    table = parse_toml(asset("data/presets.toml").read_text(encoding="utf-8"))
+    return tuple(read_table(Preset, row, InputError) for row in table["preset"])
 
-PRESETS: tuple[Preset, ...] = (
-    Preset(
-        "soft-hard",
-        "Soft and hard",
-        {
-            "soft": (_SKIN, ((-450, 0.0), (-250, 0.04), (-50, 0.014), (120, 0.014))),
-            "hard": (_BONE, ((260, 0.08), (600, 0.5), (1500, 0.9))),
-        },
-        medical=True,
-    ),
-    Preset(
-        "bone",
-        "Bone",
-        {"bone": (_BONE, ((200, 0.0), (380, 0.1), (650, 0.6), (1200, 0.95)))},
-        medical=True,
-    ),
-    Preset(
-        "muscle-bone",
-        "Muscle and bone",
-        {
-            "muscle": ("Vrhel/138 peach skin red", ((-30, 0.0), (40, 0.14), (130, 0.3))),
-            "bone": (_BONE, ((240, 0.35), (500, 0.85))),
-        },
-        medical=True,
-    ),
-    Preset("skin", "Skin", {"skin": (_SKIN, ((-500, 0.0), (-250, 0.5), (0, 0.9)))}, medical=True),
-    Preset(
-        "lung",
-        "Lung",
-        {
-            "lung": ("PMC/Pork", ((-900, 0.0), (-820, 0.025), (-650, 0.06), (-450, 0.0))),
-            "vessels": (_BLOOD, ((-60, 0.0), (60, 0.005), (250, 0.012))),
-            "bone": (_BONE, ((450, 0.03), (900, 0.2))),
-        },
-        medical=True,
-    ),
-    Preset(
-        "vessels",
-        "Vessels and bone",
-        {
-            "vessels": (_BLOOD, ((110, 0.0), (180, 0.12), (320, 0.3))),
-            "bone": (_BONE, ((480, 0.4), (900, 0.8))),
-        },
-        medical=True,
-    ),
-    Preset(
-        "mr-head",
-        "MR head",
-        {
-            "skin": (_SKIN, ((-450, 0.0), (-250, 0.03))),
-            "brain": ("Vrhel/89 skin caucasian light", ((-60, 0.1), (150, 0.45))),
-            "bright": ("Vrhel/132 corn raw", ((700, 0.8),)),
-        },
-    ),
-    Preset(
-        "fluorescence",
-        "Fluorescence",
-        {
-            "dim": ("PMC/Unitary blue", ((-700, 0.0), (-300, 0.006))),
-            "dye": ("PMC/Unitary green", ((40, 0.022),)),
-            "bright": ("Vrhel/70 highlighter pen plastic", ((1000, 0.25),)),
-        },
-    ),
-    Preset(
-        "surface",
-        "Surface",
-        {"surface": ("Vrhel/146 barley seeds", ((-450, 1.0),))},
-        kind="surfaces",
-    ),
-    Preset(
-        "shells",
-        "Shells",
-        {
-            "outer": ("ColorChecker/bluish green", ((-450, 0.15),)),
-            "middle": ("ColorChecker/orange yellow", ((330, 0.3),)),
-            "inner": (_BONE, ((750, 1.0),)),
-        },
-        kind="surfaces",
-    ),
-    Preset(
-        "glass",
-        "Glass",
-        {
-            "glass": ("Vrhel/63 light green towel", ((-700, 0.0), (-300, 0.12), (150, 0.12))),
-            "core": ("ColorChecker/orange yellow", ((260, 0.25), (800, 0.6))),
-        },
-        edges=0.35,
-    ),
-    Preset(
-        "metal",
-        "Metal",
-        {
-            "iron": ("iron", ((-450, 0.0), (-200, 0.1), (200, 0.12))),
-            "gold": ("gold", ((400, 0.7), (900, 0.9))),
-        },
-    ),
-)
+
+PRESETS = _shipped()
 BY_NAME = {preset.name: preset for preset in PRESETS}
 DEFAULT = "soft-hard"
 
@@ -178,18 +90,9 @@ def value_span(volume: Volume) -> tuple[float, float]:
 def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[float, ...]:
     """Return five rising values: the least, the edge of matter, its middle and top, the greatest.
 
-    Parameters
-    ----------
-    counts : (N,)
-        Voxels by value from ``low`` to ``high``.
+    Counts are (N,) voxels by value from ``low`` to ``high``. The edge is Otsu's (1979),
+    "A threshold selection method from gray-level histograms", IEEE Trans. SMC 9(1), 62-66.
 
-    References
-    ----------
-    The edge is Otsu's (1979), "A threshold selection method from gray-level histograms",
-    IEEE Trans. SMC 9(1), 62-66.
-
-    Examples
-    --------
     >>> landmarks(np.array([90.0, 0, 0, 0, 5, 5, 0, 0, 0, 0]), 0, 100)
     (0.0, 20.0, 50.0, 60.0, 100.0)
     """
@@ -217,17 +120,11 @@ def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[flo
 def fit_preset(
     preset: Preset, volume: Volume, counts: NDArray[np.float64], basis: Basis
 ) -> Transfer:
-    """Return a preset's transfer function for a volume, on a basis' grid and for its observer.
-
-    Parameters
-    ----------
-    counts : (N,)
-        Voxels by value over the volume's range.
-    """
+    """Return a preset's transfer function for a volume, on a basis' grid and for its observer."""
     materials = {name: reflectance(text, basis.grid) for name, text in preset.materials.items()}
     own = MaterialBasis(materials, _NAME + preset.name, basis.grid, basis.observer_deg)
     points = preset_points(preset, volume, counts)
-    if preset.kind == "surfaces":
+    if preset.surfaces:
         return Isosurfaces(points, materials, own)
     gradients = None
     if preset.edges is not None:

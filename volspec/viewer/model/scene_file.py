@@ -8,18 +8,17 @@ The present mix becomes the first light, under which the viewer opens a scene.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.storage import shipped_names
 from volspec.errors import SceneError, SpectrumError
 from volspec.raycast.lights import HEADLIT
-from volspec.relight import RelightSpec
 from volspec.scene import Scene, SceneFile
 from volspec.scene.lights import LightSpec, rows_by_name
 from volspec.scene.specs import (
@@ -34,10 +33,11 @@ from volspec.scene.writing import require_toml, write_scene
 from volspec.settings import read_table
 from volspec.spectra import Spectrum, light
 from volspec.spectra.datasets import colour_matching_functions
-from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
+from volspec.transfer import LabelFunction, Transfer, TransferFunction, TransferFunction2D
 from volspec.transfer.mixes import Mix
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.transfer_parts import KINDS, list_points
 
 # A folder without files: relative names must not be found in the working directory by chance.
 NOWHERE = "/"
@@ -120,10 +120,9 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     hold the state; InputError if nothing can be written there.
     """
     target = require_toml(path)
-    document, file = state.document, scene_from_state(state)
-    assert document.path is not None
+    file, (_, opened) = scene_from_state(state), state.document.saved()
     # The numbers of the file lead to the same basis, or the basis itself is saved.
-    like = Scene(file, document.path)
+    like = Scene(file, opened)
     basis = state.transfer.basis
     if like.basis.fingerprint != basis.fingerprint:
         basis_path = target.with_suffix(".basis.json")
@@ -141,17 +140,21 @@ def scene_from_state(state: ViewState) -> SceneFile:
     Raises SceneError if the document has no file, or no file can hold the state: no light is on, or
     the backdrop is a spectrum.
     """
-    document, file = state.document, state.document.file
-    if file is None:
-        problem = "was not read from a file; save the volume first"
-        raise SceneError(f"{document.title}: {problem}", code="missing")
+    document, (file, _) = state.document, state.document.saved()
     if light_rows.light_rig(state.lights) is None:
         raise SceneError(
             "No light is on, and a scene opens under its first light, so none shows this; "
             "turn one on",
             code="missing",
         )
-    document, shading = state.document, state.shading
+    if isinstance(state.relight.backdrop, Spectrum):
+        raise SceneError(
+            "the backdrop is a spectrum",
+            "a scene's file takes a number from 0 to 1",
+            code="unsupported",
+            field="viewing.backdrop",
+        )
+    shading = state.shading
     own = (file.group or HEADLIT) == shading.groups
     width, height = state.size
     same_transfer = state.transfer is document.transfer
@@ -164,7 +167,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
         raycast=replace(shading, groups=HEADLIT),
         group=file.group if own else () if shading.groups == HEADLIT else shading.groups,
         light=tuple(_light_tables(state, file)),
-        viewing=require_plain_backdrop(state.relight),
+        viewing=state.relight,
         output=OutputSpec(width, height),
     )
 
@@ -197,30 +200,25 @@ def _filters(transfer: Transfer) -> Mapping[str, Spectrum]:
 
 def transfer_table(transfer: Transfer) -> TransferSpec:
     """Return a transfer function as ``[transfer]``."""
-    data: dict[str, Any]
-    if isinstance(transfer, Isosurfaces):
-        return read_table(TransferSpec, {"surfaces": list(_points(transfer.surfaces))}, SceneError)
-    if isinstance(transfer, LabelFunction):
+    rows: list[dict[str, Any]]
+    if isinstance(transfer, TransferFunction2D):
+        rows = [{f.name: getattr(row, f.name) for f in fields(row)} for row in transfer.regions]
+    elif isinstance(transfer, LabelFunction):
         looks = transfer.labels.items()
-        rows = [{"label": k, "opacity": o, "material": _shares(m)} for k, (o, m) in looks]
-        data = {"labels": rows}
-    elif isinstance(transfer, TransferFunction):
-        data = {"points": list(_points(transfer.points))}
-        if transfer.gradient_opacity is not None:
-            data["gradient_opacity"] = [list(pair) for pair in transfer.gradient_opacity]
+        rows = [{"label": label, "opacity": o, "material": mix} for label, (o, mix) in looks]
     else:
-        regions = [{f.name: getattr(row, f.name) for f in fields(row)} for row in transfer.regions]
-        data = {"regions": [row | {"material": _shares(row["material"])} for row in regions]}
-    data["reference_step_mm"] = transfer.reference_step_mm
-    return read_table(TransferSpec, data, SceneError)
+        points = list_points(transfer)
+        rows = [{"value": float(v), "opacity": float(o), "material": m} for v, o, m in points]
+    others = {
+        name: value
+        for name in ("gradient_opacity", "reference_step_mm")
+        if (value := getattr(transfer, name, None)) is not None
+    }
+    table = [row | {"material": mix_as_written(row["material"])} for row in rows]
+    return read_table(TransferSpec, {KINDS[type(transfer)]: table, **others}, SceneError)
 
 
-def _points(points: Sequence[tuple[float, float, Mix]]) -> Iterator[dict[str, Any]]:
-    for value, opacity, mix in points:
-        yield {"value": float(value), "opacity": float(opacity), "material": _shares(mix)}
-
-
-def _shares(mix: Mix) -> str | dict[str, float]:
+def mix_as_written(mix: Mix) -> str | dict[str, float]:
     """Return a mix as a file has it: the name of a material that is alone in it."""
     if isinstance(mix, str):
         return mix
@@ -228,13 +226,18 @@ def _shares(mix: Mix) -> str | dict[str, float]:
     return next(iter(shares)) if list(shares.values()) == [1.0] else shares
 
 
+def is_shipped(basis: Basis) -> bool:
+    """Return True if a basis is loaded by its name."""
+    name = basis.name
+    return name in shipped_names() and SpectralBasis.load(name).fingerprint == basis.fingerprint
+
+
 def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
     """Return the file's table, unless the basis has another source with a name."""
     basis = state.transfer.basis
     if basis is state.document.transfer.basis and table.name is not None:
         return table
-    shipped = basis.name in shipped_names() and SpectralBasis.load(basis.name)
-    if shipped and shipped.fingerprint == basis.fingerprint:
+    if is_shipped(basis):
         return BasisSpec(name=basis.name)
     if isinstance(basis, MaterialBasis) and table.method != "materials":
         grid = basis.grid
@@ -242,18 +245,3 @@ def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
         given: dict[str, Any] = {"grid_nm": nm, "observer_deg": basis.observer_deg}
         return BasisSpec(method="materials", **given)
     return table
-
-
-def require_plain_backdrop(spec: RelightSpec) -> RelightSpec:
-    """Refuse a backdrop that no file can have.
-
-    Raises SceneError if it is a spectrum.
-    """
-    if isinstance(spec.backdrop, Spectrum):
-        raise SceneError(
-            "the backdrop is a spectrum",
-            "a scene's file takes a number from 0 to 1",
-            code="unsupported",
-            field="viewing.backdrop",
-        )
-    return spec

@@ -242,9 +242,7 @@ def _points(bands: Sequence[Band]) -> list[Point]:
 def _simplify(points: list[Point], most: int) -> list[Point]:
     """Reduce a curve to so many points, with the least change; its ends stay.
 
-    References
-    ----------
-    Visvalingam & Whyatt (1993), "Line generalisation by repeated elimination of points",
+    By Visvalingam & Whyatt (1993), "Line generalisation by repeated elimination of points",
     The Cartographic Journal 30(1), 46-51.
     """
 

@@ -6,32 +6,24 @@ View -> [view] -> Camera -> raycast, handles, orientation cube, scale bar
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields
-from typing import Any
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.errors import CameraError
 from volspec.raycast import Camera
+from volspec.raycast.camera import Orbit
+from volspec.settings import Vector, settings
 from volspec.volume import Volume
-
-Vector = tuple[float, float, float]
 
 ZOOMS = (0.05, 200.0)
 
 
+@settings(CameraError)
 @dataclass(frozen=True, slots=True)
-class View:
-    """An orbit around a target: the arguments of `Camera.orbit`."""
-
-    azimuth_deg: float = 30.0
-    elevation_deg: float = 20.0
-    zoom: float = 1.0  # 1 fits the volume's sphere into the picture's height
-    fov_deg: float = 30.0
-    orthographic: bool = False
-    up: Vector = (0.0, 0.0, 1.0)  # the axis to turn around
-    target_mm: Vector | None = None  # None is the volume's centre
-    roll_deg: float = 0.0  # of the picture, clockwise
+class View(Orbit):
+    """A camera's orbit, as a state has it."""
 
     @classmethod
     def of(cls, camera: Camera, volume: Volume) -> View:
@@ -52,8 +44,7 @@ class View:
 
     def camera(self, volume: Volume) -> Camera:
         """Return the view's camera."""
-        given: dict[str, Any] = {each.name: getattr(self, each.name) for each in fields(self)}
-        return Camera.orbit(volume, **given)
+        return Camera.orbit(volume, **asdict(self))
 
 
 def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:

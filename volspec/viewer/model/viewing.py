@@ -49,14 +49,9 @@ def with_model(spec: RelightSpec, model: str) -> RelightSpec:
 
 
 def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
-    """Return a viewing for single colours, in which there is no picture to measure adaptation in.
+    """Return a viewing for single colours, without a picture to measure adaptation in.
 
-    Parameters
-    ----------
-    lux : float, optional
-        The light's own illuminance, which replaces the viewing's; None if it has none.
-
-    Raises ViewingError if the illuminance is out of range.
+    The light's own ``lux`` replace the viewing's. Raises ViewingError if they are out of range.
 
     >>> given_viewing(Viewing(adapting="picture"), 500.0).illuminance_lux
     500.0

@@ -14,7 +14,7 @@ from imgui_bundle import imgui
 
 from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.paths import Listing, PathRequest, list_paths, path_exists
+from volspec.viewer.model.paths import Listing, PathRequest, list_paths
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import pick, wrap_text
@@ -76,7 +76,7 @@ class PathDialog:
         # To save a file, all files of the folder are listed.
         self._list(_list_paths(found.folder, request.suffixes, now) if request.save else found)
         path = request.complete(self._text)
-        there = bool(path) and request.save and path_exists(path)
+        there = bool(path) and request.save and Path(path).is_file()
         sure = there and path == self._replaces
         if there:
             warning = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"

@@ -40,17 +40,17 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     like = own.like if own.like in lights else ""
     chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
     tip("Also designs a light, under which the other materials look as under this one")
-    new = _apply_pick(new, palette_edits.pick_like, "" if chosen == _NO_LIGHT else chosen)
+    if chosen is not None:
+        new = palette_edits.with_pick(new, like="" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
     _wizard_button("hide", "Make it look like its surroundings under this light", ui)
     others = tuple(name for name in rows if name != material)
     # The picked material may have been removed since.
     within = _BLACK if own.black else own.within if own.within in rows else _SURROUNDINGS
     chosen = _combo("##within", within, (_SURROUNDINGS, *others, _BLACK), ui)
-    if chosen == _BLACK:
-        new = palette_edits.pick_black(new)
-    else:
-        new = _apply_pick(new, palette_edits.pick_within, "" if chosen == _SURROUNDINGS else chosen)
+    if chosen is not None:
+        within = "" if chosen in (_SURROUNDINGS, _BLACK) else chosen
+        new = palette_edits.with_pick(new, within=within, black=chosen == _BLACK)
     _wizard_button("reveal", "Make it differ from all others under this light", ui)
     imgui.set_next_item_width(-1)
     moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
@@ -120,9 +120,11 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
     )
     ui.note("range")
     if moved:
-        new = palette_edits.pick_values(new, first, last)
+        new = palette_edits.with_pick(new, values=(first, last))
     imgui.same_line()
-    new = _apply_pick(new, palette_edits.pick_use, _combo("##use", use, names, ui, -ui.px(52)))
+    chosen = _combo("##use", use, names, ui, -ui.px(52))
+    if chosen is not None:
+        new = palette_edits.with_pick(new, use=chosen)
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
         new = palette_edits.assign(new, first, last, use)

@@ -159,16 +159,9 @@ class Pictures:
         """Begin to draw the picture under lights; return its timing, for two relights at most.
 
         A picture of another size stays visible until the last band of this one is drawn; without
-        lights there is no picture.
-
-        Parameters
-        ----------
-        other : LightRig, optional
-            Lights right of the divide (0 to 1 of the width), for an eye adapted to them.
-        coarse : bool
-            Draw every second row and column only.
-        band : (top, bottom)
-            The rows to draw, 0 to 1 of the height.
+        lights there is no picture. An eye adapted to ``other`` lights is right of the divide, 0 to
+        1 of the width. ``coarse`` is every second row and column, ``band`` the rows to draw, 0 to
+        1 of the height.
         """
         if self._shown is None or rig is None:
             self._frame = self._frame_of = None

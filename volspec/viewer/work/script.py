@@ -18,17 +18,21 @@ import numpy as np
 
 import volspec
 from volspec._files import write_whole
-from volspec.basis import MaterialBasis, SpectralBasis
-from volspec.basis.storage import shipped_names
-from volspec.errors import InputError, SceneError, SpectrumError, ViewingError
+from volspec.basis import MaterialBasis
+from volspec.errors import InputError, SpectrumError, ViewingError
 from volspec.export.frames import file_stem
 from volspec.export.recipes import python_text
-from volspec.relight import LightRig
 from volspec.scene.file import SceneFile
+from volspec.settings import default_of
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import Transfer
 from volspec.viewer.model.light_rows import light_rig
-from volspec.viewer.model.scene_file import NOWHERE, same_spectrum
+from volspec.viewer.model.scene_file import (
+    NOWHERE,
+    is_shipped,
+    mix_as_written,
+    same_spectrum,
+)
 from volspec.viewer.model.state import ViewState
 
 _WIDTH = 88
@@ -61,10 +65,7 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
     It needs a document that has a file, and a light.
     """
     document, rig = state.document, light_rig(state.lights)
-    file, path = document.file, document.path
-    if file is None or path is None:
-        problem = "was not read from a file; save the volume first"
-        raise SceneError(f"{document.title}: {problem}", code="missing")
+    file, path = document.saved()
     if rig is None:
         problem = "No light is on, so there is no frame to make a script for; turn one on"
         raise ViewingError(problem, code="missing")
@@ -122,8 +123,7 @@ def _basis(transfer: Transfer, file: str) -> str:
         made = MaterialBasis(transfer.materials, basis.name)
         if made.fingerprint == basis.fingerprint:
             return f"vs.MaterialBasis(materials, {python_text(basis.name)})"
-    shipped = basis.name in shipped_names() and SpectralBasis.load(basis.name)
-    if shipped and shipped.fingerprint == basis.fingerprint:
+    if is_shipped(basis):
         return f"vs.SpectralBasis.load({python_text(basis.name)})"
     return f"vs.load_basis(Path(__file__).with_name({python_text(file)}))"
 
@@ -146,8 +146,6 @@ class _Code:
         """Return any value as code; ``indent`` is that of its line."""
         if isinstance(value, Spectrum):
             return self._spectrum(value, indent)
-        if isinstance(value, LightRig):
-            return self._rig(value, indent)
         if is_dataclass(value):
             return self._object(value, indent)
         if isinstance(value, str):
@@ -175,32 +173,22 @@ class _Code:
                 parts.append(f"{name}={name}")
                 continue
             if name in ("points", "surfaces"):
-                value = [(v, o, _single_material(mix)) for v, o, mix in value]
+                value = [(v, o, mix_as_written(mix)) for v, o, mix in value]
             if value is not None:
                 parts.append(f"{name}={self.of(value, 4)}")
         return _call(f"vs.{type(transfer).__name__}", parts, 0)
 
     def changed_fields(self, value: Any, indent: int) -> list[str]:
         """Return those fields of a dataclass that are not the default, as arguments."""
-        parts = []
-        for field in fields(value):
-            now = getattr(value, field.name)
-            make = field.default_factory
-            default = field.default if make is MISSING else make()
-            if field.name not in _LEFT_OUT and now != default:
-                parts.append(f"{field.name}={self.of(now, indent + 4)}")
-        return parts
-
-    def _rig(self, rig: LightRig, indent: int) -> str:
-        given: dict[str, Any] = {"lights": rig.lights}
-        if set(rig.weights) != {1.0}:
-            given["weights"] = rig.weights
-        if rig.illuminance_lux is not None:
-            given["illuminance_lux"] = rig.illuminance_lux
-        if any(rig.groups):
-            given["groups"] = rig.groups
-        parts = [f"{name}={self.of(value, indent + 4)}" for name, value in given.items()]
-        return _call("vs.LightRig", parts, indent)
+        cls: Any = type(value)
+        now = {field.name: getattr(value, field.name) for field in fields(value)}
+        required = {name: own for name, own in now.items() if default_of(cls, name) is MISSING}
+        plain = cls(**required)
+        return [
+            f"{name}={self.of(own, indent + 4)}"
+            for name, own in now.items()
+            if name in required or (name not in _LEFT_OUT and own != getattr(plain, name))
+        ]
 
     def _object(self, value: Any, indent: int) -> str:
         name = type(value).__name__
@@ -219,12 +207,6 @@ class _Code:
         nm = grid if same_grid else self.of(spectrum.wavelengths_nm.tolist(), indent + 4)
         parts = nm, self.of(spectrum.values.tolist(), indent + 4), python_text(spectrum.name)
         return _call("vs.Spectrum", parts, indent)
-
-
-def _single_material(mix: Any) -> Any:
-    """Return a material's name instead of a mix of it alone."""
-    single = isinstance(mix, Mapping) and list(mix.values()) == [1.0]
-    return next(iter(mix)) if single else mix
 
 
 def _call(name: str, parts: Sequence[str], indent: int) -> str:

@@ -73,10 +73,7 @@ def session_from_state(state: ViewState) -> Session:
 
     Raises SceneError if the document has no file to be read from again.
     """
-    document = state.document
-    if document.file is None or document.path is None:
-        problem = "was not read from a file; save the volume first"
-        raise SceneError(f"{document.title}: {problem}", code="missing")
+    document, (file, path) = state.document, state.document.saved()
     writer = Writer()
     try:
         parts = {
@@ -88,12 +85,12 @@ def session_from_state(state: ViewState) -> Session:
     data = {
         "format": FORMAT,
         "version": VERSION,
-        "path": os.fspath(document.path),
-        "file": plain(document.file),
+        "path": os.fspath(path),
+        "file": plain(file),
         **parts,
         "objects": writer.objects,
     }
-    return Session(document.path, data)
+    return Session(path, data)
 
 
 def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:

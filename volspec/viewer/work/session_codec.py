@@ -13,15 +13,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+from pydantic import ConfigDict, TypeAdapter
 
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.errors import InputError
+from volspec.settings import expected
 
 # Keys of a dataclass's class name, and of the number of an object that is written once.
 KIND, NUMBER = "is", "#"
+_STRICT = ConfigDict(strict=True)
 
 
 class ValueFault(InputError):
@@ -180,32 +183,20 @@ class Reader:
 
 def _scalar(hint: Any, data: Any, where: str) -> Any:
     """Return a text, a number, a path or an array."""
-    if hint is Any:
-        return data
-    if get_origin(hint) is Literal:
-        choices = get_args(hint)
-        _require(data in choices, data, ", ".join(map(repr, choices)), where)
-    elif get_origin(hint) is np.ndarray:
+    if get_origin(hint) is np.ndarray:
         _require(isinstance(data, list), data, "a list", where)
         try:
             return np.array(data, dtype=np.float64)
         except (ValueError, TypeError) as error:
             raise ValueFault.refused(where, data, "expected numbers", "type") from error
-    elif hint is float:
-        number = isinstance(data, int | float) and not isinstance(data, bool)
-        _require(number, data, "a number", where)
-        return float(data)
-    elif hint is Path:
-        _require(isinstance(data, str), data, "a path", where)
-        return Path(data)
-    else:
-        _require(type(data) is hint, data, getattr(hint, "__name__", str(hint)), where)
-        if isinstance(data, str):
-            try:
-                data.encode()
-            except UnicodeEncodeError as error:  # half of a surrogate pair
-                raise ValueFault.refused(where, data, "expected text", "type") from error
-    return data
+    try:
+        plain = str if hint is Path else hint
+        made = TypeAdapter(plain, config=_STRICT).validate_python(data)
+        if isinstance(made, str):
+            made.encode()  # half of a surrogate pair is no text
+    except ValueError as error:
+        raise ValueFault.refused(where, data, f"expected {expected(plain)}", "type") from error
+    return Path(made) if hint is Path else made
 
 
 def _kind_of(data: Any) -> str:
