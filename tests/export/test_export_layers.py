@@ -10,7 +10,7 @@ import pytest
 from tests.export._layers import HALF, call, opened
 from tests.export.conftest import Make
 from tests.support.errors import raises
-from volspec.errors import InputError, SceneError
+from volspec.errors import InputError
 from volspec.export import tiles
 from volspec.export.compositing import Recipe
 from volspec.export.spectral import write_spectral_frame
@@ -120,34 +120,6 @@ def test_large_coefficients_are_put_together_of_windows_with_their_depth(
     # The rays are the same, of a picture twice as large; float32 sums of four.
     assert np.allclose(small.coefficients, mean, rtol=1e-5, atol=1e-6)
     assert np.isinf(small.depth_mm).all() and small.first_mm is None
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"spectral": True}, 'spectral: is for format = "exr", not "png"'),
-        ({"spectral": True, "format": "coefficients"}, 'not "coefficients"'),
-        ({**SPECTRAL, "transparent": True}, "spectral: holds the light of the backdrop"),
-        ({**SPECTRAL, "primaries": "ACES AP0"}, "R, G and B with spectra are Rec. 709"),
-        ({**COEFFICIENTS, "primaries": "ACES AP1"}, "with coefficients are Rec. 709"),
-        ({**COEFFICIENTS, "sweep": {"frames": 3}}, "sweep: fades the light"),
-    ],
-)
-def test_settings_that_do_not_go_together_are_one_line(
-    settings: dict[str, object], said: str, scene: Make, tmp_path: Path
-) -> None:
-    with pytest.raises(SceneError) as caught:
-        scene().export(tmp_path / "out", **settings)
-    assert said in str(caught.value) and "\n" not in str(caught.value)
-    assert not (tmp_path / "out").exists()
-
-
-@pytest.mark.parametrize("settings", [SPECTRAL, COEFFICIENTS], ids=["spectral", "coefficients"])
-def test_films_of_them_are_refused(
-    settings: dict[str, object], scene: Make, tmp_path: Path
-) -> None:
-    with raises(InputError, "conflict"):
-        scene().export(tmp_path / "ball.mp4", **settings)
 
 
 def test_the_command_writes_spectra(scene: Make, tmp_path: Path) -> None:

@@ -347,6 +347,20 @@ def test_lux_count_where_all_that_shine_carry_them() -> None:
         ('[export]\nformat = "exr"\nbits = 16', "conflict export.bits"),
         ('[export]\nprimaries = "ACES AP0"', "conflict export.primaries"),
         ('[export]\nformat = "coefficients"\ntransparent = true', "conflict export.transparent"),
+        ('[export]\nformat = "coefficients"\nprimaries = "ACES AP1"', "conflict export.primaries"),
+        (
+            '[export]\nformat = "coefficients"\nsweep = { frames = 3 }',
+            "conflict export.sweep",
+        ),
+        ("[export]\nspectral = true", "conflict export.spectral"),
+        (
+            '[export]\nformat = "exr"\nspectral = true\ntransparent = true',
+            "conflict export.spectral",
+        ),
+        (
+            '[export]\nformat = "exr"\nspectral = true\nprimaries = "ACES AP0"',
+            "conflict export.primaries",
+        ),
         ("[[keyframe]]\ntime_s = -1", "range keyframe[0].time_s"),
         ("[[keyframe]]\ntime_s = 1\n[[keyframe]]\ntime_s = 1", "range keyframe[1].time_s"),
         ("[[keyframe]]\ntime_s = 0\nlights = { day = 0 }", "range keyframe[0].lights"),

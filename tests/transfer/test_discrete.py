@@ -10,25 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.errors import raises
-from volspec.basis import MaterialBasis, SpectralBasis
+from tests.support.transfers import BASIS, COPPER, GOLD, MATERIALS, STEEL, labels, surfaces
+from volspec.basis import MaterialBasis
 from volspec.errors import TransferError
-from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, LabelFunction
 
-BASIS = SpectralBasis.load("general-7")
-MATERIALS = {name: reflectance(name) for name in ("copper", "steel", "gold")}
-COPPER, STEEL, GOLD = (BASIS.analyse(spectrum) for spectrum in MATERIALS.values())
 
-
-def labels(given: object, **settings: object) -> LabelFunction:
-    return LabelFunction(given, MATERIALS, BASIS, **settings)
-
-
-def surfaces(*given: object) -> Isosurfaces:
-    return Isosurfaces(given, MATERIALS, BASIS)
-
-
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(derandomize=True, deadline=None, max_examples=20)
 @given(
     st.dictionaries(
         st.integers(0, 300) | st.just(65535),
@@ -69,21 +57,11 @@ def test_materials_as_channels_serve_labels_and_surfaces() -> None:
     assert (walls.material_weights @ walls.channels).tolist() == [[0, 0, 1, 0]]
 
 
-def test_label_s_reference_step_is_its_own_or_the_smallest_spacing() -> None:
-    assert labels({1: (1, "gold")}).bake(0.7).reference_step_mm == 0.7
-    assert labels({1: (1, "gold")}, reference_step_mm=2).bake(0.7).reference_step_mm == 2
-
-
 def test_surfaces_are_sorted_by_value() -> None:
     table = surfaces((9, 1.0, "gold"), (-3, 0.25, {"copper": 0.5, "steel": 0.5})).bake(1.0)
     assert table.values.tolist() == [-3, 9] and table.opacity.tolist() == [0.25, 1]
     mixed = (COPPER + STEEL) / 2
     assert np.allclose(table.material_weights @ table.channels, [mixed, GOLD])
-
-
-def test_they_say_what_they_are() -> None:
-    assert repr(labels({1: (1, "gold")})) == "LabelFunction(1 labels, copper, steel, gold)"
-    assert repr(surfaces((1, 1, "gold"))) == "Isosurfaces(1 surfaces, copper, steel, gold)"
 
 
 @pytest.mark.parametrize(
@@ -97,10 +75,8 @@ def test_they_say_what_they_are() -> None:
         ({"1": (1, "gold")}, "type", "labels"),
         ({True: (1, "gold")}, "type", "labels"),
         ({1: (2, "gold")}, "range", "labels[1].opacity"),
-        ({1: (math.nan, "gold")}, "range", "labels[1].opacity"),
         ({1: (1, "glod")}, "unknown", "labels[1].material"),
         ({1: "gold"}, "type", "labels[1]"),
-        ({1: 0.5}, "type", "labels[1]"),
     ],
 )
 def test_bad_labels_are_named_in_one_line(bad: object, code: str, field: str) -> None:
@@ -114,23 +90,10 @@ def test_bad_labels_are_named_in_one_line(bad: object, code: str, field: str) ->
         ((), "missing", "surfaces"),
         (((1, 1, "gold"), (1, 0.5, "steel")), "duplicate", "surfaces"),
         (tuple((i, 1, "gold") for i in range(9)), "size", "surfaces"),
-        (((1, 2, "gold"),), "range", "surfaces[0].opacity"),
         (((math.nan, 1, "gold"),), "range", "surfaces[0].value"),
-        (((1, math.nan, "gold"),), "range", "surfaces[0].opacity"),
-        (((1, 1, "glod"),), "unknown", "surfaces[0].material"),
-        (((1, "gold"),), "type", "surfaces[0]"),
         ((5,), "type", "surfaces[0]"),
     ],
 )
 def test_bad_surfaces_are_named_in_one_line(bad: tuple, code: str, field: str) -> None:
     with raises(TransferError, code, f"Isosurfaces.{field}"):
         surfaces(*bad)
-
-
-@pytest.mark.parametrize("kind", [LabelFunction, Isosurfaces])
-def test_basis_and_materials_are_checked(kind: type) -> None:
-    given = {1: (1, "gold")} if kind is LabelFunction else [(1, 1, "gold")]
-    with raises(TransferError, "type"):
-        kind(given, MATERIALS, "general-7")
-    with raises(TransferError, "type"):
-        kind(given, ["gold"], BASIS)

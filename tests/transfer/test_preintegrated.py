@@ -52,7 +52,9 @@ def test_means_are_those_of_many_samples(front: float, back: float) -> None:
 def test_the_kernel_s_rows_give_the_same_integral() -> None:
     """Two float32 hold 48 bits of the integral; rates hold 24, so 1e-7 of the largest, 14."""
     table = curve(1024)
-    high, low, c, rises = (row.astype(np.float64) for row in integral_rows(table, STEP))
+    rows = integral_rows(table, STEP)
+    assert all(each.dtype == np.float32 and each.shape == (1024, 3) for each in rows)
+    high, low, c, rises = (each.astype(np.float64) for each in rows)
     assert np.allclose(c, rates(table), rtol=1e-7, atol=0)
     assert np.allclose(rises[:-1], np.diff(rates(table), axis=0), rtol=1e-6)
     assert not rises[-1].any()
@@ -63,11 +65,6 @@ def test_the_kernel_s_rows_give_the_same_integral() -> None:
     means = segment_means(table, STEP, np.full(6, -20.0), value)
     gathered = means * (entry + f[:, 0])[:, None]
     assert np.allclose(integral, gathered, atol=3e-6)
-
-
-def test_rows_are_float32_and_as_long_as_the_table() -> None:
-    for rows in integral_rows(curve(40), STEP):
-        assert rows.dtype == np.float32 and rows.shape == (40, 3)
 
 
 def test_two_floats_keep_what_one_would_lose() -> None:
@@ -81,7 +78,7 @@ def test_two_floats_keep_what_one_would_lose() -> None:
     assert np.all(c == np.float32(-math.log(1e-6)))
 
 
-@settings(derandomize=True, deadline=None, max_examples=50)
+@settings(derandomize=True, deadline=None, max_examples=25)
 @given(st.floats(0, 1), st.floats(-50, 150), st.floats(-50, 150))
 def test_a_constant_table_has_its_own_rate_between_any_values(
     opacity: float, front: float, back: float
@@ -91,7 +88,7 @@ def test_a_constant_table_has_its_own_rate_between_any_values(
     assert np.allclose(segment_means(table, STEP, [front], [back]), [tau, tau / 4])
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.integers(0, 5), st.floats(-60, 140), st.floats(-60, 140))
 def test_means_lie_between_extremes_and_have_no_direction(
     seed: int, front: float, back: float
@@ -103,7 +100,7 @@ def test_means_lie_between_extremes_and_have_no_direction(
     assert (there >= c.min(axis=0) - 1e-9).all() and (there <= c.max(axis=0) + 1e-9).all()
 
 
-@settings(derandomize=True, deadline=None, max_examples=100)
+@settings(derandomize=True, deadline=None, max_examples=40)
 @given(st.floats(-60, 140), st.floats(-60, 140), st.floats(-60, 140))
 def test_parts_of_a_segment_add_up(a: float, b: float, c: float) -> None:
     """Ends nearer than 1/64 entry take their middle: at a kink of 28, 28 / 64² / 8 entries off."""
