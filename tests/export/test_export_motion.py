@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -452,7 +453,7 @@ def test_a_keyframe_that_cannot_be_is_refused_with_its_time(
         plan(scene(more))
     assert f"[[keyframe]] {place}" in str(caught.value)
     # Another keyframe on the way helps between two alone.
-    assert ("a keyframe between" in caught.value.remedy) == ("1 s" in place or "up at" in place)
+    assert ("between" in caught.value.remedy) == ("1 s" in place or "up at" in place)
 
 
 @pytest.mark.parametrize("keyframe_s", [0, 2, 4])
@@ -462,9 +463,9 @@ def test_an_eye_that_cannot_be_is_told_with_its_keyframe_s_time(
     """Frames on the way to it are out of range, too, but nobody wrote those."""
     key = "[[keyframe]]\ntime_s = {}\nviewing = {{ exposure = {:g} }}\n".format
     keys = "".join(key(at, 1e9 if at == keyframe_s else 1) for at in (0, 2, 4))
-    with raises(SceneError) as caught:
+    with raises(SceneError, "range") as caught:
         plan(scene(keys))
-    assert f"[[keyframe]] viewing: at {keyframe_s} s: exposure " in str(caught.value)
+    assert re.findall(r"viewing: at (\S+) s", str(caught.value)) == [str(keyframe_s)]
     assert "between" not in caught.value.remedy
 
 
@@ -475,9 +476,8 @@ LUX = (
 
 def test_at_absolute_level_lights_without_lux_are_refused_before_the_cast(scene: Make) -> None:
     made = scene(LUX)
-    with raises(SceneError) as caught:
+    with raises(SceneError, "missing"):
         plan(made)
-    assert "ball.toml: [[light]] day: has no illuminance_lux" in str(caught.value)
     assert plan(made, lights=["lit"]).lights[0].name == "lit"
     assert plan(made, format="coefficients").shots, "they are relit at a level of their own"
     key = "[[keyframe]]\ntime_s = {}\nlights = {{ lit = 1, day = {} }}\n".format
@@ -487,7 +487,7 @@ def test_at_absolute_level_lights_without_lux_are_refused_before_the_cast(scene:
 
 
 def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
-    made = scene("# What it is for.\n[export]\nfps = 10 # slow\nsweep = { closed = true }\n")
+    made = scene("# Why.\n[export]\nfps = 10 # slow\nsweep = { closed = true }\n")
     rows = (
         Keyframe(0, KeyCamera(azimuth_deg=1.5), viewing=KeyViewing(L_A=20)),
         Keyframe(2, KeyCamera(fov_deg=20), KeyTransfer(shift=-0.25)),
@@ -497,7 +497,7 @@ def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
     )
     write_scene(file, made.path.with_name("written.toml"), made)
     text = made.path.with_name("written.toml").read_text()
-    assert "# What it is for." in text and "fps = 12.5 # slow" in text
+    assert "# Why." in text and "fps = 12.5 # slow" in text
     assert Scene.load(made.path.with_name("written.toml")).file == file
     write_scene(file, made.path.with_name("anew.toml"))
     assert Scene.load(made.path.with_name("anew.toml")).file == file

@@ -131,30 +131,3 @@ def test_relight_writes_spectra_and_reads_them_back_as_a_picture(tmp_path: Path)
         assert np.allclose(bands, right, rtol=2 * HALF, atol=2.0**-24)
         assert header["volspec:mode"] == "exact"
         assert SpectralImage.load(tmp_path / name).kind == "emissive"
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("-o", "f.exr"), "f.exr: frames are PNG files; name it .png, or add --spectral"),
-        (("-o", "f.png", "--spectral"), "f.png: spectral pictures are OpenEXR; name it .exr"),
-        (("-o", "f.exr", "--spectral", "--L_A", "5"), "--L_A with --spectral: no eye"),
-        (("-o", "f.exr", "--spectral", "--model", "CAM16"), "--model with --spectral"),
-        (("-o", "f.exr", "--spectral", "--fov-deg", "9"), "--fov-deg with --spectral"),
-        (("-o", "f.exr", "--spectral", "--errors"), "--errors with --spectral"),
-        (("-o", "f.exr", "--spectral", "--reflectance", "a=gold"), "cannot be edited in basis"),
-    ],
-)
-def test_spectra_that_cannot_be_written_are_refused(
-    words: tuple[str, ...],
-    message: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    made().save("i.exr")
-    assert call("relight", "i.exr", "--light", "A", *words) == 1
-    lines = capsys.readouterr().err.splitlines()
-    assert len(lines) == 1 and message in lines[0]
-    assert {path.name for path in Path.cwd().iterdir()} == {"i.exr"}

@@ -75,5 +75,5 @@ def test_a_mouse_over_the_picture_draws_nothing(opened: Callable[..., Opened], f
     for step in range(5):
         page.page.mouse.move(box["x"] + 60 + 20 * step, box["y"] + 90)
         page.settle()
-    assert page.page.locator("#probe-rows dd").count() > 0
+    assert page.page.query_selector("#probe-rows dd") is not None
     assert page.page.evaluate("window.draws") == before

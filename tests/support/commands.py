@@ -13,8 +13,9 @@ from tests.support.wizards import SCENE as WIZARD_SCENE
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.cli import main
 from volspec.errors import VolspecError
+from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.raycast import CoefficientImage
-from volspec.spectra import DEFAULT_GRID, SpectralImage, reflectance, reflectance_set
+from volspec.spectra import DEFAULT_GRID, SpectralImage, light, reflectance, reflectance_set
 from volspec.volume import phantom
 
 GENERAL = SpectralBasis.load("general-7")
@@ -111,6 +112,14 @@ def write_grouped_image(path: Path) -> Path:
     return path
 
 
+def write_lit_image(path: Path) -> Path:
+    """Write a grey image whose header names two lights of its scene."""
+    image = CoefficientImage(*(np.full(shape, 0.5, np.float32) for shape in _TINY), GENERAL)
+    recipe = Recipe.of(GENERAL, image.groups, {"day": light("D65"), "lamp": light("A")})
+    save_for_compositors(image, path, recipe)
+    return path
+
+
 def write_spectral_image(path: Path, kind: Any, values: np.ndarray = CHART) -> Path:
     """Write the chart's spectra as a picture."""
     SpectralImage(values, DEFAULT_GRID.wavelengths_nm, kind).save(path)
@@ -134,12 +143,14 @@ def write_files(folder: Path) -> None:
     write_image(folder / "i.exr")
     write_image(folder / "metals.exr", METALS)
     write_grouped_image(folder / "groups.exr")
+    write_lit_image(folder / "lit.exr")
     write_spectral_image(folder / "reflective.exr", "reflective", CHART[:1, :1])
     write_spectral_image(folder / "emissive.exr", "emissive", CHART[:1, :1])
     for name, text in _TEXTS.items():
         (folder / name).write_text(text, encoding="utf-8")
 
 
+_TINY = ((2, 2, GENERAL.size), (2, 2), (2, 2))
 _KEY = "[[keyframe]]\ntime_s = {}\n{}\n".format
 _OPAQUE = '{ value = 0.1, opacity = 5.0, material = "core" }'
 _LIT = '[[light]]\nname = "lit"\nspectrum = "A"\nilluminance_lux = 9\n'
@@ -159,6 +170,7 @@ _TEXTS = {
     "number.toml": "volume = 3\n",
     "surround.toml": SCENE + '[viewing]\nsurround = "dimm"\n',
     "no-lux.toml": SCENE + '[viewing]\nlevel = "absolute"\n',
+    "lux.toml": SCENE + 'illuminance_lux = 9\n[viewing]\nlevel = "absolute"\n',
     "negative-lux.toml": SCENE + "illuminance_lux = -5.0\n",
     "dark.toml": SCENE + "illuminance_lux = 0.0\n",
     "nan.toml": SCENE + "weight = nan\n",
