@@ -15,7 +15,7 @@ import pytest
 
 from tests.support.errors import raises
 from volspec._figures import spread_apart
-from volspec.basis import MaterialBasis, SpectralBasis, figure, load_basis
+from volspec.basis import MaterialBasis, SpectralBasis, figure
 from volspec.basis.figure import basis_figure, save_figure, worst_pairs
 from volspec.basis.report import ErrorSummary, WorstPair, basis_report, product_rows, sRGB_codes
 from volspec.basis.report_table import (
@@ -27,9 +27,7 @@ from volspec.basis.report_table import (
 )
 from volspec.errors import BasisError
 from volspec.spectra import (
-    DEFAULT_GRID,
     XYZ_from_spectra,
-    colour_matching_functions,
     light,
     reflectance,
     white_XYZ,
@@ -42,13 +40,6 @@ PACKAGE = Path(figure.__file__).parents[1]
 
 
 @pytest.fixture(scope="module")
-def general() -> SpectralBasis:
-    basis = load_basis("general-7")
-    assert isinstance(basis, SpectralBasis)
-    return basis
-
-
-@pytest.fixture(scope="module")
 def table(general: SpectralBasis) -> ErrorTable:
     return error_table(general, LAMPS, SAMPLES)
 
@@ -58,19 +49,8 @@ def materials() -> MaterialBasis:
     return MaterialBasis({"rotor": reflectance("copper"), "case": reflectance("iron")})
 
 
-@pytest.fixture(scope="module")
-def every_band() -> SpectralBasis:
-    """One channel a band: nothing is lost."""
-    N = DEFAULT_GRID.size
-    Q = colour_matching_functions(DEFAULT_GRID)
-    D = Q * (100.0 / Q[1].sum())
-    return SpectralBasis("31", "identity", DEFAULT_GRID, np.eye(N), np.eye(N), D)
-
-
-def test_a_channel_for_every_band_has_no_error_and_no_product_has(
-    every_band: SpectralBasis,
-) -> None:
-    errors = basis_report(every_band, [*LAMPS["smooth"], *LAMPS["spiky"]], SAMPLES)
+def test_a_channel_for_every_band_has_no_error_and_no_product_has() -> None:
+    errors = basis_report(SpectralBasis.bands(), [*LAMPS["smooth"], *LAMPS["spiky"]], SAMPLES)
     for summary in (errors.componentwise, errors.exact, errors.linear_model):
         assert summary.max < 1e-9
     assert [errors.products[n].componentwise.max < 1e-9 for n in (2, 3)] == [True, True]
@@ -152,7 +132,7 @@ def test_a_pair_may_be_shown_another_way(
 ) -> None:
     pairs = table.classes["spiky"].pairs
     pair = WorstPair.at(pairs, 1, 2, way)
-    assert (pair.light, pair.reflectance) == ("HP1", "ColorChecker/blue")
+    assert (pair.light, pair.reflectance) == (pairs.lights[1], pairs.reflectances[2])
     matrix = general.colour_matrix(light("HP1"), way)
     assert pytest.approx(general.analyse(SAMPLES[2]) @ matrix.T) == pair.XYZ_shown
     assert pair.delta_e == pairs.delta_e[way][1, 2]
@@ -171,21 +151,25 @@ def test_the_rgb_product_is_pooled_over_classes(table: ErrorTable) -> None:
     assert table.rgb_product.max == max(r.rgb_product.max for r in table.classes.values())
 
 
+FOUR = {"mean", "median", "p95", "max"}
+KEYS = {
+    *("method", "size", "trained_on", "classes", "rgb_product", "worst"),
+    *("name", "fingerprint", "observer_deg", "grid_nm"),
+}
+WORST_KEYS = {"light", "reflectance", "delta_e", "XYZ", "XYZ_shown", "sRGB", "adaptation"}
+
+
 def test_json_has_the_keys_that_scripts_rely_on(table: ErrorTable) -> None:
     data = json.loads(json.dumps(table.to_dict()))
-    assert {"method", "size", "trained_on", "classes", "rgb_product", "worst"} <= set(data)
-    assert {"name", "fingerprint", "observer_deg", "grid_nm"} <= set(data)
+    assert set(data) >= KEYS
     assert data["grid_nm"] == [400.0, 700.0, 10.0]
-    four = {"mean", "median", "p95", "max"}
     for name in ("smooth", "spiky"):
         row = data["classes"][name]
-        assert four <= set(row) and row["lights"] == 2 and row["reflectances"] == 4
-        assert all(set(row[way]) == four for way in ("exact", "linear_model", "rgb_product"))
-        assert set(row["products"]) == {"2", "3"} and four < set(row["products"]["2"])
-        assert set(data["rgb_product"][name]) == four
-    worst = data["worst"]
-    assert {"light", "reflectance", "delta_e", "XYZ", "XYZ_shown", "sRGB"} < set(worst)
-    assert worst["sRGB"].startswith("#") and "CAT02" in worst["adaptation"]
+        assert set(row) >= FOUR and row["lights"] == 2 and row["reflectances"] == 4
+        assert all(set(row[way]) == FOUR for way in ("exact", "linear_model", "rgb_product"))
+        assert set(row["products"]) == {"2", "3"} and set(row["products"]["2"]) > FOUR
+        assert set(data["rgb_product"][name]) == FOUR
+    assert set(data["worst"]) >= WORST_KEYS and data["worst"]["sRGB"].startswith("#")
 
 
 def test_materials_have_no_error_and_no_products(materials: MaterialBasis) -> None:
@@ -234,7 +218,6 @@ def test_the_terminal_table_fits_80_columns(table: ErrorTable) -> None:
     console.print(worst_line(table, colours=True))
     lines = console.export_text().splitlines()
     assert max(map(len, lines)) <= 80 and not any("…" in line for line in lines)
-    assert "RGB mean" in lines[0] and "componentwise" in lines[2]
 
 
 def test_names_are_pushed_apart_and_keep_their_order() -> None:
@@ -249,7 +232,7 @@ def test_the_figure_shows_colours_on_white(
     table: ErrorTable, general: SpectralBasis, tmp_path: Path
 ) -> None:
     """You should see seven humps, dots below triangles, and four split squares on grey."""
-    save_figure(general, table, tmp_path / "figure.png")
+    save_figure(table, tmp_path / "figure.png")
     pixels = iio.imread(tmp_path / "figure.png")[..., :3]
     assert pixels.shape[1] == 1600 and 900 < pixels.shape[0] < 1400
     assert (pixels[:, :20] == 255).all() and (pixels[:, -20:] == 255).all(), "clipped at a side"
@@ -264,14 +247,14 @@ def test_figures_are_written_as_their_name_says(
     materials: MaterialBasis, tmp_path: Path, suffix: str
 ) -> None:
     path = tmp_path / f"figure{suffix}"
-    save_figure(materials, error_table(materials, LAMPS), path)
+    save_figure(error_table(materials, LAMPS), path)
     start = path.read_bytes()[:5]
     assert start.startswith({".png": b"\x89PNG", ".pdf": b"%PDF", ".svg": b"<?xml"}[suffix])
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
 def test_texts_of_the_figure_do_not_overlap(table: ErrorTable, general: SpectralBasis) -> None:
-    drawn = basis_figure(general, table)
+    drawn = basis_figure(table)
     drawn.canvas.draw()
     boxes = [
         (text.get_text(), text.get_window_extent())

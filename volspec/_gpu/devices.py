@@ -118,17 +118,9 @@ def devices() -> list[DeviceInfo]:
 def choose_device(name: str | None = None) -> int:
     """Return the index in `devices` of the first device that works and has the name.
 
-    Parameters
-    ----------
-    name : str, optional
-        Part of a device's, its platform's or its driver's name, in any case. A whole number is an
-        index. Default: the value of ``VOLSPEC_DEVICE``, else any device.
-
-    Raises
-    ------
-    OpenCLError
-        If the name is no text, or there is no device, none of that name, or none that works; the
-        message lists the devices, or their faults.
+    The name is part of a device's, its platform's or its driver's, in any case; a whole number is
+    an index. By default the value of ``VOLSPEC_DEVICE`` counts, else any device. Raises OpenCLError
+    if none has the name, or none works; the message lists the devices, or their faults.
     """
     if name is not None and not isinstance(name, str):
         raise OpenCLError.refused(
@@ -270,15 +262,9 @@ def describe(device: cl.Device) -> DeviceInfo:
 
 
 def fault(index: int, devices: Sequence[DeviceInfo], *, again: bool = False) -> str:
-    """Return why a device does not work; empty if it does.
+    """Return why one of all devices does not work; empty if it does.
 
-    Parameters
-    ----------
-    index : int
-    devices : sequence of DeviceInfo
-        All of them, in the order of `volspec._gpu.devices.all_devices`.
-    again : bool
-        Try the device now, whatever the cache says.
+    ``again`` tries the device now, whatever the cache says.
     """
     key = _key(index, devices)
     if not again:

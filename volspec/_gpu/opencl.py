@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Any
@@ -60,19 +59,9 @@ class Compute:
 
     @classmethod
     def open(cls, name: str | None = None, gl: Any = None) -> Compute:
-        """Open the device of a name (`choose_device`).
+        """Open the device of a name (`choose_device`), which shares a moderngl.Context ``gl``.
 
-        Parameters
-        ----------
-        name : str, optional
-        gl : moderngl.Context, optional
-            OpenGL context whose buffers kernels can write (`Sharing`).
-
-        Raises
-        ------
-        OpenCLError
-            If there is no device, none of that name, its driver refuses a context, or it does
-            not share with ``gl``.
+        Raises OpenCLError if none has that name, its driver refuses a context, or does not share.
         """
         index = choose_device(name)
         device = all_devices()[index]
@@ -96,11 +85,7 @@ class Compute:
     def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
         """Return a program's kernel, one of the last `MOST_KERNELS` or built now.
 
-        Raises
-        ------
-        OpenCLError
-            If it does not build; the message holds device, options, the compiler's first error
-            and the line of the source that it is about.
+        Raises OpenCLError if it does not build, with the compiler's first error and its line.
         """
         key = (source.text, name, tuple(options))
         kernel = self._kernels.pop(key, None) or self._build(source, name, options)
@@ -138,33 +123,16 @@ class Compute:
             ) from error
 
     def _check_device(self) -> None:
-        """Repeat the device's trial, which may be long ago.
-
-        Raises
-        ------
-        OpenCLError
-            If it fails at a one-line kernel, too; the next run chooses another device.
-        """
+        """Repeat the device's trial, which may be long ago, and raise its error."""
         found = devices()
         if self.info in found and fault(index := found.index(self.info), found, again=True):
             raise unusable_error([index], found)
 
     def upload(self, array: NDArray[Any], *, share: bool = False) -> cl.Buffer:
-        """Make a buffer that kernels read, with an array's values.
+        """Make a buffer that kernels read, with a C-contiguous array's values.
 
-        Parameters
-        ----------
-        array : C-contiguous array
-        share : bool
-            On a CPU, use the array's own memory instead of a copy. The buffer keeps the array
-            alive; do not write to the array meanwhile.
-
-        Raises
-        ------
-        ShapeError
-            If the array is not C-contiguous: kernels would read it in another order.
-        OpenCLError
-            If the device has no room for it.
+        ``share`` on a CPU uses the array's own memory instead of a copy: the buffer keeps the array
+        alive; do not write to it meanwhile. Raises OpenCLError if the device has no room for it.
         """
         import pyopencl as cl
 
@@ -183,16 +151,8 @@ class Compute:
     def output(self, nbytes: int, into: NDArray[Any] | None = None) -> cl.Buffer:
         """Make a buffer that kernels write and the host reads.
 
-        Parameters
-        ----------
-        nbytes : int
-        into : C-contiguous array, optional
-            Destination of `download`. On a CPU kernels then write there.
-
-        Raises
-        ------
-        OpenCLError
-            If the device has no room for it.
+        ``into`` is the C-contiguous destination of `download`; on a CPU kernels then write there.
+        Raises OpenCLError if the device has no room for it.
         """
         import pyopencl as cl
 
@@ -202,22 +162,10 @@ class Compute:
         return self._buffer(cl.mem_flags.READ_WRITE, nbytes)
 
     def require(self, nbytes: int, field: str, remedy: str) -> None:
-        """Check that memory suffices, before any of it is allocated.
+        """Raise OpenCLError unless memory suffices for all that is about to be allocated.
 
-        Parameters
-        ----------
-        nbytes : int
-            All that is about to be allocated.
-        field : str
-            Subject of the message: ``"engine.nrrd at 4096x4096"``.
-        remedy : str
-            Advice to the user.
-
-        Raises
-        ------
-        OpenCLError
-            If the device's memory, less what is allocated here, is smaller; on a CPU also if
-            the host's is.
+        ``field`` is the subject of the message: ``"engine.nrrd at 4096x4096"``. On a CPU the host's
+        free memory counts as well.
         """
         free = max(self.info.memory_bytes - sum(self._allocated.values()), 0)
         if self.info.is_cpu:
@@ -237,23 +185,14 @@ class Compute:
         *,
         counted: bool = True,
     ) -> cl.Buffer:
-        with self._raising_opencl_error(nbytes):
-            size = 0 if array is not None else nbytes
-            buffer = _buffer_type()(self.context, flags, size, hostbuf=array)
-        if counted:
-            self._allocated[buffer] = nbytes
-        return buffer
-
-    @contextmanager
-    def _raising_opencl_error(self, nbytes: int) -> Iterator[None]:
-        """Turn a failed allocation into a volspec error."""
         import pyopencl as cl
 
         limit = self.info.max_allocation_bytes
         try:
             if nbytes > limit:
                 raise cl.MemoryError("more than the device's largest buffer")
-            yield
+            size = 0 if array is not None else nbytes
+            buffer = _buffer_type()(self.context, flags, size, hostbuf=array)
         except cl.Error as error:
             raise OpenCLError(
                 f"{self.info.name} has no room for {_size(nbytes)} (its largest buffer is "
@@ -261,19 +200,16 @@ class Compute:
                 "cast a smaller picture or a down-sampled volume",
                 code="size",
             ) from error
+        if counted:
+            self._allocated[buffer] = nbytes
+        return buffer
 
     def download(
         self, buffer: cl.Buffer, into: NDArray[Any], after: cl.Event | None = None
     ) -> None:
-        """Copy a buffer into a contiguous array, and wait for it.
+        """Copy a buffer of `output` into a contiguous array, and wait for it.
 
-        Parameters
-        ----------
-        buffer : cl.Buffer
-            From `output`.
-        into : C-contiguous array
-        after : cl.Event, optional
-            Launch that fills it; later ones go on meanwhile. Default: all launches.
+        ``after`` is the launch that fills it; later ones go on meanwhile. Default: all launches.
         """
         import pyopencl as cl
 

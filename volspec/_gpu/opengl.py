@@ -40,17 +40,10 @@ class ContextLost(OpenGLError):
 
 
 def headless_context() -> moderngl.Context:
-    """Make an OpenGL 3.3 core context without a window.
+    """Make an OpenGL 3.3 core context without a window, current on this thread.
 
-    Returns
-    -------
-    moderngl.Context
-        Current on the calling thread. Release it with ``.release()``.
-
-    Raises
-    ------
-    OpenGLError
-        If moderngl, the system's OpenGL or a driver is missing; the message holds the remedy.
+    The caller releases it. Raises OpenGLError with the remedy if moderngl, the system's OpenGL or a
+    driver is missing.
     """
     library = _moderngl()
     failures = []
@@ -99,13 +92,7 @@ def _idle_contexts() -> list[tuple[moderngl.Context, int]]:
 
 
 def lend_context() -> tuple[moderngl.Context, int]:
-    """Return a headless context for exclusive use, and its `egl_handle`.
-
-    Raises
-    ------
-    OpenGLError
-        See `headless_context`.
-    """
+    """Return a headless context for exclusive use, and its `egl_handle`."""
     idle = _idle_contexts()
     while idle:
         with suppress(IndexError, ContextLost):  # taken by another thread, or lost
@@ -126,13 +113,7 @@ def give_back_context(context: moderngl.Context, handle: int) -> None:
 
 
 def window_context() -> moderngl.Context:
-    """Wrap the context that a window has made current on this thread.
-
-    Raises
-    ------
-    OpenGLError
-        If moderngl is missing, or the context is older than 3.3.
-    """
+    """Wrap the context, 3.3 or newer, that a window has made current on this thread."""
     library = _moderngl()
     try:
         return library.create_context(require=MINIMUM_VERSION)
@@ -160,20 +141,10 @@ def egl_handle() -> int:
 
 @contextmanager
 def made_current(context: moderngl.Context, handle: int) -> Iterator[None]:
-    """Make a context current, and check that it is.
+    """Make a context current, or raise ContextLost; ``handle`` is its `egl_handle`.
 
     VTK terminates the process's shared EGL display when it opens its first window. Making an older
     context current then fails without an error, and every call would go to VTK's own context.
-
-    Parameters
-    ----------
-    handle : int
-        `egl_handle` from when the context was made.
-
-    Raises
-    ------
-    ContextLost
-        If the context is gone.
     """
     if handle and egl_handle() == handle:  # current already: leaving it would flush
         yield
@@ -189,19 +160,9 @@ def made_current(context: moderngl.Context, handle: int) -> Iterator[None]:
 def compile_program(
     context: moderngl.Context, vertex: Source, fragment: Source
 ) -> moderngl.Program:
-    """Compile and link two shaders.
+    """Compile and link two shaders in the current context.
 
-    Parameters
-    ----------
-    context : moderngl.Context
-        Current on the calling thread.
-    vertex, fragment : Source
-        From `volspec._gpu.sources.assemble` with a GLSL version.
-
-    Raises
-    ------
-    OpenGLError
-        If the driver refuses; the compiler's log with the real files' names.
+    Raises OpenGLError with the compiler's log, which names the real files.
     """
     import moderngl
 

@@ -86,35 +86,16 @@ def refusal(device: cl.Device) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class Sharing:
-    """The OpenGL context whose buffers an OpenCL context can write.
+    """The OpenGL context whose buffers an OpenCL context can write."""
 
-    Parameters
-    ----------
-    context : moderngl.Context
-        Owned by the caller.
-    handle : int
-        Its handle in EGL or GLX.
-    egl : int
-        Its `egl_handle`, for `made_current`.
-    name : str
-        Renderer and handle, for messages.
-    """
-
-    context: Any
-    handle: int
-    egl: int
-    name: str
+    context: Any  # moderngl.Context, owned by the caller
+    handle: int  # in EGL or GLX
+    egl: int  # its `egl_handle`, for `made_current`
+    name: str  # renderer and handle, for messages
 
     @classmethod
     def open(cls, device: cl.Device, context: Any) -> tuple[cl.Context, Sharing]:
-        """Make an OpenCL context that shares a moderngl.Context.
-
-        Raises
-        ------
-        OpenCLError
-            If pyopencl, the device or its driver do not share, or the context is none of EGL
-            or GLX.
-        """
+        """Make an OpenCL context that shares a moderngl.Context; raise OpenCLError if it cannot."""
         import pyopencl as cl
 
         if reason := refusal(device):
@@ -145,11 +126,6 @@ class Sharing:
 
         Without events shared by both APIs, each must finish before the other begins
         (cl_khr_gl_sharing, "Synchronizing OpenCL and OpenGL access").
-
-        Raises
-        ------
-        OpenCLError
-            If the driver does not share the buffer.
         """
         import pyopencl as cl
 

@@ -67,20 +67,8 @@ class Source:
 def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
     """Read a kernel or shader, prepend the prelude and expand its includes.
 
-    Parameters
-    ----------
-    relative : str
-        ``kernels/….cl`` or ``shaders/….frag``; includes are looked up in the ``include``
-        folder next to it, each at most once.
-    prelude : str
-        ``#define`` lines (`volspec._gpu.prelude`).
-    glsl_version : str
-        ``"330 core"`` or ``"300 es"``; empty for OpenCL C.
-
-    Raises
-    ------
-    VolspecError
-        If a file is missing.
+    Includes are looked up in the ``include`` folder next to the file, each at most once. The GLSL
+    version is ``"330 core"`` or ``"300 es"``; empty for OpenCL C.
     """
     path = asset(relative)
     files: list[str] = ["<prelude>"]

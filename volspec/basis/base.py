@@ -125,12 +125,6 @@ class StoredBasis(ABC):
         ------
         BasisError
             If the name is unknown, or the file is missing or damaged.
-
-        Examples
-        --------
-        >>> from volspec.basis import SpectralBasis
-        >>> SpectralBasis.load("general-7").size
-        7
         """
         return storage.load(name_or_path, cls.from_dict)
 

@@ -29,22 +29,11 @@ _STRETCH = (0.5, 2.0)
 
 
 def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
-    """Stretch the rows of a display matrix so that it gives a white exactly.
+    """Stretch the rows of a (3, m) display matrix so that ``result @ channels == white``.
 
-    Parameters
-    ----------
-    matrix : (3, m) float64
-        Channels to XYZ.
-    channels : (m,) float64
-        Channels of the perfect diffuser.
-    white : (3,) float64
-        The diffuser's XYZ; Y above 0.
-
-    Returns
-    -------
-    (3, m) float64
-        ``result @ channels == white``. Stretch stops at a factor of two, and the rest is
-        distributed like luminance. Continuous in all arguments.
+    ``channels`` (m,) and ``white`` (3,), with Y above 0, are those of the perfect diffuser.
+    Stretch stops at a factor of two, and the rest is distributed like luminance. Continuous in
+    all arguments.
     """
     low, high = _STRETCH
     predicted = matrix @ channels
@@ -56,21 +45,10 @@ def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
 
 
 def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:
-    """Return K with XYZ = K (e * c), Y = 100 for a perfect diffuser.
+    """Return K (3, m) with XYZ = K (e * c), Y = 100 for a perfect diffuser.
 
-    Parameters
-    ----------
-    D : (3, m) float64
-        Scaled for the flat light of ones.
-    e : (m,) float64
-        The perfect diffuser's channels under the light.
-    E : (N,) float64
-        The light's power on the grid.
-    Q : (3, N) float64
-
-    Returns
-    -------
-    (3, m) float64
+    D is scaled for the flat light of ones, e (m,) the diffuser's channels under the light, E (N,)
+    the light's power on the grid.
     """
     kappa = 100.0 / (Q[1] @ E)
     white = kappa * (Q @ E)
@@ -79,17 +57,6 @@ def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:
     # A row that the light hardly excites carries no colour: it follows Y.
     trust = np.clip(white / (NO_COLOUR * white[1]), 0.0, 1.0)[:, None]
     return trust * K + (1 - trust) * white[:, None] * _luminous_share(K[1], e, white[1])
-
-
-def light_matrix(B: Array, E: Array, Q: Array) -> Array:
-    """Return P_E = kappa Q diag(E) B, (3, m), with its rows stretched to an exact white."""
-    kappa = 100.0 / (Q[1] @ E)
-    return white_exact(kappa * ((Q * E) @ B), np.ones(B.shape[1]), kappa * (Q @ E))
-
-
-def illumination_matrix(A: Array, B: Array, e: Array) -> Array:
-    """Return R(e), (m, m): the channels of (B e) * (B s) are R(e) s."""
-    return A @ (B * (B @ e)[:, None])
 
 
 def require_mode(mode: str) -> None:

@@ -35,7 +35,7 @@ from volspec.appearance.spaces import (
     linear_sRGB_from_XYZ,
     spectrum_colours,
 )
-from volspec.basis.materials import MaterialBasis
+from volspec.basis.materials import Basis, MaterialBasis
 from volspec.basis.report import RGB_PRODUCT, WAYS, BasisReport, WorstPair, own_way
 from volspec.basis.report_table import class_heading, format_delta_e
 from volspec.spectra.datasets import colour_matching_functions
@@ -45,35 +45,22 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from volspec.basis.model import SpectralBasis
     from volspec.basis.report import ErrorSummary
     from volspec.basis.report_table import ErrorTable
 
 WIDTH_IN = 10.0
 _MARGIN = 0.42
 _CAPTION_LINE = 0.165
-_DEFAULT_NM = (DEFAULT_GRID.start_nm, DEFAULT_GRID.stop_nm, DEFAULT_GRID.step_nm)
 
 
-def basis_figure(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> Figure:
-    """Draw a basis and its errors; 1600 pixels wide.
-
-    Parameters
-    ----------
-    basis : SpectralBasis or MaterialBasis
-    errors : ErrorTable
-        The basis' errors.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+def basis_figure(errors: ErrorTable) -> Figure:
+    """Draw a basis and its errors; 1600 pixels wide."""
     caption = _CAPTION_LINE * (len(errors.classes) + 1) + 0.2
     strip = caption + 0.13
     plots = strip + (STRIP_IN if _has_colours(errors) else 0.0) + 0.84
     height = plots + 2.5 + 1.06
-    figure = new_figure(WIDTH_IN, height)
-    _draw_title(figure, basis, errors)
+    figure, basis = new_figure(WIDTH_IN, height), errors.basis
+    _draw_title(figure, errors)
     draw_spectra(inch_axes(figure, 0.62, plots, 3.98 - name_width(basis), 2.5), basis)
     draw_errors(inch_axes(figure, 5.32, plots, WIDTH_IN - 5.32 - _MARGIN, 2.5), errors)
     if _has_colours(errors):
@@ -82,11 +69,9 @@ def basis_figure(basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> Fi
     return figure
 
 
-def save_figure(
-    basis: SpectralBasis | MaterialBasis, errors: ErrorTable, path: str | os.PathLike[str]
-) -> None:
+def save_figure(errors: ErrorTable, path: str | os.PathLike[str]) -> None:
     """Write `basis_figure` in the format of the file's suffix; whole or not at all."""
-    write_figure(basis_figure(basis, errors), path)
+    write_figure(basis_figure(errors), path)
 
 
 def _has_colours(errors: ErrorTable) -> bool:
@@ -94,21 +79,21 @@ def _has_colours(errors: ErrorTable) -> bool:
     return errors.worst.delta_e > NOTHING
 
 
-def _draw_title(figure: Figure, basis: SpectralBasis | MaterialBasis, errors: ErrorTable) -> None:
-    height = figure.get_figheight()
+def _draw_title(figure: Figure, errors: ErrorTable) -> None:
+    basis, height = errors.basis, figure.get_figheight()
     left, first, second = _MARGIN / WIDTH_IN, 1 - 0.36 / height, 1 - 0.56 / height
-    title = write(figure, left, first, errors.name, fontsize=15, weight="bold", color=INK)
+    title = write(figure, left, first, basis.name, fontsize=15, weight="bold", color=INK)
     shorten(title, 4.5)
     edge = title.get_window_extent().x1 / DPI + 0.14
-    facts = f"{errors.method}, {errors.size} channels, {errors.observer_deg}° observer"
-    if errors.grid_nm != _DEFAULT_NM:
-        start, stop, step = errors.grid_nm
-        facts += f", {start:g}\N{EN DASH}{stop:g} nm every {step:g} nm"
+    facts = f"{basis.method}, {basis.size} channels, {basis.observer_deg}° observer"
+    grid = basis.grid
+    if grid != DEFAULT_GRID:
+        facts += f", {grid.start_nm:g}\N{EN DASH}{grid.stop_nm:g} nm every {grid.step_nm:g} nm"
     write(figure, edge / WIDTH_IN, first, facts, fontsize=9.5, color=FAINT)
     what = (
         "each channel the share of one material: exact by construction"
         if isinstance(basis, MaterialBasis)
-        else f"trained on {errors.trained_on}"
+        else f"trained on {basis.trained_on}"
     )
     made = f"{what}; measured on {errors.measured_on}"
     line = write(figure, left, second, made, fontsize=7.5, color=FAINT)
@@ -137,7 +122,7 @@ def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
         summaries = [report.errors[way] for way in ways]
         summaries += [p.componentwise for p in report.products.values()]
         for i, summary in enumerate(summaries):
-            bold = {"weight": "bold"} if columns[i] == WAYS[own_way(errors.method)] else {}
+            bold = {"weight": "bold"} if columns[i] == WAYS[own_way(errors.basis.method)] else {}
             cell(left + wide * i, line, _four(summary), color=INK, **bold)
 
 
@@ -176,7 +161,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     visible = every[every > _FLOORS[0]]
     lowest = float(visible.min()) if visible.size else 1.0
     floor = float(np.clip(10.0 ** np.floor(np.log10(lowest)), *_FLOORS))
-    way_made_for = own_way(errors.method)
+    way_made_for = own_way(errors.basis.method)
     own_max = {n: r.pairs.delta_e[way_made_for].max(axis=1) for n, r in errors.classes.items()}
     top = max(float(every.max()), *(float(tips.max()) for tips in own_max.values()), 3.0)
     axes.set(xlim=(0, 1), yscale="log", ylim=(floor / 1.5, 2.2 * top))
@@ -216,7 +201,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
 
 def compared_way(errors: ErrorTable) -> str:
     """Return the matrix mode that is compared with componentwise."""
-    return "linear-model" if own_way(errors.method) == "linear-model" else "exact"
+    return "linear-model" if own_way(errors.basis.method) == "linear-model" else "exact"
 
 
 def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
@@ -260,7 +245,7 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     axes.set(xlim=(0, wide), ylim=(0, tall))
     axes.set_axis_off()
     axes.fill((0, 0, wide, wide), (0, tall, tall, 0), color=_GREY, linewidth=0)
-    way = own_way(errors.method)
+    way = own_way(errors.basis.method)
     shares = share_out(_MOST, [len(r.pairs.lights) for r in errors.classes.values()])
     groups = {
         name: worst_pairs(report, share, way)
@@ -273,8 +258,8 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     pitch = min(width + _GAP, 1.4)
     x = 0.15
     top = tall - 0.56
-    by = "" if way == "componentwise" else f", {WAYS[way]}"
-    key = f"worst colours: upper left, the full spectra; lower right, {errors.size} channels{by}"
+    ours = f"{errors.basis.size} channels{'' if way == 'componentwise' else f', {WAYS[way]}'}"
+    key = f"worst colours: upper left, the full spectra; lower right, {ours}"
     write(axes, 0.15, tall - 0.18, key, fontsize=8.5, color=_ON_GREY, va="center")
     for name, pairs in groups.items():
         heading = class_heading(name, len(errors.classes[name].pairs.lights)).removeprefix("the ")
@@ -340,7 +325,7 @@ _ALIKE = 14.0
 _STROKES = ("-", (0, (4.0, 1.2)), (0, (1.2, 1.0)), (0, (6.0, 1.2, 1.2, 1.2)))
 
 
-def draw_spectra(axes: Axes, basis: SpectralBasis | MaterialBasis) -> None:
+def draw_spectra(axes: Axes, basis: Basis) -> None:
     """Draw sensors, basis vectors or reflectances over the grid, in their colours."""
     from matplotlib.ticker import MultipleLocator
 
@@ -365,7 +350,7 @@ def draw_spectra(axes: Axes, basis: SpectralBasis | MaterialBasis) -> None:
     _draw_spectrum(axes, grid)
 
 
-def name_width(basis: SpectralBasis | MaterialBasis) -> float:
+def name_width(basis: Basis) -> float:
     """Return the width of the names of materials next to their curves, inches."""
     if not isinstance(basis, MaterialBasis):
         return 0.0

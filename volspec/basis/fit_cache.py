@@ -9,6 +9,7 @@ import hashlib
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from volspec import __version__
 from volspec._cache import cached_arrays
 from volspec.basis.model import SpectralBasis
-from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
+from volspec.spectra import Spectrum, colour_matching_functions
 
 # Source files that determine a fit's result.
 _SOURCES = (
@@ -30,52 +31,40 @@ def fit_cached(
     lights: Sequence[Spectrum],
     reflectances: Sequence[Spectrum],
     *,
-    size: int,
-    method: str,
-    positive: bool,
-    grid: SpectralGrid,
-    observer_deg: int,
-    light_weights: ArrayLike,
-    reflectance_weights: ArrayLike,
     name: str,
     trained_on: str,
+    light_weights: ArrayLike,
+    reflectance_weights: ArrayLike,
+    **options: Any,
 ) -> SpectralBasis:
     """Fit a basis, or read it from the user's cache folder; arguments as of `SpectralBasis.fit`.
 
-    A scene's basis would otherwise be fitted whenever the scene is opened.
+    ``options`` are size, method, positive, grid and observer_deg. A scene's basis would otherwise
+    be fitted whenever the scene is opened.
     """
+    weights: dict[str, Any] = {
+        "light_weights": light_weights,
+        "reflectance_weights": reflectance_weights,
+    }
 
     def fit() -> dict[str, NDArray[np.float64]]:
-        basis = SpectralBasis.fit(
-            lights,
-            reflectances,
-            size=size,
-            method=method,
-            positive=positive,
-            grid=grid,
-            observer_deg=observer_deg,
-            light_weights=light_weights,
-            reflectance_weights=reflectance_weights,
-        )
+        basis = SpectralBasis.fit(lights, reflectances, **options, **weights)
         return {key: getattr(basis, key) for key in _MATRICES}
 
+    method, grid, observer_deg = (options[key] for key in ("method", "grid", "observer_deg"))
     digest = hashlib.sha256(_code().encode())
     counts = len(lights), len(reflectances)
-    digest.update(repr((size, method, positive, grid, observer_deg, *counts)).encode())
+    kind = options["size"], method, options["positive"], grid, observer_deg
+    digest.update(repr((*kind, *counts)).encode())
     arrays = [colour_matching_functions(grid, observer_deg)]
     for spectrum in (*lights, *reflectances):
         arrays += [spectrum.wavelengths_nm, spectrum.values]
-    for array in (*arrays, np.asarray(light_weights), np.asarray(reflectance_weights)):
+    for array in (*arrays, *map(np.asarray, weights.values())):
         digest.update(f"{array.dtype} {array.shape} ".encode() + array.tobytes())
     maker = digest.hexdigest()
     matrices = cached_arrays(f"bases/{maker[:20]}", maker, fit)
     return SpectralBasis(
-        name=name,
-        method=method,
-        grid=grid,
-        **matrices,
-        trained_on=trained_on,
-        observer_deg=observer_deg,
+        name, method, grid, **matrices, trained_on=trained_on, observer_deg=observer_deg
     )
 
 

@@ -43,18 +43,9 @@ def fit_library(
 ) -> SpectralBasis:
     """Fit a basis on the library's lights and its 128 training reflectances.
 
-    Parameters
-    ----------
-    size, method, positive, observer_deg
-        See `SpectralBasis.fit`.
-    lights : {"smooth", "all"}, optional
-        The smooth lights, or the spiky ones too, which ``virtual-sensors`` sees at a small
-        weight. By default smooth for the methods of principal components, else all.
-
-    Raises
-    ------
-    BasisError
-        See `SpectralBasis.fit`; or if ``lights`` is unknown.
+    ``lights`` are the smooth ones, or the spiky ones too, which ``virtual-sensors`` sees at a small
+    weight; by default smooth for the methods of principal components, else all. Otherwise as
+    `SpectralBasis.fit`.
     """
     if lights not in (None, "smooth", "all"):
         raise BasisError(f"lights {lights!r:.40} are unknown; choose smooth or all", code="unknown")

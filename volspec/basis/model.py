@@ -18,7 +18,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,9 +37,6 @@ from volspec.errors import BasisError
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.spectrum import Spectrum, light_power, stack
-
-if TYPE_CHECKING:
-    pass
 
 Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 
@@ -216,7 +213,10 @@ class SpectralBasis(StoredBasis):
         SpectrumError
             See `display_matrix`.
         """
-        return display.light_matrix(self.synthesis, light_power(light, self.grid), self._Q)
+        E, Q = light_power(light, self.grid), self._Q
+        kappa = 100.0 / (Q[1] @ E)
+        matrix = kappa * ((Q * E) @ self.synthesis)
+        return display.white_exact(matrix, self.white, kappa * (Q @ E))
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """Return R(e): a reflectance's channels to the colour signal's, inside the subspace.
@@ -235,7 +235,7 @@ class SpectralBasis(StoredBasis):
             See `display_matrix`.
         """
         e = self.analysis @ light_power(light, self.grid)
-        return display.illumination_matrix(self.analysis, self.synthesis, e)
+        return self.analysis @ (self.synthesis * (self.synthesis @ e)[:, None])
 
     @classmethod
     def fit(

@@ -46,21 +46,10 @@ def reflectance_figure(
     lights: Sequence[Spectrum],
     observer_deg: int = 2,
 ) -> Figure:
-    """Draw a reflectance, its base spectra, and its colour under lights.
+    """Draw a reflectance, its base spectra, and its colour under lights of its grid.
 
-    Parameters
-    ----------
-    made : Spectrum
-        N bands; its name is the title.
-    parts : {name: (share, (N,) float64)}
-        Base spectra and weights; empty if it was not mixed.
-    lights : list of Spectrum
-        Lights on its grid; a swatch each, adapted to the light's white (Bradford).
-    observer_deg : {2, 10}
-
-    Returns
-    -------
-    matplotlib.figure.Figure
+    Its name is the title. ``parts`` are base spectra by name with their weights; empty if it was
+    not mixed. A swatch for each light is adapted to the light's white (Bradford).
     """
     figure = new_figure(WIDTH_IN, HEIGHT_IN)
     how = made.notes.get("constructed", "")

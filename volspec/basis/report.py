@@ -49,31 +49,15 @@ _SEED = 20090128
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairErrors:
-    """CIEDE2000 of J lights x K reflectances, three ways and the RGB renderer's.
-
-    Parameters
-    ----------
-    lights, reflectances : tuple of str
-        Names.
-    delta_e : {way: (J, K) float64}
-        Errors by the modes of ``colour_matrix`` and `RGB_PRODUCT`.
-    XYZ : (J, K, 3) float64
-        The full spectra's colours, Y = 100 for white.
-    shown_XYZ : {mode: (J, K, 3) float64}
-        The channels' colours.
-    white_XYZ : (J, 3) float64
-        The lights' whites, see `visible_white`.
-    products, rgb_products : {2: (J, P), 3: (J, P)}
-        Errors of two and of three reflectances, componentwise and the RGB renderer's; empty if
-        a basis has no products.
-    """
+    """CIEDE2000 of J lights x K reflectances, three ways and the RGB renderer's."""
 
     lights: tuple[str, ...]
     reflectances: tuple[str, ...]
-    delta_e: dict[str, Array]
-    XYZ: Array
-    shown_XYZ: dict[str, Array]
-    white_XYZ: Array
+    delta_e: dict[str, Array]  # (J, K) by the modes of ``colour_matrix`` and `RGB_PRODUCT`
+    XYZ: Array  # (J, K, 3), the full spectra's, Y = 100 for white
+    shown_XYZ: dict[str, Array]  # (J, K, 3) by mode, the channels'
+    white_XYZ: Array  # (J, 3), see `visible_white`
+    # (J, P) by 2 and 3 surfaces, componentwise and the RGB renderer's; empty without products.
     products: dict[int, Array]
     rgb_products: dict[int, Array]
 
@@ -342,24 +326,10 @@ def basis_report(
 ) -> BasisReport:
     """Compare componentwise, matrix and RGB colours with full spectra.
 
-    Parameters
-    ----------
-    basis : SpectralBasis or MaterialBasis
-    lights : list of Spectrum, optional
-        Default: the 26 smooth lights.
-    reflectances : list of Spectrum or (K, N) array, optional
-        Default: the 84 held-out samples of ``reflectance_set("test")``, or the materials of a
-        `MaterialBasis`, which has channels for no others.
-    names : list of str, optional
-        Names of the reflectances; by default those of the spectra.
-
-    Raises
-    ------
-    BasisError
-        If a list is empty, the names do not match, or a `MaterialBasis` is given a reflectance
-        of other materials.
-    SpectrumError
-        If a spectrum does not cover the basis' grid.
+    Defaults are the 26 smooth lights, and the 84 held-out samples of ``reflectance_set("test")`` or
+    the materials of a `MaterialBasis`, which has channels for no others. Raises BasisError if a
+    list is empty, the names do not match, or a reflectance is of other materials; SpectrumError if
+    a spectrum does not cover the basis' grid.
     """
     lights = light_set("smooth", basis.grid) if lights is None else _lights(lights, basis.grid)
     if reflectances is None:

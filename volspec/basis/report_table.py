@@ -6,7 +6,7 @@ basis, {class: lights}, reflectances -> [report_table] -> command line, figure
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, astuple, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,8 +28,7 @@ from volspec.spectra.lights import light_set
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
-    from volspec.basis.materials import MaterialBasis
-    from volspec.basis.model import SpectralBasis
+    from volspec.basis.materials import Basis
 
 CLASSES = ("smooth", "spiky")
 """Classes of the library's lights."""
@@ -37,27 +36,10 @@ CLASSES = ("smooth", "spiky")
 
 @dataclass(frozen=True, slots=True)
 class ErrorTable:
-    """Reports of a basis by class of lights.
+    """Reports of a basis by class of lights: ``smooth``, ``spiky``, a scene's own as ``scene``."""
 
-    Parameters
-    ----------
-    name, method, trained_on, fingerprint : str
-    size, observer_deg : int
-    grid_nm : (start, stop, step)
-    measured_on : str
-        Description of the reflectances.
-    classes : {name: BasisReport}
-        ``smooth`` and ``spiky``, a scene's own as ``scene``.
-    """
-
-    name: str
-    method: str
-    size: int
-    trained_on: str
-    fingerprint: str
-    observer_deg: int
-    grid_nm: tuple[float, float, float]
-    measured_on: str
+    basis: Basis
+    measured_on: str  # description of the reflectances
     classes: Mapping[str, BasisReport]
 
     @property
@@ -80,14 +62,12 @@ class ErrorTable:
     def to_dict(self) -> dict[str, Any]:
         """Return JSON types, as ``volspec basis --json`` prints them."""
         return {
-            "name": self.name,
-            "method": self.method,
-            "size": self.size,
-            "trained_on": self.trained_on,
+            **{name: getattr(self.basis, name) for name in ("name", "method", "size")},
+            "trained_on": self.basis.trained_on,
             "measured_on": self.measured_on,
-            "fingerprint": self.fingerprint,
-            "observer_deg": self.observer_deg,
-            "grid_nm": list(self.grid_nm),
+            "fingerprint": self.basis.fingerprint,
+            "observer_deg": self.basis.observer_deg,
+            "grid_nm": list(astuple(self.basis.grid)),
             "classes": {name: _class_dict(r) for name, r in self.classes.items()},
             "rgb_product": asdict(self.rgb_product)
             | {name: asdict(r.rgb_product) for name, r in self.classes.items()},
@@ -97,7 +77,7 @@ class ErrorTable:
 
 
 def error_table(
-    basis: SpectralBasis | MaterialBasis,
+    basis: Basis,
     classes: Mapping[str, Sequence[Spectrum]] | None = None,
     reflectances: Reflectances | None = None,
     names: Sequence[str] | None = None,
@@ -105,33 +85,10 @@ def error_table(
     measured_on: str = "",
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> ErrorTable:
-    """Report on a basis class by class.
+    """Report on a basis class by class, by default of the library's smooth and spiky lights.
 
-    Parameters
-    ----------
-    basis : SpectralBasis or MaterialBasis
-    classes : {name: list of Spectrum}, optional
-        Default: the library's smooth and spiky lights.
-    reflectances, names
-        See `volspec.basis.report.basis_report`.
-    measured_on : str
-        Description of the reflectances; by default their number.
-    progress : callable
-        Called with the finished fraction, 0…1.
-
-    Raises
-    ------
-    BasisError, SpectrumError
-        See `basis_report`.
-
-    Examples
-    --------
-    >>> from volspec.basis import load_basis
-    >>> from volspec.spectra import light, reflectance
-    >>> lamps = {"lamps": [light("A"), light("FL2")]}
-    >>> table = error_table(load_basis("general-7"), lamps, [reflectance("gold")])
-    >>> table.worst.light, sorted(table.to_dict()["classes"])
-    ('FL2', ['lamps'])
+    Reflectances, names and errors as of `basis_report`. ``measured_on`` describes the reflectances;
+    ``progress`` is called with the finished fraction, 0…1.
     """
     if classes is None:
         classes = {name: light_set(name, basis.grid) for name in CLASSES}
@@ -143,19 +100,8 @@ def error_table(
         reports[name] = basis_report(basis, lights, reflectances, names)
         done = sum(len(r.pairs.lights) for r in reports.values())
         progress(done / total)
-    grid = basis.grid
     count = len(next(iter(reports.values())).pairs.reflectances)
-    return ErrorTable(
-        name=basis.name,
-        method=basis.method,
-        size=basis.size,
-        trained_on=basis.trained_on,
-        fingerprint=basis.fingerprint,
-        observer_deg=basis.observer_deg,
-        grid_nm=(grid.start_nm, grid.stop_nm, grid.step_nm),
-        measured_on=measured_on or f"{count} reflectances",
-        classes=reports,
-    )
+    return ErrorTable(basis, measured_on or f"{count} reflectances", reports)
 
 
 def _class_dict(report: BasisReport) -> dict[str, Any]:
@@ -207,7 +153,7 @@ def terminal_table(errors: ErrorTable) -> Table:
             ]
             if rgb:
                 cells += [format_delta_e(rgb.mean), format_delta_e(rgb.max)]
-            style = "bold" if label == WAYS[own_way(errors.method)] else ""
+            style = "bold" if label == WAYS[own_way(errors.basis.method)] else ""
             table.add_row(f"  {label}", *(Text(cell, style=style) for cell in cells))
     return table
 
@@ -227,7 +173,7 @@ def worst_line(errors: ErrorTable, colours: bool) -> Text:
     text.append(worst.light, style="bold")
     text.append(f", ΔE00 {format_delta_e(worst.delta_e)} ({WAYS[worst.way]})\n  full spectra ")
     _swatch(text, worst.sRGB, colours)
-    text.append(f"   {errors.size} channels ")
+    text.append(f"   {errors.basis.size} channels ")
     _swatch(text, worst.sRGB_shown, colours)
     return text
 
@@ -236,7 +182,7 @@ def verdict(errors: ErrorTable) -> str:
     """Return one sentence that compares the RGB renderer with the basis."""
     parts = []
     for name, report in errors.classes.items():
-        ours = report.errors[own_way(errors.method)].mean
+        ours = report.errors[own_way(errors.basis.method)].mean
         theirs = report.rgb_product.mean
         if ours > 1e-6:
             times = float(f"{theirs / ours:.2g}")

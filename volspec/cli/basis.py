@@ -118,7 +118,7 @@ def basis(
             from volspec.basis.figure import save_figure
 
             tell("draw the figure", 0)
-            save_figure(case.basis, table, figure)
+            save_figure(table, figure)
             tell("draw the figure", 1)
     if json:
         print_json(table.to_dict())

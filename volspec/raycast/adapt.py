@@ -129,13 +129,7 @@ def from_plotter(
 
 
 def require_open(plotter: Any) -> None:
-    """Refuse anything but a plotter that is not closed.
-
-    Raises
-    ------
-    RaycastError
-        If it is closed, or no plotter.
-    """
+    """Raise RaycastError for anything but a plotter that is not closed."""
     if not (hasattr(plotter, "renderer") and hasattr(plotter, "render_window")):
         raise RaycastError(f"plotter: got {quoted(plotter)}", "give a pyvista Plotter", code="type")
     if plotter.render_window is None:
@@ -149,10 +143,7 @@ def require_open(plotter: Any) -> None:
 def plotter_camera(plotter: Any) -> Camera:
     """Return the camera of a plotter's active subplot.
 
-    Raises
-    ------
-    CameraError
-        If it shears or shifts its picture, or moves the scene.
+    Raises CameraError if it shears or shifts its picture, or moves the scene.
     """
     renderer = plotter.renderer
     if not renderer.camera.is_set:

@@ -27,22 +27,7 @@ STRIDES = 248
 
 
 def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the least and greatest value of each brick.
-
-    Parameters
-    ----------
-    values : (Z, Y, X) array
-
-    Returns
-    -------
-    low, high : (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉) arrays of the same type
-
-    Examples
-    --------
-    >>> low, high = brick_ranges(np.arange(2 * BRICK).reshape(1, 1, -1))
-    >>> (low.ravel() / BRICK).tolist(), (high.ravel() - BRICK).tolist() == [0, BRICK - 1]
-    ([0.0, 1.0], True)
-    """
+    """Return least and greatest value of each brick, (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉) of (Z, Y, X) values."""
     return _reduce(values, np.minimum), _reduce(values, np.maximum)
 
 
@@ -71,29 +56,12 @@ def visible_bricks(
     opacity: NDArray[np.floating],
     labels: bool = False,
 ) -> NDArray[np.bool_]:
-    """Return the bricks in which a table's opacity can be above 0.
+    """Return the bricks (z, y, x) in which a table's opacity can be above 0.
 
-    Parameters
-    ----------
-    low, high : (z, y, x) arrays
-        From `brick_ranges`.
-    domain : (float, float)
-        Values of the table's first and last entry.
-    opacity : (N,) or (G, N)
-        The table's opacities; of rows by gradient the greatest counts.
-    labels : bool
-        Entries are for labels: any visible one between the least and the greatest of a brick
-        counts, and values beyond the table are transparent. Else they take its nearest end.
-
-    Returns
-    -------
-    (z, y, x) bool
-
-    Examples
-    --------
-    >>> low, high = np.array([[[0, 6]]]), np.array([[[3, 9]]])
-    >>> visible_bricks(low, high, (0, 10), np.array([0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1])).tolist()
-    [[[False, True]]]
+    ``low`` and ``high`` are from `brick_ranges`, ``domain`` the values of the table's first and
+    last entry, ``opacity`` (N,) or (G, N): of rows by gradient the greatest counts. With
+    ``labels`` any visible entry between the least and the greatest of a brick counts, and values
+    beyond the table are transparent; else these take its nearest end.
     """
     domain, rows = _rows(domain, opacity, labels)
     visible = rows.max(axis=0) > 0
@@ -105,25 +73,9 @@ def visible_bricks(
 def straddled_bricks(
     low: NDArray[Any], high: NDArray[Any], levels: NDArray[np.floating]
 ) -> NDArray[np.bool_]:
-    """Return the bricks that an isosurface of one of the levels can cross.
+    """Return the bricks (z, y, x) that an isosurface of one of the levels can cross.
 
-    Parameters
-    ----------
-    low, high : (z, y, x) arrays
-        From `brick_ranges`.
-    levels : (L,)
-        Values of the surfaces, in any order; taken as float32, as kernels compare them.
-
-    Returns
-    -------
-    (z, y, x) bool
-        True if a level lies in low … high, both included.
-
-    Examples
-    --------
-    >>> low, high = np.array([[[0, 6]]]), np.array([[[3, 9]]])
-    >>> straddled_bricks(low, high, np.array([5.0, 9.0])).tolist()
-    [[[False, True]]]
+    Levels come in any order; they are taken as float32, as kernels compare them.
     """
     ordered = np.sort(np.asarray(levels, np.float32))
     below = np.searchsorted(ordered, low.astype(np.float32), side="left")
@@ -137,23 +89,9 @@ def opacity_spread(
     opacity: NDArray[np.floating],
     labels: bool = False,
 ) -> NDArray[np.float32]:
-    """Return how much a table's opacity can vary inside each brick: greatest less least.
+    """Return how much a table's opacity varies in each brick, 0 if it is homogeneous.
 
-    Parameters
-    ----------
-    low, high, domain, opacity, labels
-        See `visible_bricks`.
-
-    Returns
-    -------
-    (z, y, x) float32
-        0 if the brick is homogeneous.
-
-    Examples
-    --------
-    >>> low, high = np.array([[[0, 2]]]), np.array([[[1, 3]]])
-    >>> opacity_spread(low, high, (0, 3), np.array([0.5, 0.5, 0.25, 1.0])).tolist()
-    [[[0.0, 0.75]]]
+    Arguments as of `visible_bricks`.
     """
     domain, rows = _rows(domain, opacity, labels)
     rows = rows.astype(np.float32)
@@ -197,22 +135,7 @@ def _entries(
 
 
 def chessboard_distance(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return the chessboard distance, in bricks, to the nearest visible brick.
-
-    Parameters
-    ----------
-    visible : (z, y, x) bool
-
-    Returns
-    -------
-    (z, y, x) uint8
-        0 if the brick is visible; d if all bricks nearer than d are empty.
-
-    Examples
-    --------
-    >>> chessboard_distance(np.array([[[True, False, False, False]]])).tolist()
-    [[[0, 1, 2, 3]]]
-    """
+    """Return the chessboard distance, in bricks up to 255, to the nearest visible brick."""
     # scipy.ndimage has this too, about as quick, and takes a quarter of a second to import.
     distances = np.where(visible, 0, 255).astype(np.uint8)
     reached = visible
@@ -246,14 +169,7 @@ def brick_codes(
 ) -> NDArray[Any]:
     """Return the code of each brick for the kernels: see rays.clh; for projections its maximum.
 
-    Parameters
-    ----------
-    low, high : (z, y, x) arrays
-        From `brick_ranges`.
-    table : TransferTable or SurfaceTable
-    spec : RaycastSpec
-    step_mm : float
-        Length of a step, in which opacity may vary by less than ``spec.adaptive``.
+    Opacity of a step of ``step_mm`` may vary by less than ``spec.adaptive`` in a brick of strides.
     """
     if spec.mode != "composite":
         return high

@@ -47,13 +47,7 @@ _LONGEST_NAME = 40
 
 
 def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
-    """Return a copy of light groups, {name: fraction of the light}, checked.
-
-    Raises
-    ------
-    ImageError
-        If there is none, one has no name or no fraction of 0…1, or they do not sum to 1.
-    """
+    """Return a copy of light groups, {name: fraction of the light}, or raise ImageError."""
     if not (isinstance(groups, Mapping) and groups):
         raise ImageError.refused(
             "coefficient image: groups", groups, "give {name: fraction}, at least one", "missing"

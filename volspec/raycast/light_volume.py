@@ -56,25 +56,12 @@ CUT_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LightGrid:
-    """Nodes spread from a volume's first to its last voxel along each axis.
+    """Nodes spread from a volume's first to its last voxel along each axis."""
 
-    Parameters
-    ----------
-    shape_xyz : (int, int, int)
-        Nodes along x, y, z; two or more.
-    cell_mm : float
-        Length of a step of the light: a cell along the longest axis.
-    per_index : (x, y, z)
-        Nodes per voxel: a grid position is ``index * per_index``.
-    grid_from_world : (4, 4)
-        Grid position of a place in mm.
-
-    """
-
-    shape_xyz: tuple[int, int, int]
-    cell_mm: float
-    per_index: Vector
-    grid_from_world: NDArray[np.float64]
+    shape_xyz: tuple[int, int, int]  # nodes, two or more
+    cell_mm: float  # length of a step of the light: a cell along the longest axis
+    per_index: Vector  # nodes per voxel: a grid position is index * per_index
+    grid_from_world: NDArray[np.float64]  # (4, 4)
 
     @classmethod
     def of(cls, volume: Volume, cells: int) -> LightGrid:
@@ -118,24 +105,13 @@ class LightGrid:
 
 @dataclass(frozen=True, slots=True)
 class LightLayer:
-    """One source's layer of a light volume, for one camera.
+    """One source's layer of a light volume, for one camera."""
 
-    Parameters
-    ----------
-    source : int
-        Its index in `volspec.raycast.packed.numbered_sources`.
-    kind : {"directional", "point", "occlusion"}
-    vector : (x, y, z)
-        In the world: unit direction towards a directional light, or position of a point light
-        in mm; unused for occlusion.
-    radius_mm : float
-        Distance up to which matter occludes; unused for the others.
-    """
-
-    source: int
+    source: int  # index in `volspec.raycast.packed.numbered_sources`
     kind: Literal["directional", "point", "occlusion"]
+    # In the world: unit direction towards a directional light, or a point light's position in mm.
     vector: Vector = (0.0, 0.0, 0.0)
-    radius_mm: float = 0.0
+    radius_mm: float = 0.0  # up to which matter occludes
 
     def steps(self, grid: LightGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return middles and lengths of the steps of its rays from a node, in cells.
@@ -230,29 +206,10 @@ _GRID = Struct(
 STRUCTS = _SPAN, _STEP, _GRID
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Extinction:
-    """Settings that the extinction on the device was computed with."""
-
-    table: TransferTable | SurfaceTable
-    cells: int
-    cuts: tuple[Any, ...]
-
-    def matches(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> bool:
-        return self.table is table and self.cells == spec.light_cells and self.cuts == _cuts(spec)
-
-
 class LightVolume:
-    """The light volume of a volume that is on an OpenCL device.
+    """The light volume of a volume that is on an OpenCL device as ``voxels``.
 
-    Parameters
-    ----------
-    compute : Compute
-    volume : Volume
-    voxels : buffer
-        ``volume.values`` on the device.
-    lanes : int, optional
-        Nodes per work-item: 1, 4 or 8. Default 8 on CPUs, 1 on GPUs.
+    ``lanes`` are the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs.
     """
 
     def __init__(
@@ -260,7 +217,8 @@ class LightVolume:
     ) -> None:
         self._compute, self._volume, self._voxels = compute, volume, voxels
         self._lanes = lanes or (8 if compute.info.is_cpu else 1)
-        self._extinction: _Extinction | None = None
+        # The table that the extinction was computed of, the cells and the cuts.
+        self._extinction: tuple[Any, ...] = (None,)
         self._sigma: Any = None
         self._layers: Any = compute.output(4)
         self._capacity = 0
@@ -269,36 +227,22 @@ class LightVolume:
     def layers(
         self, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
     ) -> tuple[Any, LightGrid, tuple[LightLayer, ...]]:
-        """Bring the layers up to date.
+        """Bring the layers up to date; return their buffer, the grid and what they are.
 
         The extinction is reused while the table (by identity, not equality), the cuts and the grid
-        stay the same; a layer while its light does, too.
-
-        Returns
-        -------
-        buffer
-            ushort[layer][nz][ny][nx] on the device, in order of `light_layers`; 65535 if all
-            light arrives. Valid until the next call.
-        grid : LightGrid
-        layers : tuple of LightLayer
-            Their descriptions. Without any nothing is computed.
-
-        Raises
-        ------
-        OpenCLError
-            If the device has no room for the grid.
-        RaycastError
-            If the table's values are too close for float32.
+        stay the same; a layer while its light does, too. The buffer is ushort[layer][nz][ny][nx] in
+        order of `light_layers`, 65535 if all light arrives, valid until the next call. Raises
+        OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.of(self._volume, spec.light_cells)
         wanted = light_layers(spec, self._volume, camera)
         if not wanted:
             return self._layers, grid, wanted
-        if self._extinction is None or not self._extinction.matches(table, spec):
-            self._extinction, self._keys = None, []
-            self._sigma = None
+        settings = spec.light_cells, spec.crop_voxels, spec.clip_planes
+        if self._extinction[0] is not table or self._extinction[1:] != settings:
+            self._extinction, self._keys, self._sigma = (None,), [], None
             self._fill_extinction(table, spec, grid)
-            self._extinction = _Extinction(table, spec.light_cells, _cuts(spec))
+            self._extinction = table, *settings
         if self._capacity < len(wanted) * grid.nodes * 2:
             self._keys = []
             self._layers = self._compute.output(len(wanted) * grid.nodes * 2)
@@ -365,10 +309,6 @@ class LightVolume:
         source = assemble("kernels/light_volume.cl", text)
         kernel = self._compute.kernel(source, name)
         kernel(self._compute.queue, (-(-items // _LOCAL) * _LOCAL,), (_LOCAL,), *arguments)
-
-
-def _cuts(spec: RaycastSpec) -> tuple[Any, ...]:
-    return spec.crop_voxels, spec.clip_planes
 
 
 def _float4s(*threes: NDArray[np.float64]) -> list[NDArray[np.float32]]:

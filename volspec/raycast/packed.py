@@ -83,15 +83,7 @@ def cast_struct(
     size: tuple[int, int],
     spec: RaycastSpec,
 ) -> NDArray[np.void]:
-    """Return the struct `CAST`, except members about buffers (rows, bricks, light volume).
-
-    Raises
-    ------
-    RaycastError
-        If the crop leaves nothing of the volume.
-    TransferError
-        If the transfer function's span is too small for float32.
-    """
+    """Return the struct `CAST`, except members about buffers (rows, bricks, light volume)."""
     step = spec.step_of(volume)
     unit = min(volume.spacing_mm)
     matrix = volume.index_from_world
@@ -154,31 +146,17 @@ def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: Ra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """The kernel that casts a table, its compile-time constants and its tables.
+    """The kernel that casts a table, its compile-time constants and its tables."""
 
-    Parameters
-    ----------
-    name : str
-        The kernel's, and its file's in ``kernels/``.
-    constants : {str: number}
-    tables : arrays
-        Opacity, material weights, channels, and for the kernel ``raycast`` filters: in the order of
-        the kernel's arguments, with the layouts that its header describes.
-    """
-
-    name: str
+    name: str  # the kernel's, and its file's in kernels/
     constants: Mapping[str, float]
+    # Opacity, material weights, channels, and for the kernel ``raycast`` filters: in the order of
+    # the kernel's arguments, with the layouts that its header describes.
     tables: tuple[NDArray[np.float32], ...]
 
     @classmethod
     def of(cls, table: TransferTable | SurfaceTable, spec: RaycastSpec, step_mm: float) -> Program:
-        """Return the program for a table and settings.
-
-        Raises
-        ------
-        RaycastError
-            If the settings do not apply to the table.
-        """
+        """Return the program for a table and settings, or raise RaycastError if they conflict."""
         _check_compatible(table, spec)
         count, channels = table.channels.shape
         extra: dict[str, float] = {}
@@ -354,14 +332,9 @@ MAX_REACH = 1e9
 
 
 def check_reach(volume: Volume, camera: Camera, spec: RaycastSpec) -> None:
-    """Check that camera and lights are within `MAX_REACH` diagonals of the volume.
+    """Refuse a camera or lights farther than `MAX_REACH` diagonals from the volume.
 
-    Raises
-    ------
-    CameraError
-        If the camera, its target or its picture is not.
-    RaycastError
-        If a point light or its falloff is not, or the falloff is as much too short.
+    Raises CameraError or RaycastError, the latter also if a falloff is as much too short.
     """
     middle = volume.corners_mm.mean(axis=0)
     check = partial(_check_length, volume)

@@ -67,26 +67,10 @@ def cast(
     size: tuple[int, int],
     spec: RaycastSpec,
 ) -> Result:
-    """Cast every pixel of a picture.
+    """Cast every pixel of a picture of (width, height).
 
-    Parameters
-    ----------
-    size : (width, height)
-
-    Returns
-    -------
-    coefficients : (H, W, L·M)
-        Premultiplied by opacity.
-    alpha : (H, W)
-    depth_mm, first_mm : (H, W)
-        Expected distance from the camera, and distance of the first hit; inf in empty pixels.
-
-    Raises
-    ------
-    RaycastError
-        If the step or the crop does not fit the volume, or a light is too far from it.
-    CameraError
-        If the camera is.
+    Returns coefficients (H, W, L·M), premultiplied by opacity; alpha; depth_mm, the expected
+    distance from the camera, and first_mm, that of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
     width, height = size

@@ -104,14 +104,7 @@ def _hash(x: NDArray[np.int64], y: NDArray[np.int64], seed: int) -> Array:
 
 
 class Sampler:
-    """Trilinear field of a volume's values, or of opacities if the values are labels.
-
-    Parameters
-    ----------
-    volume : Volume
-    table : TransferTable or SurfaceTable
-    spec : RaycastSpec
-    """
+    """Trilinear field of a volume's values, or of opacities if the values are labels."""
 
     def __init__(
         self, volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec
@@ -205,22 +198,12 @@ def shade(
     direction: Array,
     gradient: Array | None,
 ) -> tuple[Array, Array]:
-    """Shade samples by each group: factor of the reflectance, and highlight added to white.
+    """Shade samples by each group: factor of the reflectance, and highlight added to white, (R, L).
 
-    Parameters
-    ----------
-    arrives : {source number: function}
-        Shadows and occlusion of sources that have them, numbered as by `numbered_sources`.
-    lift_mm : float
-        Distance in front of surfaces at which they are read.
-    point, direction : (R, 3)
-        Index position; the ray's unit vector in the world.
-    gradient : (R, 3) or None
-        None if nothing is shaded or shadowed.
-
-    Returns
-    -------
-    factor, highlight : (R, L)
+    ``arrives`` holds the shadows and occlusion of sources that have them, numbered as by
+    `numbered_sources`, read ``lift_mm`` in front of surfaces. ``point`` (R, 3) is in index space,
+    ``direction`` the ray's unit vector in the world; ``gradient`` is None if nothing is shaded or
+    shadowed.
     """
     factor = np.zeros((len(point), len(spec.groups)))
     highlight = np.zeros_like(factor)

@@ -25,10 +25,7 @@ def volume_from_pyvista(
 ) -> Volume:
     """Convert a pyvista ``ImageData``: its scalars, spacing, origin and direction.
 
-    Raises
-    ------
-    VolumeError
-        If it is not an ``ImageData``, has no such array, or the array has several components.
+    Raises VolumeError if it is not one, has no such array, or one of several components.
     """
     values, world = values_and_lattice(grid, scalars, name)
     return Volume(values, world_from_index=world, name=name)
@@ -37,13 +34,7 @@ def volume_from_pyvista(
 def values_and_lattice(
     grid: pyvista.ImageData, scalars: str | None, name: str
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
-    """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4).
-
-    Raises
-    ------
-    VolumeError
-        See `volume_from_pyvista`.
-    """
+    """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4)."""
     if type(grid).__name__ != "ImageData":
         raise VolumeError(
             f"{name}: is a {type(grid).__name__}; volspec casts regular grids, "

@@ -26,24 +26,11 @@ _UNEVEN = 1e-3
 
 
 def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[float, float]]:
-    """Return values that the kernels can read, and their range.
+    """Return values that the kernels can read, (Z, Y, X), and their range.
 
-    Parameters
-    ----------
-    given : (Z, Y, X) array
-    name : str
-        Used in messages.
-
-    Returns
-    -------
-    values : (Z, Y, X) array of one of `NATIVE_DTYPES`, read-only, C-contiguous, finite
-    range : (float, float)
-
-    Raises
-    ------
-    VolumeError
-        If it is not a 3-D array of real numbers, has fewer than two voxels along an axis, no
-        finite value, or values beyond float32.
+    The array is one of `NATIVE_DTYPES`, read-only, C-contiguous and finite. Raises VolumeError if
+    it is no 3-D array of real numbers, has fewer than two voxels along an axis, no finite value, or
+    values beyond float32.
     """
     if isinstance(given, str | os.PathLike):
         raise VolumeError(
@@ -166,17 +153,10 @@ def _warn(message: str) -> None:
 def checked_geometry(
     spacing: tuple[float, float, float] | None, world: ArrayLike | None, name: str
 ) -> tuple[tuple[float, float, float], NDArray[np.float64]]:
-    """Return spacing and affine map of a lattice, each from the other if one is missing.
+    """Return spacing_mm and world_from_index, (4, 4) read-only, each from the other if missing.
 
-    Returns
-    -------
-    spacing_mm : (x, y, z)
-    world_from_index : (4, 4) float64, read-only
-
-    Raises
-    ------
-    VolumeError
-        If a number is not finite, a spacing not positive, the matrix singular, or both disagree.
+    Raises VolumeError if a number is not finite, a spacing not positive, the matrix singular, or
+    both disagree.
     """
     if spacing is not None:
         spacing_array = _numbers(spacing)
@@ -239,27 +219,11 @@ def _numbers(given: ArrayLike) -> NDArray[np.float64]:
 
 
 def array_and_lattice(given: Any, name: str) -> tuple[Any, NDArray[np.float64] | None]:
-    """Return the array to convert, and the lattice of its own coordinates.
+    """Return the array to convert, and world_from_index of its own coordinates; None without them.
 
-    Parameters
-    ----------
-    given : array or anything else
-        An xarray ``DataArray`` with dimensions x, y and z, in any order and case, is transposed
-        to (Z, Y, X); with other names its order counts. Everything else is returned unchanged.
-    name : str
-        Used in messages.
-
-    Returns
-    -------
-    values
-        Input of `numpy.asarray`.
-    world_from_index : (4, 4) float64 or None
-        From a ``DataArray``'s coordinates, taken as millimetres; None without them.
-
-    Raises
-    ------
-    VolumeError
-        If it holds several arrays, or coordinates are not evenly spaced numbers.
+    An xarray ``DataArray`` with dimensions x, y and z, in any order and case, is transposed to
+    (Z, Y, X); with other names its order counts. Its coordinates are millimetres. Everything else
+    is returned unchanged. Raises VolumeError for several arrays, or uneven coordinates.
     """
     kind = type(given).__name__
     if hasattr(given, "point_data") or hasattr(given, "n_blocks"):

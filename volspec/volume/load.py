@@ -102,12 +102,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
 
 
 def read_here(query: Query) -> Reading:
-    """Read a file in this process, unprotected from crashes of the format's library.
-
-    Raises
-    ------
-    VolspecError
-    """
+    """Read a file in this process, unprotected from crashes of the format's library."""
     return _reader(query)(query)
 
 
@@ -136,13 +131,7 @@ def _require_utf_8(path: Path) -> None:
 
 
 def reader_library(query: Query) -> str:
-    """Return the module that reads a file; empty if it is read with NumPy alone.
-
-    Raises
-    ------
-    VolumeError
-        If there is no such file, or it is of no known format.
-    """
+    """Return the module that reads a file; empty if it is read with NumPy alone."""
     return _LIBRARIES.get(_reader(query), "")
 
 

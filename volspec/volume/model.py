@@ -230,20 +230,9 @@ def block_modes(blocks: NDArray[Any]) -> NDArray[Any]:
 def downsample(values: NDArray[Any], factor: int, summary: Summary) -> NDArray[Any]:
     """Summarise blocks of factor³ voxels; those at the far ends may be smaller.
 
-    Parameters
-    ----------
-    values : (Z, Y, X) array
-    factor : int
-    summary : `block_means` or `block_modes`
+    ``summary`` is `block_means` or `block_modes`; the type stays.
 
-    Returns
-    -------
-    (⌈Z/factor⌉, ⌈Y/factor⌉, ⌈X/factor⌉) array of the same type
-
-    Examples
-    --------
-    >>> values = np.arange(12, dtype=np.uint8).reshape(2, 2, 3)
-    >>> downsample(values, 2, block_means).tolist()
+    >>> downsample(np.arange(12, dtype=np.uint8).reshape(2, 2, 3), 2, block_means).tolist()
     [[[5, 6]]]
     """
     tops = range(0, values.shape[0], factor)

@@ -60,13 +60,8 @@ _ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1"}
 def read_in_child(query: Query) -> Reading:
     """Read a volume in a child process.
 
-    Raises
-    ------
-    VolspecError
-        The reader's own error; a VolumeError if the child crashes, hangs, or takes more memory
-        than the file's header accounts for.
-    DeviceError
-        If no child can be started.
+    Raises the reader's own error; VolumeError if the child crashes, hangs, or takes more memory
+    than the file's header accounts for; DeviceError if no child can be started.
     """
     idle = _idle_processes(os.getpid())
     try:
@@ -159,13 +154,7 @@ class _ReaderProcess:
         return begun
 
     def answer(self, query: Query) -> dict[str, Any]:
-        """Wait for the answer to a request.
-
-        Raises
-        ------
-        VolumeError
-            If the child crashes or hangs.
-        """
+        """Wait for the answer to a request."""
         try:
             while message := self._receive(self._seconds):
                 if not self._expected(message):
@@ -234,11 +223,7 @@ class _ReaderProcess:
 def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], str]) -> None:
     """Answer requests until none comes for a while, or the parent ends.
 
-    Parameters
-    ----------
-    read : callable
-    reader_library : callable
-        Returns the name of the module that a query's reader imports.
+    ``reader_library`` returns the name of the module that a query's reader imports.
     """
     with suppress(ValueError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C ends the parent, which ends this one

@@ -18,15 +18,7 @@ _BAR = 40
 
 @dataclass(frozen=True, slots=True)
 class VolumeSummary:
-    """Size, geometry and distribution of a volume.
-
-    Parameters
-    ----------
-    orientation : (3, 3) nested list
-        Columns are the directions of the x, y and z axes in the world.
-    histogram : list of (from, to, count)
-        Equal bins over the range; both ends belong to a bin of an integer volume.
-    """
+    """Size, geometry and distribution of a volume."""
 
     name: str
     shape: tuple[int, int, int]
@@ -34,10 +26,10 @@ class VolumeSummary:
     spacing_mm: tuple[float, float, float]
     extent_mm: tuple[float, float, float]
     origin_mm: tuple[float, float, float]
-    orientation: list[list[float]]
+    orientation: list[list[float]]  # columns: directions of the x, y and z axes in the world
     range: tuple[float, float]
     mean: float
-    histogram: list[tuple[float, float, int]]
+    histogram: list[tuple[float, float, int]]  # from, to (included by integers), count
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to JSON types."""

@@ -208,20 +208,10 @@ def relative_colours(training: Training) -> tuple[Array, Array, Array]:
 
 
 def difference_metric(ratio: ArrayLike) -> Array:
-    """Return G with |G d| the CIE94 difference of a small change d of XYZ / white.
+    """Return G (..., 3, 3) with |G d| the CIE94 difference of a small change d of XYZ / white.
 
-    Parameters
-    ----------
-    ratio : (..., 3) array_like
-        XYZ over the white's.
+    Rows are lightness, chroma and hue; ``ratio`` (..., 3) is XYZ over the white's.
 
-    Returns
-    -------
-    (..., 3, 3) float64
-        Row lightness, chroma or hue; column X, Y or Z.
-
-    Examples
-    --------
     >>> step = [0.0, 0.001, 0.0]
     >>> grey, green = ([0.2, 0.2, 0.2], [0.1, 0.2, 0.05])
     >>> [round(float(np.linalg.norm(difference_metric(c) @ step)), 2) for c in (grey, green)]

@@ -84,14 +84,7 @@ def training_set(
     light_weights: ArrayLike | None,
     reflectance_weights: ArrayLike | None,
 ) -> Training:
-    """Resample the data to the grid and check it.
-
-    Raises
-    ------
-    BasisError
-        If a list is empty, a spectrum does not cover the grid, a light or a reflectance is
-        impossible, all reflectances are black, or weights do not fit.
-    """
+    """Resample the data to the grid and check it."""
     _require_some(lights, "lights")
     _require_some(reflectances, "reflectances")
     with basis_errors("lights"):

@@ -26,8 +26,8 @@ from volspec.errors import VolumeError
 from volspec.volume.files.dicom_headers import Series, Slice, dicom_files, headers
 from volspec.volume.files.itk import itk_message
 from volspec.volume.files.lattice import (
-    SlicePositions,
     affine,
+    group_slices,
     slice_step_mm,
     stack_slices,
     unevenness,
@@ -58,14 +58,7 @@ def series_folders(folder: Path) -> list[Path]:
 
 
 def read_series(query: Query) -> Reading:
-    """Read a folder's series, or the one that a file belongs to.
-
-    Raises
-    ------
-    VolumeError
-        If the series is ambiguous, a file is damaged, slices are missing or share a position, or
-        the pictures are in colour.
-    """
+    """Read a folder's series, or the one that a file belongs to."""
     remarks: list[str] = []
     guesses: list[str] = []  # about the slices' distance: dropped if the query gives it
     series = _largest_stack(_requested_series(query), query, remarks)
@@ -197,7 +190,7 @@ def _sorted_slices(series: list[Slice], query: Query) -> list[Slice]:
         query.index("time", 1, "time steps")
         return series
     at = np.array([each.origin_mm for each in series])
-    stacks = SlicePositions(at, series[0].directions[:, 2]).grouped()
+    stacks = group_slices(at, series[0].directions[:, 2])
     times = len(stacks[0])
     if any(len(stack) != times for stack in stacks):
         a, b, *_ = next(stack for stack in stacks if len(stack) > 1)

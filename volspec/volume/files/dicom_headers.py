@@ -112,13 +112,7 @@ def dicom_files(folder: Path) -> list[Path]:
 
 
 def headers(paths: Sequence[Path]) -> list[Slice]:
-    """Read headers, leaving out files of classes without pictures.
-
-    Raises
-    ------
-    VolumeError
-        If one is damaged.
-    """
+    """Read headers, leaving out files of classes without pictures."""
     with captured_output([]):
         found = [_header(path) for path in paths]
     return [each for each in found if each is not None]

@@ -28,14 +28,7 @@ _META_LINE = re.compile(r"([^=:\r]+)[=:]([^\r]*)")
 
 
 def check_itk_header(path: Path) -> None:
-    """Refuse an NRRD or MetaImage header that ITK would misread.
-
-    Raises
-    ------
-    VolumeError
-        If a spacing is not positive, a size is no positive number, dimensions are less than 1 or
-        more than 16, or the data file is outside of the header's folder.
-    """
+    """Refuse an NRRD or MetaImage header that ITK would misread."""
     header = HeaderFields.read(path)
     fields = header.named
     spacing = fields.get("spacings") or fields.get("ElementSpacing") or ""
@@ -104,28 +97,16 @@ def is_meta(path: Path) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class HeaderFields:
-    """Fields of an NRRD or MetaImage header.
+    """Fields of an NRRD or MetaImage header."""
 
-    Parameters
-    ----------
-    named : {str: str}
-        NRRD's names in lower case and without spaces, as ``byteskip``; MetaImage's unchanged.
-    end : int
-        First byte after the header, or after the line that begins a list of files.
-    """
-
+    # NRRD's names in lower case and without spaces, as ``byteskip``; MetaImage's unchanged.
     named: dict[str, str]
+    # First byte after the header, or after the line that begins a list of files.
     end: int = 0
 
     @classmethod
     def read(cls, path: Path) -> HeaderFields:
-        """Read a header.
-
-        Raises
-        ------
-        VolumeError
-            If a line of a MetaImage header is no field; MetaIO takes the next one for its value.
-        """
+        """Read a header; refuse a MetaImage line that is no field: MetaIO misreads it."""
         read_line = cls._meta_field if is_meta(path) else cls._nrrd_field
         named: dict[str, str] = {}
         with path.open("rb") as file:

@@ -40,19 +40,11 @@ _CHUNK = 1 << 22
 # Decompression stops at so many bytes more than the header declares.
 _SURPLUS = 1 << 24
 # NIfTI-1's codes of types, and the least byte at which voxels begin.
-_NIFTI_TYPES = {
-    2: "u1",
-    4: "i2",
-    8: "i4",
-    16: "f4",
-    64: "f8",
-    256: "i1",
-    512: "u2",
-    768: "u4",
-    1024: "i8",
-    1280: "u8",
-}
+_NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8"}
+_NIFTI_TYPES |= {256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 _NIFTI_HEADER = 348
+# Run of voxels, those of it that are not finite, and their numbers.
+_NonFinite = tuple[slice, NDArray[np.bool_], NDArray[Any]]
 
 
 def _is_true(word: str) -> bool:
@@ -62,45 +54,22 @@ def _is_true(word: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Location of a header's voxels: one run of bytes in one file.
+    """Location of a header's voxels: one run of bytes in one file."""
 
-    Parameters
-    ----------
-    path : Path
-        The header's file, for messages.
-    data : Path
-        The file that holds the voxels, often the same.
-    start : int
-        First byte of the voxels, counted after decompression if ``whole_packed``.
-    encoding : str
-        ``raw``, ``gzip``, or ``zlib`` (zlib's header or gzip's).
-    order : str
-        Byte order, ``<`` or ``>``.
-    whole_packed : bool
-        True if the compressed stream includes the header.
-    stored : dtype, optional
-        Type of the numbers in a NIfTI file, which ITK may convert to floats.
-    rescaled : bool
-        True if values are the stored numbers rescaled, which is left to ITK.
-    """
-
-    path: Path
-    data: Path
-    start: int
-    encoding: str = "raw"
+    path: Path  # the header's file, for messages
+    data: Path  # often the same
+    start: int  # first byte, counted after decompression if whole_packed
+    encoding: str = "raw"  # gzip, or zlib (zlib's header or gzip's)
     order: str = "<"
-    whole_packed: bool = False
-    stored: np.dtype[Any] | None = None
-    rescaled: bool = False
+    whole_packed: bool = False  # the compressed stream includes the header
+    stored: np.dtype[Any] | None = None  # of a NIfTI file, which ITK may convert to floats
+    rescaled: bool = False  # left to ITK
 
     @classmethod
     def of(cls, path: Path) -> Layout | None:
         """Return a file's layout; None if only ITK can read it: text, bzip2, several files.
 
-        Raises
-        ------
-        VolumeError
-            If it is no NIfTI file although its name says so; ITK would take it for Analyze.
+        A file that is no NIfTI although its name says so is refused; ITK would take it for Analyze.
         """
         if path.name.lower().endswith(NIFTI_SUFFIXES):
             return cls._from_nifti(path)
@@ -183,13 +152,7 @@ class Layout:
         return not self.rescaled and self.stored.str[1:] == dtype.str[1:]
 
     def chunks(self, nbytes: int) -> Iterator[bytes]:
-        """Yield the voxels' bytes, not many more than ``nbytes``; fewer if the file ends early.
-
-        Raises
-        ------
-        VolumeError
-            If a packed stream is damaged.
-        """
+        """Yield the voxels' bytes, not many more than ``nbytes``; fewer if the file ends early."""
         left = nbytes + _SURPLUS
         with _one_line_for(self.path), self.data.open("rb") as file:
             start = self.start
@@ -206,25 +169,10 @@ class Layout:
     def voxels(
         self, size: Sequence[int], dtype: np.dtype[Any]
     ) -> tuple[Stored | NDArray[Any], int]:
-        """Locate or unpack voxels (Z, Y, X) that are not ``rescaled``.
+        """Return voxels (Z, Y, X), not ``rescaled``, and the bytes of them that the file holds.
 
-        Parameters
-        ----------
-        size : (x, y, z)
-        dtype : dtype
-            In either byte order.
-
-        Returns
-        -------
-        voxels : Stored or (Z, Y, X) array
-            Incomplete if the file ends early.
-        held : int
-            Bytes of voxels in the file; of a packed one at most a few more than needed.
-
-        Raises
-        ------
-        VolumeError
-            If a packed stream is damaged.
+        The size is (x, y, z), ``dtype`` of either byte order. Incomplete if the file ends early;
+        of a packed one at most a few bytes more than needed are counted.
         """
         shape, code = tuple(size[::-1]), f"{self.order}{dtype.str[1:]}"
         nbytes = math.prod(shape) * dtype.itemsize
@@ -239,18 +187,9 @@ class Layout:
         return unpacked.view(code).reshape(shape), held
 
     def non_finite(self, size: Sequence[int], query: Query) -> list[_NonFinite]:
-        """Find NaN and infinities, which ITK's NIfTI reader sets to 0.
+        """Find NaN and infinities, which ITK's NIfTI reader sets to 0; the size is (x, y, z).
 
-        Parameters
-        ----------
-        size : (x, y, z)
-        query : Query
-            For messages.
-
-        Raises
-        ------
-        VolumeError
-            If a packed stream is damaged, or the file ends early; ITK would invent the rest.
+        Raises VolumeError if the file ends early; ITK would invent the rest.
         """
         assert self.stored is not None
         count, itemsize = math.prod(size), self.stored.itemsize
@@ -261,23 +200,10 @@ class Layout:
             rest = rest[numbers.nbytes :]
             mask = ~np.isfinite(numbers)
             if mask.any():
-                found.append(_NonFinite(at, mask, numbers[mask]))
+                found.append((slice(at, at + numbers.size), mask, numbers[mask]))
             at += numbers.size
         query.require_held(at * itemsize + len(rest), size, count * itemsize)
         return found
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _NonFinite:
-    """NaN and infinities within a run of voxels."""
-
-    start: int
-    mask: NDArray[np.bool_]
-    numbers: NDArray[Any]
-
-    def put_back(self, flat: NDArray[Any]) -> None:
-        """Restore them in the array of all voxels."""
-        flat[self.start : self.start + self.mask.size][self.mask] = self.numbers
 
 
 def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:
@@ -308,12 +234,7 @@ def _one_line_for(path: Path) -> Iterator[None]:
 
 
 def read_itk(query: Query) -> Reading:
-    """Read an image of three dimensions with one value a voxel.
-
-    Raises
-    ------
-    VolumeError
-    """
+    """Read an image of three dimensions with one value a voxel."""
     import SimpleITK as sitk
 
     path = query.path
@@ -339,8 +260,8 @@ def read_itk(query: Query) -> Reading:
                 values = sitk.GetArrayViewFromImage(image)
                 if non_finite:
                     values = values.copy()
-                for run in non_finite:
-                    run.put_back(values.reshape(-1))
+                for run, mask, numbers in non_finite:
+                    values.reshape(-1)[run][mask] = numbers
     except RuntimeError as error:
         raise VolumeError(
             f"{path}: cannot be read ({itk_message(error, output)}); is the file complete and of "

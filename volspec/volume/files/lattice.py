@@ -9,7 +9,6 @@ affine map without resampling.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
@@ -49,71 +48,36 @@ def affine(columns: ArrayLike, origin: ArrayLike) -> NDArray[np.float64]:
     return world
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SlicePositions:
-    """Positions of slices of one orientation.
+def group_slices(at_mm: NDArray[np.float64], normal: NDArray[np.float64]) -> list[list[int]]:
+    """Group slices of one orientation by position, in order along their normal: lists of indices.
 
-    Parameters
-    ----------
-    at_mm : (N, 3) float64
-        Centre of each slice's first voxel.
-    normal : (3,) float64
-        Common normal; unit length.
+    ``at_mm`` (N, 3) is the centre of each slice's first voxel; slices of one position stay in
+    order.
+
+    >>> at = np.array([[0, 0, 2.5], [0, 0, 0], [0, 0, 2.5], [0, 0, 0]])
+    >>> group_slices(at, np.array([0, 0, 1.0]))
+    [[1, 3], [0, 2]]
     """
-
-    at_mm: NDArray[np.float64]
-    normal: NDArray[np.float64]
-
-    @property
-    def along_mm(self) -> NDArray[np.float64]:
-        """(N,) distances along the normal."""
-        return self.at_mm @ self.normal
-
-    def grouped(self) -> list[list[int]]:
-        """Group slices by position, in order along the normal: lists of indices.
-
-        Slices of one position stay in order.
-
-        >>> at = np.array([[0, 0, 2.5], [0, 0, 0], [0, 0, 2.5], [0, 0, 0]])
-        >>> SlicePositions(at, np.array([0, 0, 1.0])).grouped()
-        [[1, 3], [0, 2]]
-        """
-        along = self.along_mm
-        order = np.argsort(along, kind="stable")
-        apart = np.diff(along[order], prepend=along[order[0]])
-        least = _SAME_PLACE * float(np.ptp(along)) / max(len(order) - 1, 1)
-        groups: list[list[int]] = []
-        for index, gap in zip(order.tolist(), apart, strict=True):
-            if groups and gap <= least:
-                groups[-1].append(index)
-            else:
-                groups.append([index])
-        return [sorted(group) for group in groups]
+    along = at_mm @ normal
+    order = np.argsort(along, kind="stable")
+    apart = np.diff(along[order], prepend=along[order[0]])
+    least = _SAME_PLACE * float(np.ptp(along)) / max(len(order) - 1, 1)
+    groups: list[list[int]] = []
+    for index, gap in zip(order.tolist(), apart, strict=True):
+        if groups and gap <= least:
+            groups[-1].append(index)
+        else:
+            groups.append([index])
+    return [sorted(group) for group in groups]
 
 
 def slice_step_mm(
     at_mm: NDArray[np.float64], names: list[str], query: Query
 ) -> NDArray[np.float64]:
-    """Return the vector from each slice to the next.
+    """Return the (3,) step of an even lattice through the first and the last of (N, 3) positions.
 
-    Parameters
-    ----------
-    at_mm : (N, 3) float64
-        Positions in the order of the slices.
-    names : list of str
-        Names of the files, for messages.
-    query : Query
-        Its spacing, if given, treats uneven slices as even.
-
-    Returns
-    -------
-    (3,) float64
-        Step of an even lattice through the first slice and the last.
-
-    Raises
-    ------
-    VolumeError
-        If slices are missing, or belong to another stack.
+    Raises VolumeError if slices are missing or belong to another stack, unless the query has a
+    spacing.
     """
     step: NDArray[np.float64] = (at_mm[-1] - at_mm[0]) / (len(at_mm) - 1)
     if query.spacing_mm is not None:
@@ -143,21 +107,8 @@ def unevenness(at_mm: NDArray[np.float64]) -> str:
 
 
 def stack_slices(items: Sequence[Item], read: Callable[[Item], NDArray[Any]]) -> NDArray[Any]:
-    """Read slices one after the other into one array of a type that holds them all.
+    """Read slices (Y, X) of one shape into one array (Z, Y, X) of a type that holds them all.
 
-    Parameters
-    ----------
-    items : sequence
-        Sources of the slices.
-    read : callable
-        Returns a slice, (Y, X), for a source; all must have one shape.
-
-    Returns
-    -------
-    (Z, Y, X) array
-
-    Examples
-    --------
     >>> stack_slices([1, -1], lambda n: np.full((2, 2), n, np.int16 if n < 0 else np.uint8)).dtype
     dtype('int16')
     """

@@ -32,17 +32,10 @@ _DAMAGE = (KeyError, TypeError, ValueError, IndexError, OSError, RuntimeError, A
 
 @dataclass(frozen=True, slots=True)
 class Level:
-    """One resolution of a picture.
+    """One resolution of a picture."""
 
-    Parameters
-    ----------
-    array : zarr.Array
-    scale, shift : tuple of float
-        One number per axis of the array, in the axes' units.
-    """
-
-    array: Any
-    scale: tuple[float, ...]
+    array: Any  # zarr.Array
+    scale: tuple[float, ...]  # for each axis of the array, in the axes' units
     shift: tuple[float, ...]
 
 
@@ -52,15 +45,7 @@ def is_zarr(folder: Path) -> bool:
 
 
 def read_ome_zarr(query: Query) -> Reading:
-    """Read a level of a picture, with the channel and time that the query selects.
-
-    Raises
-    ------
-    VolumeError
-        If it is no picture, or a chunk is damaged.
-    DeviceError
-        If zarr is not installed.
-    """
+    """Read a level of a picture, with the channel and time that the query selects."""
     path = query.path
     query.allow("level", "channel", "time", "spacing")
     try:

@@ -65,12 +65,9 @@ class _LogRecorder(logging.Handler):
 
 @contextmanager
 def picture_errors(path: Path) -> Iterator[None]:
-    """Turn exceptions and logged errors of picture readers into one line.
+    """Turn exceptions and logged errors of picture readers into one VolumeError.
 
-    Raises
-    ------
-    VolumeError
-        If the body raises, or tifffile logs an error: it goes on with what it could read.
+    tifffile logs an error and goes on with what it could read.
     """
     log, handler = logging.getLogger("tifffile"), _LogRecorder(logging.ERROR)
     messages = handler.messages
@@ -142,16 +139,8 @@ def _pillow_can(page: Any) -> bool:
 def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
     """Read the pixels of a PNG file, as indices if it has a palette.
 
-    Parameters
-    ----------
-    path : Path
-    reserve : callable
-        Called with the picture's shape and the bytes of a value before it is decoded.
-
-    Raises
-    ------
-    VolumeError
-        If it holds colours of 16 bits, which Pillow narrows to 8.
+    ``reserve`` is called before decoding. Colours of 16 bits, which Pillow narrows to 8, are
+    refused.
     """
     from PIL import Image
 
@@ -171,16 +160,7 @@ def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
 def resolve_spacing(
     stated: tuple[float | None, ...], query: Query, remarks: list[str]
 ) -> tuple[float, float, float]:
-    """Return the query's spacing, else the stated one completed by guesses.
-
-    Parameters
-    ----------
-    stated : (x, y, z)
-        Millimetres; None if not stated.
-    query : Query
-    remarks : list of str
-        A remark is appended for a guess.
-    """
+    """Return the query's spacing, else the stated one (None: unknown), completed with remarks."""
     x, y, z = stated
     if query.spacing_mm is not None:
         return query.spacing_mm

@@ -24,18 +24,8 @@ from volspec.errors import VolumeError, one_line, quoted
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """Path of a volume and the options given with it.
+    """Path of a volume and the options given with it, as text.
 
-    Parameters
-    ----------
-    path : Path
-    options : {str: str}
-        Texts by key, not yet checked.
-    declare : callable
-        Called by `reserve` with the bytes a reader is about to allocate.
-
-    Examples
-    --------
     >>> query = Query.of("stack.tif?spacing=0.5,0.5,2&channel=1")
     >>> query.path.name, query.spacing_mm, query.index("channel", 3, "channels")
     ('stack.tif', (0.5, 0.5, 2.0), 1)
@@ -43,17 +33,12 @@ class Query:
 
     path: Path
     options: dict[str, str] = field(default_factory=dict)
+    # Called by `reserve` with the bytes a reader is about to allocate.
     declare: Callable[[int], None] = field(default=lambda nbytes: None, compare=False)
 
     @classmethod
     def of(cls, text: str) -> Query:
-        """Split a name at its question mark; the name of an existing file has no options.
-
-        Raises
-        ------
-        VolumeError
-            If there is no path, or an option is given twice.
-        """
+        """Split a name at its question mark; the name of an existing file has no options."""
         path, _, query = text.partition("?")
         try:
             if query and Path(text).exists():
@@ -80,12 +65,7 @@ class Query:
         return self.path.name or str(self.path)
 
     def allow(self, *known: str) -> None:
-        """Refuse options other than these.
-
-        Raises
-        ------
-        VolumeError
-        """
+        """Refuse options other than these."""
         if unknown := sorted(set(self.options) - set(known)):
             raise VolumeError(
                 f"{self.path}: unknown option {unknown[0]!r}; known are {', '.join(known)}",
@@ -94,13 +74,7 @@ class Query:
 
     @property
     def spacing_mm(self) -> tuple[float, float, float] | None:
-        """``spacing=x,y,z`` in millimetres; None if left out.
-
-        Raises
-        ------
-        VolumeError
-            If it is not three numbers; the volume checks that they are positive.
-        """
+        """``spacing=x,y,z`` in millimetres, positive if the volume accepts it; None if left out."""
         given = self.options.get("spacing")
         if given is None:
             return None
@@ -118,18 +92,7 @@ class Query:
     def index(self, key: str, count: int, what: str) -> int:
         """Return the index of one of several, from ``channel=N``, ``time=N``, counted from 0.
 
-        Parameters
-        ----------
-        key : str
-        count : int
-            Length of the axis; at 1 the option may be left out.
-        what : str
-            Noun for messages, in the plural.
-
-        Raises
-        ------
-        VolumeError
-            If it is left out, or not one of them.
+        If there is one, the option may be left out. ``what`` is the plural noun for messages.
         """
         given = self.options.get(key)
         if given is None and count == 1:
@@ -153,16 +116,7 @@ class Query:
     def reserve(self, shape: Sequence[int], itemsize: int) -> None:
         """Refuse voxels that do not fit into memory, before allocating them.
 
-        Parameters
-        ----------
-        shape : sequence of int
-            Voxel counts that a header declares, and components, in any order.
-        itemsize : int
-            Bytes of a value.
-
-        Raises
-        ------
-        VolumeError
+        The shape is a header's, and components, in any order; ``itemsize`` the bytes of a value.
         """
         nbytes = math.prod(shape) * itemsize
         counts = "x".join(map(str, shape))
@@ -181,12 +135,7 @@ class Query:
         self.declare(nbytes)
 
     def require_held(self, held: int, shape: Sequence[int], nbytes: int) -> None:
-        """Refuse a file that holds fewer bytes of voxels than its header asks for.
-
-        Raises
-        ------
-        VolumeError
-        """
+        """Refuse a file that holds fewer bytes of voxels than its header asks for."""
         if held < nbytes:
             raise VolumeError(
                 f"{self.path}: holds {held} bytes of voxels, its header asks for {nbytes} "
@@ -206,32 +155,17 @@ class Query:
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """Voxels stored uncompressed as a run of bytes in a file.
-
-    Parameters
-    ----------
-    path : str
-    shape : (Z, Y, X)
-    dtype : str
-        NumPy's code, byte order included.
-    offset : int
-        First byte.
-    """
+    """Voxels stored uncompressed as a run of bytes in a file."""
 
     path: str
-    shape: tuple[int, ...]
-    dtype: str
+    shape: tuple[int, ...]  # (Z, Y, X)
+    dtype: str  # NumPy's code, byte order included
     offset: int = 0
 
     def read(self) -> NDArray[Any]:
         """Read the voxels. They are not mapped, since the file may change while they are in use.
 
         They begin at a page of memory, so that Intel's OpenCL uses them without a copy.
-
-        Raises
-        ------
-        VolumeError
-            If the file has become shorter, or cannot be read.
         """
         memory = mmap.mmap(-1, math.prod(self.shape) * np.dtype(self.dtype).itemsize)
         try:
@@ -253,22 +187,10 @@ class Stored:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Voxels as a file stores them, and their lattice.
+    """Voxels as a file stores them, and their lattice; `Volume` converts or refuses them."""
 
-    Parameters
-    ----------
-    values : (Z, Y, X) array or Stored
-        Any type and number of axes; `Volume` converts or refuses them.
-    spacing_mm : (x, y, z), optional
-    world_from_index : (4, 4), optional
-    remarks : sequence of str
-        Warnings for the caller of `load_volume`: guesses, omissions and doubts.
-    owner : object
-        Owner of the memory of ``values``, if they do not own it themselves.
-    """
-
-    values: NDArray[Any] | Stored
+    values: NDArray[Any] | Stored  # (Z, Y, X), of any type and number of axes
     spacing_mm: tuple[float, float, float] | None = None
     world_from_index: NDArray[np.float64] | None = None
-    remarks: Sequence[str] = ()
-    owner: Any = None
+    remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`
+    owner: Any = None  # of the memory of the values, if they do not own it themselves

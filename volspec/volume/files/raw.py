@@ -20,12 +20,7 @@ _EXAMPLE = "shape=256x256x110&dtype=uint8&spacing=1,1,1"
 
 
 def read_npy(query: Query) -> Reading:
-    """Read a file of ``numpy.save``.
-
-    Raises
-    ------
-    VolumeError
-    """
+    """Read a file of ``numpy.save``."""
     path = query.path
     with path.open("rb") as file:
         try:
@@ -54,13 +49,7 @@ def read_npy(query: Query) -> Reading:
 
 
 def read_raw(query: Query) -> Reading:
-    """Read bytes in the layout that the query gives.
-
-    Raises
-    ------
-    VolumeError
-        If the layout is incomplete, or the file shorter.
-    """
+    """Read bytes in the layout that the query gives."""
     path, options = query.path, query.options
     query.allow("shape", "dtype", "spacing", "offset", "order")
     if missing := [key for key in ("shape", "dtype") if key not in options]:

@@ -37,13 +37,7 @@ _SAMPLES = "S"
 
 
 def read_tiff(query: Query) -> Reading:
-    """Read a TIFF file's stack, with the channel and time that the query selects.
-
-    Raises
-    ------
-    VolumeError
-        If it holds a single picture, pictures of several sizes, or more than a stack.
-    """
+    """Read a TIFF file's stack, with the channel and time that the query selects."""
     from tifffile import TiffFile
 
     path = query.path
@@ -168,14 +162,7 @@ def _natural_key(name: str) -> list[tuple[int, str]]:
 
 
 def read_stack(query: Query) -> Reading:
-    """Read a folder of pictures.
-
-    Raises
-    ------
-    VolumeError
-        If one is damaged, or of another size than the first, or all are in colour and no
-        channel is chosen.
-    """
+    """Read a folder of pictures of one size, or one channel of them."""
     query.allow("spacing", "channel")
     files = pictures_in(query.path)
     if len(files) == 1:

@@ -46,13 +46,7 @@ _CHUNK = 1 << 20
 
 
 def read_vtk(query: Query) -> Reading:
-    """Read ``.vti`` or ``.vtk`` image data.
-
-    Raises
-    ------
-    VolumeError
-        If VTK reports an error, the file ends early or holds something other than image data.
-    """
+    """Read ``.vti`` or ``.vtk`` image data."""
     import pyvista
     from pyvista.core.utilities.observers import VtkErrorCatcher
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
@@ -85,12 +79,7 @@ def read_vtk(query: Query) -> Reading:
 
 
 def check_vtk(query: Query) -> None:
-    """Refuse a file with arrays longer than the file, or than memory.
-
-    Raises
-    ------
-    VolumeError
-    """
+    """Refuse a file with arrays longer than the file, or than memory."""
     if query.path.suffix.lower() == ".vti":
         _XmlHeader(query.path).check(query)
     else:
@@ -162,13 +151,7 @@ class _AppendedData(Exception):
 
 
 class _XmlHeader:
-    """Elements of a ``.vti`` file, up to its appended data.
-
-    Raises
-    ------
-    VolumeError
-        If it is no XML, or not of VTK's image data.
-    """
+    """Elements of a ``.vti`` file, up to its appended data."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -247,12 +230,7 @@ class _XmlHeader:
         array.text = (array.text + text)[:64] if len(array.text) < 64 else array.text
 
     def check(self, query: Query) -> None:
-        """Refuse arrays longer than their bytes in the file, or than memory.
-
-        Raises
-        ------
-        VolumeError
-        """
+        """Refuse arrays longer than their bytes in the file, or than memory."""
         if not self.arrays:
             return
         if self._covered != self._whole:
