@@ -110,3 +110,20 @@ def context() -> Iterator[Any]:
         pytest.skip(str(error))
     yield made
     made.release()
+
+
+@pytest.fixture(scope="session")
+def needs_gl() -> None:
+    """Skip where there is no OpenGL."""
+    try:
+        headless_context().release()
+    except OpenGLError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(params=["gl", "numpy"])
+def backend(request: pytest.FixtureRequest) -> str:
+    """Each way to relight."""
+    if request.param == "gl":
+        request.getfixturevalue("needs_gl")
+    return str(request.param)

@@ -1,7 +1,4 @@
-"""Known answers at the limits: constant volumes, clear matter, far lights.
-
-Marked ones fail still; each mark names the fault and goes with it.
-"""
+"""Known answers at the limits: constant volumes, clear matter, far lights."""
 
 from __future__ import annotations
 
@@ -13,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.raycasts import WHOLE, along_z, chords_mm, cube, fog, labelled, turned
 from volspec.errors import CameraError, RaycastError
 from volspec.raycast import (
     Camera,
@@ -25,6 +23,7 @@ from volspec.raycast import (
 )
 from volspec.raycast.bands import Result
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.lights import Source
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 
@@ -36,25 +35,13 @@ def by_kernel(volume: Volume, *given: Any) -> Result:
 
 
 BOTH = pytest.mark.parametrize("cast", [by_kernel, reference.cast])
-FLAT = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1)
-
-
-def fog(opacity: float, filters: np.ndarray | None = None) -> TransferTable:
-    shares = np.full((8, 1) if filters is None else filters.shape, 0.8)
-    return TransferTable((0.0, 2.0), np.full(8, opacity), shares, 1.0, filters=filters)
-
-
-def through(volume: Volume) -> Camera:
-    """Parallel rays along z, through the middle."""
-    x, y, z = (np.array(volume.shape_xyz) - 1) / 2
-    return Camera((x, y, z + 60), (x, y, z), up=(0, 1, 0), height_mm=4)
 
 
 def test_a_constant_volume_has_no_gradient_in_a_table_of_gradients() -> None:
-    volume = Volume(np.full((9, 9, 9), 1.0, np.float32))
+    volume = cube(9)
     rows = np.linspace(0.1, 0.9, 9)[:, None] * np.ones(2)
     table = TransferTable((0.0, 2.0), rows, np.ones((9, 2, 1)), 1.0, gradient_top=4.0)
-    alpha = Raycaster(volume).cast(table, through(volume), (5, 5), FLAT).alpha
+    alpha = Raycaster(volume).cast(table, along_z(volume), (5, 5), WHOLE).alpha
     assert np.abs(alpha - (1 - 0.9**8)).max() < 1e-5
 
 
@@ -64,13 +51,13 @@ def test_projections_know_no_shadows(mode: str) -> None:
     values = np.zeros((17, 17, 17), np.uint8)
     values[4:13, 4:13, 4:13] = 2
     volume = Volume(values)
-    pictures = []
-    for shadows in (False, True):
-        sun = LightGroup("sun", (Directional((0, 0, 1), shadows=shadows),))
-        spec = RaycastSpec(mode=mode, groups=(sun,))
-        camera = Camera.orbit(volume, elevation_deg=-30)
-        pictures.append(Raycaster(volume).cast(fog(0.9), camera, (24, 24), spec).coefficients)
-    assert np.array_equal(pictures[0], pictures[1])
+    specs = (
+        RaycastSpec(mode=mode, groups=LightGroup("sun", Directional((0, 0, 1), shadows=shadows)))
+        for shadows in (False, True)
+    )
+    camera, caster = Camera.orbit(volume, elevation_deg=-30), Raycaster(volume)
+    one, other = (caster.cast(fog(0.9), camera, (24, 24), spec).coefficients for spec in specs)
+    assert np.array_equal(one, other)
 
 
 @pytest.mark.parametrize("base", [100.0, 1000.0])
@@ -79,40 +66,35 @@ def test_values_beyond_the_table_take_its_end_preintegrated_too(base: float) -> 
     noise = 0.01 * np.random.default_rng(0).normal(size=(12, 12, 12))
     volume = Volume((base + noise).astype(np.float32))
     table = TransferTable((0.0, 1.0), np.full(1024, 0.1), np.ones((1024, 1)), 1.0)
-    spec = replace(FLAT, preintegrated=True)
-    alpha = Raycaster(volume).cast(table, through(volume), (24, 24), spec).alpha
+    spec = replace(WHOLE, preintegrated=True)
+    alpha = Raycaster(volume).cast(table, along_z(volume), (24, 24), spec).alpha
     assert np.abs(alpha - (1 - 0.9**11)).max() < 1e-4
 
 
 @pytest.mark.parametrize("length", [1e-200, 1e200])
 def test_a_plane_cuts_whatever_the_length_of_its_normal(length: float) -> None:
-    volume = Volume(np.ones((9, 9, 9), np.float32))
-    spec = replace(FLAT, clip_planes=(ClipPlane((4, 4, 4), (0, 0, length)),))
-    alpha = Raycaster(volume).cast(fog(0.1), through(volume), (5, 5), spec).alpha
+    volume = cube(9)
+    spec = replace(WHOLE, clip_planes=(ClipPlane((4, 4, 4), (0, 0, length)),))
+    alpha = Raycaster(volume).cast(fog(0.1), along_z(volume), (5, 5), spec).alpha
     assert np.abs(alpha - (1 - 0.9**4)).max() < 1e-5
+
+
+def lit_by(source: Source) -> np.ndarray:
+    """Coefficients of a ball in fog."""
+    volume, spec = phantom.ball(16), RaycastSpec(groups=LightGroup("lamp", source))
+    return Raycaster(volume).cast(fog(0.1), Camera.orbit(volume), (16, 16), spec).coefficients
 
 
 @pytest.mark.parametrize("length", [1e-200, 1e200])
 def test_a_light_shines_whatever_the_length_of_its_direction(length: float) -> None:
-    volume = phantom.ball(16)
-    pictures = []
-    for scale in (1.0, length):
-        sun = LightGroup("sun", (Directional((scale, -scale, 0)),))
-        spec = RaycastSpec(groups=(sun,))
-        cast = Raycaster(volume).cast(fog(0.1), Camera.orbit(volume), (16, 16), spec)
-        pictures.append(cast.coefficients)
-    assert np.abs(pictures[0] - pictures[1]).max() < 1e-6
+    one, other = (lit_by(Directional((scale, -scale, 0))) for scale in (1.0, length))
+    assert np.abs(one - other).max() < 1e-6
 
 
 def test_a_lamp_very_far_away_is_a_light_far_away() -> None:
     """At the greatest distance allowed; rays of 1e8 diagonals are parallel to 1e-8."""
-    volume = phantom.ball(16)
-    pictures = []
-    for source in (Directional((1, 0, 0)), Point((0.9e9 * 26, 0, 0), falloff_mm=0.9e9 * 26)):
-        spec = RaycastSpec(groups=(LightGroup("lamp", (source,)),))
-        cast = Raycaster(volume).cast(fog(0.1), Camera.orbit(volume), (16, 16), spec)
-        pictures.append(cast.coefficients)
-    assert np.abs(pictures[0] - pictures[1]).max() < 1e-5
+    lamp = Point((0.9e9 * 26, 0, 0), falloff_mm=0.9e9 * 26)
+    assert np.abs(lit_by(Directional((1, 0, 0))) - lit_by(lamp)).max() < 1e-5
 
 
 @BOTH
@@ -134,7 +116,7 @@ def test_farther_than_squares_are_numbers_is_refused_by_name(cast: Cast) -> None
         (replace(camera, height_mm=1e20), "height_mm"),
     ):
         with raises(CameraError, "range", f"camera: {field}"):
-            cast(volume, fog(0.1), far, (4, 4), FLAT)
+            cast(volume, fog(0.1), far, (4, 4), WHOLE)
 
 
 @BOTH
@@ -145,27 +127,29 @@ def test_filtered_fog_reflects_the_same_at_any_step(
     cast: Cast, opacity: float, filtered: float
 ) -> None:
     """A homogeneous body reflects its loss, s (1 − t^depth), and no more than all light."""
-    volume = Volume(np.ones((17, 17, 17), np.float32))
-    table = fog(opacity, filters=np.full((8, 4), filtered))
+    volume = cube(17)
+    table = fog(opacity, share=0.8, filters=np.full((8, 4), filtered))
     taken = 1 - (1 - opacity * (1 - filtered)) ** 16
     for step in (1.0, 0.7, 0.25):
-        coefficients, alpha, *_ = cast(
-            volume, table, through(volume), (5, 5), replace(FLAT, step_mm=step)
-        )
+        given = table, along_z(volume), (5, 5), replace(WHOLE, step_mm=step)
+        coefficients, alpha, *_ = cast(volume, *given)
         assert np.abs(alpha - taken).max() < 1e-5
         assert np.abs(coefficients - 0.8 * taken).max() < 1e-5
 
 
 @BOTH
-def test_every_channel_of_a_filtered_slab_takes_its_own_share(cast: Cast) -> None:
-    """T_k = t_k^depth, and channel k reflects its loss: highlights too."""
-    volume = Volume(np.ones((17, 17, 17), np.float32))
-    filters = np.tile([0.0, 0.3, 0.9, 1.0], (8, 1))
-    table = TransferTable((0.0, 2.0), np.full(8, 0.2), np.ones((8, 4)), 1.0, filters=filters)
-    taken = 1 - (1 - 0.2 * (1 - filters[0])) ** 16
-    coefficients, alpha, *_ = cast(volume, table, through(volume), (3, 3), FLAT)
-    assert np.abs(coefficients - taken).max() < 1e-5
-    assert np.abs(alpha - taken.mean()).max() < 1e-5
+@pytest.mark.parametrize("step_mm", [0.25, 0.6, 2.0])
+def test_every_channel_of_a_filtered_body_takes_what_beer_lambert_says(
+    cast: Cast, step_mm: float
+) -> None:
+    """T_k = (1 − opacity (1 − filter_k))^length, channel k reflects its loss, α is their mean."""
+    volume, filters = cube(17), np.tile([0.0, 0.3, 0.9, 1.0], (8, 1))
+    camera, size = turned(volume, 33, 12), (16, 16)
+    given = fog(0.2, filters=filters), camera, size, replace(WHOLE, step_mm=step_mm)
+    coefficients, alpha, *_ = cast(volume, *given)
+    lost = 1 - (1 - 0.2 * (1 - filters[0])) ** chords_mm(volume, camera, size)[..., None]
+    assert np.abs(coefficients - lost).max() < 1e-5
+    assert np.abs(alpha - lost.mean(axis=-1)).max() < 1e-5
 
 
 @BOTH
@@ -184,19 +168,18 @@ def test_grey_filters_are_flat_absorption(cast: Cast) -> None:
 @BOTH
 def test_labels_that_a_table_has_not_are_nothing(cast: Cast) -> None:
     """Below 0 as beyond its last; label 0 itself is seen."""
-    table = TransferTable((0.0, 2.0), np.full(3, 0.1), np.ones((3, 1)), 1.0, labels=True)
+    table = labelled([0.1] * 3, np.ones((3, 1)))
     for label, opacity in ((-1, 0.0), (-300, 0.0), (3, 0.0), (0, 1 - 0.9**8), (2, 1 - 0.9**8)):
         volume = Volume(np.full((9, 9, 9), label, np.int16))
-        alpha = cast(volume, table, through(volume), (5, 5), FLAT)[1]
+        alpha = cast(volume, table, along_z(volume), (5, 5), WHOLE)[1]
         assert np.abs(alpha - opacity).max() < 1e-5
 
 
 def test_the_reference_of_opaque_labels_is_a_picture() -> None:
     rng = np.random.default_rng(0)
     volume = Volume(rng.integers(1, 3, (7, 8, 9)).astype(np.uint8))
-    table = TransferTable((0.0, 2.0), np.array([0, 1.0, 1.0]), np.eye(3), 1.0, labels=True)
-    camera = Camera.orbit(volume, azimuth_deg=33, elevation_deg=21)
-    coefficients, alpha, *_ = reference.cast(volume, table, camera, (24, 24), FLAT)
+    given = labelled([0, 1, 1]), turned(volume, 33, 21), (24, 24), WHOLE
+    coefficients, alpha, *_ = reference.cast(volume, *given)
     assert np.isfinite(alpha).all() and np.isfinite(coefficients).all()
 
 
@@ -204,11 +187,10 @@ def test_long_steps_know_that_labels_beyond_the_table_are_nothing() -> None:
     """Plates of label 2 and of 9, which the table has not: the opacity varies in every brick."""
     values = np.full((24, 24, 24), 2, np.uint8)
     values[::3] = 9
-    volume = Volume(values)
-    table = TransferTable((0.0, 2.0), np.array([0, 0, 0.3]), np.eye(3), 1.0, labels=True)
+    volume, table = Volume(values), labelled([0, 0, 0.3])
     camera, caster = Camera.orbit(volume), Raycaster(volume)
     whole, long = (
-        caster.cast(table, camera, (24, 24), replace(FLAT, adaptive=a)).alpha for a in (0, 1e-6)
+        caster.cast(table, camera, (24, 24), replace(WHOLE, adaptive=a)).alpha for a in (0, 1e-6)
     )
     assert np.array_equal(whole, long)
 
@@ -223,7 +205,7 @@ def test_a_homogeneous_body_is_the_same_in_long_steps(preintegrated: bool) -> No
     volume, table = Volume(values.astype(np.float32)), fog(0.07)
     camera, caster = Camera.orbit(volume), Raycaster(volume)
     for jitter in (0, 1):
-        spec = replace(FLAT, preintegrated=preintegrated, jitter=jitter)
+        spec = replace(WHOLE, preintegrated=preintegrated, jitter=jitter)
         whole, long = (
             caster.cast(table, camera, (25, 25), replace(spec, adaptive=a)).alpha for a in (0, 0.01)
         )

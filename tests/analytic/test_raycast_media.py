@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
+from tests.support.raycasts import WHOLE, along_z, cube, fog, labelled, turned
 from volspec.raycast import (
     Ambient,
     Camera,
@@ -24,7 +25,6 @@ from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
 
 Array = np.ndarray
-FLAT = RaycastSpec(ambient=1, diffuse=0, alpha_stop=1)
 
 
 def lattice() -> Array:
@@ -42,6 +42,14 @@ def in_world(volume: Volume) -> Array:
     k, j, i = np.indices(volume.values.shape)
     world = volume.world_from_index
     return np.stack([i, j, k], axis=-1) @ world[:3, :3].T + world[:3, 3]
+
+
+def linear_field(shape: tuple[int, ...], slope: Array) -> tuple[Volume, float]:
+    """Values slope · x on an oblique lattice, from 0, and what was taken off."""
+    empty = Volume(np.zeros(shape, np.float32), world_from_index=lattice())
+    field = in_world(empty) @ slope
+    low = field.min()
+    return Volume((field - low).astype(np.float32), world_from_index=lattice()), float(low)
 
 
 def chord(origin: Array, way: Array, sides: list[tuple[Array, float]]) -> tuple[Array, Array]:
@@ -79,9 +87,8 @@ def test_a_cut_oblique_body_matches_beer_lambert_in_opacity_and_depth() -> None:
         ClipPlane(tuple(centre - [0, 0, 4]), (0, -0.2, 1)),
     )
     crop = ((3.25, 22.0), (-3.0, 17.5), (2.0, 18.75))
-    spec = replace(FLAT, jitter=1, seed=5, crop_voxels=crop, clip_planes=planes)
-    table = TransferTable((0.0, 2.0), np.full(8, 0.2), np.full((8, 1), 0.5), 1.7)
-    camera = Camera.orbit(volume, azimuth_deg=33, elevation_deg=12)
+    spec = replace(WHOLE, jitter=1, seed=5, crop_voxels=crop, clip_planes=planes)
+    table, camera = fog(0.2, share=0.5, reference_step_mm=1.7), turned(volume, 33, 12)
     coefficients, alpha, depth, _ = Raycaster(volume).cast(table, camera, (40, 40), spec)
 
     origin, way = world_rays(camera, 40, 40)
@@ -105,11 +112,10 @@ def test_the_first_hit_in_fog_is_where_its_opacity_says(threshold: float) -> Non
 
     Step k holds the place, or its end lies on it: |middle − place| <= Δ / 2 = 0.25, and rounding.
     """
-    volume = Volume(np.ones((17, 17, 17), np.float32))
-    table = TransferTable((0.0, 2.0), np.full(8, 0.1), np.ones((8, 1)), 1.0)
+    volume = cube(17)
     camera = Camera((8, 8, 60.3), (8, 8, 8), up=(0, 1, 0), height_mm=16)
-    spec = replace(FLAT, first_opacity=threshold)
-    first = Raycaster(volume).cast(table, camera, (9, 9), spec).first_mm
+    spec = replace(WHOLE, first_opacity=threshold)
+    first = Raycaster(volume).cast(fog(0.1), camera, (9, 9), spec).first_mm
     place = 60.3 - 16 - np.log(1 - threshold) / -np.log(0.9)
     assert np.abs(first - place).max() < 0.25 + 1e-4
 
@@ -125,9 +131,9 @@ def test_preintegrated_opacity_of_a_ramp_is_an_integral_over_values(step_mm: flo
     at = np.linspace(0, 32, 4097)
     opacity = np.interp(at, [12, 12.25, 12.5, 20, 25, 26], [0, 0.9, 0, 0, 0.2, 0])
     table = TransferTable((0.0, 32.0), opacity, np.full((4097, 1), 0.4), 1.0)
-    camera = Camera((4, 4, 70), (4, 4, 16), up=(0, 1, 0), height_mm=6)
-    spec = replace(FLAT, preintegrated=True, step_mm=step_mm)
-    coefficients, alpha, *_ = Raycaster(volume).cast(table, camera, (5, 5), spec)
+    spec = replace(WHOLE, preintegrated=True, step_mm=step_mm)
+    given = table, along_z(volume, height_mm=6), (5, 5), spec
+    coefficients, alpha, *_ = Raycaster(volume).cast(*given)
     expected = 1 - np.exp(-np.trapezoid(-np.log(1 - opacity), at))
     assert expected > 0.4
     assert np.abs(alpha - expected).max() < 1e-5
@@ -141,16 +147,13 @@ def test_projections_of_a_linear_field_are_known(mode: Literal["average", "maxim
     The last sample lies up to half a step before the end: slope · Δ / 2 of value. Table and
     shares are the value itself, 0…1; float32 leaves 1e-5.
     """
-    volume = Volume(np.zeros((20, 25, 30), np.float32), world_from_index=lattice())
     slope = np.array([0.011, -0.007, 0.014])
-    low = (in_world(volume) @ slope).min()
-    field = (in_world(volume) @ slope - low).astype(np.float32)
-    volume = Volume(field, world_from_index=lattice())
+    volume, low = linear_field((20, 25, 30), slope)
     assert volume.range[1] < 1
     ramp = np.linspace(0, 1, 256)
     table = TransferTable((0.0, 1.0), np.ones(256), ramp[:, None], 1.0)
-    camera = Camera.orbit(volume, azimuth_deg=-25, elevation_deg=40)
-    spec = replace(FLAT, mode=mode)
+    camera = turned(volume, -25, 40)
+    spec = replace(WHOLE, mode=mode)
     coefficients, alpha, *_ = Raycaster(volume).cast(table, camera, (32, 32), spec)
     origin, way = world_rays(camera, 32, 32)
     near, far = chord(origin, way, box(volume, np.zeros(3), np.array(volume.shape_xyz) - 1.0))
@@ -172,16 +175,13 @@ def test_a_table_of_gradients_reads_the_gradient_of_the_world() -> None:
 
     One voxel within the faces, where central differences have both neighbours.
     """
-    volume = Volume(np.zeros((16, 18, 20), np.float32), world_from_index=lattice())
-    slope = np.array([2.0, -1.0, 2.0])  # 3 per mm
-    field = (in_world(volume) @ slope).astype(np.float32)
-    volume = Volume(field, world_from_index=lattice())
+    volume, _ = linear_field((16, 18, 20), np.array([2.0, -1.0, 2.0]))  # 3 per mm
     rows = np.linspace(0, 0.4, 9)[:, None] * np.ones(16)
     table = TransferTable(volume.range, rows, np.full((9, 16, 1), 0.5), 1.0, gradient_top=8.0)
     last = np.array(volume.shape_xyz) - 2.0
     x, y, z = (float(n) for n in last)
-    spec = replace(FLAT, crop_voxels=((1.0, x), (1.0, y), (1.0, z)))
-    camera = Camera.orbit(volume, azimuth_deg=70, elevation_deg=-20)
+    spec = replace(WHOLE, crop_voxels=((1.0, x), (1.0, y), (1.0, z)))
+    camera = turned(volume, 70, -20)
     alpha = Raycaster(volume).cast(table, camera, (32, 32), spec).alpha
     origin, way = world_rays(camera, 32, 32)
     near, far = chord(origin, way, box(volume, np.ones(3), last))
@@ -205,7 +205,7 @@ def test_nested_shells_cover_each_other_in_the_order_of_the_ray() -> None:
     a, b = 0.3, 0.6
     table = SurfaceTable(np.array([8.0, 14.0]), np.array([b, a]), np.eye(2))
     camera = Camera(tuple(centre + [0, -90, 20]), tuple(centre), height_mm=8)
-    coefficients, alpha, *_ = Raycaster(volume).cast(table, camera, (9, 9), FLAT)
+    coefficients, alpha, *_ = Raycaster(volume).cast(table, camera, (9, 9), WHOLE)
     outer = a + (1 - a) * (1 - b) ** 2 * a
     inner = (1 - a) * b + (1 - a) * (1 - b) * b
     assert np.abs(alpha - (1 - ((1 - a) * (1 - b)) ** 2)).max() < 1e-6
@@ -272,10 +272,9 @@ def test_the_colour_of_labels_changes_half_way_and_is_never_mixed() -> None:
     """
     values = np.full((9, 9, 16), 1, np.uint8)
     values[..., 8:] = 3
-    opacity = np.array([0, 0.2, 1, 0.2])
-    table = TransferTable((0.0, 3.0), opacity, np.eye(4)[:, 1:], 1.0, labels=True)
+    table = labelled([0, 0.2, 1, 0.2], np.eye(4)[:, 1:])
     camera = Camera((7.5, 4, 40), (7.5, 4, 4), up=(0, 1, 0), height_mm=4)
-    coefficients, alpha, *_ = Raycaster(Volume(values)).cast(table, camera, (12, 12), FLAT)
+    coefficients, alpha, *_ = Raycaster(Volume(values)).cast(table, camera, (12, 12), WHOLE)
     # The pixels' middles, at ±1/6, ±1/2 … of the border: none on it.
     expected = 1 - 0.8**8
     assert np.abs(alpha - expected).max() < 1e-5
@@ -287,24 +286,8 @@ def test_the_border_of_a_label_is_as_smooth_as_its_opacity() -> None:
     """Across a cell from nothing to a label opacity is linear: a ray next to it sees it all."""
     values = np.zeros((9, 9, 16), np.uint8)
     values[..., 8:] = 2
-    table = TransferTable((0.0, 2.0), np.array([0, 0, 0.5]), np.eye(3), 1.0, labels=True)
     camera = Camera((7.5, 4, 40), (7.5, 4, 4), up=(0, 1, 0), height_mm=1)
-    spec = replace(FLAT, step_mm=1.0)
-    alpha = Raycaster(Volume(values)).cast(table, camera, (10, 10), spec).alpha
+    given = labelled([0, 0, 0.5]), camera, (10, 10), replace(WHOLE, step_mm=1.0)
+    alpha = Raycaster(Volume(values)).cast(*given).alpha
     share = (np.arange(10) + 0.5) / 10
     assert np.abs(alpha - (1 - (1 - 0.5 * share) ** 8)).max() < 1e-5
-
-
-@pytest.mark.parametrize("step_mm", [0.25, 0.6, 2.0])
-def test_filters_let_through_what_beer_lambert_says(step_mm: float) -> None:
-    """α = 1 − mean over the channels of (1 − opacity (1 − filter))^length, at any step."""
-    volume = Volume(np.ones((17, 17, 17), np.float32))
-    filters = np.tile([0.0, 0.3, 0.9, 1.0], (8, 1))
-    table = TransferTable((0.0, 2.0), np.full(8, 0.2), np.full((8, 4), 0.5), 1.0, filters=filters)
-    camera = Camera.orbit(volume, azimuth_deg=33, elevation_deg=12)
-    spec = replace(FLAT, step_mm=step_mm)
-    alpha = Raycaster(volume).cast(table, camera, (24, 24), spec).alpha
-    origin, way = world_rays(camera, 24, 24)
-    near, far = chord(origin, way, box(volume, np.zeros(3), np.full(3, 16.0)))
-    passed = (1 - 0.2 * (1 - filters[0])) ** (far - near)[:, None]
-    assert np.abs(alpha.ravel() - (1 - passed.mean(axis=1))).max() < 1e-5

@@ -154,13 +154,13 @@ def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
     volume = Volume(np.clip(70 + 0.1 * x - z, 0, 1) * 200)
     table = TransferTable((100.0, 200.0), np.array([0, 1.0]), np.ones((2, 1)), 1.0)
     view = Camera.orbit(volume, azimuth_deg=20, elevation_deg=60, zoom=5)
-    spec = RaycastSpec(
-        ambient=1, diffuse=1, light_cells=cells, groups=(LightGroup("k", (source,)),)
-    )
     bare = replace(source, **{"occlusion" if isinstance(source, Ambient) else "shadows": False})
-    open_spec = replace(spec, groups=(LightGroup("k", (bare,)),))
+    settings = {"ambient": 1, "diffuse": 1, "light_cells": cells}
     caster = Raycaster(volume)
-    lit, free = (caster.cast(table, view, (48, 48), s).coefficients for s in (spec, open_spec))
+    lit, free = (
+        caster.cast(table, view, (48, 48), RaycastSpec(groups=LightGroup("k", s), **settings))[0]
+        for s in (source, bare)
+    )
     slanting = isinstance(source, Directional) and source.towards[0] > 0
     assert (lit / free).min() > (0.85 if slanting else 0.96)
 
@@ -170,21 +170,15 @@ def test_an_isosurface_does_not_shadow_itself(opaque: bool) -> None:
     """A ball lit from the camera's side is as bright with shadows as without."""
     volume = phantom.ball(64)
     table = SurfaceTable(np.array([0.5]), np.array([1.0 if opaque else 0.6]), np.ones((1, 1)))
-    camera = Camera.orbit(volume, zoom=3)
-    spec = RaycastSpec(ambient=0, diffuse=1)
-    shaded, free = (
-        Raycaster(volume).cast(
-            *(table, camera, (48, 48)),
-            replace(
-                spec,
-                groups=(LightGroup("k", (Directional((0, 0, 1), "camera", shadows=shadows),)),),
-            ),
-        )
-        for shadows in (True, False)
-    )
-    middle = (slice(18, 30), slice(18, 30))
+    camera, caster = Camera.orbit(volume, zoom=3), Raycaster(volume)
+
+    def middle(shadows: bool) -> np.ndarray:
+        lamp = LightGroup("k", Directional((0, 0, 1), "camera", shadows=shadows))
+        spec = RaycastSpec(ambient=0, diffuse=1, groups=lamp)
+        return caster.cast(table, camera, (48, 48), spec).coefficients[18:30, 18:30]
+
     least = 0.97 if opaque else 0.6  # the far side of a glass ball lies in its shadow
-    assert (shaded.coefficients[middle] / free.coefficients[middle]).min() > least
+    assert (middle(True) / middle(False)).min() > least
 
 
 def test_cut_away_voxels_cast_no_shadow() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,11 +29,6 @@ from volspec.spectra.datasets import colour_science
 
 LIGHTS = [light(n) for n in ("D65", "A", "FL2")]
 REFLECTANCES = [reflectance(f"ColorChecker/{n}") for n in ("red", "green", "blue", "yellow")]
-
-
-@pytest.fixture(scope="module")
-def general() -> SpectralBasis:
-    return SpectralBasis.load("general-7")
 
 
 @pytest.fixture(scope="module")
@@ -129,14 +125,10 @@ def test_file_round_trip_keeps_every_bit(general: SpectralBasis, tmp_path: Path)
     back = SpectralBasis.load(tmp_path / "b.json")
     assert back.fingerprint == general.fingerprint
     assert np.array_equal(back.synthesis, general.synthesis)
-    assert (back.name, back.trained_on, back.grid) == (
-        general.name,
-        general.trained_on,
-        general.grid,
-    )
-    assert SpectralBasis.from_dict(json.loads(json.dumps(back.to_dict()))).to_dict() == (
-        general.to_dict()
-    )
+    for name in ("name", "trained_on", "grid"):
+        assert getattr(back, name) == getattr(general, name)
+    again = SpectralBasis.from_dict(json.loads(json.dumps(back.to_dict())))
+    assert again.to_dict() == general.to_dict()
 
 
 def test_fingerprint_changes_with_the_numbers(general: SpectralBasis) -> None:
@@ -163,11 +155,7 @@ def test_damaged_bases_name_the_field(
 ) -> None:
     with raises(BasisError, code):
         SpectralBasis.from_dict(general.to_dict() | change)
-
-
-def test_a_missing_field_is_named(general: SpectralBasis) -> None:
-    data = general.to_dict()
-    del data["synthesis"]
+    del (data := general.to_dict())["synthesis"]
     with raises(BasisError, "missing"):
         SpectralBasis.from_dict(data)
 
@@ -194,18 +182,16 @@ def test_rounding_below_zero_is_taken_as_no_power(general: SpectralBasis) -> Non
 
 
 def test_matrices_are_read_only(general: SpectralBasis) -> None:
-    with pytest.raises(ValueError, match="read-only"):
-        general.analysis[0, 0] = 1
+    assert not general.analysis.flags.writeable
 
 
 def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis) -> None:
     with raises(BasisError, "shape"):
         general.xyz(np.ones(5), LIGHTS[0])
-    dark = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
     minus = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - 1.01 * np.eye(31)[3], "minus")
     for matrix in (general.display_matrix, general.light_matrix, white_XYZ):
         with raises(SpectrumError, "conflict"):
-            matrix(dark)
+            matrix(DARK)
         with raises(SpectrumError, "range"):
             matrix(minus)
     with raises(SpectrumError, "shape"):
@@ -214,18 +200,23 @@ def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis
         general.analyse(np.ones(30))
 
 
-def test_fits_refuse_dark_lights_and_empty_lists() -> None:
-    dark = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
-    with raises(BasisError, "conflict"):
-        SpectralBasis.fit([LIGHTS[0], dark], REFLECTANCES)
-    with raises(BasisError, "missing"):
-        SpectralBasis.fit([], REFLECTANCES)
-    with raises(BasisError, "impossible"):
-        SpectralBasis.fit(LIGHTS, np.zeros((2, 31)))
-    short = Spectrum(np.array([450.0, 600.0]), np.ones(2), "short")
-    with raises(BasisError, "range", "reflectances: 'short'"):
-        SpectralBasis.fit(LIGHTS, [short])
-    with raises(BasisError, "range", "lights: 'short'"):
-        SpectralBasis.fit([short], REFLECTANCES)
-    with raises(BasisError, "shape", "reflectances"):
-        SpectralBasis.fit(LIGHTS, np.ones((2, 30)))
+DARK = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
+SHORT = Spectrum(np.array([450.0, 600.0]), np.ones(2), "short")
+
+
+@pytest.mark.parametrize(
+    ("lights", "reflectances", "fault"),
+    [
+        ([LIGHTS[0], DARK], REFLECTANCES, "conflict"),
+        ([], REFLECTANCES, "missing"),
+        (LIGHTS, np.zeros((2, 31)), "impossible"),
+        (LIGHTS, [SHORT], "range reflectances: 'short'"),
+        ([SHORT], REFLECTANCES, "range lights: 'short'"),
+        (LIGHTS, np.ones((2, 30)), "shape reflectances"),
+    ],
+    ids=["dark", "none", "black", "short", "short light", "array"],
+)
+def test_fits_refuse_spectra_that_do_not_fit(lights: Any, reflectances: Any, fault: str) -> None:
+    code, _, field = fault.partition(" ")
+    with raises(BasisError, code, field or None):
+        SpectralBasis.fit(lights, reflectances)

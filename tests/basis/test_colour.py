@@ -50,11 +50,6 @@ PALETTE_REFLECTANCES = [
 ]
 
 
-@pytest.fixture(scope="module")
-def general() -> SpectralBasis:
-    return SpectralBasis.load("general-7")
-
-
 @pytest.mark.parametrize(
     ("name", "mean", "maximum"),
     # METHOD, mean and max: .13, 1.1; .07, .45; .04, .30; positive .44, 1.9; .32, 1.7; .15, .84.
@@ -173,9 +168,8 @@ def test_five_channels_hold_the_palette() -> None:
 
 
 def test_lights_of_one_line_each_are_held() -> None:
-    lines = []
-    for band in (5, 15, 28):
-        lines.append(Spectrum(DEFAULT_GRID.wavelengths_nm, np.eye(31)[band], f"line {band}"))
+    w = DEFAULT_GRID.wavelengths_nm
+    lines = [Spectrum(w, np.eye(31)[band], f"line {band}") for band in (5, 15, 28)]
     samples = reflectance_set("test")[:6]
     basis = SpectralBasis.fit(lines, samples, size=7)
     assert basis.report(lines, samples).componentwise.max <= 1.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict, load_basis
 from volspec.basis.display import white_exact
 from volspec.basis.make import fit_library
-from volspec.errors import BasisError, SpectrumError, VolspecWarning
+from volspec.errors import BasisError, SpectrumError
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, light, reflectance
 from volspec.spectra.spectrum import reflectance_values
 
@@ -36,7 +37,7 @@ def test_reflectances_are_between_black_and_fluorescent() -> None:
         reflectance_values(S, DEFAULT_GRID, "paints")
     with raises(SpectrumError, "range"):
         reflectance_values(GOLD * 100, DEFAULT_GRID, "paint")
-    with pytest.warns(VolspecWarning, match=r"\(gold\) reflects 1\.176 at 700 nm.*fluorescent"):
+    with warns("(gold)", "1.176", "700"):
         reflectance_values([COPPER, GOLD * 1.2], DEFAULT_GRID, "paints")
 
 
@@ -48,20 +49,16 @@ def test_lights_and_negative_spectra_are_no_reflectances() -> None:
 
 
 @pytest.mark.parametrize(
-    ("lights", "reflectances", "size", "restarts"),
-    # Every start of 14 sensors takes seconds: the first alone is refused too.
-    [(LIGHTS, [GOLD, COPPER], 14, 0), (LIGHTS[:1], [GOLD], 9, None)],
+    ("lights", "reflectances", "size"), [(LIGHTS, [GOLD, COPPER], 14), (LIGHTS[:1], [GOLD], 9)]
 )
 def test_more_sensors_than_the_spectra_determine_are_refused(
-    lights: Any, reflectances: Any, size: int, restarts: int | None
+    lights: Any, reflectances: Any, size: int
 ) -> None:
-    with pytest.raises(
-        BasisError, match=rf"size {size}: .* do not determine .* use a size of"
-    ) as e:
-        SpectralBasis.fit(lights, reflectances, size=size, restarts=restarts)
-    works = int(str(e.value).split("use a size of ")[1].split()[0])
-    basis = SpectralBasis.fit(lights, reflectances, size=works, restarts=restarts)
-    assert basis.size == works
+    """The error has the size that works. Every start takes seconds: the first alone will do."""
+    with raises(BasisError, "impossible") as caught:
+        SpectralBasis.fit(lights, reflectances, size=size, restarts=0)
+    works = int(re.findall(r"\d+", str(caught.value))[-1])
+    assert SpectralBasis.fit(lights, reflectances, size=works, restarts=0).size == works
 
 
 @pytest.mark.parametrize(
@@ -206,10 +203,11 @@ def test_paths_are_quoted_as_they_were_written(tmp_path: Path) -> None:
 
 
 def test_either_kind_of_file_names_the_other_s_reader(tmp_path: Path) -> None:
-    PAINTS.save(tmp_path / "paints.json")
-    assert MaterialBasis.load(tmp_path / "paints.json").fingerprint == PAINTS.fingerprint
+    path = tmp_path / "paints.json"
+    PAINTS.save(path)
+    assert MaterialBasis.load(path).fingerprint == PAINTS.fingerprint
     with raises(BasisError, "type"):
-        SpectralBasis.load(tmp_path / "paints.json")
+        SpectralBasis.load(path)
     with raises(BasisError, "type"):
         MaterialBasis.load("general-7")
 
@@ -220,11 +218,8 @@ def test_a_mark_of_byte_order_is_read_over(tmp_path: Path) -> None:
     assert load_basis(path).fingerprint == GENERAL.fingerprint
 
 
-def test_the_library_s_recipe_is_that_of_the_shipped_bases() -> None:
-    again, shipped = fit_library(5, positive=True), SpectralBasis.load("general-5-positive")
-    # As test_shipped_basis_is_what_the_command_fits.
-    assert again.analysis == pytest.approx(shipped.analysis, abs=1e-2)
-    assert again.trained_on == shipped.trained_on
+def test_the_library_trains_components_on_smooth_lights() -> None:
+    """With virtual sensors its recipe is that of the shipped bases (test_colour)."""
     assert "spiky" not in fit_library(5, "pca").trained_on
     with raises(BasisError, "unknown"):
         fit_library(5, lights="bright")

@@ -51,30 +51,24 @@ def test_materials_have_their_full_spectra_s_colour_under_any_light(kind: str) -
     assert BASIS.report(light_set(kind)).componentwise.max < 1e-6
 
 
-def test_a_cast_of_materials_is_the_cast_of_31_bands(ball: CoefficientImage) -> None:
-    """Cast the same rays with bands as channels, 16 at a time, the middle one in both halves.
+def test_a_cast_of_materials_is_the_cast_of_all_bands() -> None:
+    """The same rays with a channel for each of 11 bands, which compile quicker than 31.
 
     float32 sums of a hundred steps differ by 1e-5 of white's 1.
     """
+    grid = SpectralGrid(400, 700, 30)
+    basis = MaterialBasis(MATERIALS, grid=grid)
     volume = phantom.ball(32)
-    table = TransferFunction(POINTS, MATERIALS, BASIS).bake(min(volume.spacing_mm))
-    spectra = BASIS.synthesise(table.coefficients)
-    assert spectra.shape[1] == 31
-    caster, view = Raycaster(volume), Camera.orbit(volume)
-
-    def cast(bands: slice) -> np.ndarray:
-        part = replace(
-            table, material_weights=spectra[:, bands], channels=np.eye(16), white=np.ones(16)
-        )
-        return np.asarray(caster.cast(part, view, (48, 40), SPEC)[0])
-
-    low, high = cast(slice(0, 16)), cast(slice(15, 31))
-    assert np.allclose(low[..., -1], high[..., 0], atol=1e-6)
-    bands = np.concatenate([low, high[..., 1:]], axis=-1)
-    assert np.allclose(BASIS.synthesise(ball.coefficients), bands, atol=2e-5)
+    caster, given = Raycaster(volume), (Camera.orbit(volume), (48, 40), SPEC)
+    table = TransferFunction(POINTS, MATERIALS, basis).bake(1.0)
+    spectra = basis.synthesise(table.coefficients)
+    assert spectra.shape[1] == 11
+    in_bands = replace(table, material_weights=spectra, channels=np.eye(11), white=np.ones(11))
+    weights, bands = (caster.cast(each, *given).coefficients for each in (table, in_bands))
+    assert np.allclose(basis.synthesise(weights), bands, atol=2e-5)
     for name in ("FL2", "A"):
-        lamp = light(name)
-        shown = BASIS.xyz(ball.coefficients, lamp)
+        lamp = light(name, grid)
+        shown = basis.xyz(weights, lamp)
         assert np.allclose(shown / 100, XYZ_from_spectra(lamp, bands) / 100, atol=2e-5), name
 
 
@@ -85,7 +79,7 @@ def test_highlights_are_white_and_not_a_material_s(ball: CoefficientImage) -> No
 
 
 def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) -> None:
-    """Equal to a cast with that reflectance."""
+    """Equal to a cast with that reflectance; it outlives `update`, as after a camera move."""
     volume = phantom.ball(32)
     changed = {**MATERIALS, "gold": reflectance("ColorChecker/blue")}
     again = raycast(
@@ -100,16 +94,15 @@ def test_an_edited_reflectance_shows_without_a_new_cast(ball: CoefficientImage) 
         edited.set_reflectances({"gold": reflectance("ColorChecker/blue")})
         after = edited.frame(light("D65"))
         assert np.array_equal(after, cast.frame(light("D65")))
+        edited.update(ball)
+        assert np.array_equal(after, edited.frame(light("D65")))
     assert np.abs(after.astype(int) - before).max() > 10
 
 
 def test_only_a_cast_of_materials_can_be_edited() -> None:
     grey, opaque = np.full((1, 1, 7), 0.5, np.float32), np.ones((1, 1), np.float32)
     image = CoefficientImage(grey, opaque, opaque, SpectralBasis.load("general-7"))
-    with (
-        Relighter(image, backend="numpy") as relighter,
-        pytest.raises(ImageError, match=r"general-7.*MaterialBasis"),
-    ):
+    with Relighter(image, backend="numpy") as relighter, raises(ImageError, "unsupported"):
         relighter.set_reflectances({"gold": reflectance("gold")})
 
 
@@ -143,8 +136,9 @@ def test_material_bases_and_their_images_survive_their_files(
     loaded = CoefficientImage.load(path)
     assert isinstance(loaded.basis, MaterialBasis)
     assert list(loaded.basis.materials) == list(MATERIALS)
-    BASIS.save(f"{tmp_path}/ball.json")
-    assert load_basis(f"{tmp_path}/ball.json").fingerprint == BASIS.fingerprint
+    path = f"{tmp_path}/ball.json"
+    BASIS.save(path)
+    assert load_basis(path).fingerprint == BASIS.fingerprint
     with raises(BasisError, "unsupported"):
         basis_from_dict(BASIS.to_dict() | {"version": 99})
     with raises(BasisError, "missing"):
@@ -170,16 +164,7 @@ def test_any_grid_and_observer(grid: SpectralGrid, observer_deg: int) -> None:
         assert np.allclose(basis.xyz(np.eye(3)[k], lamp), exact)
 
 
-def test_an_edit_outlives_the_next_cast(ball: CoefficientImage) -> None:
-    """Reflectances stay edited when `update` brings new pixels, as after a camera move."""
-    with Relighter(ball, backend="numpy") as relighter:
-        relighter.set_reflectances({"gold": reflectance("ColorChecker/blue")})
-        edited = relighter.frame(light("D65"))
-        relighter.update(ball)
-        assert np.array_equal(relighter.frame(light("D65")), edited)
-
-
 def test_more_materials_than_can_be_cast_are_refused_with_the_curve() -> None:
     many = {f"m{k}": reflectance("gold") for k in range(32)}
-    with pytest.raises(TransferError, match="32 materials and white are 33 channels, at most 32"):
+    with raises(TransferError, "size"):
         TransferFunction([(0.1, 0.5, "m1")], many, MaterialBasis(many))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import subprocess
 import sys
@@ -67,12 +68,13 @@ def session(folder: Path, target: Target = DIGITS) -> Session:
 
 def test_plain_mutations_find_a_fault_and_shorten_it(tmp_path: Path) -> None:
     made = session(tmp_path)
-    fuzz_child.plain(made, [b"12"], 3000, 30.0, seed=1)
+    # As long as it takes on a busy machine: inputs are counted, not seconds.
+    fuzz_child.plain(made, [b"12"], 1000, math.inf, seed=1)
     [found] = [path for path in made.findings.glob("crash-*") if not path.suffix]
     assert "KeyError" in found.with_name(f"{found.name}.txt").read_text()
     short = fuzz_child.shortened(DIGITS, found.read_bytes() + b"0" * 50, made.inside)
     assert short.isdigit() and len(short) == 4
-    assert made.inputs == 3000 and STATE.unpack_from(made.state)[0] == 3000
+    assert made.inputs == 1000 and STATE.unpack_from(made.state)[0] == 1000
 
 
 def test_memory_beyond_what_a_file_declares_is_a_finding(tmp_path: Path) -> None:
@@ -108,7 +110,6 @@ def test_a_process_that_hangs_or_dies_leaves_its_input(
     row = run.fuzz(100, 60.0, 0)
     assert [path.name.split("-")[0] for path in row.findings] == [kind]
     assert row.findings[0].read_bytes() == b"abc" and row.inputs == 7
-    assert "given up" in row.line()
 
 
 def test_mutations_are_the_same_for_one_seed_and_differ_from_their_source() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -68,8 +69,9 @@ def test_a_device_that_is_named_is_refused_with_its_fault(put_devices: Callable)
     put_devices(NEW, OLD, faults={"3.0-rc2": NO_TARGET})
     with raises(OpenCLError, "unsupported") as caught:
         choose_device("1")
-    fault = "pthread-AMD EPYC (Portable Computing Language, 3.0-rc2): unknown target CPU 'generic'"
-    assert caught.value.problem == f"OpenCL: {fault}" and "VOLSPEC_DEVICE" in caught.value.remedy
+    for part in (OLD.name, OLD.platform, OLD.driver, NO_TARGET):
+        assert part in caught.value.problem
+    assert "VOLSPEC_DEVICE" in caught.value.remedy
     assert choose_device("portable") == 0
 
 
@@ -81,11 +83,8 @@ def test_if_none_works_the_error_has_each_fault_and_the_remedies(
     tries = put_devices(OLD, faults={"3.0-rc2": NO_TARGET})
     with raises(OpenCLError, "unsupported") as caught:
         choose_device()
-    assert caught.value.problem.endswith("3.0-rc2): unknown target CPU 'generic'")
-    assert caught.value.remedy == (
-        "install your GPU's driver, or apt-get install pocl-opencl-icd (or conda install -c "
-        "conda-forge pocl), or pip install 'volspec[intel]' (x86-64, Linux and Windows)"
-    )
+    assert caught.value.problem.endswith(NO_TARGET)
+    assert re.search("pocl-opencl-icd.*conda-forge.*volspec.intel", caught.value.remedy)
     # If nothing works the cache is ignored: the missing part may have been installed.
     with raises(OpenCLError):
         choose_device()
@@ -96,7 +95,7 @@ def test_if_none_works_the_error_has_each_fault_and_the_remedies(
     put_devices(OLD, faults={"3.0-rc2": "it cannot link kernels"})
     with raises(OpenCLError) as caught:
         choose_device()
-    assert "apt-get install gcc libc6-dev" in caught.value.remedy
+    assert "libc6-dev" in caught.value.remedy
 
 
 def test_a_failure_is_cached_for_a_day(
@@ -156,7 +155,7 @@ def test_a_failing_compile_repeats_the_trial(monkeypatch: pytest.MonkeyPatch) ->
     source = Source("__kernel void f() { broken }", ("<prelude>", "kernels/f.cl"))
     with raises(OpenCLError, "unsupported") as caught:
         compute.kernel(source, "f")
-    assert "kernels/f.cl does not build" in str(caught.value)
+    assert source.files[1] in str(caught.value)
     monkeypatch.setattr(devices, "_try", lambda index, info: NO_TARGET)
     with raises(OpenCLError, "unsupported") as caught:
         compute.kernel(source, "f")
@@ -165,48 +164,37 @@ def test_a_failing_compile_repeats_the_trial(monkeypatch: pytest.MonkeyPatch) ->
     fault(choose_device(compute.info.driver), devices.devices(), again=True)
 
 
-def test_a_real_trial_compiles_runs_and_is_quick_when_known(
+def test_a_real_trial_compiles_runs_and_is_not_repeated(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
     found = devices.devices()
     index = choose_device()
     assert fault(index, found) == "" and (tmp_path / "devices.json").exists()
-    begun = time.perf_counter()
-    fault(index, found)
-    assert time.perf_counter() - begun < 0.1  # 1 ms; the figure is held by `make bench`
+    monkeypatch.setattr(devices, "_try", None)
+    assert fault(index, found) == ""
 
 
-def test_a_driver_that_cannot_compile_is_named_by_every_command(tmp_path: Path) -> None:
+def test_a_driver_that_cannot_compile_is_named_by_the_doctor(tmp_path: Path) -> None:
     """PoCL refuses this flag as it refuses a CPU that it does not know: when it builds."""
     if not all(device.platform == POCL for device in devices.devices()):
         pytest.skip("a device here is none of PoCL, and would work")
+    flag = "-no-such-flag"
     environment = os.environ | {
-        "POCL_EXTRA_BUILD_FLAGS": "-no-such-flag",
+        "POCL_EXTRA_BUILD_FLAGS": flag,
         "XDG_CACHE_HOME": str(tmp_path),
         "OCL_ICD_VENDORS": str(tmp_path),
     }
     environment.pop("VOLSPEC_DEVICE", None)
-
-    def run(*words: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "volspec", *words]
-        return subprocess.run(
-            command,
-            env=environment,
-            capture_output=True,
-            encoding="utf-8",
-            check=False,
-            cwd=tmp_path,
-        )
-
-    done = run("demo", "--out", "demo")
-    assert done.returncode != 0
-    assert "no device can run a kernel" in done.stderr and "install" in done.stderr
-    assert "Invalid build option: -no-such-flag" in done.stderr
-    checked = run("doctor")
-    words = " ".join(checked.stdout.split())
-    assert checked.returncode != 0 and "not used:" in words and "nothing that is" not in words
-    assert "missing: OpenCL: no device can run a kernel" in words
+    done = subprocess.run(
+        [sys.executable, "-m", "volspec", "doctor"],
+        env=environment,
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+        cwd=tmp_path,
+    )
+    assert done.returncode != 0 and flag in " ".join(done.stdout.split())
 
 
 def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices: Callable) -> None:
@@ -218,8 +206,7 @@ def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices: 
     assert sorted(tries) == ["2026.22", "3.0-rc2", "3.1+debian"]
     console = Console(record=True, width=120, file=io.StringIO())
     found.print(console)
-    text = " ".join(console.export_text().split())
-    assert "AMD EPYC casts run here" in text and f"not used: {NO_TARGET}" in text
+    assert NO_TARGET in " ".join(console.export_text().split())
     doctor.examine()
     assert len(tries) == 6, "the doctor tries again, whatever is cached"
 
@@ -231,7 +218,8 @@ def test_intel_s_wheel_is_registered_while_the_loader_looks(
     """With a fake of the wheel: the variables' values, and that nothing stays."""
     library = tmp_path / "libintelocl.so"
     (tmp_path / "vendors").mkdir()
-    (tmp_path / "vendors" / "gpu.icd").write_text("libgpu.so\n")
+    driver = "libgpu.so"
+    (tmp_path / "vendors" / "gpu.icd").write_text(f"{driver}\n")
     monkeypatch.setattr(devices, "_intel_library", lambda: library)
     monkeypatch.setattr(sys, "platform", system)
     monkeypatch.setenv("OPENCL_VENDOR_PATH", str(tmp_path / "vendors"))
@@ -243,7 +231,7 @@ def test_intel_s_wheel_is_registered_while_the_loader_looks(
         else:
             folder = Path(os.environ["OCL_ICD_VENDORS"])
             lines = sorted(path.read_text().strip() for path in folder.glob("*.icd"))
-            assert lines == [str(library), "libgpu.so"]
+            assert lines == [str(library), driver]
     assert dict(os.environ) == before
     # Somebody who names one driver means that alone; one who has registered it needs no help.
     (tmp_path / "vendors" / "intel.icd").write_text("/opt/libintelocl.so\n")

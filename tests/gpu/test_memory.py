@@ -16,24 +16,12 @@ import pytest
 
 import volspec as vs
 from volspec._gpu.opencl import MOST_KERNELS
-from volspec._gpu.opengl import headless_context
 from volspec._gpu.sources import asset
-from volspec.errors import OpenGLError
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, Relighter, RelightSpec
 from volspec.scene import Scene
 from volspec.volume import Volume
-
-
-@pytest.fixture(params=["gl", "numpy"])
-def backend(request: pytest.FixtureRequest) -> str:
-    if request.param == "gl":
-        try:
-            headless_context().release()
-        except OpenGLError as error:
-            pytest.skip(str(error))
-    return str(request.param)
 
 
 @pytest.fixture(scope="module")
@@ -101,12 +89,12 @@ def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
     assert len(caster._compute._allocated) == 2
 
 
-def test_scenes_that_were_loaded_cast_and_relit_take_no_memory(backend: str) -> None:
+def test_scenes_that_were_loaded_cast_and_relit_take_no_memory() -> None:
     def load(number: int) -> None:
         scene = Scene.load(asset("data/scenes/engine.toml"))
         volume = scene.volume()
         image = scene.render(volume, size=(16, 16), caster=Raycaster(volume))
-        with Relighter(image, backend) as relighter:
+        with Relighter(image) as relighter:
             relighter.frame(vs.light(f"planck:{3000 + number}"))
 
     # Of PoCL's build log and pyopencl's about 40.

@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 from packaging.requirements import Requirement
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from volspec._files import write_whole
 from volspec._gpu import opengl
 from volspec.basis import SpectralBasis
-from volspec.errors import InputError, OpenGLError, VolspecWarning
+from volspec.errors import InputError, OpenGLError
 from volspec.export.manifest import exclusive_folder
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
@@ -34,10 +34,10 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["
 @pytest.mark.parametrize(
     ("system", "display", "ways", "remedy"),
     [
-        ("linux", None, ["egl"], "apt-get install libegl1"),
-        ("linux", ":0", ["egl", None], "apt-get install libegl1"),
-        ("darwin", None, [None], "log in at the Mac's own screen"),
-        ("win32", None, [None], "install the graphics card's driver"),
+        ("linux", None, ["egl"], "libegl1"),
+        ("linux", ":0", ["egl", None], "libegl1"),
+        ("darwin", None, [None], "Mac"),
+        ("win32", None, [None], "Windows"),
     ],
 )
 def test_each_system_s_own_ways_to_a_headless_context_are_tried_before_its_remedy_is_named(
@@ -58,9 +58,9 @@ def test_each_system_s_own_ways_to_a_headless_context_are_tried_before_its_remed
     monkeypatch.delenv("DISPLAY", raising=False)
     if display:
         monkeypatch.setenv("DISPLAY", display)
-    with pytest.raises(OpenGLError, match=f"way 1 is closed.*{remedy}"):
+    with raises(OpenGLError, "unsupported") as caught:
         opengl.headless_context()
-    assert tried == ways
+    assert tried == ways and "closed" in caught.value.problem and remedy in caught.value.remedy
 
 
 GLX = """
@@ -111,10 +111,11 @@ def test_without_moderngl_relighting_uses_numpy_and_says_how_to_get_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "moderngl", None)
     monkeypatch.setattr(opengl, "_idle_contexts", list)  # none left by another test
-    with pytest.warns(VolspecWarning, match=r"moderngl cannot be imported .*pip install moderngl"):
+    with warns("moderngl", "pip"):
         Relighter(grey_image()).close()
-    with pytest.raises(OpenGLError, match=r"g\+\+ python3-dev libx11-dev; pip install moderngl"):
+    with raises(OpenGLError, "missing") as caught:
         opengl.window_context()
+    assert "libx11-dev" in caught.value.remedy
 
 
 def test_on_windows_too_one_export_keeps_another_out_of_its_folder(
@@ -134,10 +135,7 @@ def test_on_windows_too_one_export_keeps_another_out_of_its_folder(
     folder = tmp_path / "frames"
     for _ in range(2):
         with exclusive_folder(folder):
-            with (
-                raises(InputError, "state"),
-                exclusive_folder(folder),
-            ):
+            with raises(InputError, "state"), exclusive_folder(folder):
                 pass
             folder.rmdir()
         assert list(tmp_path.iterdir()) == []
@@ -177,4 +175,5 @@ def test_what_has_no_wheel_on_a_machine_is_not_asked_for_there(
         for requirement in map(Requirement, listed)
         if requirement.marker and requirement.marker.evaluate(here)
     }
-    assert asked - {"intel-cmplr-lib-rt"} == expected
+    asked.discard("intel-cmplr-lib-rt")
+    assert asked == expected

@@ -31,13 +31,14 @@ def image() -> CoefficientImage:
 
 
 def test_save_and_load_give_the_same_numbers(image: CoefficientImage, tmp_path: Path) -> None:
-    image.save(tmp_path / "deep" / "image.exr")
-    again = CoefficientImage.load(tmp_path / "deep" / "image.exr")
+    path = tmp_path / "deep" / "image.exr"
+    image.save(path)
+    again = CoefficientImage.load(path)
     assert np.array_equal(again.coefficients, image.coefficients)
     assert np.array_equal(again.alpha, image.alpha)
     assert np.array_equal(again.depth_mm, image.depth_mm)
     assert again.basis.fingerprint == image.basis.fingerprint and again.notes == image.notes
-    assert [p.name for p in (tmp_path / "deep").iterdir()] == ["image.exr"]
+    assert list(path.parent.iterdir()) == [path]
 
 
 def test_channels_are_named_and_the_basis_is_in_the_header(
@@ -46,7 +47,7 @@ def test_channels_are_named_and_the_basis_is_in_the_header(
     image.save(tmp_path / "image.exr")
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
         assert set(file.channels()) == {f"light.c{k:02d}.V" for k in range(7)} | {"A", "Z"}
-        assert json.loads(file.header()["volspec:basis"])["name"] == "general-7"
+        assert json.loads(file.header()["volspec:basis"])["name"] == image.basis.name
 
 
 def edited(path: Path, change: object) -> None:
@@ -96,7 +97,7 @@ def test_images_of_another_making_are_refused(
     code = "unsupported" if part in ("format 4", "--basis") else "damaged"
     with raises(ImageError, code) as caught:
         CoefficientImage.load(path)
-    assert "image.exr" in str(caught.value) and part in str(caught.value)
+    assert path.name in str(caught.value) and part in str(caught.value)
 
 
 ODD = {
@@ -182,25 +183,25 @@ def test_images_of_format_2_load_with_their_groups(image: CoefficientImage, tmp_
     assert CoefficientImage.load(tmp_path / "one.exr").groups == {"key": 1.0}
 
 
-def test_a_preview_and_texts_are_kept_for_others(image: CoefficientImage, tmp_path: Path) -> None:
+def test_a_preview_and_texts_are_saved_for_others(image: CoefficientImage, tmp_path: Path) -> None:
     preview = np.full((12, 9, 3), (0.25, -0.5, np.nan))
-    image.save(tmp_path / "image.exr", preview, {"hint": "paste me"})
-    # Without separate_channels R, G, B and A are joined, where they are of one type.
-    with OpenEXR.File(str(tmp_path / "image.exr")) as file:
-        seen = file.channels()["RGBA"].pixels
-        assert file.header()["volspec:hint"] == "paste me" and "chromaticities" in file.header()
-    assert seen[0, 0, :3].tolist() == [0.25, -0.5, 0], "NaN is black"
-    assert np.array_equal(seen[..., 3], image.alpha)
-    assert np.array_equal(
-        CoefficientImage.load(tmp_path / "image.exr").coefficients, image.coefficients
-    )
+    path, hint = tmp_path / "image.exr", "paste me"
+    image.save(path, preview, {"hint": hint})
+    # Without separate_channels R, G, B and A are joined, if they are of one type.
+    with OpenEXR.File(str(path)) as file:
+        pixels = file.channels()["RGBA"].pixels
+        header = dict(file.header())
+    assert header["volspec:hint"] == hint and "chromaticities" in header
+    assert pixels[0, 0, :3].tolist() == [0.25, -0.5, 0], "NaN is black"
+    assert np.array_equal(pixels[..., 3], image.alpha)
+    assert np.array_equal(CoefficientImage.load(path).coefficients, image.coefficients)
     with raises(ShapeError, "shape"):
-        image.save(tmp_path / "image.exr", preview.swapaxes(0, 1))
-    before = (tmp_path / "image.exr").read_bytes()
+        image.save(path, preview.swapaxes(0, 1))
+    before = path.read_bytes()
     for own in ("basis", "fov_deg"):  # which would no longer be read, or be another's
         with raises(ImageError, "duplicate"):
-            image.save(tmp_path / "image.exr", texts={own: "mine"})
-    assert (tmp_path / "image.exr").read_bytes() == before
+            image.save(path, texts={own: "mine"})
+    assert path.read_bytes() == before
 
 
 def test_a_compositor_s_rounding_of_opacity_is_clipped(
@@ -220,8 +221,7 @@ def test_a_layer_is_a_view_of_its_group_s_channels(image: CoefficientImage) -> N
         layer = made.layer(name)
         assert layer.shape == (12, 9, 7) and np.shares_memory(layer, made.coefficients)
         assert np.array_equal(layer, made.coefficients[..., 7 * k : 7 * k + 7])
-    assert repr(made) == f"CoefficientImage(9x12, 7 channels in each of {', '.join(ODD)})"
-    assert repr(image) == "CoefficientImage(9x12, 7 channels)"
+    assert "9x12" in repr(image) and ", ".join(ODD) in repr(made)
     with raises(ImageError, "unknown"):
         made.layer("key")
 
@@ -256,9 +256,7 @@ def test_groups_and_arrays_that_no_cast_leaves_are_refused(
 
 
 @pytest.mark.parametrize("note", ["garbage", '{"model": 3}', '{"newkey": 3}', "[1]"])
-def test_a_viewing_note_that_cannot_be_read_is_told_in_one_line(
-    image: CoefficientImage, note: str
-) -> None:
+def test_a_viewing_note_that_cannot_be_read_is_refused(image: CoefficientImage, note: str) -> None:
     noted = dataclasses.replace(image, notes={"viewing": note})
     with raises(ImageError):
         stored_relight_spec(noted)
@@ -276,7 +274,7 @@ def test_missing_truncated_and_foreign_files_are_refused(
         path.write_bytes(broken)
         with raises(ImageError) as caught:
             CoefficientImage.load(path)
-        assert "image.exr" in str(caught.value)
+        assert path.name in str(caught.value)
     assert capfd.readouterr().err == ""
 
 
@@ -286,14 +284,13 @@ def test_a_failed_write_leaves_what_was_there(image: CoefficientImage, tmp_path:
     with pytest.raises(RuntimeError), write_whole(path) as temporary:
         temporary.write_text("half")
         raise RuntimeError("disk full")
-    assert path.read_text() == "precious" and [p.name for p in tmp_path.iterdir()] == ["image.exr"]
+    assert path.read_text() == "precious" and list(tmp_path.iterdir()) == [path]
     with raises(ImageError, "unsupported"):
         image.save(tmp_path / "image.tif")
     (tmp_path / "folder.exr").mkdir()
-    with pytest.raises(InputError, match="is a folder"):
-        image.save(tmp_path / "folder.exr")
-    with pytest.raises(InputError, match="cannot write there"):
-        image.save(path / "below" / "image.exr")
+    for wrong in (tmp_path / "folder.exr", path / "below" / "image.exr"):
+        with raises(InputError, "unwritable"):
+            image.save(wrong)
 
 
 def test_links_are_followed_and_devices_left_alone(tmp_path: Path) -> None:
@@ -302,8 +299,7 @@ def test_links_are_followed_and_devices_left_alone(tmp_path: Path) -> None:
     with write_whole(link) as temporary:
         temporary.write_text("here")
     assert link.is_symlink() and target.read_text() == "here"
-    wrong = (("/dev/null", "is not a file"), (tmp_path, "is a folder"), (None, "is no path"))
-    for path, message in wrong:
-        with pytest.raises(InputError, match=message), write_whole(path):
+    for path, code in (("/dev/null", "unwritable"), (tmp_path, "unwritable"), (None, "type")):
+        with raises(InputError, code), write_whole(path):
             raise AssertionError("nothing may be written")
     assert Path("/dev/null").is_char_device()

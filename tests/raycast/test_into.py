@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-import pytest
 
 import volspec as vs
 from tests.support.errors import raises
@@ -45,13 +44,6 @@ def frame(relighter: vs.Relighter, groups: Iterable[str] = ("",)) -> np.ndarray:
     lights = tuple(vs.light(name) for name in ("A", "D65")[: len(groups)])
     rig = vs.LightRig(lights, groups=groups)
     return relighter.frame(rig, dtype=np.float32)
-
-
-@pytest.fixture(params=["gl", "numpy"])
-def backend(request: pytest.FixtureRequest) -> str:
-    if request.param == "gl":
-        request.getfixturevalue("context")
-    return str(request.param)
 
 
 def test_a_picture_cast_into_a_relighter_is_shown_as_after_an_update(backend: str) -> None:

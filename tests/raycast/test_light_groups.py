@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import itertools
-import re
-from collections.abc import Mapping
 
 import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.relighting import grouped_cast
 from volspec.appearance import Viewing
 from volspec.basis import MODES, Basis, MaterialBasis, SpectralBasis
 from volspec.errors import SpectrumError, ViewingError
@@ -30,18 +29,8 @@ PAINTS = MaterialBasis({name: reflectance(name) for name in ("gold", "copper")})
 SHARES = {"key": 0.7, "fill": 0.2, "rim": 0.1}
 
 
-def cast(basis: Basis = GENERAL, shares: Mapping[str, float] = SHARES) -> CoefficientImage:
-    """Random surfaces under random light of each group; the first pixel is white, facing all."""
-    rng = np.random.default_rng(3)
-    alpha = rng.random((4, 5)).astype(np.float32)
-    alpha[0, 0] = 1.0
-    layers = []
-    for share in shares.values():
-        layer = rng.random((4, 5, basis.size)) * alpha[..., None] * share
-        layer[0, 0] = share * basis.white
-        layers.append(layer)
-    coefficients = np.concatenate(layers, axis=-1).astype(np.float32)
-    return CoefficientImage(coefficients, alpha, np.ones_like(alpha), basis, groups=shares)
+def cast(basis: Basis = GENERAL, shares: dict[str, float] = SHARES) -> CoefficientImage:
+    return grouped_cast(shares, basis)
 
 
 def lit(image: CoefficientImage, rig: Spectrum | LightRig, **how: object) -> Illumination:
@@ -185,30 +174,21 @@ def test_groups_that_do_not_fit_are_refused_in_one_line() -> None:
     unlit = cast(shares={"key": 1.0, "off": 0.0})
     lux = (0.0, 1.0)
     cases = [
-        (lambda: lit(image, LightRig((A,), groups=("kye",))), "did you mean 'key'.*key, fill, rim"),
-        (lambda: lit(image, LightRig((A, A), groups=("key", "sun"))), "light 2 .* 'sun'; the im"),
-        (
-            lambda: LightRig((A, A), groups=("key",)),
-            "give one for each of the 2",
-        ),
-        (lambda: LightRig((A,), groups="key"), "groups is 'key'; give a list"),
-        (lambda: LightRig((A,), groups=(3,)), r"groups\[0\] is 3"),
-        (lambda: LightRig((A,), groups=7), "groups is 7"),
-        (lambda: LightRig((A,), (0,), groups=("key",)), "weights: the lights give no light"),
-        (lambda: lit(unlit, LightRig((A,), groups=("off",))), "no light, as group 'off' gave none"),
-        (
-            lambda: lit(unlit, LightRig((A, A), (), lux, ("key", "off"))),
-            "lights give no light",
-        ),
-        (
-            lambda: lit(image, LightRig((A,), groups=("key",)), level="absolute"),
-            "needs the lights' lux",
-        ),
+        (lambda: lit(image, LightRig((A,), groups=("kye",))), "unknown"),
+        (lambda: lit(image, LightRig((A, A), groups=("key", "sun"))), "unknown"),
+        (lambda: LightRig((A, A), groups=("key",)), "shape LightRig.groups"),
+        (lambda: LightRig((A,), groups="key"), "type LightRig.groups"),
+        (lambda: LightRig((A,), groups=(3,)), "type LightRig.groups[0]"),
+        (lambda: LightRig((A,), groups=7), "type LightRig.groups"),
+        (lambda: LightRig((A,), (0,), groups=("key",)), "impossible LightRig.weights"),
+        (lambda: lit(unlit, LightRig((A,), groups=("off",))), ""),
+        (lambda: lit(unlit, LightRig((A, A), (), lux, ("key", "off"))), ""),
+        (lambda: lit(image, LightRig((A,), groups=("key",)), level="absolute"), "missing"),
     ]
-    for make, message in cases:
-        with raises(ViewingError) as caught:
+    for make, fault in cases:
+        code, _, field = fault.partition(" ")
+        with raises(ViewingError, code or None, field or None):
             make()
-        assert re.search(message, str(caught.value))
     for groups in ((), ("key", "fill")):
         with raises(SpectrumError):
             lit(image, LightRig((A, black), groups=groups))

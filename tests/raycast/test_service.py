@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -10,10 +9,11 @@ import numpy as np
 import pytest
 
 import volspec as vs
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from volspec.errors import CastCancelled, OpenCLError, RaycastError
 from volspec.raycast.bands import Bands, Result
 from volspec.raycast.gpu import Raycaster
+from volspec.spectra import light_set, reflectance_set
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 
@@ -37,19 +37,15 @@ def test_progress_rises_to_one(engine: Volume, engine_table: TransferTable) -> N
 def test_a_cancelled_cast_ends_soon_and_leaves_the_caster_well(
     engine: Volume, engine_table: TransferTable
 ) -> None:
-    """Two bands of 20 ms are in progress; ten times that is allowed on a busy machine."""
+    """Two bands of 20 ms are in progress, and no other begins."""
     caster, camera = Raycaster(engine), vs.Camera.orbit(engine)
     spec = vs.RaycastSpec()
     before = caster.cast(engine_table, camera, (64, 64), spec)
-    asked: list[float] = []
-
-    def cancel() -> bool:
-        asked.append(time.perf_counter())
-        return len(asked) > 4
-
+    answers = [True, False, False, False]
+    finished: list[float] = []
     with raises(CastCancelled):
-        caster.cast(engine_table, camera, (2048, 2048), spec, cancel=cancel)
-    assert time.perf_counter() - asked[-1] < 0.5
+        caster.cast(engine_table, camera, (2048, 2048), spec, finished.append, answers.pop)
+    assert answers == [] and len(finished) == 3
     after = caster.cast(engine_table, camera, (64, 64), spec)
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
@@ -86,7 +82,7 @@ def test_half_pictures_differ_by_rounding_only(engine: Volume) -> None:
 def test_half_pictures_hold_the_largest_number_where_light_is_beyond_it(engine: Volume) -> None:
     lamp = vs.LightGroup("lamp", (vs.Headlight(1e6),))
     spec = vs.RaycastSpec(half=True, groups=(lamp,))
-    with pytest.warns(vs.VolspecWarning, match="beyond 65504 do not fit half-float"):
+    with warns("65504"):
         image = vs.raycast(engine, TRANSFER, vs.Camera.orbit(engine), (32, 32), spec)
     assert np.isfinite(image.coefficients).all()
 
@@ -157,19 +153,17 @@ def test_what_does_not_go_together_is_refused(
 
 
 def test_the_error_of_spectral_absorption_is_measured(engine: Volume) -> None:
+    """On a grid of 11 bands, whose kernel compiles quicker than that of 31."""
     amber = vs.reflectance("Vrhel/41 marigold orange")
-    glass = replace(TRANSFER, filters={"copper": amber})
-    camera = vs.Camera.orbit(engine)
-    off = vs.absorption_error(engine, glass, camera, vs.light("A"), size=(24, 24))
-    assert 0 < off.mean < 3 and "31 bands" in str(off)
-    exact = vs.absorption_error(
-        engine,
-        replace(glass, basis=vs.SpectralBasis.bands()),
-        camera,
-        vs.light("A"),
-        size=(24, 24),
-    )
-    assert exact.max < 1e-3
+    grid = vs.SpectralGrid(400, 700, 30)
+    lights, paints = light_set("smooth", grid), reflectance_set("training", grid)
+    fitted = vs.SpectralBasis.fit(lights, paints, 5, positive=True, grid=grid, restarts=0)
+    glass = replace(TRANSFER, filters={"copper": amber}, basis=fitted)
+    given = vs.Camera.orbit(engine), vs.light("A", grid)
+    off = vs.absorption_error(engine, glass, *given, size=(24, 24))
+    assert 0 < off.mean < 3
+    bands = replace(glass, basis=vs.SpectralBasis.bands(grid))
+    assert vs.absorption_error(engine, bands, *given, size=(24, 24)).max < 1e-3
 
 
 def test_threads_take_turns_with_one_caster(engine: Volume) -> None:
@@ -233,39 +227,44 @@ def test_arguments_of_another_type_are_named(given: dict[str, object]) -> None:
 
 
 def test_the_path_of_a_volume_is_not_a_volume() -> None:
-    with pytest.raises(vs.InputError, match="load_volume"):
+    with raises(vs.InputError) as caught:
         vs.raycast("engine.nrrd", TRANSFER, vs.Camera.orbit(phantom.ball(8)))
+    assert "load_volume" in str(caught.value)
 
 
 @pytest.mark.parametrize("coarsest", [0, True, 2.0, "4"])
 def test_the_coarsest_picture_s_divisor_is_a_whole_number(coarsest: object) -> None:
     volume = phantom.ball(8)
-    with raises(RaycastError) as caught:
+    with raises(RaycastError, field="refine: coarsest"):
         next(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), coarsest=coarsest))
-    assert str(caught.value).startswith("refine: coarsest")
 
 
-@pytest.mark.parametrize("name", ["progress", "cancel"])
-def test_a_caster_refuses_what_it_cannot_call(engine_table: TransferTable, name: str) -> None:
+SIZES = [5, None, (40,), (40, 40, 3), (40, "a"), (40.5, 40), (0, 40), (10**6, 10**6), "big"]
+
+
+@pytest.mark.parametrize("size", SIZES, ids=str)
+def test_a_caster_refuses_sizes_and_what_it_cannot_call(
+    engine_table: TransferTable, size: object
+) -> None:
+    """A size under the name of the function that was called."""
     volume = phantom.ball(8)
-    given = engine_table, vs.Camera.orbit(volume), (8, 8), vs.RaycastSpec()
+    camera, caster = vs.Camera.orbit(volume), Raycaster(volume)
     with raises(RaycastError) as caught:
-        Raycaster(volume).cast(*given, **{name: 3})
-    assert str(caught.value).startswith(f"raycast: {name}")
-
-
-@pytest.mark.parametrize("size", [5, None, (40,), (40, 40, 3), (40, "a"), (40.5, 40), (0, 40)])
-def test_a_size_that_is_none_is_refused_under_the_name_of_refine(size: object) -> None:
-    volume = phantom.ball(8)
-    with raises(RaycastError) as caught:
-        list(vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), size))
+        list(vs.refine(volume, TRANSFER, camera, size))
     assert str(caught.value).startswith("refine: ")
+    with raises(RaycastError):
+        caster.cast(engine_table, camera, size, vs.RaycastSpec())
+    for name in ("progress", "cancel"):
+        with raises(RaycastError) as caught:
+            caster.cast(engine_table, camera, (8, 8), vs.RaycastSpec(), **{name: 3})
+        assert str(caught.value).startswith(f"raycast: {name}")
 
 
 def test_a_setting_that_is_none_of_refine_s_is_named_as_such() -> None:
     volume = phantom.ball(8)
-    with pytest.raises(TypeError, match=r"refine\(\) got an unexpected keyword argument 'bogus'"):
+    with pytest.raises(TypeError) as caught:
         vs.refine(volume, TRANSFER, vs.Camera.orbit(volume), bogus=1)
+    assert "refine()" in str(caught.value) and "'bogus'" in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import pytest
 
 import volspec as vs
 from tests.support.errors import raises, refuses
-from tests.twins.test_relighter import box_basis
+from tests.support.relighting import box_basis
 from volspec.appearance import Viewing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.measured import adapting_fields, measured_conditions

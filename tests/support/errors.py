@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import pytest
 
-from volspec.errors import CODES, VolspecError
+from volspec.errors import CODES, VolspecError, VolspecWarning
 
 if TYPE_CHECKING:
     from _pytest._code import ExceptionInfo
@@ -46,3 +46,14 @@ def refuses(
     code, _, field = expected.partition(" ")
     with raises(kind, code, field):
         make()
+
+
+@contextmanager
+def warns(*parts: str, file: str | None = None) -> Iterator[None]:
+    """Assert one warning, with these numbers and names in it, about a line of ``file``."""
+    with pytest.warns(VolspecWarning) as caught:
+        yield
+    assert len(caught) == 1
+    text = str(caught[0].message)
+    assert [part for part in parts if part not in text] == [], text
+    assert file in (None, caught[0].filename)

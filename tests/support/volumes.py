@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gzip
 import struct
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +21,32 @@ NRRD = (
     "kinds: domain domain domain\nendian: little\nencoding: raw\n\n"
 )
 META = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementType = MET_SHORT\n"
+
+
+RAW = VALUES.tobytes()
+
+
+def write_nrrd(path: Path, packed: bool = False, surplus: bytes = b"") -> Path:
+    """`VALUES` in an NRRD file."""
+    data = RAW + surplus
+    header = NRRD.replace("raw", "gzip") if packed else NRRD
+    path.write_bytes(header.encode() + (gzip.compress(data) if packed else data))
+    return path
+
+
+def write_vti(path: Path, grid: Any, mode: str, packed: bool = True, encode: bool = False) -> bytes:
+    """Write ``.vti`` by VTK itself, in a mode that pyvista does not offer; return the bytes."""
+    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
+
+    writer = vtkXMLImageDataWriter()
+    writer.SetInputData(grid)
+    writer.SetFileName(str(path))
+    writer.SetDataMode(getattr(writer, mode))
+    writer.SetEncodeAppendedData(encode)
+    if not packed:
+        writer.SetCompressorTypeToNone()
+    writer.Write()
+    return path.read_bytes()
 
 
 def nifti(values: np.ndarray, ras_from_index: np.ndarray) -> bytes:

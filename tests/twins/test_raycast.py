@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from tests.support.raycasts import FLAT, fog, oblique_world
 from volspec.raycast import Camera, RaycastSpec, reference
 from volspec.raycast.bands import Result
 from volspec.raycast.gpu import Raycaster
@@ -50,6 +52,13 @@ def assert_alike(
     return ours
 
 
+def two_channels(values: list[float], opacity: list[float]) -> TransferTable:
+    """Opacity of some values, and colours that change from the first to the last."""
+    at = np.linspace(values[0], values[-1], 1024)
+    weights = np.stack([np.linspace(0.1, 0.9, 1024), np.linspace(0.8, 0.3, 1024)], axis=1)
+    return TransferTable((at[0], at[-1]), np.interp(at, values, opacity), weights, 1.0)
+
+
 @pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_engine_matches_reference_at_every_packet_width(
     engine: Volume, engine_table: TransferTable, lanes: int
@@ -58,48 +67,32 @@ def test_engine_matches_reference_at_every_packet_width(
     assert_alike(engine, engine_table, Camera.orbit(engine), spec, lanes=lanes)
 
 
-@pytest.mark.parametrize("view", [(0, 0), (90, 0), (0, 90), (77, -35), (200, 60)])
+# Axis views have rays parallel to faces, whose clipping divides 0 by 0.
+VIEWS = [{"azimuth_deg": 0, "elevation_deg": 0}, {"azimuth_deg": 90, "elevation_deg": 0}]
+VIEWS += [{"azimuth_deg": 0, "elevation_deg": 90}, {"azimuth_deg": 77, "elevation_deg": -35}]
+VIEWS += [{"azimuth_deg": 200, "elevation_deg": 60}, {"orthographic": True, "zoom": 1.5}]
+
+
+@pytest.mark.parametrize("view", VIEWS, ids=str)
 def test_engine_matches_reference_from_every_side(
-    engine: Volume, engine_table: TransferTable, view: tuple[int, int]
+    engine: Volume, engine_table: TransferTable, view: dict[str, Any]
 ) -> None:
-    """Axis views have rays parallel to faces, whose clipping divides 0 by 0."""
-    camera = Camera.orbit(engine, azimuth_deg=view[0], elevation_deg=view[1])
-    assert_alike(engine, engine_table, camera, RaycastSpec())
+    assert_alike(engine, engine_table, Camera.orbit(engine, **view), RaycastSpec())
 
 
-def test_flat_picture_matches_reference(engine: Volume, engine_table: TransferTable) -> None:
-    assert_alike(engine, engine_table, Camera.orbit(engine), RaycastSpec(ambient=1, diffuse=0))
-
-
-def test_orthographic_picture_matches_reference(
+def test_flat_pictures_and_those_from_inside_the_volume_match_reference(
     engine: Volume, engine_table: TransferTable
 ) -> None:
-    camera = Camera.orbit(engine, orthographic=True, zoom=1.5)
-    assert_alike(engine, engine_table, camera, RaycastSpec())
-
-
-def test_camera_inside_the_volume_matches_reference(
-    engine: Volume, engine_table: TransferTable
-) -> None:
-    camera = Camera((130.0, 120.0, 60.0), (200.0, 160.0, 40.0), fov_deg=70)
-    assert_alike(engine, engine_table, camera, RaycastSpec())
+    assert_alike(engine, engine_table, Camera.orbit(engine), FLAT)
+    inside = Camera((130.0, 120.0, 60.0), (200.0, 160.0, 40.0), fov_deg=70)
+    assert_alike(engine, engine_table, inside, RaycastSpec())
 
 
 def test_oblique_anisotropic_volume_matches_reference() -> None:
     """Shear, rotation and unequal spacing: gradients must be taken in the world."""
-    rng = np.random.default_rng(5)
-    world = np.eye(4)
-    world[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag([1.0, 1.7, 2.5])
-    world[:3, 3] = 40, -10, 5
     values = phantom.ball(24).values * 200
-    volume = Volume(values.astype(np.int16) - 50, world_from_index=world)
-    at = np.linspace(-40, 150, 1024)
-    table = TransferTable(
-        (-40.0, 150.0),
-        np.interp(at, [-40, 0, 100, 150], [0, 0.05, 0.1, 0.4]),
-        np.stack([np.linspace(0.1, 0.9, 1024), np.linspace(0.8, 0.3, 1024)], axis=1),
-        1.0,
-    )
+    volume = Volume(values.astype(np.int16) - 50, world_from_index=oblique_world())
+    table = two_channels([-40, 0, 100, 150], [0, 0.05, 0.1, 0.4])
     assert_alike(volume, table, Camera.orbit(volume, azimuth_deg=50), RaycastSpec(specular=0.5))
 
 
@@ -123,21 +116,14 @@ def test_every_voxel_type_and_channel_count(dtype: type, channels: int) -> None:
 def test_other_real_volumes_match_reference(volumes: Path, name: str) -> None:
     """Dense, nearly empty, and with unequal spacing; skipped where the files are not."""
     volume = load_volume(volumes / f"{name}.nrrd")
-    at = np.linspace(30, 200, 1024)
-    table = TransferTable(
-        (30.0, 200.0),
-        np.interp(at, [30, 60, 200], [0, 0.05, 0.4]),
-        np.stack([np.linspace(0.2, 0.9, 1024), np.linspace(0.7, 0.1, 1024)], axis=1),
-        1.0,
-    )
+    table = two_channels([30, 60, 200], [0, 0.05, 0.4])
     camera = Camera.orbit(volume, azimuth_deg=-40, elevation_deg=15, zoom=1.5)
     assert_alike(volume, table, camera, RaycastSpec(), size=(40, 32))
 
 
 @pytest.mark.parametrize("shape", [(2, 2, 2), (2, 9, 9), (2, 3, 4), (17, 8, 9)])
-def test_thin_and_tiny_volumes_do_not_crash(shape: tuple[int, int, int]) -> None:
-    volume = Volume(np.full(shape, 7, np.uint8))
-    table = TransferTable((0.0, 10.0), np.full(1024, 0.4), np.full((1024, 2), 0.5), 1.0)
+def test_thin_tiny_and_constant_volumes_match_reference(shape: tuple[int, int, int]) -> None:
+    volume, table = Volume(np.full(shape, 1, np.uint8)), fog(0.4, channels=2, share=0.5)
     assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.3), size=(24, 24))
 
 

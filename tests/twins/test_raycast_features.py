@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.support.raycasts import FLAT, fog, ramp, turned
 from tests.twins.test_raycast import assert_alike
 from volspec.raycast import (
     Ambient,
@@ -18,10 +19,10 @@ from volspec.raycast import (
     Point,
     RaycastSpec,
 )
+from volspec.raycast.gpu import Raycaster
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, phantom
 
-FLAT = RaycastSpec(ambient=1, diffuse=0)
 SKY = LightGroup("sky", (Ambient(),))
 KEY = LightGroup("key", (Directional((1, 2, 1), frame="camera"), Headlight(0.2)))
 LAMP = LightGroup("lamp", (Point((140, 10, 200), falloff_mm=150), Point((-30, 20, 10), "camera")))
@@ -48,8 +49,6 @@ def test_light_groups_match_reference(
 def test_groups_together_are_one_group_of_all_sources(
     engine: Volume, three_channels: TransferTable
 ) -> None:
-    from volspec.raycast.gpu import Raycaster
-
     caster, camera = Raycaster(engine), Camera.orbit(engine)
     apart = RaycastSpec(groups=(SKY, KEY, LAMP), specular=0.4)
     one = replace(apart, groups=(LightGroup("all", SKY.sources + KEY.sources + LAMP.sources),))
@@ -73,10 +72,7 @@ CUTS = [
     RaycastSpec(clip_planes=(ClipPlane((128, 128, 55), (1, 1, 1)),)),
     RaycastSpec(
         crop_voxels=((10, 240), (10, 240), (5, 100)),
-        clip_planes=tuple(
-            ClipPlane((128, 128, 55), tuple(normal))
-            for normal in np.vstack([np.eye(3), -np.eye(3)])
-        )[:2],
+        clip_planes=tuple(ClipPlane((128, 128, 55), n) for n in ((1, 0, 0), (0, 1, 0))),
     ),
 ]
 
@@ -86,23 +82,16 @@ CUTS = [
 def test_cut_volumes_match_reference(
     engine: Volume, engine_table: TransferTable, spec: RaycastSpec, view: tuple[int, int]
 ) -> None:
-    camera = Camera.orbit(engine, azimuth_deg=view[0], elevation_deg=view[1])
+    camera = turned(engine, *view)
     assert_alike(engine, engine_table, camera, spec)
 
 
 def steep_table(engine_table: TransferTable) -> TransferTable:
     """Opacity only where the value changes: a table of 16 gradients."""
-    rows = np.linspace(0, 1, 16)[:, None] ** 0.5
-    shares = np.broadcast_to(
-        engine_table.material_weights, (16, *engine_table.material_weights.shape)
-    ).copy()
-    shares *= np.linspace(0.4, 1, 16)[:, None, None]
-    return replace(
-        engine_table,
-        opacity=rows * engine_table.opacity * 1.5,
-        material_weights=shares,
-        gradient_top=60.0,
-    )
+    rows = np.linspace(0, 1, 16)[:, None]
+    opacity = rows**0.5 * engine_table.opacity * 1.5
+    weights = (0.4 + 0.6 * rows[..., None]) * engine_table.material_weights
+    return replace(engine_table, opacity=opacity, material_weights=weights, gradient_top=60.0)
 
 
 @pytest.mark.parametrize("diffuse", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
@@ -140,8 +129,6 @@ def test_labels_show_no_value_between_them() -> None:
     volume, table = labelled(np.uint8)
     opacity = table.opacity.copy()
     opacity[3] = 0
-    from volspec.raycast.gpu import Raycaster
-
     bare = replace(table, opacity=opacity)
     picture = Raycaster(volume).cast(bare, Camera.orbit(volume), (64, 64), FLAT)
     assert picture.coefficients[..., 0].max() == 0
@@ -156,18 +143,16 @@ def test_gradients_at_the_faces_match_reference(axis: int, dtype: type) -> None:
     shape[axis] = 2
     rng = np.random.default_rng(axis)
     volume = Volume((rng.uniform(0, 200, shape)).astype(dtype))
-    table = TransferTable((0.0, 200.0), np.linspace(0, 0.3, 256), np.ones((256, 2)), 1.0)
+    table = ramp(0.3, 200.0)
     for view in ((30, 20), (0, 0), (90, 0), (0, 90)):
-        camera = Camera.orbit(volume, azimuth_deg=view[0], elevation_deg=view[1], zoom=1.5)
+        camera = turned(volume, *view, zoom=1.5)
         assert_alike(volume, table, camera, RaycastSpec(specular=0.3), size=(24, 24))
 
 
 def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
     volume = phantom.slab(24, 24)
-    table = TransferTable((0.0, 2.0), np.full(64, 0.2), np.ones((64, 1)), 1.0)
-    spec = RaycastSpec(ambient=1, diffuse=0, first_opacity=0.3)
-    camera = Camera.orbit(volume, azimuth_deg=0, elevation_deg=0)
-    ours = assert_alike(volume, table, camera, spec)
+    spec = replace(FLAT, first_opacity=0.3)
+    ours = assert_alike(volume, fog(0.2), turned(volume, 0, 0), spec)
     hit = np.isfinite(ours.first_mm)
     assert (ours.alpha[hit] >= 0.3 - 1e-6).all() and (ours.alpha[~hit] < 0.3).all()
     assert (ours.first_mm[hit] <= ours.depth_mm[hit] + 12).all()
@@ -209,8 +194,6 @@ def test_an_isosurface_of_a_ball_is_a_sphere() -> None:
     table = SurfaceTable(np.array([20.0]), np.ones(1), np.ones((1, 1)))
     camera = Camera.orbit(volume, azimuth_deg=25, elevation_deg=40, orthographic=True)
     spec = RaycastSpec(ambient=0, diffuse=1, flat_gradient=0)
-    from volspec.raycast.gpu import Raycaster
-
     colour, alpha, depth, first = Raycaster(volume).cast(table, camera, (65, 65), spec)
     y, x = (np.mgrid[0:65, 0:65] - 32) * (camera.height_mm or 0) / 65
     radius = np.hypot(x, y)
@@ -243,8 +226,6 @@ def test_preintegrated_steps_match_reference(
 def test_preintegration_needs_fewer_steps_for_a_steep_transfer_function(
     engine: Volume, engine_table: TransferTable
 ) -> None:
-    from volspec.raycast.gpu import Raycaster
-
     table, camera, caster = steep(engine_table), Camera.orbit(engine), Raycaster(engine)
     fine = caster.cast(table, camera, (64, 64), replace(FLAT, step_mm=1 / 32)).coefficients
     errors = [
@@ -272,8 +253,6 @@ def test_spectral_absorption_matches_reference(
 def test_adaptive_steps_stay_near_the_whole_truth(
     engine: Volume, engine_table: TransferTable, preintegrated: bool
 ) -> None:
-    from volspec.raycast.gpu import Raycaster
-
     caster, camera = Raycaster(engine), Camera.orbit(engine)
     whole = RaycastSpec(ambient=1, diffuse=0, preintegrated=preintegrated)
     true = caster.cast(engine_table, camera, (128, 128), whole)

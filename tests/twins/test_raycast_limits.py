@@ -11,27 +11,20 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.support.errors import raises
-from tests.twins.test_raycast import TOLERANCE, assert_alike
+from tests.support.raycasts import FLAT, fog, ramp, turned
+from tests.twins.test_raycast import TOLERANCE
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import Struct
 from volspec._gpu.sources import Source, asset
 from volspec.errors import OpenCLError
 from volspec.raycast import Camera, RaycastSpec, light_volume, reference
-from volspec.raycast.gpu import Raycaster
+from volspec.raycast.gpu import TILES, Raycaster
 from volspec.raycast.packed import CAST
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 
-# Alpha without shading, and a curve that sees single voxels.
-FLAT = RaycastSpec(ambient=1, diffuse=0)
-SPARSE = TransferTable((0.0, 1.0), np.linspace(0, 0.8, 1024), np.ones((1024, 1)), 1.0)
-
-
-def sparse_volume(voxels: list[tuple[int, int, int]], size: int = 33) -> Volume:
-    values = np.zeros((size, size, size), np.float32)
-    for voxel in voxels:
-        values[voxel] = 1
-    return Volume(values)
+# A curve that sees single voxels.
+SPARSE = ramp(0.8, channels=1, entries=1024)
 
 
 # Both sides of brick borders (bricks are 4 voxels), the first and the last index.
@@ -52,30 +45,18 @@ def test_no_visible_voxel_is_leapt_over(
     A leap may drop what lies within float32 rounding of a border, where a lone voxel's opacity
     starts from 0: 1e-3 of full scale bounds it, measured 2e-4.
     """
-    volume = sparse_volume(voxels)
-    camera = Camera.orbit(
-        volume, azimuth_deg=view[0], elevation_deg=view[1], zoom=1.6, orthographic=orthographic
-    )
+    values = np.zeros((33, 33, 33), np.float32)
+    values[tuple(np.transpose(voxels))] = 1
+    volume = Volume(values)
+    camera = turned(volume, *view, zoom=1.6, orthographic=orthographic)
     ours = Raycaster(volume).cast(SPARSE, camera, (40, 40), FLAT)
     true = reference.cast(volume, SPARSE, camera, (40, 40), FLAT)
     assert np.abs(ours[1] - true[1]).max() < 1e-3
 
 
-@pytest.mark.parametrize("lanes", [1, 8])
-def test_rays_that_lie_in_a_face_see_it(lanes: int) -> None:
-    """Parallel rays along the faces' planes: 0/0 in the clipping, inside by definition."""
-    volume = Volume(np.ones((9, 9, 9), np.float32))
-    camera = Camera((4, 4, 100), (4, 4, 4), up=(0, 1, 0), height_mm=9)
-    table = TransferTable((0.0, 2.0), np.full(64, 0.3), np.ones((64, 1)), 1.0)
-    ours = Raycaster(volume, lanes=lanes).cast(table, camera, (9, 9), FLAT)
-    assert ours[1].min() > 0.9, "the border ring is culled"
-    assert_alike(volume, table, camera, FLAT, size=(9, 9), lanes=lanes)
-
-
 @pytest.mark.parametrize("unit", [1e-12, 1e-3, 1e6, 1e12])
 def test_the_picture_does_not_depend_on_the_unit_of_length(unit: float) -> None:
-    volume = phantom.ball(20)
-    table = TransferTable((0.0, 1.0), np.linspace(0, 0.3, 256), np.ones((256, 2)), 1.0)
+    volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume(volume.values, spacing_mm=(unit,) * 3)
     there = dataclasses.replace(table, reference_step_mm=unit)
     pictures = [
@@ -90,8 +71,7 @@ def test_the_picture_does_not_depend_on_the_unit_of_length(unit: float) -> None:
 
 @pytest.mark.parametrize("unit", [1e-30, 1e-12, 1e12, 1e30])
 def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit: float) -> None:
-    volume = phantom.ball(20)
-    table = TransferTable((0.0, 1.0), np.linspace(0, 0.3, 256), np.ones((256, 2)), 1.0)
+    volume, table = phantom.ball(20), ramp(0.3)
     scaled = Volume((volume.values * unit).astype(np.float32))
     there = dataclasses.replace(table, domain=(0.0, unit))
     camera, spec = Camera.orbit(volume), RaycastSpec(specular=0.3)
@@ -102,17 +82,10 @@ def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit: float) -> N
 
 def test_faint_media_keep_their_opacity_and_depth() -> None:
     """Under flat white light the channels of a white medium are its alpha, however faint."""
-    volume = phantom.slab(16, 16)
-    table = TransferTable((0.0, 2.0), np.full(64, 1e-8), np.ones((64, 1)), 1.0)
-    colour, alpha, depth, _ = Raycaster(volume).cast(table, Camera.orbit(volume), (16, 16), FLAT)
+    volume, given = phantom.slab(16, 16), ((16, 16), FLAT)
+    colour, alpha, depth, _ = Raycaster(volume).cast(fog(1e-8), Camera.orbit(volume), *given)
     assert alpha[8, 8] > 0 and np.isfinite(depth[8, 8])
     assert np.allclose(colour[..., 0], alpha, rtol=1e-5)
-
-
-def test_a_constant_volume_casts_without_a_gradient() -> None:
-    volume = Volume(np.full((5, 5, 5), 3.0, np.float32))
-    table = TransferTable((0.0, 4.0), np.full(64, 0.2), np.ones((64, 2)), 1.0)
-    assert_alike(volume, table, Camera.orbit(volume), RaycastSpec(specular=0.5), size=(16, 16))
 
 
 @pytest.mark.parametrize("struct", [CAST, *light_volume.STRUCTS], ids=lambda each: each.name)
@@ -127,8 +100,6 @@ def test_structs_are_as_large_for_the_compiler_as_for_numpy(struct: Struct) -> N
 
 def test_lanes_are_numbered_row_by_row_in_their_tile() -> None:
     """`TILES` and LANE_X, LANE_Y of lanes.clh say the same."""
-    from volspec.raycast.gpu import TILES
-
     text = Path(asset("kernels/include/lanes.clh")).read_text(encoding="utf-8")
     for lanes, (width, height) in TILES.items():
         assert width * height == lanes
@@ -157,3 +128,38 @@ def test_a_cached_program_of_another_cpu_is_built_again(monkeypatch: pytest.Monk
     monkeypatch.setattr("pyopencl.cache._create_built_program_from_source_cached", refuse)
     source = Source("__kernel void f(__global int *x) { x[0] = 1; }\n", ("<prelude>", "f.cl"))
     assert Compute.open().kernel(source, "f").function_name == "f"
+
+
+RANGES = {"int16": (-32768, 32767), "uint16": (0, 65535)}
+
+
+def worst(volume: Volume, spec: RaycastSpec, lanes: int) -> float:
+    """Greatest difference of kernel and reference over the greatest coefficient."""
+    at = np.linspace(0.0, 1.0, 256)
+    colours = np.stack([0.1 + 0.8 * at, 0.8 - 0.5 * at], 1)
+    given = TransferTable(volume.range, np.full(256, 0.2), colours, 1.0), Camera.orbit(volume)
+    ours = Raycaster(volume, lanes=lanes).cast(*given, (40, 40), spec).coefficients
+    truth = reference.cast(volume, *given, (40, 40), spec)[0]
+    return float(np.abs(ours - truth).max() / truth.max())
+
+
+@pytest.mark.parametrize("dtype", RANGES)
+@pytest.mark.parametrize("flat", [0.0, 1e-4, 0.02])
+@pytest.mark.parametrize("lanes", [1, 8])
+def test_stripes_of_two_byte_voxels_have_no_gradient_across(
+    dtype: str, flat: float, lanes: int
+) -> None:
+    """Their gradients are made of whole numbers: rounded weights alone made .3 of what is seen."""
+    values = np.full((12, 12, 12), RANGES[dtype][0] // 2, dtype)
+    values[:, :, ::2] = RANGES[dtype][1] // 2
+    spec = RaycastSpec(specular=0.5, flat_gradient=flat)
+    assert worst(Volume(values), spec, lanes) < 5e-5
+
+
+@pytest.mark.parametrize("dtype", RANGES)
+@pytest.mark.parametrize("shininess", [24, 63, 64, pytest.param(1024, marks=pytest.mark.slow)])
+def test_noise_of_the_whole_range_is_as_glossy(dtype: str, shininess: int) -> None:
+    for seed in range(3):
+        low, high = RANGES[dtype]
+        values = np.random.default_rng(seed).integers(low, high, (3, 5, 7), dtype, endpoint=True)
+        assert worst(Volume(values), RaycastSpec(specular=1.0, shininess=shininess), 8) < 2e-4

@@ -7,20 +7,20 @@ import dataclasses
 import numpy as np
 import pytest
 
+from tests.support.errors import raises
 from tests.support.relight_reference import relight_reference
-from tests.twins.test_relight import ciede2000, needs_gl  # noqa: F401
-from tests.twins.test_relighter import box_basis, cast
+from tests.support.relighting import assert_drawn_alike_by_webgl_2, box_basis, cast, ciede2000
 from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.spec import PER_PIXEL
 from volspec.errors import ViewingError
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, Relighter, RelightSpec
-from volspec.relight import programs as programs_module
 from volspec.relight.gpu import GLEngine
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
 
+pytestmark = pytest.mark.usefixtures("needs_gl")
 LIGHTS = ("A", "D65", "FL2")
 
 
@@ -51,8 +51,7 @@ def both(image: CoefficientImage, name: str, viewing: Viewing) -> tuple[np.ndarr
 def test_the_shader_draws_a_field_as_numpy_does(model: str, name: str) -> None:
     for change in ({}, {"surround": "dim", "D": 0.6}, {"illuminance_lux": 2.0}):
         shown, truth = both(patches(), name, Viewing(model=model, adapting="pixel", **change))
-        error = ciede2000(shown, truth)
-        print(f"{model}, {name}, {change}: mean {error.mean():.5f}, max {error.max():.5f}")
+        error = ciede2000(shown, truth, what=f"{model}, {name}, {change}")
         # The goal is 0.05 and 0.3; llvmpipe leaves 1e-4 and 2e-3. Weights of 8 bits, which
         # devices may filter textures with, add 3e-4 and 5e-3 (in NumPy).
         assert error.mean() <= 0.005 and error.max() <= 0.05
@@ -71,8 +70,7 @@ def test_a_field_ends_in_the_displays_own_mapping(model: str, display: dict) -> 
     shown, truth = both(patches(), "A", viewing)
     plain, _ = both(patches(), "A", dataclasses.replace(viewing, display=Display()))
     assert np.abs(shown - plain).max() > 0.03
-    error = ciede2000(shown, truth)
-    print(f"{model}, {display}: mean {error.mean():.5f}, max {error.max():.5f}")
+    error = ciede2000(shown, truth, what=f"{model}, {display}")
     if "mark" in display:  # what lies on the cube's faces to rounding may be hatched or not
         assert np.mean(error > 0.1) < 1e-3
     else:  # a halving that fell otherwise, docs/viewing.md
@@ -85,8 +83,7 @@ def test_between_nodes_a_field_is_near_conditions_of_every_pixel(name: str) -> N
     with Relighter(image, "numpy") as relighter:
         shown = relighter.frame(light(name), viewing, dtype=np.float32)
     truth = relight_reference(image, light(name), RelightSpec(viewing))
-    error = ciede2000(shown, truth)
-    print(f"{name}: CIEDE2000 mean {error.mean():.5f}, max {error.max():.5f}")
+    error = ciede2000(shown, truth, what=name)
     # Straight lines between transforms, not between conditions: measured 0.002 and 0.12.
     assert error.mean() <= 0.01 and error.max() <= 0.3
 
@@ -134,9 +131,7 @@ def test_what_is_measured_once_goes_through_every_model(model: str, table: bool)
         shown = relighter.frame(light("A"), viewing, dtype=np.float32)
     with Relighter(image, "numpy") as relighter:
         truth = relighter.frame(light("A"), viewing, dtype=np.float32)
-    error = ciede2000(shown, truth)
-    print(f"{model}, table={table}: mean {error.mean():.4f}, max {error.max():.4f}")
-    assert error.mean() <= 0.1
+    assert ciede2000(shown, truth, what=f"{model}, table={table}").mean() <= 0.1
 
 
 def test_a_field_takes_no_table_and_leaves_the_next_frame_alone() -> None:
@@ -163,18 +158,17 @@ def test_another_cast_is_measured_anew() -> None:
 
 
 def test_same_source_draws_the_same_field_as_webgl_2(monkeypatch: pytest.MonkeyPatch) -> None:
-    frames = []
-    for version in ("330 core", "300 es"):
-        monkeypatch.setattr(programs_module, "_GLSL", version)
+    def draw() -> np.ndarray:
         with Relighter(patches(), "gl") as relighter:
-            frames.append(relighter.frame(light("A"), Viewing(adapting="pixel")))
-    assert np.array_equal(*frames)
+            return relighter.frame(light("A"), Viewing(adapting="pixel"))
+
+    assert_drawn_alike_by_webgl_2(draw, monkeypatch)
 
 
 def test_an_engine_alone_has_nothing_to_measure() -> None:
     image = dataclasses.replace(cast(), fov_deg=30.0)
     engine = GLEngine(image.coefficients, image.alpha)
     lit = Illumination.of(image.basis, light("A"), RelightSpec())
-    with pytest.raises(ViewingError, match="without a picture"):
+    with raises(ViewingError):
         engine.render(lit, Viewing(adapting="picture"), np.uint8)
     engine.close()

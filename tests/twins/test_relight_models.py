@@ -1,21 +1,34 @@
-"""Every model in the shader: closed forms, tables, and no NaN anywhere."""
+"""Every model in the shader: closed forms, 3-D LUTs, and no NaN in any frame."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.twins.test_relight import ciede2000, needs_gl, opaque, surfaces  # noqa: F401
-from volspec.appearance import Viewing, view_transform
+from tests.support.relighting import (
+    assert_in_range,
+    ciede2000,
+    cpu_frame,
+    gl_frame,
+    opaque,
+    surfaces,
+)
+from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.display import colour_space
 from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.presets import preset
+from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.appearance.spec import MODELS
+from volspec.basis import SpectralBasis
+from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
-from volspec.spectra import light
+from volspec.spectra import Spectrum, light
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 
+pytestmark = pytest.mark.usefixtures("needs_gl")
 LIGHTS = ("A", "FL2")
 # Known colour by colour only: always looked up.
 TABLED = ("Hunt", "Nayatani95")
@@ -25,14 +38,8 @@ TABLED = ("Hunt", "Nayatani95")
 @pytest.mark.parametrize("name", LIGHTS)
 def test_the_shader_draws_a_model_as_numpy_does(model: str, name: str) -> None:
     white = white_XYZ(light(name))
-    coefficients, alpha, lit = opaque(surfaces(white), white)
-    viewing = Viewing(model=model, surround=0.12)
-    gl = GLEngine(coefficients, alpha, lut3d=False)
-    frame = gl.render(lit, viewing, np.float32)
-    gl.close()
-    truth = CpuEngine(coefficients, alpha).render(lit, viewing, np.float32)
-    error = ciede2000(frame, truth)
-    print(f"{model} under {name}: CIEDE2000 mean {error.mean():.5f}, max {error.max():.5f}")
+    given = *opaque(surfaces(white), white), Viewing(model=model, surround=0.12)
+    error = ciede2000(gl_frame(*given, lut3d=False), cpu_frame(*given), what=f"{model}, {name}")
     if model in TABLED:
         # Nayatani's turns sharply next to black: the worst is a purple of Y = 2.3.
         assert error.mean() <= 0.10 and np.percentile(error, 99) <= 0.8 and error.max() <= 2.5
@@ -52,7 +59,6 @@ def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
     error = ciede2000(
         *(space.encode(np.clip(XYZ @ space.RGB_from_XYZ.T, 0, 1)) for XYZ in (looked_up, exact))
     )[held]
-    print(f"{model} under {name}: {held.mean():.2f}, {error.mean():.4f}, max {error.max():.4f}")
     assert held.mean() > 0.6
     assert error.mean() <= 0.10 and error.max() <= 0.8
 
@@ -68,13 +74,8 @@ def test_a_table_filled_on_the_device_is_numpys(model: str) -> None:
     # Where the closed form stands in, the two are the same: leave such colours out.
     held = np.any(table.apply(XYZ) != transform.apply(XYZ), axis=-1)
     XYZ[~held] = XYZ[held][0]
-    coefficients, alpha, lit = opaque(XYZ, white)
-    gl = GLEngine(coefficients, alpha, lut3d=True)
-    frame = gl.render(lit, viewing, np.float32)
-    gl.close()
+    frame = gl_frame(*opaque(XYZ, white), viewing, lut3d=True)
     assert held.mean() > 0.5
-    from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
-
     assert ciede2000(frame, encode_sRGB(linear_sRGB_from_XYZ(table.apply(XYZ)))).max() < 0.05
 
 
@@ -107,30 +108,21 @@ def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
         colours.encode(np.clip(each.apply(viewing.exposure * XYZ) @ colours.RGB_from_XYZ.T, 0, 1))
         for each in (table, transform)
     ]
-    error = ciede2000(*(frame[None] for frame in frames))
-    print(f"{viewing.model} under {name}: CIEDE2000 mean {error.mean():.4f}, max {error.max():.3f}")
+    error = ciede2000(*(frame[None] for frame in frames), what=f"{viewing.model}, {name}")
     assert error.mean() <= 0.10 and error.max() <= 2.0
 
 
 def test_a_picture_with_colours_that_no_table_holds_is_drawn_by_the_closed_form() -> None:
     lamp = light("D65")
-    coefficients, alpha, lit = opaque(XYZ_from_spectra(lamp, boxes())[:, None], white_XYZ(lamp))
-    frames = []
-    for table in (False, True):
-        gl = GLEngine(coefficients, alpha, lut3d=table)
-        frames.append(gl.render(lit, Viewing(), np.float32))
-        gl.close()
-    assert np.array_equal(*frames)
+    given = *opaque(XYZ_from_spectra(lamp, boxes())[:, None], white_XYZ(lamp)), Viewing()
+    assert np.array_equal(*(gl_frame(*given, lut3d=table) for table in (False, True)))
 
 
 @pytest.mark.parametrize("model", TABLED)
 def test_what_is_brighter_than_white_is_white(model: str) -> None:
     white = white_XYZ(light("A"))
-    coefficients, alpha, lit = opaque(3.0 * white[None, None], white)
-    gl = GLEngine(coefficients, alpha)
-    frame = gl.render(lit, Viewing(model=model, D=1.0), np.uint8)
-    gl.close()
-    assert frame.min() >= 250
+    viewing = Viewing(model=model, D=1.0)
+    assert gl_frame(*opaque(3.0 * white[None, None], white), viewing, np.uint8).min() >= 250
 
 
 def cube(XYZ_from_RGB: np.ndarray) -> np.ndarray:
@@ -147,21 +139,105 @@ ACES_AP0 = 100 * np.array(
 )
 
 
+def engines_of(model: str, coefficients: np.ndarray, alpha: np.ndarray) -> list[Any]:
+    """Closed form and LUT of the shader, and NumPy; two models have no closed form."""
+    kinds = (True,) if model in TABLED else (False, True)
+    engines = [GLEngine(coefficients, alpha, lut3d=table) for table in kinds]
+    return [*engines, CpuEngine(coefficients, alpha)]
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_no_colour_gives_nan(model: str) -> None:
     cubes = [cube(REC_2020), cube(ACES_AP0), np.zeros((17, 1, 3)), np.full((17, 1, 3), -5.0)]
     XYZ = np.concatenate(cubes, axis=1)
-    coefficients, alpha, _ = opaque(XYZ, np.ones(3))
-    # Two models have no closed form: they are looked up either way.
-    kinds = (True,) if model in TABLED else (False, True)
-    engines = [GLEngine(coefficients, alpha, lut3d=table) for table in kinds]
-    engines.append(CpuEngine(coefficients, alpha))
+    engines = engines_of(model, *opaque(XYZ, np.ones(3))[:2])
     for name in ("A", "HP1", "planck:1000"):
         lit = opaque(XYZ, white_XYZ(light(name)))[2]
         for limits in ({}, {"L_A": 0.0}, {"Y_b": 0.0}, {"L_A": 0.0, "Y_b": 0.0}):
             for engine in engines:
                 frame = engine.render(lit, Viewing(model=model, **limits), np.float32)
-                assert np.isfinite(frame).all(), (model, name, limits, engine.name)
-                assert frame.min() >= 0.0 and frame.max() <= 1.0
+                assert_in_range(frame, (model, name, limits, engine.name))
+    for engine in engines:
+        engine.close()
+
+
+BASIS = SpectralBasis.load("general-7")
+BANDS = BASIS.grid.size
+
+
+def blocks(count: int, seed: int) -> np.ndarray:
+    """(count, BANDS) 0 and 1 in runs of one to eight bands, as a palette designer's optima are."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for _ in range(count):
+        runs = rng.integers(1, 9, BANDS)
+        rows.append(np.repeat(np.arange(BANDS) % 2, runs)[:BANDS] ^ rng.integers(0, 2))
+    return np.array(rows, dtype=np.float64)
+
+
+def designed() -> np.ndarray:
+    """(N, BANDS) reflectances: blocks, single bands, bands left out, stripes, black and white."""
+    stripes = (np.arange(BANDS) // np.arange(1, 9)[:, None]) % 2
+    one = np.eye(BANDS)
+    rest = [np.zeros((1, BANDS)), np.ones((1, BANDS)), -0.2 * np.ones((1, BANDS))]
+    return np.concatenate([blocks(150, 1), one, 1.0 - one, stripes, 1 - stripes, *rest])
+
+
+def spectrum(values: np.ndarray) -> Spectrum:
+    return Spectrum(BASIS.grid.wavelengths_nm, values)
+
+
+def lights() -> dict[str, Spectrum | LightRig]:
+    """Next to no power (none is refused), one band, some, and LEDs with nothing between."""
+    nm = BASIS.grid.wavelengths_nm
+    leds = {
+        f"LEDs {centres}": spectrum(
+            sum(np.where(np.abs(nm - centre) < 30, np.exp(-(((nm - centre) / 12) ** 2)), 0.0)
+                for centre in centres)
+        )
+        for centres in ((460, 530, 630), (440, 590), (500, 700))
+    }  # fmt: skip
+    bands = {f"{n:g} nm": spectrum(1.0 * (nm == n)) for n in (nm[0], 450.0, 510.0, 590.0, nm[-1])}
+    return {
+        "1e-100 of D65": spectrum(1e-100 * light("D65", BASIS.grid).values),
+        "1e-30 lux": LightRig((light("A", BASIS.grid),), illuminance_lux=(1e-30,)),
+        **bands,
+        **leds,
+        **{f"blocks {i}": spectrum(values) for i, values in enumerate(blocks(3, 2))},
+    }
+
+
+DESIGNED_LIGHTS = lights()
+VIEWINGS = (
+    {},
+    {"discount": True, "display": Display(L_A=0.05, surround="dark")},
+    {"L_A": 0.0, "Y_b": 0.0, "display": Display(L_A=0.0, Y_b=0.0)},
+)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_designed_spectra_under_designed_lights_give_no_nan(model: str) -> None:
+    spectra = designed()
+    assert len(spectra) % 3 == 0
+    coefficients = BASIS.analyse(spectra).reshape(3, -1, BASIS.size).astype(np.float32)
+    alpha = np.ones(coefficients.shape[:2], np.float32)
+    alpha[0, :4] = 0.0
+    tabled = model in TABLED  # a LUT takes the host a second
+    engines = engines_of(model, coefficients, alpha)
+    worst = 0.0
+    for turn, (name, lit) in enumerate(DESIGNED_LIGHTS.items()):
+        if tabled and turn % 4:  # the next light's table is as hard
+            continue
+        looks = VIEWINGS[turn // 2 % 3 :][:1] if tabled else VIEWINGS
+        level = "absolute" if isinstance(lit, LightRig) else "relative"
+        for others in looks:
+            viewing = Viewing(model=model, **others)
+            seen = Illumination.of(BASIS, lit, RelightSpec(viewing, level=level))
+            for engine in engines:
+                frame = engine.render(seen, viewing, np.float32)
+                assert_in_range(frame, (model, name, others, engine.name))
+                worst = max(worst, float(frame.max()))
+    # Not by being black all over.
+    assert worst > 0.9
     for engine in engines:
         engine.close()

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
-from tests.support.volumes import NRRD, VALUES, WORLD, nifti
-from volspec.errors import VolspecWarning, VolumeError
+from tests.support.errors import raises, warns
+from tests.support.volumes import NRRD, RAW, VALUES, WORLD, nifti, write_nrrd
+from volspec.errors import VolumeError
 from volspec.volume import Volume, load_volume
 from volspec.volume.summary import summarise
 
@@ -18,9 +18,8 @@ from volspec.volume.summary import summarise
 @pytest.fixture
 def files(tmp_path: Path) -> Path:
     """One volume of 4 x 3 x 2 voxels in every format."""
-    raw = VALUES.tobytes()
-    (tmp_path / "v.nrrd").write_bytes(NRRD.encode() + raw)
-    (tmp_path / "v.raw").write_bytes(raw)
+    write_nrrd(tmp_path / "v.nrrd")
+    (tmp_path / "v.raw").write_bytes(RAW)
     (tmp_path / "v.mhd").write_text(
         "ObjectType = Image\nNDims = 3\nDimSize = 4 3 2\nElementType = MET_SHORT\n"
         "ElementSpacing = 2 1 3\nTransformMatrix = 0 1 0 -1 0 0 0 0 1\nOffset = 5 6 7\n"
@@ -48,7 +47,7 @@ def test_raw_bytes_are_read_as_the_name_says(files: Path) -> None:
 
 
 def test_raw_files_longer_than_their_layout_are_warned_about(files: Path) -> None:
-    with pytest.warns(VolspecWarning, match="holds 48 bytes.*takes 24"):
+    with warns("48", "24"):
         load_volume(f"{files}/v.raw?shape=4x3x2&dtype=uint8")
 
 
@@ -87,16 +86,10 @@ BAD_FILES = {
     "empty.npy": (npy("|S0", "5" * 40), "type"),
     "subarray.npy": (npy("<0f8", "2"), "type"),
     "notes.txt": (b"hello", "unknown"),
-    "short.nrrd": (NRRD.encode() + VALUES.tobytes()[:30], "damaged"),
+    "short.nrrd": (NRRD.encode() + RAW[:30], "damaged"),
     "flat.nrrd": (
-        b"NRRD0004\ntype: short\ndimension: 2\nsizes: 4 6\nendian: little\nencoding: raw\n\n"
-        + VALUES.tobytes(),
+        b"NRRD0004\ntype: short\ndimension: 2\nsizes: 4 6\nendian: little\nencoding: raw\n\n" + RAW,
         "shape",
-    ),
-    "zero.nrrd": (
-        b"NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\nspacings: 1 0 1\n"
-        b"endian: little\nencoding: raw\n\n" + VALUES.tobytes(),
-        "range",
     ),
 }
 
@@ -134,17 +127,10 @@ def test_raw_layouts_that_do_not_fit_are_refused(files: Path, query: str, code: 
         load_volume(f"{files}/v.raw{query}")
 
 
-def test_constant_and_wrongly_shaped_arrays_are_refused(tmp_path: Path) -> None:
+def test_constant_volumes_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "grey.npy", np.full((3, 3, 3), 5.0))
     with raises(VolumeError, "range"):
         load_volume(tmp_path / "grey.npy")
-    for shape in ((3, 3), (3, 3, 3, 2), (0, 3, 3), (1, 3, 3)):
-        with raises(VolumeError, "shape"):
-            Volume(np.zeros(shape))
-    with raises(VolumeError, "type"):
-        Volume(np.zeros((3, 3, 3), complex))
-    with raises(VolumeError, "range"):
-        Volume(np.full((3, 3, 3), np.nan))
 
 
 @pytest.mark.parametrize("spacing", ["-1 1 1", "1 0 1", "1 1 nan"])
@@ -152,7 +138,7 @@ def test_spacings_that_are_not_positive_are_refused(files: Path, spacing: str) -
     """ITK mirrors a negative axis and takes NaN for 1."""
     head = f"NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 2\nspacings: {spacing}\n"
     text = head + "endian: little\nencoding: raw\n\n"
-    (files / "s.nrrd").write_bytes(text.encode() + VALUES.tobytes())
+    (files / "s.nrrd").write_bytes(text.encode() + RAW)
     mhd = (files / "v.mhd").read_text().replace("= 2 1 3", f"= {spacing}")
     (files / "s.mhd").write_text(mhd)
     for name in ("s.nrrd", "s.mhd"):
@@ -169,14 +155,11 @@ def test_summary_counts_every_voxel() -> None:
     assert summary.table().row_count > 8
 
 
-def test_what_is_no_path_is_refused() -> None:
-    with raises(VolumeError, "type"):
-        load_volume(3)
-
-
-def test_an_empty_name_is_not_the_folder_that_one_is_in() -> None:
-    with raises(VolumeError, "missing"):
-        load_volume("")
+@pytest.mark.parametrize(("path", "code"), [(3, "type"), ("", "missing")])
+def test_what_is_no_path_is_refused(path: object, code: str) -> None:
+    """An empty name is not the folder that one is in."""
+    with raises(VolumeError, code):
+        load_volume(path)
 
 
 def test_a_question_mark_may_be_a_part_of_the_name(tmp_path: Path) -> None:

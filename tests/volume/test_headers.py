@@ -13,38 +13,36 @@ import numpy as np
 import pytest
 import pyvista
 
-from tests.support.errors import raises
-from tests.support.volumes import META, NRRD, VALUES, load_silently, nifti
+from tests.support.errors import raises, warns
+from tests.support.volumes import (
+    META,
+    NRRD,
+    RAW,
+    VALUES,
+    load_silently,
+    nifti,
+    write_nrrd,
+    write_vti,
+)
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import load_volume
 
 
+@pytest.mark.parametrize("rescaled", [False, True])
 @pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
-def test_truncated_nifti_is_refused(tmp_path: Path, suffix: str) -> None:
+def test_truncated_nifti_is_refused(tmp_path: Path, suffix: str, rescaled: bool) -> None:
     """ITK fills what is missing without a word."""
-    whole = nifti(VALUES, np.eye(4))
-    path = tmp_path / f"v{suffix}"
-    path.write_bytes(whole if suffix == ".nii" else gzip.compress(whole))
-    assert load_volume(path).shape_xyz == (4, 3, 2)
-    cut = whole[:-9]
-    path.write_bytes(cut if suffix == ".nii" else gzip.compress(cut))
-    with raises(VolumeError, "damaged"):
-        load_volume(path)
-    path.write_bytes((whole if suffix == ".nii" else gzip.compress(whole))[:-12])
-    with raises(VolumeError, "damaged"):
-        load_volume(path)
-
-
-@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
-def test_truncated_nifti_whose_values_are_rescaled_is_refused(tmp_path: Path, suffix: str) -> None:
     data = bytearray(nifti(VALUES, np.eye(4)))
-    struct.pack_into("<2f", data, 112, 2.0, 5.0)
+    if rescaled:
+        struct.pack_into("<2f", data, 112, 2.0, 5.0)
+    packed = gzip.compress if suffix == ".nii.gz" else bytes
     path = tmp_path / f"v{suffix}"
-    path.write_bytes(bytes(data) if suffix == ".nii" else gzip.compress(data))
-    assert np.array_equal(load_volume(path).values, VALUES * 2.0 + 5)
-    path.write_bytes(bytes(data[:-9]) if suffix == ".nii" else gzip.compress(data[:-9]))
-    with raises(VolumeError, "damaged"):
-        load_volume(path)
+    path.write_bytes(packed(data))
+    assert np.array_equal(load_volume(path).values, VALUES * 2.0 + 5 if rescaled else VALUES)
+    for cut in (packed(data[:-9]), packed(data)[:-12]):
+        path.write_bytes(cut)
+        with raises(VolumeError, "damaged"):
+            load_volume(path)
 
 
 @pytest.mark.parametrize(
@@ -65,7 +63,6 @@ def test_a_nifti_header_of_another_kind_is_refused(
         load_volume(tmp_path / "v.nii")
 
 
-RAW = VALUES.tobytes()
 BIG = VALUES.astype(">i2").tobytes()
 WORDS = b" ".join(b"%d" % value for value in VALUES.ravel()) + b"\n"
 META_VARIANTS = [
@@ -137,38 +134,27 @@ def test_a_metaimage_line_that_is_no_field_is_refused(tmp_path: Path) -> None:
         load_volume(tmp_path / "v.mha")
 
 
-@pytest.mark.parametrize(
-    "field",
-    [
-        *("ElementDataFile: ../v.raw", "ElementDataFile = ../v.raw", " ElementDataFile =: /v.raw"),
-        *("datafile = LOCAL\nElementDataFile = ../v.raw", "ElementDataFile = LIST\na\n../v.raw"),
-        *("ElementDataFile = LIST 2D\n/v.raw", "ElementDataFile = /etc/hostname"),
-        *("ElementDataFile = %s%n.raw 1 2 1", "ElementDataFile = v%d%d.raw 1 2 1"),
-    ],
-)
-def test_metaimage_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> None:
-    (tmp_path / "v.mha").write_text(f"{META}{field}\n")
-    with raises(VolumeError, "syntax" if "%" in field else "unsupported"):
-        load_volume(tmp_path / "v.mha")
+META_PLACES = [
+    *("ElementDataFile: ../v.raw", "ElementDataFile = ../v.raw", " ElementDataFile =: /v.raw"),
+    *("datafile = LOCAL\nElementDataFile = ../v.raw", "ElementDataFile = LIST\na\n../v.raw"),
+    *("ElementDataFile = LIST 2D\n/v.raw", "ElementDataFile = /etc/hostname"),
+    *("ElementDataFile = %s%n.raw 1 2 1", "ElementDataFile = v%d%d.raw 1 2 1"),
+]
+NRRD_PLACES = [
+    *("data file: ../v.raw", "datafile: /v.raw", "Data File: C:v.raw", "data file: %s.raw 1 2 1"),
+    *("data file: LIST\na.raw\n../v.raw", "content: a list\ndata file: LIST 2\n../v.raw"),
+]
 
 
 @pytest.mark.parametrize(
-    "field",
-    [
-        *(
-            "data file: ../v.raw",
-            "datafile: /v.raw",
-            "Data File: C:v.raw",
-            "data file: %s.raw 1 2 1",
-        ),
-        *("data file: LIST\na.raw\n../v.raw", "content: a list\ndata file: LIST 2\n../v.raw"),
-    ],
+    ("name", "field"),
+    [*(("v.mha", field) for field in META_PLACES), *(("v.nhdr", field) for field in NRRD_PLACES)],
 )
-def test_nrrd_voxels_lie_in_the_header_s_folder(tmp_path: Path, field: str) -> None:
-    head = NRRD.replace("encoding: raw", "encoding: raw\n" + field)
-    (tmp_path / "v.nhdr").write_text(head)
+def test_voxels_lie_in_the_header_s_folder(tmp_path: Path, name: str, field: str) -> None:
+    nrrd = NRRD.replace("encoding: raw", "encoding: raw\n" + field)
+    (tmp_path / name).write_text(f"{META}{field}\n" if name == "v.mha" else nrrd)
     with raises(VolumeError, "syntax" if "%" in field else "unsupported"):
-        load_volume(tmp_path / "v.nhdr")
+        load_volume(tmp_path / name)
 
 
 @pytest.mark.parametrize("count", ["0", "-1", "4290967296", "1e99", "nan"])
@@ -251,101 +237,57 @@ def test_a_truncated_ascii_vtk_file_is_refused(tmp_path: Path) -> None:
         load_volume(path)
 
 
-@pytest.mark.parametrize("compressed", [False, True])
-@pytest.mark.parametrize("appended", [False, True])
-def test_a_truncated_vti_file_is_refused(tmp_path: Path, compressed: bool, appended: bool) -> None:
-    """VTK reads uncompressed appended data past the file's end without an error."""
-    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-
-    path = tmp_path / "v.vti"
-    image = grid(a=RAMP)
-    writer = vtkXMLImageDataWriter()
-    writer.SetInputData(image)
-    writer.SetFileName(str(path))
-    writer.SetEncodeAppendedData(False)
-    writer.SetDataMode(writer.Appended if appended else writer.Binary)
-    if not compressed:
-        writer.SetCompressorTypeToNone()
-    writer.Write()
-    whole = path.read_bytes()
-    assert np.array_equal(load_silently(path).values.ravel(), RAMP)
-    for cut in (30, 400, 1200):
-        path.write_bytes(whole[:-cut])
-        with raises(VolumeError, "damaged"):
-            load_volume(path)
+WHOLE, LONGER = b"0 5 0 4 0 39", b"0 5 0 4 0 99"
 
 
 @pytest.mark.parametrize("encode", [False, True])
 @pytest.mark.parametrize("packed", [False, True])
 @pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
-def test_a_vti_file_whose_array_is_short_is_refused(
+def test_a_vti_file_that_is_cut_or_whose_array_is_short_is_refused(
     tmp_path: Path, mode: str, packed: bool, encode: bool
 ) -> None:
-    """A whole file in which an extent was edited: VTK fills the rest with what memory held."""
-    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-
+    """VTK reads past the file's end, and fills an edited extent with what memory held."""
     path = tmp_path / "v.vti"
-    writer = vtkXMLImageDataWriter()
-    writer.SetInputData(grid(a=RAMP))
-    writer.SetFileName(str(path))
-    writer.SetDataMode(getattr(writer, mode))
-    writer.SetEncodeAppendedData(encode)
-    if not packed:
-        writer.SetCompressorTypeToNone()
-    writer.Write()
+    whole = write_vti(path, grid(a=RAMP), mode, packed, encode)
     assert np.array_equal(load_silently(path).values.ravel(), RAMP)
-    path.write_bytes(path.read_bytes().replace(b"0 5 0 4 0 39", b"0 5 0 4 0 99"))
-    with raises(VolumeError, "damaged"):
-        load_volume(path)
+    for wrong in (whole.replace(WHOLE, LONGER), *(whole[:-cut] for cut in (30, 400, 1200))):
+        path.write_bytes(wrong)
+        with raises(VolumeError, "damaged"):
+            load_volume(path)
 
 
 @pytest.mark.parametrize("mode", ["Ascii", "Binary", "Appended"])
 def test_a_vti_file_of_digits_with_other_arrays_is_read(tmp_path: Path, mode: str) -> None:
     """Vectors come with elements of their own, field data with text that is no voxels."""
-    from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-
     image = grid(labels=(RAMP % 7).astype(np.uint8), vectors=np.ones((1200, 3)))
     image.field_data["note"] = np.arange(5000.0)
     image.set_active_scalars("labels")
     path = tmp_path / "v.vti"
-    writer = vtkXMLImageDataWriter()
-    writer.SetInputData(image)
-    writer.SetFileName(str(path))
-    writer.SetDataMode(getattr(writer, mode))
-    writer.Write()
-    assert (b"InformationKey" in path.read_bytes()) == (mode != "Appended")
+    whole = write_vti(path, image, mode)
+    assert (b"InformationKey" in whole) == (mode != "Appended")
     assert np.array_equal(load_silently(path).values.ravel(), RAMP % 7)
-    path.write_bytes(path.read_bytes().replace(b"0 5 0 4 0 39", b"0 5 0 4 0 49"))
+    path.write_bytes(whole.replace(WHOLE, LONGER))
     with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
-@pytest.mark.parametrize("text", ["<DataArray/>", "<a></a></a>", "<AppendedData>no mark"])
+# VTK leaves what a missing piece would hold as memory was.
+ONE_PIECE = (
+    '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian">'
+    '<ImageData WholeExtent="0 3 0 3 0 3" Origin="0 0 0" Spacing="1 1 1">'
+    '<Piece Extent="0 1 0 1 0 1"><PointData Scalars="a">'
+    '<DataArray type="UInt8" Name="a" format="ascii">1 2 1 2 1 2 1 2</DataArray>'
+    "</PointData></Piece></ImageData>"
+)
+# VTK's parser recurses until the process ends.
+DEEP = '<VTKFile type="ImageData">' + "<a>" * 200_000 + "</a>"
+NO_VTI = ["<DataArray/>", "<a></a></a>", "<AppendedData>no mark", ONE_PIECE, DEEP]
+
+
+@pytest.mark.parametrize("text", NO_VTI, ids=["tag", "ends", "mark", "piece", "deep"])
 def test_a_vti_file_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "v.vti"
     path.write_text(f"{text}</VTKFile>")
-    with raises(VolumeError, "damaged"):
-        load_volume(path)
-
-
-def test_a_vti_file_without_all_of_its_pieces_is_refused(tmp_path: Path) -> None:
-    """VTK leaves in the rest what memory held."""
-    path = tmp_path / "v.vti"
-    path.write_text(
-        '<VTKFile type="ImageData" version="1.0" byte_order="LittleEndian">'
-        '<ImageData WholeExtent="0 3 0 3 0 3" Origin="0 0 0" Spacing="1 1 1">'
-        '<Piece Extent="0 1 0 1 0 1"><PointData Scalars="a">'
-        '<DataArray type="UInt8" Name="a" format="ascii">1 2 1 2 1 2 1 2</DataArray>'
-        "</PointData></Piece></ImageData></VTKFile>"
-    )
-    with raises(VolumeError, "damaged"):
-        load_volume(path)
-
-
-def test_a_vti_file_nested_deeply_is_refused(tmp_path: Path) -> None:
-    """VTK's parser recurses until the process ends."""
-    path = tmp_path / "v.vti"
-    path.write_bytes(b'<VTKFile type="ImageData">' + b"<a>" * 200_000 + b"</a></VTKFile>")
     with raises(VolumeError, "damaged"):
         load_volume(path)
 
@@ -362,62 +304,49 @@ def test_a_vti_file_with_damaged_data_is_refused_in_one_line(tmp_path: Path) -> 
             load_volume(path)
 
 
-def write_nrrd(path: Path, surplus: bytes) -> None:
-    path.write_bytes(NRRD.encode() + VALUES.tobytes() + surplus)
+def detached(path: Path, head: str, data: bytes) -> None:
+    path.write_text(head)
+    (path.parent / "voxels.raw").write_bytes(data)
 
 
-def write_gzipped_nrrd(path: Path, surplus: bytes) -> None:
-    header = NRRD.replace("encoding: raw", "encoding: gzip").encode()
-    path.write_bytes(header + gzip.compress(VALUES.tobytes() + surplus))
+DETACHED = NRRD.replace("encoding: raw", "encoding: raw\ndata file: voxels.raw")
+LONG_FILES: dict[str, tuple[str, Callable[[Path, bytes], object]]] = {
+    "nrrd": ("v.nrrd", lambda path, more: write_nrrd(path, surplus=more)),
+    "gzip": ("v.nrrd", lambda path, more: write_nrrd(path, packed=True, surplus=more)),
+    "nhdr": ("v.nhdr", lambda path, more: detached(path, DETACHED, RAW + more)),
+    "mhd": (
+        "v.mhd",
+        lambda path, more: detached(path, f"{META}ElementDataFile = voxels.raw\n", RAW + more),
+    ),
+    "offset": (
+        "v.mhd",
+        lambda path, more: detached(
+            path, f"{META}HeaderSize = 5\nElementDataFile = voxels.raw\n", b"12345" + RAW + more
+        ),
+    ),
+    "mha": (
+        "v.mha",
+        lambda path, more: path.write_bytes(
+            f"{META}ElementDataFile = LOCAL\n".encode() + RAW + more
+        ),
+    ),
+}
 
 
-def write_detached_nrrd(path: Path, surplus: bytes) -> None:
-    path.write_text(NRRD.replace("encoding: raw", "encoding: raw\ndata file: voxels.bin"))
-    (path.parent / "voxels.bin").write_bytes(VALUES.tobytes() + surplus)
-
-
-def write_mhd(path: Path, surplus: bytes) -> None:
-    path.write_text(f"{META}ElementDataFile = voxels.raw\n")
-    (path.parent / "voxels.raw").write_bytes(VALUES.tobytes() + surplus)
-
-
-def write_mhd_with_offset(path: Path, surplus: bytes) -> None:
-    path.write_text(f"{META}HeaderSize = 5\nElementDataFile = voxels.raw\n")
-    (path.parent / "voxels.raw").write_bytes(b"12345" + VALUES.tobytes() + surplus)
-
-
-def write_mha(path: Path, surplus: bytes) -> None:
-    path.write_bytes(f"{META}ElementDataFile = LOCAL\n".encode() + VALUES.tobytes() + surplus)
-
-
-@pytest.mark.parametrize(
-    ("name", "write"),
-    [
-        ("v.nrrd", write_nrrd),
-        ("v.nrrd", write_gzipped_nrrd),
-        ("v.nhdr", write_detached_nrrd),
-        ("v.mhd", write_mhd),
-        ("v.mhd", write_mhd_with_offset),
-        ("v.mha", write_mha),
-    ],
-)
-def test_files_longer_than_their_header_says_are_warned_about(
-    tmp_path: Path, name: str, write: Callable[[Path, bytes], None]
-) -> None:
-    path = tmp_path / name
-    write(path, b"")
-    assert np.array_equal(load_silently(path).values, VALUES)
-    write(path, b"more")
-    with pytest.warns(VolspecWarning, match=r"52 bytes of voxels.* describes 48") as caught:
-        assert np.array_equal(load_volume(path).values, VALUES)
-    assert len(caught) == 1 and caught[0].filename == __file__
+@pytest.mark.parametrize("kind", LONG_FILES)
+def test_files_longer_than_their_header_says_are_warned_about(tmp_path: Path, kind: str) -> None:
+    name, write = LONG_FILES[kind]
+    write(tmp_path / name, b"")
+    assert np.array_equal(load_silently(tmp_path / name).values, VALUES)
+    write(tmp_path / name, b"more")
+    with warns("52", "48", file=__file__):
+        assert np.array_equal(load_volume(tmp_path / name).values, VALUES)
 
 
 def test_a_gzip_file_in_two_members_is_not_longer(tmp_path: Path) -> None:
     """Only the last member's length is stored at the end."""
     header = NRRD.replace("encoding: raw", "encoding: gzip").encode()
-    raw = VALUES.tobytes()
-    (tmp_path / "v.nrrd").write_bytes(header + gzip.compress(raw[:40]) + gzip.compress(raw[40:]))
+    (tmp_path / "v.nrrd").write_bytes(header + gzip.compress(RAW[:40]) + gzip.compress(RAW[40:]))
     assert np.array_equal(load_silently(tmp_path / "v.nrrd").values, VALUES)
 
 

@@ -15,7 +15,7 @@ from vtkmodules.vtkCommonDataModel import vtkPiecewiseFunction, vtkPlane
 from vtkmodules.vtkRenderingCore import vtkColorTransferFunction, vtkVolumeProperty
 
 import volspec as vs
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from volspec.appearance import spaces
 from volspec.appearance.spaces import sRGB_CURVE
 from volspec.basis import SpectralBasis
@@ -25,7 +25,6 @@ from volspec.errors import (
     RaycastError,
     RelightError,
     TransferError,
-    VolspecWarning,
     VolumeError,
 )
 from volspec.raycast import Camera
@@ -258,18 +257,19 @@ def test_blending_shading_and_clip_planes_are_taken_over(plot: Plots) -> None:
     spec = vs.from_plotter(plotter, "greatest").spec
     assert (spec.mode, spec.ambient, spec.diffuse) == ("maximum", 1.0, 0.0)
     plotter.add_volume(block(), name="mean", blending="average")
-    with pytest.warns(VolspecWarning, match="mean: the greys of blending 'average' cannot be"):
+    with warns("mean", "'average'"):
         assert vs.from_plotter(plotter, "mean").spec.mode == "average"
 
 
 def test_one_volume_is_taken_and_several_are_named(plot: Plots) -> None:
     plotter = plot()
-    with pytest.raises(RaycastError, match="shows no volume in the active subplot; call add_vol"):
+    with raises(RaycastError, "missing"):
         vs.from_plotter(plotter)
     plotter.add_mesh(pyvista.Sphere(), name="ball")
     plotter.add_volume(pyvista.MultiBlock([block(), even()]), name="ct")
-    with pytest.raises(RaycastError, match=r"2 volumes, 'ct-0', 'ct-1'; .*\(plotter, 'ct-0'\)"):
+    with raises(RaycastError, "missing") as caught:
         vs.from_plotter(plotter)
+    assert "'ct-0', 'ct-1'" in str(caught.value)
     assert vs.from_plotter(plotter, "ct-1").volume.shape_xyz == (12, 12, 12)
     others: tuple[Any, ...] = ("ball", ["ball"])
     for other in others:
@@ -281,7 +281,7 @@ def test_one_volume_is_taken_and_several_are_named(plot: Plots) -> None:
     for take in (vs.from_plotter, vs.picture_plane):
         with raises(RaycastError, "state"):
             take(plotter)
-        with pytest.raises(RaycastError, match=r"got ImageData.*; give a pyvista Plotter"):
+        with raises(RaycastError, "type"):
             take(block())
 
 
@@ -291,31 +291,14 @@ def test_no_address_of_memory_comes_into_an_images_notes(plot: Plots) -> None:
     assert vs.from_plotter(plotter).volume.name == "ImageData"
 
 
-def additive(plotter: pyvista.Plotter) -> None:
-    plotter.add_volume(block(), blending="additive", name="ct")
-
-
 def coloured(plotter: pyvista.Plotter) -> None:
     grid = pyvista.ImageData(dimensions=(3, 3, 3))
     grid["rgba"] = np.full((27, 4), 99, np.uint8)
     plotter.add_volume(grid, name="ct")
 
 
-def scattered(plotter: pyvista.Plotter) -> None:
-    grid = even().cast_to_rectilinear_grid()
-    plotter.add_volume(grid, name="ct")
-
-
-def two_dimensional(plotter: pyvista.Plotter) -> None:
-    plotter.add_volume(block(), name="ct").prop.SetTransferFunctionModeTo2D()
-
-
 def flattened(plotter: pyvista.Plotter) -> None:
     plotter.add_volume(block(), name="ct").user_matrix = np.diag([1.0, 1.0, 0.0, 1.0])
-
-
-def endlessly_dense(plotter: pyvista.Plotter) -> None:
-    plotter.add_volume(block(), name="ct", opacity_unit_distance=0)
 
 
 def shifted(plotter: pyvista.Plotter) -> None:
@@ -323,27 +306,27 @@ def shifted(plotter: pyvista.Plotter) -> None:
     plotter.camera.SetWindowCenter(0.2, 0)
 
 
-@pytest.mark.parametrize(
-    ("add", "error", "message"),
-    [
-        (additive, RaycastError, "ct: blends 'additive', which has no counterpart"),
-        (coloured, VolumeError, "ct: 4 components a voxel"),
-        (scattered, VolumeError, "ct: is a RectilinearGrid; .*resample it"),
-        (two_dimensional, TransferError, "ct: has a 2-D transfer function; give curves"),
-        (endlessly_dense, TransferError, "ct.opacity_unit_distance is 0.0; give a length above 0"),
-        (flattened, VolumeError, "ct: the orientation matrix .* is singular"),
-        (shifted, CameraError, "its camera shears, shifts or moves the picture"),
-    ],
-)
-def test_what_has_no_counterpart_is_refused(
-    plot: Plots,
-    add: Callable[[pyvista.Plotter], None],
-    error: type[InputError],
-    message: str,
-) -> None:
+NO_COUNTERPART: dict[str, tuple[Callable[[pyvista.Plotter], object], type[InputError], str]] = {
+    "additive": (lambda p: p.add_volume(block(), blending="additive"), RaycastError, "unsupported"),
+    "coloured": (coloured, VolumeError, "shape"),
+    "rectilinear": (lambda p: p.add_volume(even().cast_to_rectilinear_grid()), VolumeError, "type"),
+    "2-D": (
+        lambda p: p.add_volume(block()).prop.SetTransferFunctionModeTo2D(),
+        TransferError,
+        "unsupported",
+    ),
+    "dense": (lambda p: p.add_volume(block(), opacity_unit_distance=0), TransferError, "range"),
+    "flattened": (flattened, VolumeError, "range"),
+    "shifted": (shifted, CameraError, "unsupported"),
+}
+
+
+@pytest.mark.parametrize("kind", NO_COUNTERPART)
+def test_what_has_no_counterpart_is_refused(plot: Plots, kind: str) -> None:
+    add, error, code = NO_COUNTERPART[kind]
     plotter = plot()
     add(plotter)
-    with pytest.raises(error, match=message):
+    with raises(error, code):
         vs.from_plotter(plotter)
 
 
@@ -356,11 +339,8 @@ def test_unsupported_settings_cause_a_warning(plot: Plots) -> None:
     actor.prop.SetGradientOpacity(slope)
     actor.mapper.SetCropping(True)
     plotter.set_scale(zscale=3)
-    with pytest.warns(
-        VolspecWarning, match="ct: its gradient opacity and its cropping .*stretch of 3"
-    ) as caught:
+    with warns("ct", "gradient", "cropping", " 3 ", file=__file__):
         volume = vs.from_plotter(plotter).volume
-    assert caught[0].filename == __file__
     assert np.allclose(volume.spacing_mm, (1.0, 1.2, 2.4))
 
 
@@ -385,13 +365,11 @@ def test_a_frame_comes_back_pixel_on_pixel(plot: Plots, dtype: Any) -> None:
 
 def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
     plotter = plot()
-    perspective(plotter)
-    size = [vs.picture_plane(plotter, distance).length for distance in (10.0, 25.0)]
-    assert size[1] == pytest.approx(2.5 * size[0], rel=1e-5)  # points are float32
-    parallel(plotter)
-    size = [vs.picture_plane(plotter, distance).length for distance in (10.0, 25.0)]
-    assert size[1] == pytest.approx(size[0], rel=1e-5)
-    with pytest.raises(RaycastError, match="picture_plane: distance is 0; give a number above 0"):
+    for view, grows in ((perspective, 2.5), (parallel, 1.0)):
+        view(plotter)
+        near, far = (vs.picture_plane(plotter, distance).length for distance in (10.0, 25.0))
+        assert far == pytest.approx(grows * near, rel=1e-5)  # points are float32
+    with raises(RaycastError):
         vs.picture_plane(plotter, 0)
 
 
@@ -403,7 +381,7 @@ def test_a_plane_farther_away_looks_the_same(plot: Plots) -> None:
     ],
 )
 def test_textures_of_what_is_no_frame_are_refused(frame: np.ndarray) -> None:
-    with pytest.raises(RelightError, match=r"to_texture: .*; give (a frame|codes of 0 to 1)"):
+    with raises(RelightError):
         vs.to_texture(frame)
 
 

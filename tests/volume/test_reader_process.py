@@ -8,16 +8,15 @@ import struct
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 import SimpleITK
 
-from tests.support.errors import raises
-from tests.support.volumes import META, NRRD, VALUES
-from volspec.errors import DeviceError, VolspecWarning, VolumeError
+from tests.support.errors import raises, warns
+from tests.support.volumes import META, NRRD, VALUES, write_nrrd
+from volspec.errors import DeviceError, VolumeError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.load import read_here
@@ -33,9 +32,7 @@ def child_with(tmp_path: Path, body: str, monkeypatch: pytest.MonkeyPatch) -> Pa
     )
     monkeypatch.setattr(reader_process, "_START", start)
     monkeypatch.setattr(reader_process, "_idle_processes", lambda owner: [])
-    path = tmp_path / "v.nrrd"
-    path.write_bytes(NRRD.encode() + VALUES.tobytes())
-    return path
+    return write_nrrd(tmp_path / "v.nrrd")
 
 
 @pytest.mark.parametrize("signal", ["SIGSEGV", "SIGABRT", "SIGFPE"])
@@ -49,13 +46,15 @@ def test_a_crash_of_the_reader_is_one_line(
     assert f"({signal})" in str(caught.value)
 
 
-def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("declares", ["", "query.declare(1 << 40); "])
+def test_a_reader_that_hangs_is_ended_whatever_it_declares(
+    tmp_path: Path, declares: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A small file that declares much gets no more time."""
     monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5)
-    path = child_with(tmp_path, "time.sleep(60)", monkeypatch)
-    begun = time.monotonic()
+    path = child_with(tmp_path, f"{declares}time.sleep(60)", monkeypatch)
     with raises(VolumeError, "damaged"):
         load_volume(path)
-    assert time.monotonic() - begun < 30
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux limits address space")
@@ -64,15 +63,6 @@ def test_a_reader_that_takes_more_memory_than_declared_is_refused(
 ) -> None:
     path = child_with(tmp_path, "query.declare(48); bytearray(1 << 30)", monkeypatch)
     with raises(VolumeError, "size"):
-        load_volume(path)
-
-
-def test_a_small_file_that_declares_much_gets_no_more_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(reader_process, "_TIMEOUT_S", 0.5)
-    path = child_with(tmp_path, "query.declare(1 << 40); time.sleep(60)", monkeypatch)
-    with raises(VolumeError, "damaged"):
         load_volume(path)
 
 
@@ -95,7 +85,7 @@ def test_many_threads_read_at_once_and_leave_the_output_alone(tmp_path: Path) ->
     failures: list[object] = []
 
     def read(k: int) -> None:
-        for _ in range(10):
+        for _ in range(4):
             if not np.array_equal(load_volume(tmp_path / f"{k}.nrrd").values, VALUES + k):
                 failures.append(k)
             with raises(VolumeError, "damaged"):
@@ -112,7 +102,7 @@ def test_many_threads_read_at_once_and_leave_the_output_alone(tmp_path: Path) ->
 
 
 def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_path: Path) -> None:
-    (tmp_path / "v.nrrd").write_bytes(NRRD.encode() + VALUES.tobytes())
+    write_nrrd(tmp_path / "v.nrrd")
     (tmp_path / "script.py").write_text(
         "import volspec as vs\n"
         "print(vs.load_volume('v.nrrd').shape_xyz)\n"
@@ -132,8 +122,7 @@ def test_a_script_without_a_main_guard_reads_volumes_and_leaves_no_process(tmp_p
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
 def test_a_fork_has_a_reader_of_its_own(tmp_path: Path) -> None:
-    path = tmp_path / "v.nrrd"
-    path.write_bytes(NRRD.encode() + VALUES.tobytes())
+    path = write_nrrd(tmp_path / "v.nrrd")
     code = (
         "import os, sys, volspec as vs\n"
         "from volspec.volume.reader_process import _idle_processes\n"
@@ -179,7 +168,7 @@ def test_bytes_read_directly_are_those_that_itk_gives(
 
 
 @pytest.mark.parametrize("name", ["v.npy", "v.nrrd", "v.mha", "v.nii", "v.nii.gz", "v.vti"])
-def test_nan_is_told_the_same_way_in_every_format(tmp_path: Path, name: str) -> None:
+def test_nan_is_replaced_alike_in_every_format(tmp_path: Path, name: str) -> None:
     """ITK's NIfTI reader sets them to 0."""
     values = np.linspace(5, 28, 24, dtype=np.float32).reshape(2, 3, 4)
     values[1, 2, 3], values[0, 1, 1], values[0, 0, 0] = np.nan, np.inf, -np.inf
@@ -194,10 +183,7 @@ def test_nan_is_told_the_same_way_in_every_format(tmp_path: Path, name: str) -> 
         grid.save(path)
     else:
         SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
-    message = (
-        r"3 of 24 voxels are NaN or infinite; 2 \(NaN, -inf\) became the minimum, 6, 1 \(\+inf"
-    )
-    with pytest.warns(VolspecWarning, match=message):
+    with warns("3", "24", "(NaN, -inf)", " 6,", "(+inf)"):
         read = load_volume(path).values
     assert (read[1, 2, 3], read[0, 1, 1], read[0, 0, 0]) == (6, 27, 6)
 
@@ -263,8 +249,7 @@ def test_a_hostile_npy_header_is_one_line(tmp_path: Path, header: bytes) -> None
 
 def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None:
     """Voxels outlive the child that read them, and the file."""
-    path = tmp_path / "v.nrrd"
-    path.write_bytes(NRRD.replace("raw", "gzip").encode() + gzip.compress(VALUES.tobytes()))
+    path = write_nrrd(tmp_path / "v.nrrd", packed=True)
     reading = reader_process.read_in_child(Query.of(str(path)))
     assert isinstance(reading, Reading) and isinstance(reading.values, np.ndarray)
     for process in reader_process._idle_processes(os.getpid()):
@@ -272,13 +257,12 @@ def test_a_reading_keeps_its_voxels_in_memory_of_its_own(tmp_path: Path) -> None
     path.unlink()
     reading.values[0, 0, 0] += 1
     assert np.array_equal(reading.values.ravel()[1:], VALUES.ravel()[1:])
-    path.write_bytes(NRRD.encode() + VALUES.tobytes())
-    assert np.array_equal(load_volume(path).values, VALUES)
+    assert np.array_equal(load_volume(write_nrrd(path)).values, VALUES)
 
 
 def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> None:
     """Paths that are no text, and a site that prints; a nameless interpreter is one line."""
-    (tmp_path / "v.nrrd").write_bytes(NRRD.encode() + VALUES.tobytes())
+    write_nrrd(tmp_path / "v.nrrd")
     (tmp_path / "site").mkdir()
     (tmp_path / "site/sitecustomize.py").write_text("print('welcome', flush=True)\n")
     code = (
@@ -289,7 +273,7 @@ def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> No
         "reader_process._idle_processes(__import__('os').getpid()).clear()\n"
         "sys.executable = ''\n"
         "try: vs.load_volume('v.nrrd')\n"
-        "except vs.errors.DeviceError as error: print(error)\n"
+        "except vs.errors.DeviceError as error: print(error.code)\n"
     ).replace("vs.errors", "__import__('volspec.errors').errors")
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -301,14 +285,13 @@ def test_a_child_starts_whatever_the_parent_s_surroundings(tmp_path: Path) -> No
     )
     lines = done.stdout.splitlines()
     assert lines[:2] == ["welcome", "(4, 3, 2)"], done.stderr
-    assert lines[2].startswith("v.nrrd: no process can be started to read it with ('': ")
+    assert lines[2:] == ["size"]
 
 
 def test_voxels_that_cannot_be_mapped_leave_no_child(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    path = tmp_path / "v.nrrd"
-    path.write_bytes(NRRD.replace("raw", "gzip").encode() + gzip.compress(VALUES.tobytes()))
+    path = write_nrrd(tmp_path / "v.nrrd", packed=True)
     load_volume(path)
     idle = reader_process._idle_processes(os.getpid())
     child = idle[-1]._process
@@ -323,11 +306,11 @@ def test_voxels_that_cannot_be_mapped_leave_no_child(
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
-def test_what_is_no_file_and_names_that_libraries_cannot_open_are_told(tmp_path: Path) -> None:
+def test_what_is_no_file_and_names_that_libraries_cannot_open_are_refused(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.nrrd")
     with raises(VolumeError, "type"):
         load_volume(tmp_path / "pipe.nrrd")
     name = os.fsdecode(b"bad\xff.nrrd")
-    (tmp_path / name).write_bytes(NRRD.encode() + VALUES.tobytes())
+    write_nrrd(tmp_path / name)
     with raises(VolumeError, "unsupported"):
         load_volume(tmp_path / name)

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import SimpleITK as sitk
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently
-from volspec.errors import VolspecWarning, VolumeError
+from volspec.errors import VolumeError
 from volspec.volume import load_volume
 
 VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
@@ -140,12 +140,10 @@ def test_compressed_slices_are_read(tmp_path: Path) -> None:
 def test_of_several_series_one_is_named(tmp_path: Path) -> None:
     write_series(tmp_path, series=3, name="Head 2.5")
     write_series(tmp_path, VALUES[:3] + 1, series=12, name="Soft")
-    with pytest.raises(VolumeError) as caught:
+    with raises(VolumeError, "missing") as caught:
         load_volume(tmp_path)
-    assert str(caught.value) == (
-        f"{tmp_path}: holds 2 series; name one as {tmp_path.name}?series=3: "
-        "3 'Head 2.5' (4 slices of 5x3), 12 'Soft' (3 slices of 5x3)"
-    )
+    for part in (f"{tmp_path.name}?series=3", "'Head 2.5'", "'Soft'"):
+        assert part in str(caught.value)
     for name in ("?series=12", "?series=1.2.12", "/012.dcm"):
         assert np.array_equal(load_silently(f"{tmp_path}{name}").values, VALUES[:3] + 1)
     with raises(VolumeError, "unknown"):
@@ -168,7 +166,6 @@ def test_a_folder_without_slices_stands_for_those_below(tmp_path: Path) -> None:
 def test_files_without_a_picture_are_left_out_and_damaged_ones_named(tmp_path: Path) -> None:
     folder = write_series(tmp_path / "head")
     whole = (folder / "03.dcm").read_bytes()
-    report = whole.replace(b"1.2.840.10008.5.1.4.1.1.2\0", b"1.2.840.10008.5.1.4.1.1.88.11\0")
     at = whole.index(bytes.fromhex("02000200") + b"UI")
     name = b"1.2.840.10008.5.1.4.1.1.88.11\0"
     report = whole[: at + 6] + len(name).to_bytes(2, "little") + name
@@ -190,12 +187,11 @@ def test_missing_slices_are_refused_unless_a_spacing_is_given(tmp_path: Path) ->
     assert taken.spacing_mm == (1, 1, 2) and taken.shape_xyz == (5, 3, 7)
 
 
-def test_slices_off_their_places_are_told(tmp_path: Path) -> None:
+def test_slices_off_their_places_are_warned_about(tmp_path: Path) -> None:
     for k, z in enumerate((0, 2.5, 5.4, 7.5)):
         write_slice(tmp_path / f"{k}.dcm", VALUES[k], **plane(z, k))
-    with pytest.warns(VolspecWarning, match=r"up to 0\.4 mm off even places 2\.5 mm") as caught:
+    with warns("0.4", "2.5", file=__file__):
         assert load_volume(tmp_path).spacing_mm[2] == 2.5
-    assert caught[0].filename == __file__
 
 
 def test_of_several_times_at_every_place_one_is_chosen(tmp_path: Path) -> None:
@@ -219,7 +215,7 @@ def test_a_scout_is_left_out_and_two_stacks_are_refused(tmp_path: Path) -> None:
     folder = write_series(tmp_path / "head")
     sagittal = {"x0020_0037": "0\\1\\0\\0\\0\\-1"}
     write_slice(folder / "scout.dcm", VALUES[0], **(plane(0, 9) | sagittal))
-    with pytest.warns(VolspecWarning, match=r"1 of 5 files left out, .*such as scout\.dcm"):
+    with warns("1", "5", "scout.dcm"):
         assert load_volume(folder).shape_xyz == (5, 3, 4)
     write_slice(folder / "second.dcm", VALUES[0], **(plane(1, 9) | sagittal))
     with raises(VolumeError, "conflict"):
@@ -233,7 +229,7 @@ def test_slices_without_places_follow_their_numbers(tmp_path: Path) -> None:
         # ITK's writer always writes a place, under another tag it is none; and its own distance.
         data = path.read_bytes().replace(b"\x20\0\x32\0", b"\x20\0\x33\0")
         path.write_bytes(re.sub(rb"(\x18\0\x88\0\x02\0\0\0)..", rb"\g<1>4 ", data))
-    with pytest.warns(VolspecWarning, match="in the order of their numbers, 4 mm apart; give"):
+    with warns("4", "?spacing="):
         volume = load_volume(tmp_path)
     assert np.array_equal(volume.values, VALUES) and volume.spacing_mm == (*SPACING, 4)
 
@@ -242,15 +238,11 @@ def test_a_file_of_many_frames_is_a_volume(tmp_path: Path) -> None:
     image = sitk.GetImageFromArray((VALUES // 2).astype(np.uint8))
     image.SetSpacing((1, 2, 3))
     sitk.WriteImage(image, str(tmp_path / "film.dcm"))
-    with pytest.warns(VolspecWarning, match="its 4 frames are taken for slices"):
+    with warns("4", "?spacing="):
         assert np.array_equal(load_volume(tmp_path).values, VALUES // 2)
     assert load_volume(f"{tmp_path}/film.dcm?spacing=1,1,4").spacing_mm == (1, 1, 4)
     with raises(VolumeError, "conflict"):
         load_volume(f"{tmp_path}/film.dcm?time=1")
-
-
-def single(folder: Path) -> None:
-    write_slice(folder / "a.dcm", VALUES[0], **plane(0, 0))
 
 
 def coloured(folder: Path) -> None:
@@ -263,24 +255,18 @@ def all_at_one_place(folder: Path) -> None:
         write_slice(folder / f"{k}.dcm", VALUES[k], **plane(1, k))
 
 
-def without_pixels(folder: Path) -> None:
-    (folder / "junk.dcm").write_bytes(b"hello" * 99)
-
-
 @pytest.mark.parametrize(
     ("make", "code"),
     [
-        (single, "shape"),
+        (lambda folder: write_slice(folder / "a.dcm", VALUES[0], **plane(0, 0)), "shape"),
         (coloured, "shape"),
         (all_at_one_place, "duplicate"),
-        (without_pixels, "damaged"),
+        (lambda folder: (folder / "junk.dcm").write_bytes(b"hello" * 99), "damaged"),
     ],
+    ids=["single", "coloured", "one place", "junk"],
 )
 def test_folders_that_are_no_volume_are_refused_in_one_line(
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-    make: Callable[[Path], None],
-    code: str,
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], make: Callable[[Path], object], code: str
 ) -> None:
     make(tmp_path)
     with raises(VolumeError, code):

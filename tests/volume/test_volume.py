@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import pyvista
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import Volume
 
@@ -89,12 +89,11 @@ def test_wide_integers_become_the_smallest_that_holds_them(
     assert np.array_equal(volume.values, values)
 
 
-def test_an_array_that_is_kept_is_shared_and_read_only_here() -> None:
+def test_an_array_that_needs_no_conversion_is_shared_and_read_only_here() -> None:
     given = np.arange(27, dtype=np.float32).reshape(3, 3, 3)
     volume = Volume(given)
     assert np.shares_memory(given, volume.values) and given.flags.writeable
-    with pytest.raises(ValueError, match="read-only"):
-        volume.values[0, 0, 0] = 1
+    assert not volume.values.flags.writeable
     volume.to_pyvista().point_data["values"][:] = 99  # VTK knows no read-only arrays
     assert volume.values.max() == given.max() == 26
 
@@ -102,24 +101,26 @@ def test_an_array_that_is_kept_is_shared_and_read_only_here() -> None:
 def test_minus_infinity_and_nan_become_the_minimum_and_infinity_the_maximum() -> None:
     values = np.linspace(2, 9, 27, dtype=np.float32).reshape(3, 3, 3)
     values[0, 0, 1], values[0, 1, 1], values[1, 1, 1] = np.nan, -np.inf, np.inf
-    message = r"3 of 27 .*; 2 \(NaN, -inf\) became the minimum, 2, 1 \(\+inf\) the maximum, 9"
-    with pytest.warns(VolspecWarning, match=message) as caught:
+    with warns("3", "27", "(NaN, -inf)", " 2,", "(+inf)", " 9", file=__file__):
         volume = Volume(values)
-    assert len(caught) == 1 and caught[0].filename == __file__
     assert volume.values[0, 0, 1] == volume.values[0, 1, 1] == volume.range[0] == 2
     assert volume.values[1, 1, 1] == volume.range[1] == 9
 
 
-def test_doubles_beyond_float32_are_refused() -> None:
-    values = np.ones((2, 2, 2))
-    values[0, 0, 0] = 1e300
-    with raises(VolumeError, "range"):
-        Volume(values)
+def test_arrays_of_the_wrong_kind_are_refused() -> None:
+    for shape in ((3, 3), (3, 3, 3, 2), (0, 3, 3), (1, 3, 3)):
+        with raises(VolumeError, "shape"):
+            Volume(np.zeros(shape))
+    with raises(VolumeError, "type"):
+        Volume(np.zeros((3, 3, 3), complex))
+    for number in (np.nan, 1e300):  # beyond float32
+        with raises(VolumeError, "range"):
+            Volume(np.full((3, 3, 3), number))
 
 
 def test_integers_that_float32_cannot_hold_are_warned_about() -> None:
     Volume(np.full((2, 2, 2), 2**24, np.int64))
-    with pytest.warns(VolspecWarning, match="int64 values beyond 2"):
+    with warns("int64", "2^24"):
         Volume(np.full((2, 2, 2), 2**24 + 1, np.int64))
 
 
@@ -130,9 +131,9 @@ def test_doubles_that_float32_rounds_are_warned_about() -> None:
         Volume(ramp)
         Volume(ramp.round() + 1e6)  # whole numbers below 2^24 stay what they are
         Volume(np.full((2, 2, 2), 0.1))
-    with pytest.warns(VolspecWarning, match=r"1000000 … 1000001 are rounded by up to 0\.029 as"):
+    with warns("1000000", "1000001", "0.029"):
         Volume(ramp + 1e6)
-    with pytest.warns(VolspecWarning, match="rounded by"):
+    with warns("float64"):
         Volume(ramp * 1e-60)  # below float32's least number
     ramp[0, 0, 0] = np.nan
     with pytest.warns(VolspecWarning) as caught:
@@ -140,20 +141,26 @@ def test_doubles_that_float32_rounds_are_warned_about() -> None:
     assert ["1 of 27" in str(w.message) for w in caught] == [True, False]
 
 
+def blocks_of(values: np.ndarray, small: np.ndarray) -> list[tuple[Any, np.ndarray]]:
+    """Down-sampled values, each with the block of 3³ that it stands for; ends may be shorter."""
+    corners = (3 * np.array(list(np.ndindex(small.shape)))).tolist()
+    parts = [tuple(slice(at, at + 3) for at in corner) for corner in corners]
+    return [(value, values[part]) for value, part in zip(small.flat, parts, strict=True)]
+
+
 def test_down_sampling_takes_the_mean_of_blocks_and_of_what_is_left_at_the_ends() -> None:
     values = np.random.default_rng(1).integers(-900, 900, (5, 6, 7)).astype(np.int16)
     small = Volume(values).downsampled(3)
     assert small.values.dtype == np.int16 and small.shape_xyz == (3, 2, 2)
-    for k, j, i in np.ndindex(small.values.shape):
-        block = values[3 * k : 3 * k + 3, 3 * j : 3 * j + 3, 3 * i : 3 * i + 3]
-        assert small.values[k, j, i] == round(float(block.mean()))
+    for value, block in blocks_of(values, small.values):
+        assert value == round(float(block.mean()))
     assert Volume(values).downsampled(1).values.tolist() == values.tolist()
     halves = Volume(values.astype(np.float32) / 4).downsampled(2)
     assert halves.values.dtype == np.float32
     assert halves.values[0, 0, 0] == values[:2, :2, :2].mean() / 4
 
 
-def test_down_sampled_voxels_stand_at_their_blocks_centres() -> None:
+def test_down_sampled_voxels_lie_at_their_blocks_centres() -> None:
     """A field linear in the world is itself again where blocks are whole."""
     world = np.array([[0, -1, 0, 5], [2, 0, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]], float)
 
@@ -172,11 +179,10 @@ def test_down_sampled_voxels_stand_at_their_blocks_centres() -> None:
 def test_down_sampled_labels_are_the_most_frequent() -> None:
     labels = np.random.default_rng(2).integers(0, 5, (5, 6, 7)).astype(np.uint8) * 50
     small = Volume(labels).downsampled(3, labels=True)
-    for k, j, i in np.ndindex(small.values.shape):
-        block = labels[3 * k : 3 * k + 3, 3 * j : 3 * j + 3, 3 * i : 3 * i + 3]
-        found, counts = np.unique(block, return_counts=True)
-        assert small.values[k, j, i] == found[counts.argmax()]
     assert small.values.dtype == np.uint8
+    for value, block in blocks_of(labels, small.values):
+        found, counts = np.unique(block, return_counts=True)
+        assert value == found[counts.argmax()]
 
 
 @pytest.mark.parametrize("factor", [0, -2, 1.5, "2", None])
@@ -247,24 +253,24 @@ def test_uneven_coordinates_are_refused(at: Any) -> None:
         Volume(given, name="scan")
 
 
-def test_one_slice_and_four_axes_are_refused_by_their_shape() -> None:
-    with raises(VolumeError, "shape"):
-        Volume(DataArray(VALUES[:1], "zyx", z=[5]))
-    with raises(VolumeError, "shape"):
-        Volume(DataArray(VALUES[None], "tzyx", t=[5]))
+GRID = pyvista.ImageData(dimensions=(3, 3, 3))
 
 
-def test_collections_name_what_they_hold() -> None:
-    """A Zarr group, an xarray Dataset, a dictionary."""
-    with raises(VolumeError, "type"):
-        Volume({"ct": VALUES, "labels": VALUES}, name="scan")
-    with raises(VolumeError, "type"):
-        Volume.of({})
-
-
-def test_pyvistas_grids_and_blocks_are_refused() -> None:
-    grid = pyvista.ImageData(dimensions=(3, 3, 3))
-    with raises(VolumeError, "type"):
-        Volume(grid)
-    with raises(VolumeError, "type"):
-        Volume.of(pyvista.MultiBlock([grid, grid]))
+@pytest.mark.parametrize(
+    ("make", "given", "code"),
+    [
+        (Volume, DataArray(VALUES[:1], "zyx", z=[5]), "shape"),
+        (Volume, DataArray(VALUES[None], "tzyx", t=[5]), "shape"),
+        # A Zarr group, an xarray Dataset, a dictionary.
+        (Volume, {"ct": VALUES, "labels": VALUES}, "type"),
+        (Volume.of, {}, "type"),
+        (Volume, GRID, "type"),
+        (Volume.of, pyvista.MultiBlock([GRID, GRID]), "type"),
+    ],
+    ids=["slice", "axes", "group", "nothing", "grid", "blocks"],
+)
+def test_slices_more_axes_collections_and_grids_are_refused(
+    make: Any, given: Any, code: str
+) -> None:
+    with raises(VolumeError, code):
+        make(given)

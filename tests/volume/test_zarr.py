@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import zarr
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently
-from volspec.errors import DeviceError, VolspecWarning, VolumeError
+from volspec.errors import DeviceError, VolumeError
 from volspec.volume import load_volume
 from volspec.volume.files import omezarr
 from volspec.volume.files.query import Query
@@ -95,27 +95,24 @@ def test_axes_in_another_order_are_turned(tmp_path: Path) -> None:
     assert volume.spacing_mm == pytest.approx((0.0005, 0.0005, 0.002))
 
 
-def test_a_scale_without_a_unit_is_told(tmp_path: Path) -> None:
+def test_a_scale_without_a_unit_is_warned_about(tmp_path: Path) -> None:
     path = write(tmp_path / "v.zarr", axes=[{"name": n, "type": "space"} for n in "zyx"])
-    with pytest.warns(VolspecWarning, match="unit of its scale is none, it is taken for milli"):
+    with warns("?spacing="):
         assert load_volume(path).spacing_mm == (0.5, 0.5, 2)
     assert load_silently(f"{path}?spacing=1,1,4").spacing_mm == (1, 1, 4)
 
 
-def test_what_is_no_picture_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_what_is_no_picture_is_refused(tmp_path: Path) -> None:
     plate = tmp_path / "plate.zarr"
     zarr.open_group(str(plate), mode="w")
     with raises(VolumeError, "unsupported"):
         load_volume(plate)
     write(plate / "0")
-    with raises(VolumeError, "unsupported"):
-        load_volume(plate)
     flat = write(tmp_path / "flat.zarr", VALUES[0], SPACE[1:])
-    with raises(VolumeError, "shape"):
-        load_volume(flat)
     odd = write(tmp_path / "odd.zarr", np.stack([VALUES] * 2), [{"name": "angle"}, *SPACE])
-    with raises(VolumeError, "shape"):
-        load_volume(odd)
+    for path, code in ((plate, "unsupported"), (flat, "shape"), (odd, "shape")):
+        with raises(VolumeError, code):
+            load_volume(path)
 
 
 def test_damage_is_a_one_line_error(tmp_path: Path) -> None:
@@ -130,23 +127,15 @@ def test_damage_is_a_one_line_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    "change",
     [
-        ({"axes": [{"type": "space"}, *SPACE[1:]]}, "'name'"),
-        ({"axes": [{"name": "t"}, *SPACE]}, "4 axes of an array of 3"),
-        (
-            {"coordinateTransformations": [{"type": "scale", "scale": [2.0]}]},
-            "a scale of 1 numbers for 3 axes",
-        ),
-        (
-            {"coordinateTransformations": [{"type": "affine", "affine": []}]},
-            "a transformation of type affine",
-        ),
+        {"axes": [{"type": "space"}, *SPACE[1:]]},
+        {"axes": [{"name": "t"}, *SPACE]},
+        {"coordinateTransformations": [{"type": "scale", "scale": [2.0]}]},
+        {"coordinateTransformations": [{"type": "affine", "affine": []}]},
     ],
 )
-def test_metadata_that_do_not_fit_are_told_in_one_line(
-    tmp_path: Path, change: dict[str, Any], message: str
-) -> None:
+def test_metadata_that_do_not_fit_are_refused(tmp_path: Path, change: dict[str, Any]) -> None:
     path = write(tmp_path / "v.zarr")
     group = zarr.open_group(str(path))
     ome = dict(group.attrs["ome"])

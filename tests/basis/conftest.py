@@ -1,0 +1,13 @@
+"""Bases that several files test."""
+
+from __future__ import annotations
+
+import pytest
+
+from volspec.basis import SpectralBasis
+
+
+@pytest.fixture(scope="session")
+def general() -> SpectralBasis:
+    """The default basis."""
+    return SpectralBasis.load("general-7")
