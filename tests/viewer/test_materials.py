@@ -161,7 +161,7 @@ def test_what_is_no_reflectance_is_refused_in_words(state: ViewState) -> None:
 
 
 def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
-    from volspec.viewer.ui import transfer_library as library
+    from volspec.viewer.ui import transfer_detail as library
 
     names = library.library_names()
     assert len(set(names)) == len(names)

@@ -38,7 +38,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import conversion_losses
 from volspec.viewer.ui.context import Results, UiContext
 from volspec.viewer.ui.lights_library import verdict
-from volspec.viewer.ui.lights_rows import row_tip
+from volspec.viewer.ui.lights_panel import row_tip
 from volspec.viewer.ui.menus import sizes, timings
 from volspec.viewer.ui.overlays import error_map_lines
 from volspec.viewer.ui.palette_cells import cell_lines, column_note

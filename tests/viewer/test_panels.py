@@ -18,10 +18,10 @@ from volspec.viewer.model.light_rows import MOST_ROWS, effective_weights
 from volspec.viewer.model.materials import material_message
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_viewing
-from volspec.viewer.ui import commands, menus, transfer_library
+from volspec.viewer.ui import commands, menus, transfer_detail
 from volspec.viewer.ui.context import Request, UiContext
-from volspec.viewer.ui.lights_rows import row_tip
-from volspec.viewer.ui.transfer_library import add_picked_material
+from volspec.viewer.ui.lights_panel import row_tip
+from volspec.viewer.ui.transfer_detail import add_picked_material
 from volspec.viewer.ui.viewing import matching_preset, white_text
 from volspec.viewer.ui.widgets import pack_colour
 from volspec.viewer.work.session_store import RecentFile
@@ -164,7 +164,7 @@ def test_a_colour_that_is_not_made_yet_is_waited_for(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unmade = SimpleNamespace(spectra=None)
-    monkeypatch.setattr(transfer_library.css_colours, "colours", lambda *_: unmade)
+    monkeypatch.setattr(transfer_detail.css_colours, "colours", lambda *_: unmade)
     here = UiContext()
     assert add_picked_material(state, here, 0, "tomato") is state
     assert here.library.search == "tomato"

@@ -416,7 +416,7 @@ def test_the_joint_histogram_knows_a_ramps_gradient() -> None:
 
 
 def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) -> None:
-    from volspec.viewer.ui import transfer_regions as regions
+    from volspec.viewer.ui import transfer_editors as regions
 
     opened = replace(document, volume=Volume(phantom.ball(8).values))
     closed = weakref.ref(opened.volume.values)

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 from imgui_bundle import imgui
 
 from volspec.raycast import CoefficientImage
+from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import DesignStatus
@@ -22,6 +23,14 @@ from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.screen import ErrorMapTexture
 from volspec.viewer.work.session_store import RecentFile
 from volspec.viewer.work.slice_pictures import SlicePictures
+
+
+def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
+    """Show a tooltip of the last item after a delay or at once; ``greyed``: even if disabled."""
+    flags = imgui.HoveredFlags_
+    when = flags.none if at_once else flags.delay_normal
+    if imgui.is_item_hovered(when | flags.allow_when_disabled if greyed else when):
+        imgui.set_tooltip(text)
 
 
 class Request(NamedTuple):
@@ -142,8 +151,10 @@ class UiContext:
         self.notify(message)
         return new
 
-    def run(self, state: ViewState, command: Command) -> ViewState:
-        """Return a state after a command; request it from the app if it is no edit."""
+    def run(self, state: ViewState, command: Command | str) -> ViewState:
+        """Return a state after a command or one's name; request it from the app if no edit."""
+        if isinstance(command, str):
+            command = BY_NAME[command]
         if command.change is None:
             self.request(command.name)
             return state
@@ -157,7 +168,9 @@ class UiContext:
             self._projected = of, Projection(camera, self.areas["picture"])
         return self._projected[1]
 
-    def note(self, name: str) -> None:
-        """Record the rectangle of the last item."""
+    def note(self, name: str, text: str = "", greyed: bool = False) -> None:
+        """Record the rectangle of the last item, and give it a tooltip, if any."""
         (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.areas[name] = (int(x), int(y), int(right - x), int(bottom - y))
+        if text:
+            tip(text, greyed=greyed)

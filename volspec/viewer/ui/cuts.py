@@ -8,12 +8,11 @@ from imgui_bundle import imgui
 from volspec.raycast import ClipPlane
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model import cuts
-from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import Place, Projection, radius_mm
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour, tip
+from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour
 
 Colour = tuple[float, float, float, float]
 # A handle's radius; pixels at 96 dpi.
@@ -34,11 +33,11 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
     overlays, volume = state.interface.overlays, state.document.volume
     pressed, _ = imgui.checkbox("Crop box in the picture", overlays.crop)
     ui.note("crop box")
-    new = ui.run(state, BY_NAME["crop"]) if pressed else state
+    new = ui.run(state, "crop") if pressed else state
     imgui.same_line(imgui.get_content_region_avail().x - ui.px(52))
     imgui.begin_disabled(state.shading.crop_voxels is None)
     if imgui.button("Reset##crop", (ui.px(64), 0)):
-        new = ui.run(new, BY_NAME["reset-crop"])
+        new = ui.run(new, "reset-crop")
     imgui.end_disabled()
     crop = cuts.crop_bounds(state.shading, volume)
     imgui.push_item_width(-ui.px(24))
@@ -60,7 +59,7 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
     imgui.separator_text("Clip planes")
     pressed, _ = imgui.checkbox("Handles", state.interface.overlays.planes)
     if pressed:
-        new = ui.run(new, BY_NAME["planes"])
+        new = ui.run(new, "planes")
     imgui.begin_disabled(len(planes) >= MAX_PLANES)
     for name, title, what in (
         ("plane-facing", "+ facing", "A plane through the middle; cuts away the front"),
@@ -68,9 +67,8 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
     ):
         imgui.same_line()
         if imgui.button(title):
-            new = ui.run(new, BY_NAME[name])
-        ui.note(name)
-        tip(what)
+            new = ui.run(new, name)
+        ui.note(name, what)
     imgui.end_disabled()
     if not planes:
         imgui.text_disabled("No planes yet")
@@ -90,8 +88,7 @@ def _row(state: ViewState, ui: UiContext, index: int, plane: ClipPlane) -> ViewS
     imgui.set_next_item_width(-ui.px(92))
     reach, now = radius_mm(volume), cuts.distance_mm(plane, volume)
     moved, at = imgui.slider_float("##at", now, -reach, reach, "%.1f mm")
-    ui.note(f"plane {index}")
-    tip(f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
+    ui.note(f"plane {index}", f"From the volume's middle, along ({x:.2f}, {y:.2f}, {z:.2f})")
     if moved:
         state = cuts.shift_plane(state, index, at)
     imgui.same_line()

@@ -10,9 +10,9 @@ from volspec.relight import LightRig
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lights
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
-from volspec.viewer.ui.widgets import ACCENT, as_one_line, text_width, tip, wrap_text
+from volspec.viewer.ui.widgets import ACCENT, as_one_line, text_width, wrap_text
 
 _KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
 # Weight for each pixel that the mouse drags the knob.
@@ -82,8 +82,7 @@ def _knob(state: ViewState, ui: UiContext, index: int) -> ViewState:
         size=ui.px(_KNOB),
         flags=int(imgui_knobs.ImGuiKnobFlags_.no_title | imgui_knobs.ImGuiKnobFlags_.no_input),
     )
-    ui.note("knob")
-    tip("Weight: drag up or down")
+    ui.note("knob", "Weight: drag up or down")
     text = f"{weight:.2f}"
     x, y = imgui.get_cursor_pos()
     imgui.set_cursor_pos((x + (ui.px(_KNOB) - text_width(text)) / 2, y - ui.px(8)))
@@ -106,8 +105,7 @@ def _lux(state: ViewState, ui: UiContext, index: int, plain: bool) -> ViewState:
     rig, viewing = state.lights[index].rig, state.relight.viewing
     given = rig.illuminance_lux is not None
     pressed, on = imgui.checkbox("##given", given)
-    ui.note("lux given")
-    tip(_LUX_TIP)
+    ui.note("lux given", _LUX_TIP)
     if pressed:
         return light_parts.set_lux(state, index, viewing.illuminance_lux if on else 0.0)
     imgui.same_line(0, ui.px(4))
@@ -226,8 +224,7 @@ def _part(
         imgui.set_next_item_width(-1)
         lux = rig.illuminance_lux[j]
         moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_rows.LUX, "%.4g lx")
-        ui.note(f"part lux {j}")
-        tip("On a surface that faces it, if all groups shone like this one")
+        ui.note(f"part lux {j}", "On a surface that faces it, if all groups shone like this one")
         if moved:
             new = light_parts.set_lux(new, index, lux, j)
     imgui.table_next_column()

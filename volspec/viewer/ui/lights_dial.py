@@ -13,9 +13,9 @@ from volspec.viewer.model import lights
 from volspec.viewer.model.light_rows import effective_weights
 from volspec.viewer.model.lights import dial_place, rim_places
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Rect, raw_colour
-from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, shorten, text_width, tip
+from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, shorten, text_width
 
 Point = tuple[float, float]
 # The width of a text in one line.

@@ -14,9 +14,9 @@ from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.viewer.model import lights
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
-from volspec.viewer.ui.widgets import search_field, shorten, shown_rows, text_width, tip, wrap_text
+from volspec.viewer.ui.widgets import search_field, shorten, shown_rows, text_width, wrap_text
 
 POPUP = "add a light"
 _HINT = "D50, FL, candle, D65*0.7+A*0.3, FILE.csv"
@@ -151,8 +151,7 @@ def _temperatures(ui: UiContext) -> str:
     imgui.same_line()
     if imgui.button("Planck", (ui.px(64), 0)):
         wanted = f"planck:{panel.kelvin:.0f}"
-    ui.note("planck")
-    tip("A Planck radiator of this temperature")
+    ui.note("planck", "A Planck radiator of this temperature")
     imgui.same_line()
     low, high = _DAYLIGHT
     imgui.begin_disabled(not low <= panel.kelvin <= high)

@@ -1,21 +1,186 @@
-"""The panel of lights: its tabs, and the list of saved light states."""
+"""The panel of lights: the scrolling list, tabs, and the list of saved light states."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import light_states
+from volspec.viewer.model import light_rows, light_states, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import lights_detail, lights_dial, lights_library, lights_rows
-from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.light_look import fill_box, raw_colour, spark
+from volspec.viewer.ui import lights_detail, lights_dial, lights_library
+from volspec.viewer.ui.context import UiContext, tip
+from volspec.viewer.ui.light_look import adapted_colour, fill_box, raw_colour, spark
 from volspec.viewer.ui.lights_spectrum import draw_mix, draw_pen
-from volspec.viewer.ui.widgets import as_one_line, key_text, lit_button, shorten, tip
+from volspec.viewer.ui.widgets import as_one_line, key_text, lit_button, shorten, shown_rows
+
+Rename = Callable[[ViewState, int, str], ViewState]
+_ROW_SWATCH, _ROW_SPARK, _BOTH = 30.0, 46.0, 48.0
+_FLAGS = (
+    imgui.TableFlags_.sizing_fixed_fit
+    | imgui.TableFlags_.no_pad_outer_x
+    | imgui.TableFlags_.scroll_y
+)
+# Commands of a right click on a row.
+_ROW_MENU = ("alone", "solo", "mute", "rename-light", "reset-spectrum", "remove-light")
+
+
+def draw_rows(state: ViewState, ui: UiContext, height: float) -> ViewState:
+    """Draw the list within a height."""
+    if not imgui.begin_table("lights", 5, _FLAGS, (0, height)):
+        return state
+    fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
+    imgui.table_setup_column("colour", fixed, ui.px(_ROW_SWATCH))
+    imgui.table_setup_column("spectrum", fixed, ui.px(_ROW_SPARK))
+    imgui.table_setup_column("name", stretch, 1.0)
+    imgui.table_setup_column("weight", stretch, 0.95)
+    imgui.table_setup_column("solo", fixed, ui.px(_BOTH))
+    weights, new = light_rows.effective_weights(state.lights), state
+    _scroll(state, ui, height)
+    for i in shown_rows(len(state.lights)):
+        imgui.push_id(i)
+        imgui.table_next_row()
+        new = _row(new, state, ui, i, weights[i] > 0)
+        imgui.pop_id()
+    imgui.end_table()
+    return new
+
+
+def _scroll(state: ViewState, ui: UiContext, height: float) -> None:
+    """Scroll to a light that was chosen since the last frame."""
+    chosen = state.interface.light
+    if chosen == ui.lights.row:
+        return
+    ui.lights.row = chosen
+    line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
+    top = chosen * line
+    imgui.set_scroll_y(min(max(imgui.get_scroll_y(), top + line - height), top))
+
+
+def _row(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
+    row = state.lights[i]
+    imgui.table_next_column()
+    _row_swatch(state, ui, i)
+    imgui.table_next_column()
+    if _row_spark(state, ui, i, lit):
+        new = lights.choose(new, i)
+        ui.lights.to_tab = "Spectrum"
+    imgui.table_next_column()
+    new = _row_name(new, state, ui, i, lit)
+    imgui.table_next_column()
+    imgui.set_next_item_width(-1)
+    moved, weight = imgui.slider_float("##weight", row.weight, 0.0, 1.0, "%.2f")
+    ui.note(f"weight {i}")
+    if moved:
+        new = lights.choose(lights.set_weight(new, i, weight), i)
+    imgui.table_next_column()
+    dark, size = state.interface.dark, (imgui.get_frame_height(), imgui.get_frame_height())
+    if lit_button("S", row.solo, dark, size):
+        new = lights.toggle_solo(new, i)
+    ui.note(f"solo {i}", "Solo: only lights with S shine")
+    imgui.same_line(0, ui.px(3))
+    if lit_button("M", row.muted, dark, size):
+        new = lights.toggle_mute(new, i)
+    ui.note(f"mute {i}", "Mute")
+    return new
+
+
+def _row_name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool) -> ViewState:
+    row, panel = state.lights[i], ui.lights
+    if panel.renaming == i:
+        new = name_field(new, ui, "##rename", lights.rename, i)
+        ui.note(f"rename {i}")
+        return new
+    colour = imgui.Col_.text if lit else imgui.Col_.text_disabled
+    imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
+    imgui.align_text_to_frame_padding()
+    label = f"{shorten(row.name, imgui.get_content_region_avail().x)}##name"
+    if imgui.selectable(label, state.interface.light == i)[0]:
+        new = lights.choose(new, i)
+        if panel.tab != "Spectrum":
+            panel.to_tab = "Light"
+    imgui.pop_style_color()
+    ui.note(f"name {i}")
+    lux = row.rig.total_lux
+    level = f"\n{lux:.4g} lx at weight 1" if lux else ""
+    tip(f"{row_tip(row)}{level}\nDouble-click: this light alone; F2: rename")
+    if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
+        new = lights.only(new, i)
+    return _context_menu(new, ui, i)
+
+
+def name_field(state: ViewState, ui: UiContext, label: str, rename: Rename, i: int) -> ViewState:
+    """Draw the field of a new name, and rename a light or a saved state on Enter."""
+    panel, new = ui.lights, state
+    if panel.focus:
+        imgui.set_keyboard_focus_here()
+        panel.focus = False
+    imgui.set_next_item_width(-1)
+    flags = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+    entered, panel.name = imgui.input_text(label, panel.name, flags)
+    if entered:
+        new = rename(new, i, panel.name)
+    if entered or imgui.is_item_deactivated():
+        panel.renaming, panel.naming, panel.name = -1, -1, ""
+    return new
+
+
+def row_tip(row: light_rows.LightRow) -> str:
+    """Return a light's name and its source, in lines."""
+    name = as_one_line(row.name)
+    if (before := row.before) is not None:
+        texts = " + ".join(text or before.name for text in dict.fromkeys(before.texts))
+        return f"{name}\nDrawn by hand, from {as_one_line(texts)}"
+    return "\n".join(dict.fromkeys((name, as_one_line(row.label))))
+
+
+def _context_menu(new: ViewState, ui: UiContext, i: int) -> ViewState:
+    """Draw the menu of a right click: commands of the chosen light, for this one."""
+    if not imgui.begin_popup_context_item("row"):
+        return new
+    for name in _ROW_MENU:
+        command = BY_NAME[name]
+        title = command.title.replace("the chosen ", "the ").replace("The chosen ", "This ")
+        if imgui.menu_item(title, key_text(command), False)[0]:
+            new = ui.run(lights.choose(new, i), command)
+        ui.note(f"row {name}")
+    imgui.end_popup()
+    return new
+
+
+def _row_swatch(state: ViewState, ui: UiContext, index: int) -> None:
+    """Draw the light's colour: left unadapted, right adapted."""
+    rig, corners, rounding = state.lights[index].rig, imgui.ImDrawFlags_, ui.px(3)
+    x, y = imgui.get_cursor_screen_pos()
+    half, height = ui.px(_ROW_SWATCH) / 2, imgui.get_frame_height()
+    imgui.dummy((2 * half, height))
+    top, tall = y + ui.px(2), height - ui.px(4)
+    fill_box((x, top, half, tall), raw_colour(rig), rounding, corners.round_left)
+    adapted = adapted_colour(rig, state.relight)
+    fill_box((x + half, top, half, tall), adapted, rounding, corners.round_right)
+    border, end = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), (x + 2 * half, top + tall)
+    imgui.get_window_draw_list().add_rect((x, top), end, border, rounding)
+    tip("White paper under this light\nleft: unadapted, right: to an adapted eye")
+
+
+def _row_spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
+    """Draw the small spectrum; return True if it was clicked."""
+    x, y = imgui.get_cursor_screen_pos()
+    width, height = ui.px(_ROW_SPARK), imgui.get_frame_height()
+    clicked: bool = imgui.invisible_button("spark", (width, height))
+    ui.note(f"spark {index}")
+    top, end = y + ui.px(2), (x + width, y + height - ui.px(2))
+    background = imgui.get_color_u32(imgui.Col_.frame_bg, 0.55)
+    imgui.get_window_draw_list().add_rect_filled((x, top), end, background)
+    rect = x, top, width, height - ui.px(4)
+    spark(rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
+    tip("Spectrum; click to draw_rows it")
+    return clicked
+
 
 _SWATCH, _SPARK = 16.0, 46.0
 _MENU = "state menu"
@@ -27,9 +192,8 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the tab of saved states."""
     new = state
     if imgui.button("Save state"):
-        new = ui.run(new, BY_NAME["save-state"])
-    ui.note("save state")
-    tip("Save all lights and the viewing (Alt+S)")
+        new = ui.run(new, "save-state")
+    ui.note("save state", "Save all lights and the viewing (Alt+S)")
     imgui.same_line()
     imgui.set_next_item_width(-ui.px(40))
     text = "at once" if state.interface.fade_s <= 0 else "%.1f s"
@@ -49,7 +213,7 @@ def draw_states(state: ViewState, ui: UiContext) -> ViewState:
 
 def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     if ui.lights.naming == i:
-        new = lights_rows.name_field(new, ui, "##name", light_states.rename, i)
+        new = name_field(new, ui, "##name", light_states.rename, i)
         ui.note("state name")
         return new
     saved = state.saved_lights[i]
@@ -58,8 +222,7 @@ def _line(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     recalled = recalled_rows(state.lights, saved.lights)
     current = saved.relight == state.relight and recalled == state.lights
     pressed, _ = imgui.selectable("##recall", current, size=(width - side - ui.px(6), side))
-    ui.note(f"state {i}")
-    tip(f"Fade to {as_one_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
+    ui.note(f"state {i}", f"Fade to {as_one_line(saved.name)}{f' (Alt+{i + 1})' if i < 9 else ''}")
     if pressed:
         new = light_states.recall(new, i)
     _contents(state, ui, i, (at.x, at.y))
@@ -119,7 +282,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     whole = imgui.get_content_region_avail().y
     room = whole - max(ui.px(_LEAST_TABS), _TABS_FRACTION * whole) - ui.px(_BUTTONS)
     rows = min(len(state.lights), max(int(room / line), _LEAST_ROWS))
-    new = lights_rows.draw(state, ui, rows * line + ui.px(2))
+    new = draw_rows(state, ui, rows * line + ui.px(2))
     new = _buttons(new, ui)
     if imgui.begin_tab_bar("light tabs"):
         for name in TABS:
@@ -169,8 +332,7 @@ def _dial(state: ViewState, ui: UiContext, height: float) -> ViewState:
 def _buttons(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Add"):
         imgui.open_popup(lights_library.POPUP)
-    ui.note("add light")
-    tip("Add a light from the library, a file, or a mix")
+    ui.note("add light", "Add a light from the library, a file, or a mix")
     new = lights_library.draw(state, ui)
     one = len(state.lights) < 2
     new = _button(new, ui, "remove-light", "Remove", "Remove the chosen light from the list", one)

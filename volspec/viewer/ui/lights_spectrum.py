@@ -6,12 +6,11 @@ from imgui_bundle import imgui
 
 from volspec.spectra import SpectralGrid
 from volspec.viewer.model import light_parts
-from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import LightRow, light_rig, row_at
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline, spark
-from volspec.viewer.ui.widgets import as_one_line, shorten, text_width, tip
+from volspec.viewer.ui.widgets import as_one_line, shorten, text_width
 
 # The upper edge over the peak: of a mix, and of a spectrum that the pen may make higher.
 _MIX_TOP, _PEN_TOP = 1.08, 1.35
@@ -94,9 +93,8 @@ def _heading(state: ViewState, row: LightRow, ui: UiContext) -> ViewState:
         return new
     imgui.same_line(room - text_width("Reset") - 2 * imgui.get_style().frame_padding.x)
     if imgui.button("Reset"):
-        new = ui.run(new, BY_NAME["reset-spectrum"])
-    ui.note("reset spectrum")
-    tip(f"Back to {as_one_line(row.before.name)}")
+        new = ui.run(new, "reset-spectrum")
+    ui.note("reset spectrum", f"Back to {as_one_line(row.before.name)}")
     return new
 
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model.commands import BY_NAME, COMMANDS, MENUS, format_key
+from volspec.viewer.model.commands import COMMANDS, MENUS, format_key
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
@@ -194,7 +194,7 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
     if not state.interface.keys:
         return None
     if ui.commands is not None or imgui.internal.get_top_most_popup_modal() is not None:
-        return ui.run(state, BY_NAME["keys"])
+        return ui.run(state, "keys")
     viewport = imgui.get_main_viewport()
     imgui.set_next_window_pos(viewport.get_work_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(22), ui.px(16)))
@@ -209,7 +209,7 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
     closed = (free and imgui.is_mouse_clicked(0)) or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
     imgui.pop_style_var(3)
-    return ui.run(state, BY_NAME["keys"]) if closed else None
+    return ui.run(state, "keys") if closed else None
 
 
 def _columns(ui: UiContext, width: float) -> None:

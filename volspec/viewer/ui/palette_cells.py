@@ -16,9 +16,9 @@ from volspec.viewer.model.light_rows import LightRow, effective_weights
 from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clip_codes, stays
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Rect, fill, outline
-from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, as_one_line, pack_colour, shorten, tip
+from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, as_one_line, pack_colour, shorten
 
 ROW_POPUP, COLUMN_POPUP = "palette row", "palette column"
 _MAY_CHANGE = "Ticked: designs may change it to meet the targets"
@@ -48,8 +48,7 @@ def draw_spectrum(
     imgui.begin_disabled(not single)
     pressed, _ = imgui.checkbox("##open", which in state.palette.targets.free)
     imgui.end_disabled()
-    ui.note(f"open {kind} {index}")
-    tip(_MAY_CHANGE if single else _SEVERAL, greyed=True)
+    ui.note(f"open {kind} {index}", _MAY_CHANGE if single else _SEVERAL, greyed=True)
     if pressed:
         new = palette_edits.toggle_free(new, kind, index)
     imgui.same_line()
@@ -57,8 +56,7 @@ def draw_spectrum(
     size = wide - imgui.get_frame_height() - ui.px(5), imgui.get_frame_height()
     imgui.invisible_button("curve", size)
     clicked = clicked or imgui.is_item_clicked(0) or imgui.is_item_clicked(1)
-    ui.note(f"{kind} {index}")
-    tip(words, greyed=True)
+    ui.note(f"{kind} {index}", words, greyed=True)
     _draw_curve(table.spectra[which], (x, y, *size), is_light, ui)
     imgui.pop_style_var(2)
     imgui.end_group()

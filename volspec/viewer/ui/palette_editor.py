@@ -13,9 +13,9 @@ from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.palette_table import Table
 from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clip_codes
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, column_note
-from volspec.viewer.ui.widgets import pick, tip
+from volspec.viewer.ui.widgets import pick
 
 # Kinds of targets in words: the kind, and the tip.
 _KINDS = {

@@ -17,8 +17,8 @@ from volspec.viewer.model.palette_targets import DISTANCES, MOST_ITERATIONS, SMO
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_convert import transfer_kind
 from volspec.viewer.ui import palette_cells, palette_editor
-from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, pick, tip, wrap_text
+from volspec.viewer.ui.context import UiContext, tip
+from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, pick, wrap_text
 
 _BUTTON, _LABEL, _UNDER = 66.0, 72.0, 54.0
 _SURROUNDINGS, _BLACK = "its surroundings", "black"
@@ -88,8 +88,7 @@ def _wizard_button(name: str, text: str, ui: UiContext) -> None:
     """Draw a wizard's button; its settings follow in the line."""
     if imgui.button(name.capitalize(), (ui.px(_BUTTON), 0)):
         ui.request(name)
-    ui.note(f"wizard {name}")
-    tip(text)
+    ui.note(f"wizard {name}", text)
     imgui.same_line()
 
 
@@ -128,8 +127,7 @@ def _values(state: ViewState, ui: UiContext) -> ViewState:
     imgui.same_line()
     if imgui.button("Use", (-1, 0)):
         new = palette_edits.assign(new, first, last, use)
-    ui.note("use")
-    tip("Assign the material to this range; opacities stay")
+    ui.note("use", "Assign the material to this range; opacities stay")
     return new
 
 
@@ -138,8 +136,7 @@ def _criteria(state: ViewState, ui: UiContext) -> ViewState:
     imgui.push_item_width(-ui.px(_LABEL))
     smoothness, log = criteria.smoothness, imgui.SliderFlags_.logarithmic
     moved, smoothness = imgui.slider_float("Smooth", smoothness, *SMOOTHNESS, "%.4f", log)
-    ui.note("smooth")
-    tip("Weight of smoothness; a high weight misses target colours")
+    ui.note("smooth", "Weight of smoothness; a high weight misses target colours")
     if moved:
         new = palette_edits.set_smoothness(new, smoothness)
     moved, rounds = imgui.slider_int("Iterations", criteria.rounds, 1, MOST_ITERATIONS)
@@ -236,7 +233,7 @@ def _head(state: ViewState, table: Table, ui: UiContext) -> ViewState:
                 imgui.separator()
             for name in names:
                 if imgui.menu_item(BY_NAME[name].title, "", False)[0]:
-                    new = ui.run(new, BY_NAME[name])
+                    new = ui.run(new, name)
                 ui.note(f"palette {name}")
         imgui.end_popup()
     return new

@@ -6,13 +6,12 @@ import numpy as np
 from imgui_bundle import imgui
 
 from volspec.viewer.model import slices
-from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.cuts import crop_bounds, world_mm
 from volspec.viewer.model.slices import PLANES, Layout, is_patient, voxel_number
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS
-from volspec.viewer.ui.widgets import BLACK, WHITE, pack_colour, text_width, tip
+from volspec.viewer.ui.widgets import BLACK, WHITE, pack_colour, text_width
 from volspec.viewer.work.slice_pictures import SlicePictures
 
 Area = tuple[float, float, float, float]
@@ -187,16 +186,15 @@ def _letters(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> Non
 def _looks(state: ViewState, ui: UiContext) -> ViewState:
     settings = state.interface.slices
     pressed, _ = imgui.checkbox("Lit", settings.lit)
-    ui.note("lit")
-    tip("Under the same lights as the volume; otherwise greys")
-    new = ui.run(state, BY_NAME["slices-lit"]) if pressed else state
+    ui.note("lit", "Under the same lights as the volume; otherwise greys")
+    new = ui.run(state, "slices-lit") if pressed else state
     wanted = text_width("Auto greys") + 2 * imgui.get_style().frame_padding.x
     imgui.same_line()
     if imgui.get_content_region_avail().x < wanted:
         imgui.new_line()
     imgui.begin_disabled(settings.greys is None)
     if imgui.button("Auto greys"):
-        new = ui.run(new, BY_NAME["slices-greys"])
+        new = ui.run(new, "slices-greys")
     imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0
@@ -207,8 +205,7 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     moved, black, white = imgui.drag_float_range2(
         "##greys", black, white, span / 300, low, high, digits, digits
     )
-    ui.note("greys")
-    tip("Values shown black and white, for voxels that the transfer function hides")
+    ui.note("greys", "Values shown black and white, for voxels that the transfer function hides")
     if moved:
         new = slices.set_greys(new, (black - low) / span, (white - low) / span)
     return new

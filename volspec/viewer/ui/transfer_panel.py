@@ -6,13 +6,12 @@ from imgui_bundle import imgui
 
 from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D
 from volspec.viewer.model import commands, presets, transfer_convert, transfer_edits
-from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.model.transfer_parts import Kind
-from volspec.viewer.ui import transfer_detail, transfer_points, transfer_regions
-from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import ACCENT, pick, tip
+from volspec.viewer.ui import transfer_detail, transfer_editors
+from volspec.viewer.ui.context import UiContext, tip
+from volspec.viewer.ui.widgets import ACCENT, pick
 
 # The least height of the list of labels; pixels at 96 dpi.
 _LEAST = 100
@@ -41,9 +40,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     if isinstance(new.transfer, LabelFunction):
         new = _labels(new, ui)
     elif isinstance(new.transfer, TransferFunction2D):
-        new = transfer_regions.draw(new, ui)
+        new = transfer_editors.draw_regions(new, ui)
     else:
-        new = transfer_points.draw(new, ui)
+        new = transfer_editors.draw_points(new, ui)
     imgui.pop_style_var()
     return new
 
@@ -55,15 +54,13 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     offered = presets.sorted_presets(state.document.volume)
     title = presets.preset_title(state.transfer) or "Presets"
     new = _pick(state, ui, "preset", title, {each.title: f"preset-{each.name}" for each in offered})
-    ui.note("presets")
-    tip("Start from a preset and its materials; Ctrl+Z restores yours")
+    ui.note("presets", "Start from a preset and its materials; Ctrl+Z restores yours")
     imgui.same_line()
     imgui.set_next_item_width(room * 0.5 - ui.px(6))
     kind = transfer_convert.transfer_kind(state.transfer)
     kinds = {title: f"transfer-{each}" for each, title in KIND_TITLES.items()}
     new = _pick(new, ui, "kind", KIND_TITLES[kind], kinds)
-    ui.note("kind")
-    tip(_KIND_TIP)
+    ui.note("kind", _KIND_TIP)
     imgui.same_line()
     on = state.interface.logarithmic
     if on:
@@ -72,8 +69,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
         new = ui.edited(new, commands.toggle_interface("logarithmic"))
     if on:
         imgui.pop_style_color()
-    ui.note("log")
-    tip("Logarithmic histogram")
+    ui.note("log", "Logarithmic histogram")
     imgui.same_line()
     imgui.align_text_to_frame_padding()
     imgui.text_disabled("?")
@@ -88,7 +84,7 @@ def _pick(state: ViewState, ui: UiContext, what: str, now: str, names: dict[str,
         ui.note(f"{what} {names[title].partition('-')[2]}")
 
     chosen = pick(f"##{what}", now, names, note)
-    return state if chosen is None else ui.run(state, BY_NAME[names[chosen]])
+    return state if chosen is None else ui.run(state, names[chosen])
 
 
 def _sliders(state: ViewState, ui: UiContext) -> ViewState:
@@ -109,8 +105,7 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     imgui.set_next_item_width(wide)
     now, words = state.thickness, "opacity × %.3g"
     moved, factor = imgui.slider_float("##thickness", now, *THICKNESSES, words, _LOG)
-    ui.note("thickness")
-    tip("Scales the density of all parts. In the picture: Ctrl+right drag")
+    ui.note("thickness", "Scales the density of all parts. In the picture: Ctrl+right drag")
     return transfer_edits.thicken(new, factor) if moved else new
 
 

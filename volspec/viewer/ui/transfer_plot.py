@@ -21,9 +21,9 @@ from volspec.viewer.model import presets
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Colour, adapting_transform, as_colour, fill_box
-from volspec.viewer.ui.widgets import ACCENT, pack_colour, tip
+from volspec.viewer.ui.widgets import ACCENT, pack_colour
 
 Array = NDArray[np.float64]
 FLAGS = implot.Flags_.canvas_only

@@ -15,12 +15,11 @@ from volspec.basis import MODES
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model import viewing as edits
-from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import white_from_rig
-from volspec.viewer.ui.widgets import pick, tip
+from volspec.viewer.ui.widgets import pick
 
 SetText = Callable[[ViewState, str], ViewState]
 SetNumber = Callable[[ViewState, float], ViewState]
@@ -141,7 +140,7 @@ def _display(state: ViewState, ui: UiContext) -> ViewState:
     new = _combo(new, ui, edits.set_display_surround, "Surround##display", surround, SURROUNDS)
     new = _combo(new, ui, edits.set_gamut, "Gamut", display.gamut, GAMUTS)
     pressed, _ = imgui.checkbox("Mark colours out of gamut", display.mark)
-    return ui.run(new, BY_NAME["mark"]) if pressed else new
+    return ui.run(new, "mark") if pressed else new
 
 
 def _picture(state: ViewState, ui: UiContext) -> ViewState:

@@ -104,14 +104,6 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
     plot.set_color_(implot.Col_.axis_grid, grey(dim, 0.15))
 
 
-def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
-    """Show a tooltip of the last item after a delay or at once; ``greyed``: even if disabled."""
-    flags = imgui.HoveredFlags_
-    when = flags.none if at_once else flags.delay_normal
-    if imgui.is_item_hovered(when | flags.allow_when_disabled if greyed else when):
-        imgui.set_tooltip(text)
-
-
 def pack_colour(colour: Sequence[float], alpha: float = 1.0) -> int:
     """Return sRGB codes 0 to 1 as draw lists take them; a fourth number multiplies the opacity."""
     r, g, b, own = (*colour, 1.0)[:4]
