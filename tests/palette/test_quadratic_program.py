@@ -42,11 +42,9 @@ def bounds(blocks: dict[str, Block]) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def random_palette(
-    rows: int, columns: int, *, free: bool = False, criteria: Criteria | None = None, seed: int = 4
-) -> Palette:
+def random_palette(rows: int, columns: int, *, free: bool = False, criteria: Criteria) -> Palette:
     """Return free reflectances and lights, colours uniform in display codes."""
-    draw = np.random.default_rng(seed)
+    draw = np.random.default_rng(4)
     surfaces = tuple(surface(f"s{i}") for i in range(rows))
     lights = tuple(
         free_light(f"l{j}", spectrum=Spectrum(NM, draw.random(31))) for j in range(columns)
@@ -55,7 +53,7 @@ def random_palette(
     cells = {place: Cell(colour=tuple(draw.random(3))) for place in places}
     if free:
         cells |= {(s.name, "l0"): Cell("free", group="m", weight=10) for s in surfaces}
-    return Palette(surfaces, lights, cells, criteria=criteria or Criteria(rounds=1))
+    return Palette(surfaces, lights, cells, criteria=criteria)
 
 
 @pytest.mark.parametrize(
@@ -103,13 +101,6 @@ def test_a_light_of_given_luminance_matches_sequential_quadratic_programming() -
     assert found.residual < 1e-6
     assert C @ found.values["light 'l0'"] == pytest.approx([1.0], abs=1e-9)
     assert found.cost == pytest.approx(theirs.fun, rel=1e-6)
-
-
-@pytest.mark.parametrize("free", [False, True])
-def test_every_solve_of_a_palette_is_optimal_to_a_millionth(free: bool) -> None:
-    for seed in range(4):
-        made = design(random_palette(5, 5, free=free, seed=seed, criteria=Criteria(rounds=2)))
-        assert made.residual < 1e-6
 
 
 def test_two_starts_give_the_same_reflectances_under_given_lights() -> None:

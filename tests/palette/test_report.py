@@ -148,12 +148,6 @@ def test_a_brighter_light_is_advised_where_upper_bounds_bind() -> None:
     assert any(each.startswith("exposure 1.5 instead of 1 brings") for each in found)
 
 
-def test_a_design_without_faults_has_no_advice() -> None:
-    cells = {("s", "D65"): Cell(colour=GREY)}
-    report = advised(design(Palette((surface("s"),), (lamp("D65"),), cells)))
-    assert report.suggestions == () and report.max < 0.1
-
-
 def test_it_reads_as_text_and_as_json(sodium: DesignReport) -> None:
     text = str(sodium)
     assert all(text.count(name) > 1 for name in ("sodium", "paint", "flame"))

@@ -52,6 +52,7 @@ def test_figure_6_hides_the_inserts_and_the_smoke_and_keeps_the_block(
     assert red[1] > 50.0 and red[2] > 30.0
 
 
+@pytest.mark.slow  # frames are compared in test_wizards, too
 def test_figure_6_is_so_in_its_frames(engine_scene: vs.Scene) -> None:
     alike = painted(engine_scene, "inserts", "block")
     for light, least, most in (("a", 0.0, 1.0), ("b", 20.0, 100.0)):

@@ -27,6 +27,7 @@ from volspec._figures import (
     inch_axes,
     new_figure,
     shorten,
+    style_axes,
     write,
     write_figure,
 )
@@ -165,9 +166,8 @@ def _draw_spectrum(axes: Axes, grid: SpectralGrid, values: Array, top: float) ->
     w = grid.wavelengths_nm
     low = min(0.0, 1.05 * float(values.min()))
     axes.set(xlim=(w[0], w[-1]), ylim=(low, top), xticks=[], yticks=[])
-    for side in ("top", "right", "left"):
-        axes.spines[side].set_visible(False)
-    axes.spines["bottom"].set(color=FAINT, linewidth=0.6, position=("data", 0.0))
+    style_axes(axes)
+    axes.spines["bottom"].set_position(("data", 0.0))
     axes.patch.set_alpha(0.0)
     nm = np.linspace(w[0], w[-1], 400)
     extent = (float(w[0]), float(w[-1]), low, top)

@@ -27,7 +27,7 @@ from volspec.errors import PaletteError
 from volspec.palette.linearisation import ROW_WEIGHT, CellEquations, Variables
 from volspec.palette.model import Cell, Index, Palette
 from volspec.palette.quadratic_program import Block, Term, solve
-from volspec.palette.state import State
+from volspec.palette.state import ColourModel, State
 from volspec.palette.variables import PaletteSpectrum
 from volspec.spectra import Spectrum
 
@@ -197,22 +197,15 @@ def true_cost(state: State) -> float:
     """
     palette = state.palette
     cells, models = palette.indexed_cells(), state.colour_models()
-    shown = state.RGB(models)
-    unit = 1.0
+    shown, unit, model = state.RGB(models), 1.0, None
     if palette.criteria.metric == "Lab":
-        shown, unit = models[0].Lab_from_RGB(shown), 0.01
-    means = _free_means(cells, shown)
+        model = models[0]
+        shown, unit = model.Lab_from_RGB(shown), 0.01
     total = 0.0
-    for place, cell in cells.items():
-        if cell.wanted is not None:
-            target = models[0].space.decode(cell.wanted)
-            off = shown[place] - (models[0].Lab_from_RGB(target) if unit < 1.0 else target)
-        elif cell.other is None:
-            off = shown[place] - means[cell.group]
-        else:
-            off = shown[place] - shown[palette.index(cell.other)]
-            if cell.kind == "distinct":
-                off = np.array([max(cell.distance - float(np.linalg.norm(off)), 0.0)])
+    for place, target in compared_colours(palette, cells, shown, model).items():
+        cell, off = cells[place], shown[place] - target
+        if cell.kind == "distinct":
+            off = np.array([max(cell.distance - float(np.linalg.norm(off)), 0.0)])
         total += float(((_finite_weight(cell) * unit * off) ** 2).sum()) / 3.0
     return total + palette.criteria.smoothness**2 * _roughness(state)
 
@@ -221,19 +214,26 @@ def _finite_weight(cell: Cell) -> float:
     return _EXACT_WEIGHT if math.isinf(cell.weight) else cell.weight
 
 
-def _free_means(cells: Mapping[Index, Cell], shown: Array) -> dict[str, Array]:
-    groups: dict[str, list[Index]] = {}
+def compared_colours(
+    palette: Palette, cells: Mapping[Index, Cell], shown: Array, Lab: ColourModel | None = None
+) -> dict[Index, Array]:
+    """Return the colour that each cell is compared with: linear RGB, or CIELAB of a model.
+
+    It is the wanted one, that of another cell, or for free cells the mean of their group.
+    """
+    space = palette.viewing.display.colours
+    compared: dict[Index, Array] = {}
     for place, cell in cells.items():
-        if cell.kind == "free":
-            groups.setdefault(cell.group, []).append(place)
-    return {
-        group: np.average(
-            [shown[place] for place in places],
-            axis=0,
-            weights=[_finite_weight(cells[place]) ** 2 for place in places],
-        )
-        for group, places in groups.items()
-    }
+        if cell.wanted is not None:
+            target = space.decode(cell.wanted)
+            compared[place] = target if Lab is None else Lab.Lab_from_RGB(target)
+        elif cell.other is not None:
+            compared[place] = shown[palette.index(cell.other)]
+        else:
+            group = [at for at, each in cells.items() if each.group == cell.group]
+            weights = [_finite_weight(cells[at]) ** 2 for at in group]
+            compared[place] = np.average([shown[at] for at in group], axis=0, weights=weights)
+    return compared
 
 
 def _roughness(state: State) -> float:
@@ -345,20 +345,14 @@ def _iterate(state: State) -> _Iteration:
 
 def _meets_exact_cells(state: State) -> bool:
     """Return True if every cell of infinite weight is met, far below a visible difference."""
-    palette, models = state.palette, state.colour_models()
-    shown = state.RGB(models)
-    for place, cell in palette.cells.items():
-        if math.isinf(cell.weight):
-            here = shown[palette.index(place)]
-            if cell.other is not None:
-                target = shown[palette.index(cell.other)]
-            elif cell.wanted is not None:
-                target = models[0].space.decode(cell.wanted)
-            else:
-                continue  # free groups are met as one
-            if np.abs(here - target).max() > _MET:
-                return False
-    return True
+    shown, palette = state.RGB(), state.palette
+    exact = {
+        palette.index(place): cell
+        for place, cell in palette.cells.items()
+        if math.isinf(cell.weight) and cell.kind != "free"  # free groups are met as one
+    }
+    compared = compared_colours(palette, exact, shown)
+    return all(np.abs(shown[at] - target).max() <= _MET for at, target in compared.items())
 
 
 def _spectrum(member: PaletteSpectrum) -> Spectrum:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette.model import Cell, Palette, Place, Triple, hexadecimal
-from volspec.palette.optimisation import Design, Phase
+from volspec.palette.optimisation import Design, Phase, compared_colours
 from volspec.palette.state import State
 
 Array = NDArray[np.float64]
@@ -29,8 +29,6 @@ Array = NDArray[np.float64]
 _CODE = 0.5 / 255.0
 # A bound counts as touched within this fraction of the spectrum's largest value.
 _TOUCH = 1e-4
-# Weight of an exact cell in the mean of a free colour.
-_EXACT_WEIGHT = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,12 +226,13 @@ def report_cells(
     """Report every place, row by row; and return (R, L, 3) CIELAB before the display's white."""
     palette, models = state.palette, state.colour_models()
     RGB, XYZ = state.RGB(models), state.XYZ
-    wanted = _wanted_RGB(palette, targets, RGB)
+    cells = {palette.index(place): cell for place, cell in targets.items()}
+    wanted = compared_colours(palette, cells, RGB)
     Lab = np.stack([m.Lab_from_RGB(RGB[:, j]) for j, m in enumerate(models)], axis=1)
     reports = []
     for i, row in enumerate(palette.names[0]):
         for j, column in enumerate(palette.names[1]):
-            cell, target = targets.get((row, column)), wanted.get((row, column))
+            cell, target = cells.get((i, j)), wanted.get((i, j))
             codes = models[j].space.encode(RGB[i, j])
             other = None if target is None else models[j].Lab_from_RGB(target)
             distinct = cell is not None and cell.kind == "distinct"
@@ -252,23 +251,6 @@ def report_cells(
                 )
             )
     return tuple(reports), Lab
-
-
-def _wanted_RGB(palette: Palette, targets: Mapping[Place, Cell], RGB: Array) -> dict[Place, Array]:
-    """Return the linear RGB that each cell is compared with."""
-    wanted, space = {}, palette.viewing.display.colours
-    for place, cell in targets.items():
-        if cell.other is not None:
-            target = RGB[palette.index(cell.other)]
-        elif cell.wanted is not None:
-            target = space.decode(cell.wanted)
-        else:
-            group = {at: c.weight for at, c in targets.items() if c.group == cell.group}
-            weights = np.array([_EXACT_WEIGHT if np.isinf(w) else w**2 for w in group.values()])
-            target = weights @ np.array([RGB[palette.index(at)] for at in group])
-            target = target / weights.sum()
-        wanted[place] = target
-    return wanted
 
 
 def _triple(values: Array) -> Triple:
