@@ -30,21 +30,10 @@ def cache_folder() -> Path:
 
 
 def cached_arrays(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) -> Arrays:
-    """Read arrays from the cache folder, or compute and cache them.
+    """Read ``FOLDER/NAME`` of the cache as {name: read-only array}, or make and cache it.
 
-    Parameters
-    ----------
-    name : str
-        The file, as ``FOLDER/NAME``.
-    maker : str
-        Version of everything the arrays depend on; a file of another maker is replaced.
-    make : callable
-        Computes the arrays by name. Its exceptions are passed on, and nothing is cached.
-
-    Returns
-    -------
-    {name: array}
-        Read-only.
+    A file of another ``maker``, the version of everything that the arrays depend on, is replaced.
+    Exceptions of ``make`` are passed on, and nothing is cached.
     """
     file = cache_folder() / f"{name}.npz"
     clear_unfinished(file.parent)  # from a run that was killed; this one may only read

@@ -34,26 +34,10 @@ def read_exr(
     missing: str = "no such file",
     again: str = "export it again",
 ) -> tuple[dict[str, Any], Channels]:
-    """Read the header and every channel of an OpenEXR file.
+    """Read the header and every channel, (H, W) float32, float16 or uint32, of an OpenEXR file.
 
-    Parameters
-    ----------
-    path : path
-    error : type
-        Class of errors to raise.
-    missing, again : str
-        Problem of a missing file, and remedy for a damaged one.
-
-    Returns
-    -------
-    header : {str: value}
-    channels : {str: (H, W) array}
-        float32, float16 or uint32, as stored.
-
-    Raises
-    ------
-    InputError
-        An ``error``, if the file is missing, unreadable or damaged.
+    Raises an ``error`` if it is ``missing`` (the problem's words), unreadable or damaged; ``again``
+    is the remedy of a damaged one.
     """
     name, channels = os.fspath(path), Channels()
     _require_file(name, error, missing)
@@ -77,13 +61,7 @@ def read_exr(
 
 
 def read_header(path: str | os.PathLike[str], error: type[InputError]) -> dict[str, Any]:
-    """Read the header of an OpenEXR file, of its first part if it has several.
-
-    Raises
-    ------
-    InputError
-        See `read_exr`.
-    """
+    """Read the header of an OpenEXR file, or of its first part; errors as `read_exr`."""
     name = os.fspath(path)
     _require_file(name, error, "no such file")
     with (
@@ -165,20 +143,9 @@ def write_exr(
 ) -> None:
     """Write an OpenEXR file of scan lines, losslessly compressed, atomically.
 
-    Parameters
-    ----------
-    path : path
-    header : {str: value}
-        Attributes without type and compression, which are set here.
-    channels : {str: (H, W) array}
-        float16 is written as such, everything else as float32.
-    error : type
-        Class of errors to raise.
-
-    Raises
-    ------
-    InputError
-        An ``error`` if the file cannot be written; an `InputError` itself if it is the folder.
+    The header is without type and compression, which are set here. Channels of float16 are
+    written as such, all others as float32. Raises an ``error`` if the file cannot be written, an
+    `InputError` itself if it is the folder.
     """
     import OpenEXR
 

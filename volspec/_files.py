@@ -41,11 +41,8 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     ``path`` is untouched. Leftovers of killed processes in the same folder are removed as well.
     A link stays one; its target is written. Permissions are those of a plain ``open``.
 
-    Raises
-    ------
-    InputError
-        If the path is a folder or a device, its folder cannot be made or written to, or the disk
-        is full.
+    Raises `InputError` if the path is a folder or a device, its folder cannot be made or written
+    to, or the disk is full.
     """
     target = _output(path)
     try:
@@ -172,10 +169,7 @@ def _remove(files: list[Path], lock_file: Path, handle: int) -> None:
 def lock_file_handle(handle: int) -> bool | None:
     """Lock an open file until it is closed, or its process ends.
 
-    Returns
-    -------
-    bool or None
-        False if another handle has the lock, None if the file system has no locks.
+    Returns False if another handle has the lock, None if the file system has no locks.
     """
     try:
         if sys.platform == "win32":
@@ -192,18 +186,11 @@ def lock_file_handle(handle: int) -> bool | None:
 
 
 def keep_newest(written: Path, pattern: str, most: int) -> None:
-    """Delete the oldest files of a folder, but never the one that was just written.
+    """Delete the oldest files of a ``pattern`` until ``most`` are left, but never ``written``.
 
     Dates of others after its own, from a wrong clock, are set to just before it, since nothing was
-    written later. Errors are ignored until the next call.
-
-    Parameters
-    ----------
-    written : Path
-    pattern : str
-        Pattern of the names that count; those that start with a dot are unfinished and do not.
-    most : int
-        Number of files that stay.
+    written later. Names that start with a dot are unfinished files and do not count. Errors are
+    ignored until the next call.
     """
     with suppress(OSError):
         now = written.stat().st_mtime_ns
@@ -295,22 +282,13 @@ def captured_output(lines: list[str]) -> Iterator[None]:
 def require_writable(path: str | os.PathLike[str]) -> None:
     """Refuse an output that cannot be written, before it is computed.
 
-    Raises
-    ------
-    InputError
-        If the path is a folder or a device, or its folder cannot be made or written to.
+    Raises `InputError` if the path is a folder or a device, or its folder cannot be written to.
     """
     _require_room(_output(path).parent, path)
 
 
 def require_writable_folder(path: str | os.PathLike[str]) -> None:
-    """Refuse a folder of outputs, existing or not, that cannot be written to.
-
-    Raises
-    ------
-    InputError
-        If it cannot be made or written to.
-    """
+    """Refuse a folder of outputs that cannot be written to, by an `InputError`."""
     _require_room(Path(path), path)
 
 

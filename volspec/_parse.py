@@ -27,13 +27,8 @@ _TOO_DEEP = f"it is nested too deeply, more than {MOST_LEVELS} levels"
 def parse_json(text: Any) -> Any:
     """Parse a JSON text.
 
-    Raises
-    ------
-    ValueError
-        If it is no JSON, nested too deeply, or holds an integer beyond 64 bits.
+    Raises ValueError if it is no JSON, nested too deeply, or holds an integer beyond 64 bits.
 
-    Examples
-    --------
     >>> parse_json('{"a": [1, 2.5]}')
     {'a': [1, 2.5]}
     >>> parse_json("[" * 9999)
@@ -46,13 +41,7 @@ def parse_json(text: Any) -> Any:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Parse a TOML text.
-
-    Raises
-    ------
-    ValueError
-        If it is no TOML, nested too deeply, or holds an integer beyond 64 bits.
-    """
+    """Parse a TOML text; errors of `parse_json`."""
     tables: dict[str, Any] = _checked(tomllib.loads, text)
     return tables
 
@@ -60,18 +49,8 @@ def parse_toml(text: str) -> dict[str, Any]:
 def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) -> str:
     """Read a text file without its byte order mark.
 
-    Parameters
-    ----------
-    path : path
-    error : type
-        Class of errors to raise.
-    what : str
-        Expected kind of file for messages, as ``"a scene file (.toml)"``.
-
-    Raises
-    ------
-    InputError
-        An ``error``, if the file is missing, unreadable or no UTF-8.
+    Raises an ``error`` if it is missing, unreadable or no UTF-8; ``what`` is the expected kind of
+    file in its message, as ``"a scene file (.toml)"``.
     """
     name = os.fspath(path)
     try:

@@ -20,8 +20,6 @@ _A_LINE = 8
 def toml_text(value: Any) -> str:
     """Write a value in TOML: text, number, list or inline table.
 
-    Examples
-    --------
     >>> toml_text({"value": 90.0, "material": "bone", "up": (0, 0, 1)})
     '{ value = 90.0, material = "bone", up = [0, 0, 1] }'
     """

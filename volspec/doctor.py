@@ -36,38 +36,18 @@ _EXTRAS = {
 
 @dataclass(frozen=True, slots=True)
 class Examination:
-    """Result of `examine`.
-
-    Parameters
-    ----------
-    opencl : tuple of DeviceInfo
-    faults : tuple of str
-        Reason why a device cannot run a kernel; empty for those that can.
-    casts_on : int or None
-        Index of the device for casts; None if none works, or none that ``VOLSPEC_DEVICE`` names.
-    gl : str or None
-        Renderer and version of the headless context for relighting.
-    no_sharing : str or None
-        Reason why casts cannot pass pictures to GL on the device (``Raycaster(context=…)``), which
-        is optional; None if they can.
-    extras : {str: str}
-        Optional features, films first: versions, or the command that installs them.
-    problems : tuple of str
-        Missing parts, each with the command that installs it.
-    healthy : bool
-        True if pictures can be made: without GL they can, more slowly; without OpenCL not.
-    """
+    """Result of `examine`."""
 
     python: str
     versions: dict[str, str]
     opencl: tuple[DeviceInfo, ...]
-    faults: tuple[str, ...]
-    casts_on: int | None
-    gl: str | None
-    no_sharing: str | None
-    extras: dict[str, str]
-    problems: tuple[str, ...]
-    healthy: bool
+    faults: tuple[str, ...]  # why a device cannot run a kernel; empty if it can
+    casts_on: int | None  # index of the device for casts
+    gl: str | None  # renderer and version of the headless context
+    no_sharing: str | None  # why casts cannot pass pictures to GL on the device, if they cannot
+    extras: dict[str, str]  # optional features: versions, or the command that installs them
+    problems: tuple[str, ...]  # missing parts, each with the command that installs it
+    healthy: bool  # pictures can be made; without GL more slowly
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to JSON types."""

@@ -241,25 +241,10 @@ _LEAST_BEGINNING, _LONGEST_NAME = 3, 200
 
 
 def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
-    """Guess a misspelt name, in words that a message continues.
+    """Guess a misspelt name, in words that a message continues; ``""`` if no known name is near.
 
-    Parameters
-    ----------
-    name : str
-        The name given, in any case; any other value by its ``str``.
-    known : iterable of str
-        Valid names. One with a ``/`` is also found by its last part; those that begin with the
-        name come first.
-    count : int
-        The most guesses.
+    Names that begin with the given one come first; one with a ``/`` is found by its last part, too.
 
-    Returns
-    -------
-    str
-        A question that ends in a space, or ``""`` where no known name is near.
-
-    Examples
-    --------
     >>> nearest("d56", ["D50", "D65", "FL2"], count=2)
     "did you mean 'D65' or 'D50'? "
     >>> nearest("banana", ["PMC/Banana", "PMC/Carrot"])
@@ -285,13 +270,7 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
 
 
 def require_name(text: str) -> str:
-    """The text, unless it is blank.
-
-    Raises
-    ------
-    ValueError
-        If nothing can be seen of it.
-    """
+    """Return a text; raise ValueError if nothing can be seen of it."""
     if not text.strip():
         raise ValueError("is blank; give a name")
     return text

@@ -110,7 +110,7 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
 
     Fields are described by the docstrings below them and limited by their annotations. What
     concerns several fields is checked in ``__post_init__``, which raises an `InputError` whose
-    ``field`` is the field's name, or empty.
+    ``field`` is the field's name, or empty. The constructor raises the given class of errors.
 
     A class may have
 
@@ -119,11 +119,6 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
     - ``to_table(self)``: its table for a file, defaults left out,
     - ``kind``, a text: a file's ``kind`` where several classes are possible (`kind_of`),
     - ``row_keys``: keys that identify a row of a list, which are written first.
-
-    Parameters
-    ----------
-    error : type of InputError
-        Class of the constructor's errors.
     """
 
     def decorate(cls: type[Spec]) -> type[Spec]:
@@ -174,22 +169,9 @@ def is_settings(cls: object) -> bool:
 
 
 def read_table(cls: type[Spec], table: Any, error: type[InputError], folder: object = None) -> Spec:
-    """Make settings of a table of a file.
+    """Make settings of a table of TOML or JSON; names of files in it are relative to ``folder``.
 
-    Parameters
-    ----------
-    cls : type
-        One that `settings` made.
-    table : mapping
-        Of TOML or JSON.
-    error : type of InputError
-    folder : path, optional
-        What relative names of files start from.
-
-    Raises
-    ------
-    InputError
-        Of the given class; the first of `try_table`'s faults.
+    Raises the first of `try_table`'s faults, of the given class.
     """
     made, faults = try_table(cls, table, error, folder)
     if made is None:
@@ -624,13 +606,7 @@ def _faults(error: ValidationError, root: type) -> list[_Fault]:
 class FileFaults(InputError):
     """Faults of one file; its text is the first, after the file's name.
 
-    Parameters
-    ----------
-    path : path
-        The file.
-    faults : sequence of InputError
-    rows : {key: names}
-        Names of the rows of ``[[key]]``: people find a row by its name.
+    ``rows``, {key: names}, are the names of the rows of ``[[key]]``: people find a row by its name.
     """
 
     def __init__(

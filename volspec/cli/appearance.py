@@ -183,16 +183,7 @@ def appearance(
 
 
 def _require_kind(name: str, own: Iterable[str], others: Iterable[str], theirs: str) -> None:
-    """Refuse a name that is the other command's, or nearest to one of its.
-
-    Parameters
-    ----------
-    name : str
-    own, others : iterable of str
-        The names of both commands.
-    theirs : str
-        What the other's are, and the words that call them.
-    """
+    """Refuse a name that is the other command's (``theirs`` calls it), or nearest to one of its."""
     foreign = {other.casefold(): other for other in others}
     known = [*(each.casefold() for each in own), *foreign]
     folded = " ".join(name.split()).casefold()
@@ -236,25 +227,9 @@ def _colours(model: Model, looks: NDArray[np.float64], seen: ViewingConditions) 
 def write_comparison(
     image: Path, white: str, models: Sequence[str] | None, options: PictureOptions, output: Path
 ) -> None:
-    """Write the sheet.
+    """Write the sheet of an image under a light as a PNG; without models, all of them.
 
-    Parameters
-    ----------
-    image : Path
-        A coefficient image.
-    white : str
-        The light.
-    models : sequence of str, optional
-        None is every model and adaptation.
-    options : PictureOptions
-        What is left out is as `volspec.Viewing` has it, not as in the image's scene.
-    output : Path
-        A PNG file.
-
-    Raises
-    ------
-    InputError
-        If something given cannot be used.
+    What the options leave out is as `volspec.Viewing` has it, not as in the image's scene.
     """
     from volspec import __version__
     from volspec._files import require_writable

@@ -116,14 +116,9 @@ class bar:
 
 
 class Terminal(Console):
-    """A terminal that shows the marks in names, control characters and markup, and obeys none.
+    """Terminal that shows control characters and markup in names, and obeys none.
 
-    Parameters
-    ----------
-    markup : bool
-        Read ``[red]`` in texts as a colour: for texts that hold no names, or escaped ones.
-    **options
-        As for `rich.console.Console`.
+    With ``markup``, ``[red]`` in texts is a colour: for texts without names, or with escaped ones.
     """
 
     def __init__(self, *, markup: bool = False, **options: Any) -> None:
@@ -291,22 +286,9 @@ def _run(words: list[str]) -> None:
 
 
 def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> None:
-    """Print the names that contain a text, in any case, a line each.
+    """Print the names of a kind (``what``) that contain a text, in any case, a line each.
 
-    Parameters
-    ----------
-    names : sequence of str
-    search : str
-        Empty for all of them.
-    what : str
-        Of what they are, for the message.
-    as_json : bool
-        Print a list of ``{"name": …}``.
-
-    Raises
-    ------
-    InputError
-        If no name contains it.
+    Raises `InputError` if no name contains it.
     """
     found = [name for name in names if search.casefold() in name.casefold()]
     if not found:

@@ -49,24 +49,13 @@ class ChosenBasis:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneSpectra:
-    """Spectra that a scene trains a basis on.
-
-    Parameters
-    ----------
-    lights : sequence of Spectrum
-    weights : sequence of float
-        The lights'.
-    materials : {name: Spectrum}
-    use : {name: float}
-        How much of each material is seen, the most used 1 (`use_of`).
-    filters : {name: Spectrum}, optional
-        Of materials that absorb: white seen through one has the filter's colour.
-    """
+    """Spectra that a scene trains a basis on."""
 
     lights: Sequence[Spectrum]
-    weights: Sequence[float]
+    weights: Sequence[float]  # of the lights
     materials: Mapping[str, Spectrum]
-    use: Mapping[str, float]
+    use: Mapping[str, float]  # of each material, by `use_of`
+    # Of materials that absorb: white seen through one has the filter's colour.
     filters: Mapping[str, Spectrum] = field(default_factory=dict)
 
     @property
@@ -84,17 +73,10 @@ class SceneSpectra:
 def choose_basis(
     table: BasisSpec, spectra: SceneSpectra, name: str, mode: str = "componentwise"
 ) -> ChosenBasis:
-    """The basis that ``[basis]`` asks for; where it asks for none, the general one if it will do.
+    """Return the basis of ``[basis]``; left out, the general one if it is accurate enough.
 
-    Parameters
-    ----------
-    mode : str
-        How the scene is shown: what the general basis must be good at.
-
-    Raises
-    ------
-    BasisError
-        If the method cannot be fitted to the scene's spectra.
+    The scene's ``mode`` is what the general basis must be accurate in. Raises `BasisError` if the
+    method cannot be fitted to the scene's spectra.
     """
     if table.method == "materials":
         return ChosenBasis(_of_materials(table, spectra, name), 'method = "materials"')
@@ -166,12 +148,9 @@ def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dic
 
 
 def use_of(transfer: TransferSpec) -> dict[str, float]:
-    """Weigh the materials of a transfer function: their opacity over their values.
+    """Weigh the materials of a transfer function by their opacity over their values.
 
-    Returns
-    -------
-    {name: float}
-        The most used material has 1, none less than 0.1.
+    The most used one has 1, none less than 0.1.
     """
     total: defaultdict[str, float] = defaultdict(float)
     for amount, shares in transfer.seen():

@@ -243,22 +243,7 @@ def check_export(
     lights: Sequence[str],
     camera: CameraSpec,
 ) -> None:
-    """Refuse frames that cannot be of one scene.
-
-    Parameters
-    ----------
-    table : ExportSpec
-    keys : sequence of Keyframe
-    lights : sequence of str
-        Names that the scene has.
-    camera : CameraSpec
-        The scene's.
-
-    Raises
-    ------
-    SceneError
-        With the field.
-    """
+    """Refuse frames that cannot be of one scene; SceneError with the field."""
     names = table.lights or ()
     for i, name in enumerate(names):
         _check_light(f"export.lights[{i}]", name, lights)

@@ -138,23 +138,14 @@ class SceneFaults(FileFaults, SceneError):
 
 
 def scene_text(path: str | os.PathLike[str]) -> str:
-    """Return the text of a scene's file.
-
-    Raises
-    ------
-    SceneError
-        If it cannot be read.
-    """
+    """Return the text of a scene's file; SceneError if it cannot be read."""
     return read_text(path, SceneError, "a scene file (.toml)")
 
 
 def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return the tables of a scene's file in the newest version, not checked yet.
 
-    Raises
-    ------
-    SceneError
-        If it cannot be read, is no TOML or of a later version.
+    Raises SceneError if it cannot be read, is no TOML or of a later version.
     """
     text = scene_text(path)
     try:
@@ -170,10 +161,7 @@ def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
 def scene_file(data: Mapping[str, Any], path: str | os.PathLike[str]) -> SceneFile:
     """Return the tables as a spec, each checked by itself and with the others.
 
-    Raises
-    ------
-    SceneFaults
-        With every fault.
+    Raises SceneFaults with every fault.
     """
     file, faults = try_table(SceneFile, data, SceneError, Path(path).parent)
     if file is None:
@@ -189,10 +177,7 @@ def newest() -> int:
 def migrate(data: MutableMapping[str, Any]) -> None:
     """Bring a file's tables to the newest version, in place.
 
-    Raises
-    ------
-    SceneError
-        If its version is none, or one of a later volspec.
+    Raises SceneError if its version is none, or one of a later volspec.
     """
     version = data.get("version", FIRST)
     if not isinstance(version, int) or isinstance(version, bool) or version < FIRST:

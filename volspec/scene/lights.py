@@ -93,13 +93,10 @@ class LightSpec:
         return self.illuminance_lux is not None or self.power_W is not None
 
     def lux(self) -> float | None:
-        """Its illuminance as given or as counted; None where neither is.
+        """Illuminance as given or as counted; None if neither is.
 
-        Raises
-        ------
-        SpectrumError
-            If it is to be counted, and the spectrum is no lamp, has no known lumens per watt,
-            or a number is out of range.
+        Raises SpectrumError if it is to be counted, and the spectrum is no lamp, has no known
+        lumens per watt, or a number is out of range.
         """
         if self.power_W is None or self.distance_m is None or not isinstance(self.spectrum, str):
             return self.illuminance_lux
@@ -144,24 +141,10 @@ def named_light(
     folder: str | os.PathLike[str],
     known: Mapping[str, Spectrum] = MappingProxyType({}),
 ) -> NamedLight:
-    """The setting that rows of one name make.
+    """Return the light setting that rows of one name make, either all with lux or none.
 
-    Parameters
-    ----------
-    rows : sequence of LightSpec
-        Either all with lux or none.
-    shares : {group: float}
-        Each group's share of the light (`RaycastSpec.shares`).
-    grid : SpectralGrid
-    folder : path
-        What the names of files start from.
-    known : {text: Spectrum}
-        Spectra that are no file yet, on the grid.
-
-    Raises
-    ------
-    SpectrumError, ViewingError
-        If a spectrum is unknown, a lamp's light cannot be counted, or the rows give no light.
+    Spectra that are in no file yet are looked up in ``known``. Raises SpectrumError or ViewingError
+    if a spectrum is unknown, a lamp's light cannot be counted, or the rows give no light.
     """
     spectra = tuple(given_light(row.spectrum, row.name, grid, Path(folder), known) for row in rows)
     lux = tuple(lux for row in rows if (lux := row.lux()) is not None)
@@ -176,22 +159,10 @@ def named_light(
 def require_lux(
     lights: Iterable[NamedLight], spec: RelightSpec, path: str | os.PathLike[str]
 ) -> None:
-    """Refuse, before the cast, lights that cannot be held against each other.
+    """Refuse, before the cast, lights that cannot be compared at the scene's level.
 
-    A scene of such lights loads: it can be cast, and be seen at the other level.
-
-    Parameters
-    ----------
-    lights : iterable of NamedLight
-        Those that will shine.
-    spec : RelightSpec
-    path : path
-        The scene's, for the message.
-
-    Raises
-    ------
-    SceneError
-        If the level is absolute, and one of them has no lux.
+    A scene of such lights loads: it can be cast, and be seen at the other level. Raises SceneError
+    if the level is absolute, and one of the lights has no lux.
     """
     if spec.level != "absolute":
         return

@@ -34,15 +34,8 @@ _SPACING_ERROR = 1e-4
 class Resolver:
     """Looks up what a file names; an error says the file, the table and the row.
 
-    Parameters
-    ----------
-    file : SceneFile
-    path : path
-        Its folder is what relative names start from.
-    known : {text: Spectrum}
-        Spectra that the file names and that are not on disk yet.
-    faults : list of str, optional
-        Where errors go instead of being raised; what cannot be looked up is then left out.
+    Relative names start from the folder of ``path``; ``known`` are spectra that are not on disk
+    yet. With ``faults``, errors go there, and what cannot be looked up is left out.
     """
 
     file: SceneFile
@@ -125,12 +118,9 @@ class Resolver:
         )
 
     def volume(self) -> Volume:
-        """The volume, its spacing and size as the file wants them.
+        """Load the volume with the file's spacing and size.
 
-        Raises
-        ------
-        SceneError
-            Always, where there is none: there is no going on without one.
+        Raises SceneError even with ``faults``, as nothing works without it.
         """
         table = self.file.volume
         with Resolver(self.file, self.path).at("volume"):

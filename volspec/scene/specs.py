@@ -62,12 +62,9 @@ class SpectrumNumbers:
         )
 
     def spectrum(self, name: str = "") -> Spectrum:
-        """Return the numbers as they are; under another name if they have none.
+        """Return the numbers, under another name if they have none.
 
-        Raises
-        ------
-        SpectrumError
-            If they are no spectrum.
+        Raises SpectrumError if they are no spectrum.
         """
         numbers = np.array(self.wavelengths_nm), np.array(self.values)
         return Spectrum(*numbers, self.name or name, self.notes)
@@ -88,23 +85,10 @@ def given_light(
     folder: Path,
     known: Mapping[str, Spectrum],
 ) -> Spectrum:
-    """Return the light of a row.
+    """Return the light of a row, whose files are relative to ``folder``.
 
-    Parameters
-    ----------
-    given : str or SpectrumNumbers
-    name : str
-        The row's.
-    grid : SpectralGrid
-    folder : path
-        Folder that names of files are relative to.
-    known : {text: Spectrum}
-        Spectra that are no file yet, on the grid.
-
-    Raises
-    ------
-    SpectrumError
-        If the name is unknown, or the numbers are no light.
+    Spectra that are in no file yet are looked up in ``known``. Raises SpectrumError if the name is
+    unknown, or the numbers are no light.
     """
     if isinstance(given, SpectrumNumbers):
         return as_light(given.spectrum(name), grid, "spectrum.values")

@@ -139,13 +139,7 @@ class TransferSpec:
     def function(
         self, materials: Mapping[str, Spectrum], filters: Mapping[str, Spectrum], basis: Basis
     ) -> Transfer:
-        """The transfer function.
-
-        Raises
-        ------
-        TransferError
-            If a number is out of range or a material is unknown.
-        """
+        """Make the transfer function; TransferError for a number out of range or an unknown material."""
         step = self.reference_step_mm
         if self.regions is not None:
             regions = [Region(**asdict(row)) for row in self.regions]

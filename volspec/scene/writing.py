@@ -102,12 +102,7 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
 
 
 def require_toml(path: str | os.PathLike[str]) -> Path:
-    """Refuse a name that no scene has.
-
-    Raises
-    ------
-    SceneError
-    """
+    """Refuse, by a SceneError, a name that no scene has."""
     target = Path(path)
     if target.suffix.lower() != ".toml":
         raise SceneError(f"{target}: scenes are TOML; name it .toml")
@@ -128,20 +123,9 @@ def _with_numbers(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
 
 
 def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
-    """Return the same scene for a file in another folder: every name of a file leads there.
+    """Return the same scene for a file in another folder: names of files in it lead to the same files.
 
-    Parameters
-    ----------
-    file : SceneFile
-    folder : path
-        Folder that names in it are relative to.
-    path : path
-        The new file.
-
-    Raises
-    ------
-    SceneError
-        If a mix of lights cannot be read.
+    Raises SceneError if a mix of lights cannot be read.
     """
     to = path.parent
     if folder.resolve() == to.resolve():
