@@ -18,7 +18,7 @@ from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
-from volspec.errors import InputError
+from volspec.errors import ImageError, InputError
 
 # An unfinished file lies next to its target, and next to a file that is locked while its writer
 # runs: .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock. They start with the same digits.
@@ -285,6 +285,17 @@ def require_writable(path: str | os.PathLike[str]) -> None:
     Raises `InputError` if the path is a folder or a device, or its folder cannot be written to.
     """
     _require_room(_output(path).parent, path)
+
+
+def require_suffix(
+    path: str | os.PathLike[str], what: str, *suffixes: str, error: type[InputError] = ImageError
+) -> Path:
+    """Return the path of a file; refuse a suffix not of its kind, ``what`` in the plural."""
+    target = Path(path)
+    if target.suffix.lower() not in suffixes:
+        problem = f"{target}: {what} are {', '.join(suffixes)} files"
+        raise error(problem, f"name it {suffixes[0]}", code="unsupported")
+    return target
 
 
 def require_writable_folder(path: str | os.PathLike[str]) -> None:

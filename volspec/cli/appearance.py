@@ -232,7 +232,7 @@ def write_comparison(
     What the options leave out is as `volspec.Viewing` has it, not as in the image's scene.
     """
     from volspec import __version__
-    from volspec._files import require_writable
+    from volspec._files import require_suffix, require_writable
     from volspec.appearance.spec import MODELS
     from volspec.export.frames import write_frame
     from volspec.export.sheet import SheetTile, comparison_sheet
@@ -242,9 +242,8 @@ def write_comparison(
     from volspec.spectra import light
 
     require_image(image, "cast it first: volspec render {file} -o IMAGE.exr")
+    require_suffix(output, "pictures", ".png")
     require_writable(output)
-    if output.suffix.lower() != ".png":
-        raise InputError(f"{output}: the picture is a PNG file; name it .png")
     if white_triple(white) is not None:
         raise InputError(
             f"--white {white} with --image: a picture needs the light's spectrum; name a light, "

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 from rich.text import Text
 
-from volspec._files import require_writable
+from volspec._files import require_suffix, require_writable
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
-from volspec.errors import BasisError, ImageError, nearest
+from volspec.errors import BasisError, nearest
 
 if TYPE_CHECKING:
     from volspec.basis import Basis
@@ -92,12 +92,10 @@ def basis(
     from volspec.basis.report_table import error_table
 
     if figure is not None:
-        if figure.suffix.lower() not in _FIGURES:
-            raise ImageError(f"{figure}: figures are {', '.join(_FIGURES)} files; name it .png")
+        require_suffix(figure, "figures", *_FIGURES)
         require_writable(figure)
     if output is not None:
-        if output.suffix.lower() != ".json":
-            raise BasisError(f"{output}: bases are JSON; name it .json")
+        require_suffix(output, "bases", ".json", error=BasisError)
         require_writable(output)
     settings = {"size": size, "method": method, "positive": positive or None}
     asked = {key: value for key, value in settings.items() if value is not None}

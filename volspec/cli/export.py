@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from volspec._files import require_writable
+from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import (
     RELIGHT,
     Size,
@@ -228,8 +228,7 @@ def page(
     from volspec.scene import Scene
     from volspec.scene.lights import NamedLight, require_lux
 
-    if output.suffix.lower() not in (".html", ".htm"):
-        raise ImageError(f"{output}: pages are HTML files; name it .html")
+    require_suffix(output, "pages", ".html", ".htm")
     require_writable(output)
     require_scene(
         scene, "a page is made of its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT

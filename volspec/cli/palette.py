@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 from rich.table import Table
 
-from volspec._files import require_writable
+from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import require_scene
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, note, print_json, say
-from volspec.errors import ImageError, InputError, PaletteError
+from volspec.errors import InputError, PaletteError
 
 if TYPE_CHECKING:
     from volspec.scene import Scene
@@ -56,12 +56,10 @@ def design(
     from volspec.palette.text import render
 
     if output is not None:
-        if output.suffix.lower() != ".toml":
-            raise PaletteError(f"{output}: palettes are TOML; name it .toml")
+        require_suffix(output, "palettes", ".toml", error=PaletteError)
         require_writable(output)
     if figure is not None:
-        if figure.suffix.lower() not in SUFFIXES:
-            raise ImageError(f"{figure}: figures are {', '.join(SUFFIXES)} files; name it .png")
+        require_suffix(figure, "figures", *SUFFIXES)
         require_writable(figure)
     with bar(quiet=json) as tell:
         tell("design", 0)

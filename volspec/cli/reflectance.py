@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 from rich.text import Text
 
-from volspec._files import require_writable
+from volspec._files import require_suffix, require_writable
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say, show_names
 from volspec.errors import ImageError, InputError, VolspecWarning, one_line
 
@@ -100,10 +100,9 @@ def reflectance(
         return
     if not colour:
         raise InputError("no colour; give #rrggbb, a CSS name or X Y Z, or --image FILE")
-    for path, kinds in ((output, (".csv",)), (figure, _FIGURES)):
+    for path, what, kinds in ((output, "spectra", (".csv",)), (figure, "figures", _FIGURES)):
         if path is not None:
-            if path.suffix.lower() not in kinds:
-                raise InputError(f"{path}: written as {', '.join(kinds)}; name it {kinds[0]}")
+            require_suffix(path, what, *kinds)
             require_writable(path)
     _construct(" ".join(colour), asked, under or ["D65", "A"], output, figure, json)
 

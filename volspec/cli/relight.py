@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from volspec import __version__
-from volspec._files import require_writable
+from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import read_image_setting, require_image
 from volspec.cli.shell import app, as_written, note, say
 from volspec.cli.viewing import PictureOptions, in_options
@@ -226,8 +226,7 @@ def _check_kind(
             )
         require_png(output)
         return
-    if suffix != ".exr":
-        raise ImageError(f"{output}: spectral pictures are OpenEXR; name it .exr")
+    require_suffix(output, "spectral pictures", ".exr")
     given = {"model": model, "errors": errors or None, **asdict(viewing)}
     for name, value in given.items():
         if value is not None and name not in ("exposure", "lux"):

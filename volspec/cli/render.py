@@ -9,10 +9,10 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from volspec._files import require_writable
+from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, Size, Sized, require_scene, sides
 from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json, say
-from volspec.errors import ImageError, InputError
+from volspec.errors import InputError
 
 
 @app.command
@@ -48,8 +48,7 @@ def render(
     from volspec.export.compositing import save_for_compositors, scene_recipe
     from volspec.scene import Scene
 
-    if output.suffix.lower() != ".exr":
-        raise ImageError(f"{output}: coefficient images are OpenEXR; name it .exr")
+    require_suffix(output, "coefficient images", ".exr")
     require_scene(scene, f"it is cast already; {RELIGHT}")
     require_writable(output)
     with bar() as tell:

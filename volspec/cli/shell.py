@@ -27,6 +27,7 @@ from cyclopts import (
     MissingArgumentError,
     Parameter,
     Token,
+    UnusedCliTokensError,
     ValidationError,
 )
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -181,11 +182,13 @@ def _print_what_can_be() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _missing(error: CycloptsError) -> str:
-    """Return a line on a missing argument: cyclopts says that it "requires an argument"."""
+def _miscounted(error: CycloptsError) -> str:
+    """Return a line on a missing argument, or one too many; cyclopts shows a list of Python's."""
+    command = " ".join(error.command_chain or ())
+    if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
+        return f"{command}: {error.unused_tokens[0]!r} is one word too many"
     if not isinstance(error, MissingArgumentError) or error.argument is None:
         return ""
-    command = " ".join(error.command_chain or ())
     if error.keyword is not None:
         return f"{command}: {error.keyword} has no value; give one"
     return f"{command}: {' or '.join(error.argument.names)} is missing"
@@ -272,7 +275,7 @@ def _run(words: list[str]) -> None:
         raise _failure(_refused(error), 1) from error
     except CycloptsError as error:
         # Of many commands cyclopts lists the first, and ends in "info, ...".
-        said = _missing(error) or one_line(error).replace(", ...", " and more").rstrip(".")
+        said = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
         raise _failure(f"{said}; see volspec --help", 2) from error
     except BrokenPipeError as error:
         _close_pipes()

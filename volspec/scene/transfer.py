@@ -139,7 +139,10 @@ class TransferSpec:
     def function(
         self, materials: Mapping[str, Spectrum], filters: Mapping[str, Spectrum], basis: Basis
     ) -> Transfer:
-        """Make the transfer function; TransferError for a number out of range or an unknown material."""
+        """Make the transfer function.
+
+        Raises TransferError for a number out of range or an unknown material.
+        """
         step = self.reference_step_mm
         if self.regions is not None:
             regions = [Region(**asdict(row)) for row in self.regions]

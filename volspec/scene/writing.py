@@ -17,7 +17,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from volspec._files import line_end, write_whole
+from volspec._files import line_end, require_suffix, write_whole
 from volspec._parse import parse_toml
 from volspec._toml import bind_comments, set_key, toml_item
 from volspec.appearance.profile import is_profile
@@ -80,7 +80,7 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     ...     vs.Scene.load(path).relight.viewing.exposure
     1.5
     """
-    target = require_toml(path)
+    target = require_suffix(path, "scenes", ".toml", error=SceneError)
     file = replace(file, version=newest())
     text, ends = None, "\n"
     if like is not None:
@@ -101,14 +101,6 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     return target
 
 
-def require_toml(path: str | os.PathLike[str]) -> Path:
-    """Refuse, by a SceneError, a name that no scene has."""
-    target = Path(path)
-    if target.suffix.lower() != ".toml":
-        raise SceneError(f"{target}: scenes are TOML; name it .toml")
-    return target
-
-
 def _with_numbers(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
     """Return the file with numbers instead of texts that only this process can look up."""
 
@@ -123,7 +115,7 @@ def _with_numbers(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
 
 
 def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
-    """Return the same scene for a file in another folder: names of files in it lead to the same files.
+    """Return the same scene for a file in another folder, with names of files that lead from there.
 
     Raises SceneError if a mix of lights cannot be read.
     """

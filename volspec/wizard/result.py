@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._deprecated import renamed_attribute
-from volspec._files import require_writable
+from volspec._files import require_suffix, require_writable
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.scene_to_display import view_transform
 from volspec.basis import MaterialBasis
@@ -28,7 +28,6 @@ from volspec.scene import NamedLight, Scene, write_scene
 from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.lights import LightSpec
 from volspec.scene.specs import BasisSpec
-from volspec.scene.writing import require_toml
 from volspec.spectra import Spectrum
 from volspec.spectra.files import rebase_path, split_address
 from volspec.spectra.lights import light_terms
@@ -237,13 +236,13 @@ def require_output(scene: Scene, path: Path) -> Path:
     InputError
         If it cannot be written.
     """
-    require_toml(path)
+    require_suffix(path, "scenes", ".toml", error=SceneError)
     palette = path.with_name(f"{path.stem}-palette.toml")
     for each in (path, palette):
         require_writable(each)
 
     def refuse(problem: str, code: Code, remedy: str = "name the new scene otherwise") -> None:
-        raise SceneError(problem, remedy, code=code, field="path", given=path)
+        raise SceneError(problem, remedy, code=code, given=path)
 
     if _same_file(path, scene.path):
         problem = f"{path}: is the scene that the new one is made of"

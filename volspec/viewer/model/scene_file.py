@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from volspec._files import require_suffix
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.storage import shipped_names
 from volspec.errors import SceneError, SpectrumError
@@ -29,7 +30,7 @@ from volspec.scene.specs import (
     SpectrumNumbers,
 )
 from volspec.scene.transfer import TransferSpec
-from volspec.scene.writing import require_toml, write_scene
+from volspec.scene.writing import write_scene
 from volspec.settings import read_table
 from volspec.spectra import Spectrum, light
 from volspec.spectra.datasets import colour_matching_functions
@@ -119,7 +120,7 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     Raises SceneError if the name is not ``.toml``, the document has no file, or no scene file can
     hold the state; InputError if nothing can be written there.
     """
-    target = require_toml(path)
+    target = require_suffix(path, "scenes", ".toml", error=SceneError)
     file, (_, opened) = scene_from_state(state), state.document.saved()
     # The numbers of the file lead to the same basis, or the basis itself is saved.
     like = Scene(file, opened)
