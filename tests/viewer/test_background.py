@@ -105,7 +105,7 @@ def test_a_fault_ends_the_thread_and_not_the_work(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("first_ends_first", [True, False])
-def test_of_two_files_the_one_asked_for_last_is_opened(
+def test_the_last_of_two_files_is_opened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first_ends_first: bool
 ) -> None:
     """A scene and a session: they were two kinds of task, of which each brought its own."""
@@ -162,7 +162,7 @@ def test_only_the_opening_s_message_ends_with_it(
 
 
 @pytest.mark.parametrize("written", [True, False])
-def test_a_picture_that_is_written_is_said_to_be_saved_though_it_was_given_up(
+def test_a_late_picture_is_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: bool
 ) -> None:
     def taken(_: ViewState, __: object, progress: Progress) -> Path:
@@ -294,7 +294,7 @@ def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> 
         (RuntimeError("clFinish failed: OUT_OF_RESOURCES"), "clFinish failed: OUT_OF_RESOURCES"),
     ],
 )
-def test_an_error_is_told_and_the_thread_goes_on(
+def test_the_thread_outlives_errors(
     state: ViewState, monkeypatch: pytest.MonkeyPatch, error: Exception, told: str
 ) -> None:
     def refuse(*what: Any, **more: Any) -> None:

@@ -72,11 +72,11 @@ def test_a_wish_that_can_be_met_is_met(state: ViewState) -> None:
     assert made.transfer.materials["copper"] is state.transfer.materials["copper"]
 
 
-def test_a_wish_that_cannot_be_met_is_flagged(state: ViewState) -> None:
+def test_a_wish_that_cannot_be_met_is_missed(state: ViewState) -> None:
     """No reflectance is saturated blue under tungsten light and saturated red under daylight."""
     asked = with_target(with_target(state, 5, "#0000ff"), 4, "#ff0000")
-    table = colour_table(with_designed(asked))
-    assert len(table.errors) == 2 and max(table.errors) > 5
+    errors = colour_table(with_designed(asked)).errors
+    assert len(errors) == 2 and max(errors) > 5
 
 
 def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState) -> None:
@@ -157,9 +157,7 @@ class Bench:
         return history
 
 
-def test_after_a_solver_s_failure_it_goes_on(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
     fails = iter((True,))
 
     def once(palette: Palette) -> Design:
@@ -211,7 +209,7 @@ def test_wishes_that_were_answered_are_designed_again_from_scratch(state: ViewSt
 
 
 @pytest.mark.parametrize("other", [True, False])
-def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
+def test_a_wizard_s_result_needs_its_materials(
     state: ViewState, monkeypatch: pytest.MonkeyPatch, other: bool
 ) -> None:
     pick = Pick(place=("gold", "A"))
@@ -232,7 +230,7 @@ def test_a_wizard_s_result_lands_on_the_materials_it_began_with_alone(
     assert bool(bench.designs.status.complaint) == bool(bench.notice.text) == other
 
 
-def test_a_wizard_waits_for_the_design_under_way_and_lands_on_what_it_brings(
+def test_a_wizard_waits_for_the_running_design(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It began at once, and was dropped when the design's last pass changed the materials."""
@@ -271,7 +269,7 @@ def test_the_scene_s_own_spectra_are_its_lights_too(state: ViewState) -> None:
     assert again.lights is rows
 
 
-def test_a_palette_s_path_goes_from_the_one_dialog_to_the_design(
+def test_the_dialog_s_path_goes_to_the_design(
     state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))

@@ -119,6 +119,12 @@ def test_scripts_of_every_transfer_function_make_the_same_table(tmp_path: Path, 
     np.testing.assert_array_equal(one.channels, other.channels)
 
 
+def test_a_document_knows_what_opens_it_again(tmp_path: Path) -> None:
+    document = opened(tmp_path).document
+    assert document.source == str(document.path)
+    assert replace(document, path=demo()).source is None
+
+
 def test_scripts_call_spectra_by_name_where_those_give_the_same_numbers(tmp_path: Path) -> None:
     text = script_from_state(opened(tmp_path))
     assert re.findall(r'vs\.light\("(.*?)"', text) == ["D65"]
@@ -190,12 +196,9 @@ def test_recent_files_are_ten_newest_first_and_missing_ones_are_known(tmp_path: 
     assert recent.rows() == ()
     (tmp_path / "state" / "recent.json").write_text("{broken", encoding="utf-8")
     assert recent.rows() == ()
-
-
-def test_the_list_does_without_a_folder_that_cannot_be_written() -> None:
-    recent = RecentFiles(Path("/proc/nothing"))
-    recent.add("x.toml")
-    assert recent.rows() == ()
+    nowhere = RecentFiles(Path("/proc/nothing"))
+    nowhere.add("x.toml")
+    assert nowhere.rows() == ()
 
 
 def test_where_things_are_remembered_can_be_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,12 +253,6 @@ def test_a_picture_that_is_given_up_is_not_written(tmp_path: Path) -> None:
     assert not list(tmp_path.glob("*.png"))
     with raises(InputError, "not-found"):
         save_picture(opened(tmp_path), Shot(folder=str(tmp_path / "no")), Progress(""))
-
-
-def test_a_document_knows_what_opens_it_again(tmp_path: Path) -> None:
-    document = opened(tmp_path).document
-    assert document.source == str(document.path)
-    assert replace(document, path=demo()).source is None
 
 
 @pytest.fixture

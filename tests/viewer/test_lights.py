@@ -103,9 +103,8 @@ def test_a_drawn_light_is_one_of_its_own_until_it_is_reset(lit: ViewState) -> No
 
 def test_a_pen_cannot_put_a_light_out(lit: ViewState) -> None:
     assert light_parts.draw(lit, 0, 0, (-0.1, 0.0), (1.1, 0.0)) is lit
-    assert light_parts.draw(lit, 0, 0, (0.1, math.nan), (0.2, 1.0)) is lit
-    assert light_parts.draw(lit, 9, 0, (0.1, 1.0), (0.2, 1.0)) is lit
-    assert light_parts.draw(lit, 0, 3, (0.1, 1.0), (0.2, 1.0)) is lit
+    for index, part, power in ((0, 0, math.nan), (9, 0, 1.0), (0, 3, 1.0)):
+        assert light_parts.draw(lit, index, part, (0.1, power), (0.2, 1.0)) is lit
 
 
 def test_a_light_of_two_groups_is_drawn_one_spectrum_at_a_time(lit: ViewState) -> None:
@@ -194,7 +193,7 @@ def test_a_row_has_one_text_for_each_spectrum() -> None:
     assert LightRow("x", "", ROWS[3].rig).texts == (None, None)
 
 
-def test_a_file_is_found_beside_the_scene_and_else_where_the_program_runs(
+def test_a_file_is_found_in_the_scene_s_folder_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene, here = tmp_path / "scene", tmp_path / "here"
@@ -232,12 +231,9 @@ def test_a_kept_mix_is_the_light_that_shines_and_says_how_it_was_mixed(lit: View
 def test_a_kept_mix_of_mixes_names_each_lamp_once() -> None:
     rows = (row("D65*0.5+A*0.5", 0.5), row("A", 0.25))
     assert mixed(rows).texts == ("D65*0.25+A*0.5",)
-
-
-def test_a_kept_mix_with_lux_has_their_sum_and_shares_of_it() -> None:
-    rows = (row("D65", 0.5, 400.0), row("A*2", 1.0, 600.0))
-    kept = mixed(rows)
-    assert kept.rig.illuminance_lux == (800.0,) and kept.texts == ("D65*0.25+A*0.75",)
+    # With lux it has their sum, and shares of it.
+    bright = mixed((row("D65", 0.5, 400.0), row("A*2", 1.0, 600.0)))
+    assert bright.rig.illuminance_lux == (800.0,) and bright.texts == ("D65*0.25+A*0.75",)
 
 
 def test_a_kept_mix_keeps_its_groups_apart_and_drawn_spectra_as_they_are(lit: ViewState) -> None:

@@ -176,7 +176,7 @@ def test_every_name_of_the_list_is_a_reflectance_or_a_colour() -> None:
 
 
 @pytest.mark.parametrize("basis", ['name = "general-5"', 'method = "materials"'])
-def test_scenes_sessions_and_scripts_keep_such_a_material(
+def test_all_files_keep_such_a_material(
     tmp_path: Path, basis: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     state = replace(given(opened(tmp_path, basis=basis), BANANA, 1), size=(24, 18))

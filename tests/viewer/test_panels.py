@@ -10,8 +10,8 @@ import pytest
 
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spec import MODELS
-from volspec.relight import LightRig, RelightSpec
-from volspec.viewer.model import lights, viewing
+from volspec.relight import RelightSpec
+from volspec.viewer.model import light_parts, lights, viewing
 from volspec.viewer.model.commands import BY_KEY, BY_NAME, COMMANDS, MENUS, format_key
 from volspec.viewer.model.edit import after
 from volspec.viewer.model.light_rows import MOST_ROWS, effective_weights
@@ -55,9 +55,13 @@ def test_settings_that_do_not_go_together_are_left_as_they_are(state: ViewState)
 
 
 def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None:
+    """L_A is E_v/π · Y_b/100, of the light's own lux or the viewing's."""
     assert viewing.set_luminance(state, 5.0) is state
+    lit = light_parts.set_lux(state, 0, 50.0)
+    for given, lux in ((state, 1000), (lit, 50)):
+        own = viewing.toggle_own_luminance(given)
+        np.testing.assert_allclose(own.relight.viewing.L_A, lux / np.pi * 0.2)
     own = viewing.toggle_own_luminance(state)
-    np.testing.assert_allclose(own.relight.viewing.L_A, 1000 / np.pi * 0.2)
     assert viewing.set_luminance(own, 5.0).relight.viewing.L_A == 5.0
     assert viewing.toggle_own_luminance(own).relight.viewing == state.relight.viewing
 
@@ -84,16 +88,13 @@ def test_a_room_is_named_until_its_numbers_change() -> None:
         assert matching_preset(replace(display, Y_b=33.0)) not in PRESETS
 
 
-def test_the_lights_own_lux_come_before_the_viewings(state: ViewState) -> None:
-    """L_A is E_v/π · Y_b/100."""
-    from volspec.viewer.model.viewing import luminance
-
-    viewing, plain = state.relight.viewing, state.lights[0].rig
-    assert luminance(plain, viewing) == pytest.approx(1000 / np.pi * 0.2)
-    lit = LightRig(plain.lights, illuminance_lux=(50.0,))
-    assert luminance(lit, viewing) == pytest.approx(50 / np.pi * 0.2)
+def test_the_adopted_white_is_of_what_shines_alone(state: ViewState) -> None:
     # D65 of CIE 15:2004; bands of 10 nm lose the fourth digit.
-    assert white_text(state.lights).startswith("Adopted white: x 0.312")
+    assert " 0.312" in white_text(state.lights)
+    muted = lights.toggle_mute(state, 0)
+    assert white_text(muted.lights) == white_text(())
+    both = lights.set_weight(state, 1, 1.0)
+    assert white_text(both.lights) != white_text(state.lights)
 
 
 def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
@@ -160,7 +161,7 @@ def test_the_library_says_what_adding_a_material_did_or_why_it_did_not(state: Vi
     assert len(here.requests) == 1
 
 
-def test_a_colour_that_is_not_made_yet_is_waited_for(
+def test_a_colour_in_progress_is_waited_for(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     unmade = SimpleNamespace(spectra=None)
@@ -169,13 +170,6 @@ def test_a_colour_that_is_not_made_yet_is_waited_for(
     assert add_picked_material(state, here, 0, "tomato") is state
     assert here.library.search == "tomato"
     assert here.requests == [Request("message", here.library.complaint)]
-
-
-def test_the_adopted_white_is_told_of_what_shines_alone(state: ViewState) -> None:
-    muted = lights.toggle_mute(state, 0)
-    assert white_text(muted.lights) == white_text(())
-    both = lights.set_weight(state, 1, 1.0)
-    assert white_text(both.lights) != white_text(state.lights)
 
 
 HEAD = "/data/head.nrrd"

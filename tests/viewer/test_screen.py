@@ -62,7 +62,7 @@ def lit(screen: Screen, state: ViewState) -> NDArray[np.uint8]:
     return pixels(screen)
 
 
-def test_each_frame_draws_a_band_until_it_is_whole(slow: Screen, state: ViewState) -> None:
+def test_each_frame_draws_a_band(slow: Screen, state: ViewState) -> None:
     day, lamp = lit(slow, under(state, 0)), lit(slow, under(state, 1))
     slow.mark_stale()
     rows = SIZE[1] // BANDS
@@ -158,7 +158,7 @@ def until_told(screen: Screen) -> None:
     wait_until(screen.take_tables)
 
 
-def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins(
+def test_the_picture_waits_for_the_newest_table(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     screen.relight(seen_by(state, "CIECAM02", 0), held=False)
@@ -190,7 +190,7 @@ def test_the_picture_stays_while_a_table_is_worked_out_and_the_newest_light_wins
     assert len(made) == 1 and np.array_equal(pixels(screen), after)
 
 
-def test_a_table_under_way_is_given_up_for_the_next_light(
+def test_the_next_light_cancels_a_table(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[lut3d.LutKey] = []
@@ -228,7 +228,7 @@ def test_both_sides_of_the_divide_have_own_tables(screen: Screen, state: ViewSta
         np.testing.assert_array_equal(pixels(screen)[:, columns], split[:, columns])
 
 
-def test_a_table_that_cannot_be_is_told_and_asked_for_once(
+def test_a_failed_table_is_requested_once(
     screen: Screen, state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     reason = "no colour at\nsome node"
@@ -338,11 +338,8 @@ def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) ->
     # Negative powers of the synthesis are not drawn: a few thousandths of the white.
     np.testing.assert_allclose(XYZ, wanted, atol=0.3)
     assert light.max() == pytest.approx(1.0)
-
-
-def test_nothing_but_the_backdrop_is_reflected_beside_the_ball(state: ViewState) -> None:
-    _, image, rig = shot(state)
-    light, reflected = spectra(image, rig, state.relight, (0, 0))
+    # Next to the ball only the backdrop reflects.
+    light, reflected = spectra(image, rig, seen, (0, 0))
     np.testing.assert_allclose(reflected, 0.2 * light)
 
 
@@ -356,9 +353,7 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     assert "ΔE00" not in dict(told)
 
 
-def test_the_map_is_made_once_for_a_picture_and_light_and_says_where_none_shines(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
     from volspec.viewer.work import screen as heat
 
     _, image, _ = shot(state)

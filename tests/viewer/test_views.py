@@ -18,7 +18,6 @@ from volspec.viewer.model.camera import fit_view, shown_mm
 from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.cuts import drag_handle, list_handles, nearest_handle
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.edit import after
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import HALF, Projection, View, cube_faces, cube_middle, face_at
 from volspec.viewer.ui import overlays
@@ -148,16 +147,20 @@ def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -
     assert cuts.move_crop(cropped, 7, 3.0).shading is cropped.shading
 
 
-def test_six_planes_are_the_most_and_flipping_twice_is_nothing(state: ViewState) -> None:
-    add = BY_KEY["p"]
-    assert add.change is not None
+def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state: ViewState) -> None:
+    once = run_command(state, "p").state
+    twice, refusal = run_command(once, "p")
+    assert twice is once and refusal
+    # One that was moved away, or that cuts the other side, is another.
+    for other in (cuts.shift_plane(once, 0, 1.0), cuts.flip_plane(once, 0)):
+        assert run_command(other, "p").message == ""
     for azimuth in range(8):
         state = replace(state, view=View(azimuth_deg=10.0 * azimuth))
-        state, refusal = after(add.change, state)
+        state, refusal = run_command(state, "p")
         assert bool(refusal) == (azimuth > 5)
     assert len(state.shading.clip_planes) == 6 and state.interface.overlays.plane == 5
-    twice = cuts.flip_plane(cuts.flip_plane(state, 2), 2)
-    assert twice.shading == state.shading
+    flipped = cuts.flip_plane(cuts.flip_plane(state, 2), 2)
+    assert flipped.shading == state.shading
     assert len(cuts.remove_plane(state, 5).shading.clip_planes) == 5
 
 
@@ -287,17 +290,6 @@ def test_a_scenes_plane_far_off_is_held_near_the_volume(document: Document) -> N
     at = cuts.anchor_mm(far, document.volume)
     assert at[2] == pytest.approx(3.0)
     assert np.linalg.norm(at - document.volume.corners_mm.mean(axis=0)) < 10
-
-
-def test_a_plane_is_not_added_where_there_is_one(state: ViewState) -> None:
-    add = BY_KEY["p"]
-    assert add.change is not None
-    once = after(add.change, state).state
-    twice, refusal = after(add.change, once)
-    assert twice is once and refusal
-    # One that was moved away, or that cuts the other side, is another.
-    for other in (cuts.shift_plane(once, 0, 1.0), cuts.flip_plane(once, 0)):
-        assert after(add.change, other).message == ""
 
 
 @pytest.mark.parametrize("view", VIEWS)

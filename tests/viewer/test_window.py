@@ -123,7 +123,7 @@ def test_a_picture_that_is_being_saved_is_given_up_when_the_window_closes(tmp_pa
     assert "cancelled" in said or list(tmp_path.rglob("*.png"))
 
 
-def test_without_a_device_that_works_the_empty_picture_keeps_the_remedy(
+def test_without_a_device_the_remedy_is_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not all(device.platform == POCL for device in devices()):

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.window import Robot, along
+from tests.support.window import Robot, along, small_engine
 
 pytestmark = pytest.mark.usefixtures("screen")
 
 
 def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Path) -> None:
-    with Robot(tmp_path, (), (1280, 720)) as robot:
+    with Robot(tmp_path, small_engine(tmp_path), (1280, 720)) as robot:
         first = robot.whole()
 
         def click(name: str) -> None:
@@ -87,7 +87,7 @@ def ask(robot: Robot, menu: str, action: str) -> None:
 
 
 def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(tmp_path: Path) -> None:
-    with Robot(tmp_path, (), (1000, 700)) as robot:
+    with Robot(tmp_path, small_engine(tmp_path), (1000, 700)) as robot:
         robot.whole()
         for _ in range(2):  # closed and opened, it comes to the front
             ask(robot, "Window", "panel-palette")
@@ -128,7 +128,7 @@ def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(tmp_path: Path)
 
 
 def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(tmp_path: Path) -> None:
-    with Robot(tmp_path, (), (900, 640)) as robot:
+    with Robot(tmp_path, small_engine(tmp_path), (900, 640)) as robot:
         robot.whole()
         robot.rest()
 
@@ -196,7 +196,7 @@ def slices(robot: Robot, folder: Path) -> list[NDArray[np.int64]]:
 
 
 def test_handles_cube_and_slices_take_the_mouse(tmp_path: Path) -> None:
-    with Robot(tmp_path, (), (1000, 640)) as robot:
+    with Robot(tmp_path, small_engine(tmp_path), (1000, 640)) as robot:
         robot.whole()
         before = robot.rest()
 
@@ -257,7 +257,7 @@ def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) ->
         assert isinstance(found["state"], dict)
         return dict(found["state"])
 
-    with Robot(tmp_path, (), (1000, 640)) as robot:
+    with Robot(tmp_path, small_engine(tmp_path), (640, 420)) as robot:
         robot.whole()
         robot.rest()
         # A name of one's own, for the light that Space has chosen.
@@ -289,5 +289,5 @@ def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) ->
         robot.viewer.wait()
     (tmp_path / "trace.jsonl").unlink()
 
-    with Robot(tmp_path, (), (1000, 640)) as robot:
+    with Robot(tmp_path, small_engine(tmp_path), (640, 420)) as robot:
         robot.wait_for(lambda row: row["event"] == "ended-early")

@@ -6,7 +6,7 @@ menus, keys, command palette -> [commands] -> state, or a request to the app
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from operator import attrgetter
 from typing import TypeVar
 
 from volspec.viewer.model import (
@@ -64,16 +64,16 @@ def _spread(word: str, text: str) -> int | None:
     return at - first + 1
 
 
-def _panel(title: str) -> Command:
+def _panel(title: str, *keys: str) -> Command:
     """Return the command that opens or closes a panel."""
-
-    def change(state: ViewState) -> ViewState:
-        return with_interface(state, panels=state.interface.panels ^ {title})
-
-    def is_open(state: ViewState) -> bool:
-        return title in state.interface.panels
-
-    return Command(f"panel-{title.lower()}", "Window", f"{title} panel", (), change, is_open)
+    return Command(
+        f"panel-{title.lower()}",
+        "Window",
+        f"{title} panel",
+        keys,
+        lambda state: with_interface(state, panels=state.interface.panels ^ {title}),
+        lambda state: title in state.interface.panels,
+    )
 
 
 _FILES = (
@@ -100,19 +100,12 @@ _EDITS = (
 
 def toggle_interface(name: str) -> Change:
     """Return an edit that turns a part of the interface on or off."""
-
-    def change(state: ViewState) -> ViewState:
-        return with_interface(state, **{name: not getattr(state.interface, name)})
-
-    return change
+    return lambda state: with_interface(state, **{name: not getattr(state.interface, name)})
 
 
 def _switch(name: str, menu: str, title: str, key: str) -> Command:
     """Return the command that turns a part of the interface on or off."""
-
-    def is_on(state: ViewState) -> bool:
-        return bool(getattr(state.interface, name))
-
+    is_on = attrgetter(f"interface.{name}")
     return Command(name.replace("_", "-"), menu, title, (key,), toggle_interface(name), is_on)
 
 
@@ -124,7 +117,7 @@ def open_viewing(state: ViewState) -> ViewState:
 
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
-    replace(_panel("Slices"), keys=("o",)),
+    _panel("Slices", "o"),
     _switch("dark", "Window", "Dark theme", "t"),
     _switch("probe", "Window", "Values under the mouse", "i"),
     Command("commands", "Window", "Commands …", ("ctrl+p", "f1")),

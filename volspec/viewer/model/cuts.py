@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -346,16 +347,13 @@ def _with_plane(
 
 
 def with_overlays(state: ViewState, **changes: Any) -> ViewState:
-    """Return the state with fields of its `Aids` changed."""
+    """Return the state with fields of its `Overlays` changed."""
     return with_interface(state, overlays=replace(state.interface.overlays, **changes))
 
 
 def overlay_command(aid: str, menu: str, title: str, keys: tuple[str, ...] = ()) -> Command:
-    """Return the command that shows or hides one of the `Aids`."""
-
-    def shown(state: ViewState) -> bool:
-        return bool(getattr(state.interface.overlays, aid))
-
+    """Return the command that shows or hides one of the `Overlays`."""
+    shown = attrgetter(f"interface.overlays.{aid}")
     return Command(aid, menu, title, keys, lambda s: with_overlays(s, **{aid: not shown(s)}), shown)
 
 

@@ -49,24 +49,16 @@ def with_interface(state: ViewState, **changes: Any) -> ViewState:
 def edit(
     function: Callable[Concatenate[ViewState, P], ViewState],
 ) -> Callable[Concatenate[ViewState, P], ViewState]:
-    """Make an edit ignore NaN and infinities: the state stays as it is."""
+    """Make an edit total: the state stays as it is at NaN and infinities, or if it is refused."""
 
     @wraps(function)
     def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> ViewState:
-        return function(state, *given, **named) if _is_finite((given, *named.values())) else state
-
-    return total
-
-
-def tolerant(
-    function: Callable[Concatenate[ViewState, P], ViewState],
-) -> Callable[Concatenate[ViewState, P], ViewState]:
-    """Make an edit leave the state as it is if it is refused: `refusable` without the message."""
-    checked = refusable(function)
-
-    @wraps(function)
-    def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> ViewState:
-        return checked(state, *given, **named).state
+        if not _is_finite((given, *named.values())):
+            return state
+        try:
+            return function(state, *given, **named)
+        except VolspecError:
+            return state
 
     return total
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from volspec.errors import VolspecError
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, colour_matching_functions
 from volspec.viewer.model import light_rows
@@ -77,14 +76,11 @@ def regroup(state: ViewState, index: int, part: int, group: str) -> ViewState:
 
 
 def _change_rig(state: ViewState, index: int, **changes: Any) -> ViewState:
-    """Change fields of a row's rig, unless nothing differs or the rig would give no light."""
+    """Change fields of a row's rig, unless nothing differs."""
     rig = state.lights[index].rig
     if all(getattr(rig, name) == value for name, value in changes.items()):
         return state
-    try:
-        return change_row(state, index, rig=replace(rig, **changes))
-    except VolspecError:  # no light
-        return state
+    return change_row(state, index, rig=replace(rig, **changes))
 
 
 @edit
@@ -127,15 +123,12 @@ def _set_parts(state: ViewState, index: int, parts: Sequence[tuple[int, str, flo
     """Make a light of its spectra by their numbers, each with a light group and a weight."""
     row = state.lights[index]
     lux = row.rig.illuminance_lux
-    try:
-        rig = LightRig(
-            tuple(row.rig.lights[j] for j, _, _ in parts),
-            tuple(weight for _, _, weight in parts),
-            tuple(lux[j] for j, _, _ in parts) if lux else None,
-            tuple(group for _, group, _ in parts),
-        )
-    except VolspecError:  # the rest gives no light
-        return state
+    rig = LightRig(
+        tuple(row.rig.lights[j] for j, _, _ in parts),
+        tuple(weight for _, _, weight in parts),
+        tuple(lux[j] for j, _, _ in parts) if lux else None,
+        tuple(group for _, group, _ in parts),
+    )
     texts = tuple(row.texts[j] for j, _, _ in parts)
     kelvin = light_rows.kelvin_from_text(texts[0]) if len(texts) == 1 else None
     return change_row(state, index, rig=rig, texts=texts, kelvin=kelvin, before=None)

@@ -16,7 +16,7 @@ from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
 from volspec.spectra.lights import light_terms
 from volspec.viewer.model import light_parts, light_states
-from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
+from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.light_rows import (
     MOST_ROWS,
     LightRow,
@@ -276,11 +276,6 @@ def blend(state: ViewState, x: float, y: float) -> ViewState:
     return replace(state, lights=rows)
 
 
-def _on_chosen(change: Callable[[ViewState, int], ViewState]) -> Change:
-    """Return an edit of the chosen light."""
-    return lambda state: change(state, state.interface.light)
-
-
 @edit
 def set_divide(state: ViewState, share: float) -> ViewState:
     """Move the divide between the lights that are compared, in fractions of the width."""
@@ -301,13 +296,18 @@ def _swap(state: ViewState) -> ViewState:
     return replace(state, lights=state.other, other=state.lights) if state.other else state
 
 
+def _on_chosen(name: str, title: str, change: Callable[[ViewState, int], ViewState]) -> Command:
+    """Return the command that edits the chosen light."""
+    return Command(name, "Light", title, (), lambda state: change(state, state.interface.light))
+
+
 COMMANDS = (
     Command("next-light", "Light", "Next light alone", ("space",), _next_light),
     Command("compare", "Light", "Compare with these lights", ("b",), _compare, _is_comparing),
     Command("swap", "Light", "Swap the two sides", ("x",), _swap),
-    Command("alone", "Light", "The chosen light alone", (), _on_chosen(only)),
-    Command("solo", "Light", "Solo the chosen light", (), _on_chosen(toggle_solo)),
-    Command("mute", "Light", "Mute the chosen light", (), _on_chosen(toggle_mute)),
+    _on_chosen("alone", "The chosen light alone", only),
+    _on_chosen("solo", "Solo the chosen light", toggle_solo),
+    _on_chosen("mute", "Mute the chosen light", toggle_mute),
     Command("blend-all", "Light", "All lights at equal weights", (), bind(blend, 0.0, 0.0)),
     Command("keep-mix", "Light", "Add this mix as a light", ("k",), keep_mix),
     Command("reset-spectrum", "Light", "Reset the chosen spectrum", (), light_parts.reset_spectrum),

@@ -27,7 +27,7 @@ from volspec.transfer import (
     TransferFunction2D,
 )
 from volspec.transfer.mixes import used_materials
-from volspec.viewer.model.edit import refusable, tolerant
+from volspec.viewer.model.edit import edit, refusable
 from volspec.viewer.model.light_rows import unused_name
 from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
@@ -200,7 +200,7 @@ def add_material(state: ViewState, index: int, text: str) -> ViewState:
     return state if new is transfer else replace(state, transfer=new)
 
 
-@tolerant
+@edit
 def remove_material(state: ViewState, name: str) -> ViewState:
     """Remove a material that no part is made of."""
     new = without_material(state.transfer, name)

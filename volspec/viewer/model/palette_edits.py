@@ -17,7 +17,7 @@ from volspec.palette.model import parse_colour
 from volspec.spectra import light as find_light
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import light_rows, palette_targets
-from volspec.viewer.model.edit import Command, Edited, edit, tolerant, with_interface
+from volspec.viewer.model.edit import Command, Edited, edit, with_interface
 from volspec.viewer.model.lights import with_last
 from volspec.viewer.model.materials import with_material_basis, with_reflectances
 from volspec.viewer.model.palette_table import (
@@ -79,10 +79,13 @@ def _with_cell(
     return _with_targets(state, replace(targets, cells=cells))
 
 
-@tolerant
+@edit
 def set_target(state: ViewState, number: int, text: str) -> ViewState:
     """Set a cell's target to a colour: ``#rrggbb``, or three codes from 0 to 1."""
-    codes = [float(word) for word in text.split()] if " " in text else text
+    try:
+        codes = [float(word) for word in text.split()] if " " in text else text
+    except ValueError:
+        return state
     colour = parse_colour(codes)
 
     def change(own: Cell | None) -> Cell:
@@ -92,7 +95,7 @@ def set_target(state: ViewState, number: int, text: str) -> ViewState:
     return _with_cell(state, number, change)
 
 
-@tolerant
+@edit
 def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -> ViewState:
     """Set the kind of a cell's target, compared with another cell or by default the next row's."""
     table = colour_table(state)
@@ -110,14 +113,14 @@ def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -
     )
 
 
-@tolerant
+@edit
 def set_target_weight(state: ViewState, number: int, weight: float | None) -> ViewState:
     """Set the weight of a target; None if it must be met."""
     own_weight = math.inf if weight is None else clamp(weight, *palette_targets.WEIGHTS)
     return _with_cell(state, number, lambda own: own and replace(own, weight=own_weight))
 
 
-@tolerant
+@edit
 def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
     """Set the group of a free cell; an empty name changes nothing."""
     group = name.strip()
@@ -128,7 +131,7 @@ def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
     )
 
 
-@tolerant
+@edit
 def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
     """Set the ΔE of a distinct cell from another."""
     own_distance = clamp(distance, *palette_targets.DISTANCES)
@@ -139,7 +142,7 @@ def set_target_distance(state: ViewState, number: int, distance: float) -> ViewS
     return _with_cell(state, number, change)
 
 
-@tolerant
+@edit
 def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
     """Free a spectrum for designs, or fix it."""
     names = {
@@ -157,7 +160,7 @@ def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
     return _with_targets(state, with_free_spectrum(state, member))
 
 
-@tolerant
+@edit
 def toggle_constant(state: ViewState, index: int) -> ViewState:
     """Turn on or off that a material keeps one colour under all lights."""
     names = tuple(state.transfer.materials)
@@ -173,7 +176,7 @@ def toggle_constant(state: ViewState, index: int) -> ViewState:
     return _with_targets(state, replace(targets, constant=constant))
 
 
-@tolerant
+@edit
 def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
     """Add a real lamp to those that a light is a sum of, or remove it."""
     names = column_names(state.lights)
@@ -188,20 +191,20 @@ def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
     return _with_targets(state, replace(targets, lamps={k: v for k, v in lamps.items() if v}))
 
 
-@tolerant
+@edit
 def set_smoothness(state: ViewState, smoothness: float) -> ViewState:
     """Set the smoothness of designed spectra; 0 if it is below the least of `SMOOTHNESS`."""
     low, high = palette_targets.SMOOTHNESS
     return _with_criteria(state, smoothness=0.0 if smoothness < low else min(smoothness, high))
 
 
-@tolerant
+@edit
 def set_metric(state: ViewState, name: str) -> ViewState:
     """Set the colour difference of a design."""
     return _with_criteria(state, metric=name)
 
 
-@tolerant
+@edit
 def set_iterations(state: ViewState, count: float) -> ViewState:
     """Set the most iterations of a design."""
     return _with_criteria(state, rounds=int(clamp(count, 1, palette_targets.MOST_ITERATIONS)))
@@ -215,7 +218,7 @@ def _with_criteria(state: ViewState, **changes: Any) -> ViewState:
     return replace(state, palette=state.palette.with_targets(replace(targets, criteria=criteria)))
 
 
-@tolerant
+@edit
 def assign(state: ViewState, first: float, last: float, material: str) -> ViewState:
     """Assign a material to a range of values."""
     if not isinstance(state.transfer, TransferFunction):
@@ -224,7 +227,7 @@ def assign(state: ViewState, first: float, last: float, material: str) -> ViewSt
     return replace(state, transfer=with_material_range(state.transfer, start, end, material))
 
 
-@tolerant
+@edit
 def recast_range(state: ViewState, index: int, material: str) -> ViewState:
     """Give one of the ranges another material."""
     if not isinstance(state.transfer, TransferFunction):

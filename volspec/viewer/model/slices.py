@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import permutations
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -252,12 +253,8 @@ def set_greys(state: ViewState, black: float, white: float) -> ViewState:
     return with_slices(state, greys=(low, clamp(white, low + _NARROWEST, 1.0)))
 
 
-def _shows_lit(state: ViewState) -> bool:
-    return state.interface.slices.lit
-
-
 def _toggle_lit(state: ViewState) -> ViewState:
-    return with_slices(state, lit=not _shows_lit(state))
+    return with_slices(state, lit=not state.interface.slices.lit)
 
 
 def _shows_patient(state: ViewState) -> bool:
@@ -275,6 +272,7 @@ _PAGES = (
     ("Coronal", (("forward", "shift+pagedown", -1.0), ("backward", "shift+pageup", 1.0))),
     ("Sagittal", (("right", "ctrl+pagedown", -1.0), ("left", "ctrl+pageup", 1.0))),
 )
+_shows_lit = attrgetter("interface.slices.lit")
 COMMANDS = (
     Command("slices-lit", "Window", "Slices under the lights", (), _toggle_lit, _shows_lit),
     Command(

@@ -77,10 +77,7 @@ def _set(state: ViewState, **changes: Any) -> ViewState:
 
 
 def _set_display(state: ViewState, **changes: Any) -> ViewState:
-    try:
-        return _set(state, display=replace(state.relight.viewing.display, **changes))
-    except VolspecError:
-        return state
+    return _set(state, display=replace(state.relight.viewing.display, **changes))
 
 
 def _choice(

@@ -141,8 +141,7 @@ def copy_shown(pictures: Pictures) -> str:
         raise ClipboardError("There is no picture to copy yet", code="missing")
     frame = pictures.pixels()
     height, width, _ = frame.shape
-    opaque = np.full((height, width, 1), 255, np.uint8)
-    data = np.concatenate([frame, opaque], axis=2).tobytes()
+    data = np.dstack([frame, np.full((height, width), 255, np.uint8)]).tobytes()
     _copy("picture", lambda clipboard: clipboard.copy_image(data, width, height))
     return "The picture is copied"
 
