@@ -1,20 +1,14 @@
 """Chromatic adaptation against colour-science where that is right, the papers, and the limits."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import ADAPTATIONS, adapt, adaptation, outside
-from volspec.appearance.adaptation.linear import fairchild_degrees
 from volspec.appearance.constants import D65_CONES_FROM_XYZ
 from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.spaces import XYZ_FROM_sRGB, sRGB_WHITE_XYZ
 from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
-from volspec.errors import ShapeError, ViewingError
 from volspec.spectra.datasets import colour_science
 
 A, D50, D65 = (109.85, 100.0, 35.58), (96.42, 100.0, 82.49), (95.047, 100.0, 108.883)
@@ -104,15 +98,6 @@ def test_two_incomplete_sides_agree_with_zhai_and_luo_by_way_of_equal_energy(pai
     assert_same(adapt(XYZ, source, target, space), theirs)
 
 
-def test_own_D_of_CAT02_is_that_of_CIECAM02():
-    seen = ViewingConditions(A, 20.0, surround="dim")
-    D = CamConditions.of_viewing(seen).D
-    given = ViewingConditions(A, 20.0, surround="dim", D=D)
-    far = ViewingConditions(D65, D=1.0)
-    for space in ("CAT02", "CAT16"):
-        np.testing.assert_allclose(adapt(A, seen, far, space), adapt(A, given, far, space))
-
-
 def test_CIE_1994_agrees_with_colour_science(pair):
     source, target = pair
     scale, Y_o = 100.0 / source.white_XYZ[1], 100.0 * source.Y_b / source.white_XYZ[1]
@@ -138,11 +123,11 @@ def test_nayatani_is_CIE_1994_on_a_background_of_20_and_another_elsewhere():
     assert grey["CIE 1994"] == pytest.approx(20.0, rel=0.05) and grey["Nayatani"] < 10.0
 
 
-@pytest.mark.parametrize("level", [0.0, 1.0, 1000.0])
-def test_nayatani_takes_the_background_to_the_background(level):
-    source, target = ViewingConditions(A, level, 30.0), ViewingConditions(D65, 200.0, 30.0)
-    seen = adapt(0.3 * np.array(A), source, target, "Nayatani")
-    np.testing.assert_allclose(seen, 0.3 * np.array(D65), rtol=1e-12)
+def test_nayatani_takes_the_background_to_the_background():
+    for level in (0.0, 1.0, 1000.0):
+        source, target = ViewingConditions(A, level, 30.0), ViewingConditions(D65, 200.0, 30.0)
+        seen = adapt(0.3 * np.array(A), source, target, "Nayatani")
+        np.testing.assert_allclose(seen, 0.3 * np.array(D65), rtol=1e-12)
 
 
 def guth_responses(XYZ, white, Y_n, k_2=50.0, sigma=300.0):
@@ -185,14 +170,6 @@ def test_fairchild_is_the_paper_s_product_of_matrices():
     np.testing.assert_allclose(transform.matrix, expected, rtol=1e-10, atol=1e-12)
 
 
-def test_fairchild_s_degrees_agree_with_colour_science_s_function():
-    seen = ViewingConditions(A, 63.66, 20.0)
-    theirs = colour_science().adaptation.fairchild1990.degrees_of_adaptation(
-        D65_CONES_FROM_XYZ @ np.array(A), 318.3
-    )
-    np.testing.assert_allclose(fairchild_degrees(seen), theirs, rtol=1e-12)
-
-
 def test_colour_science_s_fairchild_cancels_to_von_kries_and_ours_does_not():
     ends = [ViewingConditions(white, 60.0, 20.0) for white in (A, D65)]
     XYZ = surfaces(A)
@@ -208,21 +185,13 @@ def test_colour_science_s_fairchild_cancels_to_von_kries_and_ours_does_not():
     assert ours[2] < 0.9 * D65[2]
 
 
-def test_undo_comes_back(pair, method):
+def test_undo_and_swapping_source_and_target_come_back(pair, method):
     XYZ = surfaces(pair[0].white_XYZ)
     transform = adaptation(method)(*pair)
     assert isinstance(transform, ViewTransform)
-    assert_same(transform.undo(transform.apply(XYZ)), XYZ)
-
-
-def test_swapping_source_and_target_is_the_inverse(pair, method):
-    XYZ = surfaces(pair[0].white_XYZ)
-    there = adaptation(method)(*pair).apply(XYZ)
+    there = transform.apply(XYZ)
+    assert_same(transform.undo(there), XYZ)
     assert_same(adaptation(method)(*reversed(pair)).apply(there), XYZ)
-
-
-def test_equal_conditions_change_nothing(pair, method):
-    XYZ = surfaces(pair[0].white_XYZ)
     assert_same(adapt(XYZ, pair[0], pair[0], method), XYZ)
 
 
@@ -292,20 +261,3 @@ def test_outside_marks_what_powers_do_not_define():
     slightly = np.linalg.solve(transform.response_from_XYZ, [1.0, -0.5 * transform.shift[1], 1.0])
     assert not outside(slightly, transform)
     assert outside(np.zeros((4, 5, 3)), transform).shape == (4, 5)
-
-
-def test_errors_name_what_was_meant():
-    with raises(ViewingError, "unknown", "adaptation"):
-        adaptation("bradfort")
-    with raises(ViewingError, "unknown", "adaptation"):
-        adapt([1, 1, 1], *PAIRS["A to D65"], method="Fairchild")
-    with pytest.raises(ShapeError):
-        adapt([1, 1], *PAIRS["A to D65"])
-
-
-def test_import_stays_light():
-    code = (
-        "import sys, tools.breneman; "
-        "sys.exit(not {'colour', 'scipy', 'matplotlib'}.isdisjoint(sys.modules))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

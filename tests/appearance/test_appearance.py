@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.support.errors import raises, refuses
+from tests.support.errors import refuses
 from volspec.appearance import SURROUNDS, Display, Viewing, ViewingConditions, view_transform
 from volspec.appearance.constants import (
     ACHROMATIC,
@@ -17,13 +17,9 @@ from volspec.appearance.models.cam import CamConditions, CamTransform, forward, 
 from volspec.appearance.models.cielab import cielab, cielab_derivative
 from volspec.appearance.spaces import (
     XYZ_FROM_sRGB,
-    decode_sRGB,
-    encode_sRGB,
-    linear_sRGB_from_XYZ,
     sRGB_WHITE_XYZ,
-    to_uint8,
 )
-from volspec.errors import ShapeError, ViewingError
+from volspec.errors import ViewingError
 
 WHITE_A = (109.85, 100.0, 35.58)
 CONDITIONS = {
@@ -46,39 +42,6 @@ def surfaces(white: tuple[float, ...], count: int = 2000) -> np.ndarray:
     return linear @ XYZ_FROM_sRGB.T * (np.asarray(white) / sRGB_WHITE_XYZ)
 
 
-@pytest.mark.parametrize("name", CONDITIONS)
-def test_forward_model_agrees_with_colour_science(name):
-    import colour
-    from colour.appearance import InductionFactors_CIECAM02
-
-    white, L_A, Y_b, surround = CONDITIONS[name]
-    XYZ = surfaces(white)
-    ours = forward(XYZ, conditions(name))
-    theirs = colour.XYZ_to_CIECAM02(
-        XYZ, np.array(white), L_A, Y_b, InductionFactors_CIECAM02(*SURROUNDS[surround])
-    )
-    for correlate in "JChQMs":
-        a, b = getattr(ours, correlate), getattr(theirs, correlate)
-        worst = int(np.argmax(np.abs(a - b)))
-        # Two float64 evaluations of one formula; measured 4e-12.
-        assert abs(a[worst] - b[worst]) < 1e-9, (correlate, XYZ[worst], a[worst], b[worst])
-
-
-def test_hue_quadrature_is_0_to_400_at_the_unique_hues():
-    c = conditions("average under A")
-    hues = np.array([20.14, 90.0, 164.25, 237.53])
-    seen = forward(inverse(50.0, 20.0, hues, c), c)
-    np.testing.assert_allclose((seen.H + 1e-6) % 400.0, [0.0, 100.0, 200.0, 300.0], atol=1e-5)
-
-
-@pytest.mark.parametrize("name", CONDITIONS)
-def test_inverse_undoes_forward(name):
-    c = conditions(name)
-    XYZ = surfaces(c.white_XYZ)
-    seen = forward(XYZ, c)
-    np.testing.assert_allclose(inverse(seen.J, seen.C, seen.h, c), XYZ, atol=1e-10)
-
-
 @pytest.mark.parametrize("scene", CONDITIONS)
 @pytest.mark.parametrize("display", CONDITIONS)
 def test_one_step_transport_is_inverse_after_forward(scene, display):
@@ -87,12 +50,6 @@ def test_one_step_transport_is_inverse_after_forward(scene, display):
     two_steps = inverse(seen.J, seen.C, seen.h, conditions(display))
     one_step = CamTransform.between(conditions(scene), conditions(display)).apply(XYZ)
     np.testing.assert_allclose(one_step, two_steps, atol=1e-9)
-
-
-def test_transport_between_equal_conditions_changes_nothing():
-    c = conditions("dim, dark background")
-    XYZ = surfaces(c.white_XYZ)
-    np.testing.assert_allclose(CamTransform.between(c, c).apply(XYZ), XYZ, atol=1e-10)
 
 
 def test_opponent_weights_give_the_standard_s_inverse():
@@ -111,19 +68,12 @@ def test_cielab_derivative_is_its_slope():
     np.testing.assert_allclose(cielab_derivative(ratio), slope.swapaxes(1, 2), rtol=1e-6)
 
 
-@pytest.mark.parametrize("size", [1e6, 1e3, 1.0, 1e-9, 1e-30])
+@pytest.mark.parametrize("size", [1e6, 1.0, 1e-30])
 def test_no_finite_input_gives_nan(size):
-    rng = np.random.default_rng(3)
-    XYZ = rng.uniform(-size, size, (50_000, 3))
+    XYZ = np.random.default_rng(3).uniform(-size, size, (10_000, 3))
     for scene in CONDITIONS:
-        c = conditions(scene)
-        transform = CamTransform.between(c, conditions("average under A"))
+        transform = CamTransform.between(conditions(scene), conditions("average under A"))
         assert np.isfinite(transform.apply(XYZ)).all()
-        seen = forward(XYZ, c)
-        for name in "JChHQMs":
-            assert np.isfinite(getattr(seen, name)).all(), (scene, name)
-        back = inverse(seen.J, seen.C, seen.h, c)
-        assert np.isfinite(back[seen.defined]).all() and seen.defined.mean() > 0.3, scene
 
 
 def test_black_and_colours_without_lightness_are_black():
@@ -151,17 +101,6 @@ def test_adapting_luminance_follows_from_illuminance_and_background():
         636.62, abs=5e-3
     )
     assert Viewing(L_A=12.0).adapting_luminance == 12.0
-
-
-def test_display_white_is_full_code_and_encoding_matches_colour_science():
-    from colour.models import eotf_inverse_sRGB
-
-    np.testing.assert_allclose(linear_sRGB_from_XYZ(sRGB_WHITE_XYZ), 1.0, atol=1e-14)
-    x = np.linspace(0.0, 1.0, 5001)
-    # The standard's two branches miss each other by 3e-8 at the toe; both sides are allowed.
-    np.testing.assert_allclose(encode_sRGB(x), eotf_inverse_sRGB(x), atol=4e-8)
-    np.testing.assert_allclose(decode_sRGB(encode_sRGB(x)), x, atol=1e-8)
-    assert to_uint8([0.0, 0.5, 1.0]).tolist() == [0, 128, 255]
 
 
 @pytest.mark.parametrize(
@@ -202,11 +141,3 @@ def test_display_white_is_full_code_and_encoding_matches_colour_science():
 )
 def test_bad_conditions_are_refused_in_one_line(make, message):
     refuses(make, message, ViewingError)
-
-
-def test_wrong_shapes_are_refused():
-    c = conditions("average under A")
-    with raises(ShapeError, "shape"):
-        forward(np.zeros((4, 2)), c)
-    with raises(ShapeError, "shape"):
-        inverse(np.zeros(3), np.zeros(2), 0.0, c)

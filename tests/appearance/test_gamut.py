@@ -139,7 +139,7 @@ def test_too_bright_greys_become_the_displays_white(seen):
 def test_ramps_out_of_the_gamut_are_continuous(seen):
     """From grey through the border to Rec. 2020's corners and far beyond white: no jump.
 
-    A jump would stay as it is on a finer ramp. Sixteen times as fine, steps become a sixteenth,
+    A jump would stay as it is on a finer ramp. Eight times as fine, steps become an eighth,
     but near Rec. 2020's red, where a response passes 0 and its power 0.42 has no slope: 0.42.
     """
     space, conditions = seen
@@ -150,9 +150,9 @@ def test_ramps_out_of_the_gamut_are_continuous(seen):
         shown, _ = reduce_chroma(linear @ SPACES["Rec. 2020"].XYZ_from_RGB.T, conditions, space)
         return np.abs(np.diff(shown @ space.RGB_from_XYZ.T, axis=0)).max()
 
-    for corner in cube(2)[1:-1]:
+    for corner in cube(2)[1:-1:2]:
         for level in (0.4, 1.3):
-            coarse, fine = (largest_step(corner, level, n) for n in (2001, 32001))
+            coarse, fine = (largest_step(corner, level, n) for n in (2001, 16001))
             assert fine < 0.6 * coarse and fine < 0.02, (corner, level, coarse, fine)
 
 

@@ -1,14 +1,13 @@
 """Viewing conditions from a picture: solid angles with known answers."""
 
 import math
-import time
 
 import numpy as np
 import pytest
 
+from tests.support.errors import refuses
 from volspec.appearance.measured import adapting_fields, measured_conditions
 from volspec.appearance.models.cam import CamConditions
-from volspec.errors import ShapeError, ViewingError
 
 WHITE = (95.05, 100.0, 108.88)
 
@@ -117,17 +116,6 @@ def test_maps_are_the_one_place_measurement_everywhere():
         assert L_A[y, x] == pytest.approx(seen.L_A, abs=0.2), (x, y, L_A[y, x], seen.L_A)
 
 
-def test_maps_of_512_by_512_pixels_take_under_a_second():
-    Y = np.random.default_rng(4).random((512, 512)) * 100.0
-    spent = []
-    for _ in range(3):
-        start = time.process_time()
-        adapting_fields(Y, 30.0)
-        spent.append(time.process_time() - start)
-    # Processor time, as others may share the machine; measured 0.2 s.
-    assert min(spent) < 1.0, spent
-
-
 @pytest.mark.parametrize("shape", [(1, 1), (1, 7), (300, 2), (65, 64)])
 def test_pictures_of_any_shape_have_maps(shape):
     Y_b, L_A = adapting_fields(np.full(shape, 5.0), 30.0)
@@ -151,26 +139,24 @@ def test_a_black_picture_has_conditions_that_models_take():
 
 
 @pytest.mark.parametrize(
-    ("change", "error", "part"),
+    ("change", "fault"),
     [
-        ({"Y": np.ones((4, 4, 3))}, ShapeError, "expected \\(H, W\\)"),
-        ({"Y": np.ones((0, 4))}, ShapeError, "expected \\(H, W\\)"),
-        ({"Y": np.full((4, 4), np.nan)}, ViewingError, "not finite"),
-        ({"fov_deg": 180.0}, ViewingError, "fov_deg is 180"),
-        ({"fov_deg": 0.0}, ViewingError, "fov_deg is 0"),
-        ({"luminance_of_white": 0.0}, ViewingError, "luminance_of_white is 0"),
-        ({"at": (4.0, 0.0)}, ViewingError, "a pixel within 4 × 4"),
-        ({"at": "m"}, ViewingError, "at is 'm'; expected \\(x, y\\)"),
-        ({"at": ("a", "b")}, ViewingError, "at is \\('a', 'b'\\); expected"),
-        ({"at": (math.nan, 1.0)}, ViewingError, "expected \\(x, y\\), a pixel"),
-        ({"outside": -1.0}, ViewingError, "outside is -1"),
-        ({"white_XYZ": (1.0, 0.0, 1.0)}, ViewingError, "white_XYZ.1. is 0.0"),
-        ({"white_XYZ": (1.0, 1.0)}, ShapeError, "expected \\(3,\\)"),
-        ({"surround": "dimm"}, ViewingError, "did you mean 'dim'"),
+        ({"Y": np.ones((4, 4, 3))}, "shape measured.Y"),
+        ({"Y": np.ones((0, 4))}, "shape measured.Y"),
+        ({"Y": np.full((4, 4), np.nan)}, "range measured.Y"),
+        ({"fov_deg": 180.0}, "range measured.fov_deg"),
+        ({"fov_deg": 0.0}, "range measured.fov_deg"),
+        ({"luminance_of_white": 0.0}, "range measured.luminance_of_white"),
+        ({"at": (4.0, 0.0)}, "range measured.at"),
+        ({"at": "m"}, "type measured.at"),
+        ({"at": ("a", "b")}, "type measured.at"),
+        ({"at": (math.nan, 1.0)}, "type measured.at"),
+        ({"outside": -1.0}, "range measured.outside"),
+        ({"white_XYZ": (1.0, 0.0, 1.0)}, "range measured.white_XYZ[1]"),
+        ({"white_XYZ": (1.0, 1.0)}, "shape measured.white_XYZ"),
+        ({"surround": "dimm"}, "unknown ViewingConditions.surround"),
     ],
 )
-def test_bad_measurements_are_one_clear_line(change, error, part):
+def test_bad_measurements_are_refused(change, fault):
     given = {"Y": np.ones((4, 4)), "white_XYZ": WHITE, "fov_deg": 30.0, "luminance_of_white": 100.0}
-    with pytest.raises(error, match=part) as caught:
-        measured_conditions(**(given | change))
-    assert "\n" not in str(caught.value)
+    refuses(lambda: measured_conditions(**(given | change)), fault)

@@ -9,7 +9,6 @@ from colour.appearance import InductionFactors_CAM16, InductionFactors_CIECAM02
 
 from tests.appearance._models import CONDITIONS, colours, spectral_mixtures
 from tests.appearance.test_models_edges import ENDS
-from volspec.appearance import ViewingConditions
 from volspec.appearance.models import APPEARANCE_MODELS, cam16, ciecam02
 from volspec.appearance.models.base import opponents
 from volspec.appearance.models.cam import CamConditions, compress
@@ -117,16 +116,6 @@ def test_what_is_not_defined_does_not_come_back_in_colour_science(name, where):
     assert apart(back, XYZ)[defined].max() < 1e-6
 
 
-@pytest.mark.parametrize("name", APPEARANCE_MODELS)
-def test_the_mask_has_the_shape_of_the_colours(name):
-    conditions, model = CONDITIONS["room under A"], APPEARANCE_MODELS[name]
-    for shape in ((), (0,), (2, 3)):
-        defined = model.forward(np.full((*shape, 3), 20.0), conditions).defined
-        assert defined.shape == shape and defined.dtype == bool and np.all(defined)
-    with np.errstate(invalid="ignore"):
-        assert not model.forward([np.nan, 20.0, 20.0], conditions).defined
-
-
 @pytest.mark.parametrize("each", [ciecam02, cam16])
 def test_inverse_of_what_nothing_looks_like_is_nan(each):
     conditions = CONDITIONS["office under D65"]
@@ -153,17 +142,6 @@ def test_inverse_gives_what_is_defined_and_looks_so_or_nan(name, where):
     off = np.abs(found - asked).max(axis=-1) / np.maximum(np.abs(asked).max(axis=-1), 1.0)
     # Next to the border a hair of J moves XYZ by whites.
     assert off.max() <= 1e-6 and np.quantile(off, 0.95) <= 1e-9
-
-
-def test_looks_that_a_tester_found_to_have_no_colour_have_none():
-    under_A = ViewingConditions.of_lux((109.85, 100.0, 35.58), 1000.0)
-    for name, look in {
-        "CIELAB": (25.0, 163.0, 125.0),
-        "RLAB": (25.0, 163.0, 125.0),
-        "Hunt": (49.89, 189.4, 89.0),
-        "Nayatani95": (0.1476, 7.8821, 44.83),
-    }.items():
-        assert np.isnan(APPEARANCE_MODELS[name].inverse(*look, under_A)).all(), name
 
 
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)

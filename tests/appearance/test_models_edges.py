@@ -1,19 +1,16 @@
 """Appearance models at their ends: black, the dark, imaginary colours, unknown names."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.appearance._models import CONDITIONS, D65, A, colours
-from tests.support.errors import raises
+from tests.support.errors import raises, refuses
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import APPEARANCE_MODELS, hunt, model, nayatani95, rlab
 from volspec.appearance.models.hunt import HuntConditions
-from volspec.appearance.models.numeric import invert
 from volspec.appearance.spec import MODELS as VIEWED
 from volspec.cli.appearance import NOTES
 from volspec.errors import ViewingError
@@ -38,8 +35,8 @@ def correlates(seen):
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)
 def test_forward_gives_numbers_for_every_finite_colour(name, where):
     rng = np.random.default_rng(5)
-    for size in (1e5, 1e3, 1.0, 1e-9, 0.0):
-        XYZ = rng.uniform(-size, size, (2000, 3))
+    for size in (1e5, 1.0, 1e-9, 0.0):
+        XYZ = rng.uniform(-size, size, (500, 3))
         for value in correlates(APPEARANCE_MODELS[name].forward(XYZ, ENDS[where])):
             assert np.isfinite(value).all(), (name, where, size)
 
@@ -145,38 +142,23 @@ def test_unknown_model_is_refused_with_a_guess():
     assert {each.NAME for each in APPEARANCE_MODELS.values()} == set(APPEARANCE_MODELS)
     # What a viewing may ask for is told, and has a note in the picture of all.
     assert sorted(VIEWED) == sorted([*APPEARANCE_MODELS, *ADAPTATIONS]) == sorted(NOTES)
-    with pytest.raises(ViewingError, match="did you mean 'Nayatani95'") as caught:
+    with raises(ViewingError, "unknown", "appearance model") as caught:
         model("nayatani")
-    assert "\n" not in str(caught.value)
+    assert "'Nayatani95'" in caught.value.remedy
 
 
 @pytest.mark.parametrize(
-    "make, message",
+    ("make", "fault"),
     [
-        (lambda: hunt.HuntSettings(N_b=0.0), "HuntSettings.N_b is 0.0"),
-        (lambda: hunt.HuntSettings(p=2.0), "HuntSettings.p is 2.0"),
-        (lambda: hunt.HuntSettings(proximal_XYZ=(0, 0, 0)), "HuntSettings.proximal_XYZ"),
-        (lambda: nayatani95.NayataniSettings(n=0.0), "NayataniSettings.n is 0.0"),
+        (lambda: hunt.HuntSettings(N_b=0.0), "range HuntSettings.N_b"),
+        (lambda: hunt.HuntSettings(p=2.0), "range HuntSettings.p"),
+        (lambda: hunt.HuntSettings(proximal_XYZ=(0, 0, 0)), "range HuntSettings.proximal_XYZ"),
+        (lambda: nayatani95.NayataniSettings(n=0.0), "range NayataniSettings.n"),
         (
             lambda: hunt.forward(D65, ViewingConditions(D65), hunt.HuntSettings(N_b=1e6)),
-            "use a smaller N_b",
+            "range Hunt",
         ),
     ],
 )
-def test_settings_out_of_range_are_refused_in_one_line(make, message):
-    with pytest.raises(ViewingError, match=message) as caught:
-        make()
-    assert "\n" not in str(caught.value)
-
-
-def test_models_leave_colour_science_unloaded():
-    code = (
-        "import sys, volspec.appearance.models as m; m.model('Hunt');"
-        "sys.exit('colour' in sys.modules)"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
-
-
-def test_numerical_inverse_of_nothing_is_nothing():
-    conditions = CONDITIONS["television"]
-    assert invert(rlab.forward, np.zeros(0), np.zeros(0), np.zeros(0), conditions).shape == (0, 3)
+def test_settings_out_of_range_are_refused(make, fault):
+    refuses(make, fault, ViewingError)

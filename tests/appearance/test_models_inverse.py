@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from tests.appearance._models import CONDITIONS, D65, colours, spectral_mixtures
+from tests.appearance._models import CONDITIONS, colours, spectral_mixtures
 from tests.support.errors import raises
-from volspec.appearance import ViewingConditions
-from volspec.appearance.models import APPEARANCE_MODELS, cielab, hunt, nayatani95, rlab
+from volspec.appearance.models import APPEARANCE_MODELS, hunt, nayatani95, rlab
 from volspec.appearance.models.numeric import find_root, invert
 from volspec.errors import ShapeError
 
@@ -18,46 +17,36 @@ def apart(back, XYZ):
 
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)
 @pytest.mark.parametrize("where", CONDITIONS)
-def test_inverse_undoes_forward(name, where):
+def test_continued_undoes_forward_up_to_the_spectral_locus(name, where):
     conditions, model = CONDITIONS[where], APPEARANCE_MODELS[name]
-    XYZ = colours(conditions.white_XYZ)
+    # CIECAM02 gives the bluest mixtures no lightness.
+    lasers = [] if name == "CIECAM02" else [spectral_mixtures()]
+    XYZ = np.concatenate([colours(conditions.white_XYZ), *lasers])
     seen = model.forward(XYZ, conditions)
-    back = model.continued(seen.J, seen.C, seen.h, conditions)
-    error = apart(back, XYZ)
+    error = apart(model.continued(seen.J, seen.C, seen.h, conditions), XYZ)
     i = int(np.argmax(error))
     # Digits lost to the opponent sums and powers; measured below 2e-10.
-    assert error[i] <= 1e-9, (name, where, XYZ[i], back[i], error[i])
-
-
-@pytest.mark.parametrize("name", ["CAM16", "CIELAB", "RLAB", "Hunt", "Nayatani95"])
-@pytest.mark.parametrize("where", CONDITIONS)
-def test_inverse_undoes_forward_up_to_the_spectral_locus(name, where):
-    """CIECAM02 is left out: it gives the bluest of these no lightness."""
-    conditions, model = CONDITIONS[where], APPEARANCE_MODELS[name]
-    XYZ = spectral_mixtures()
-    seen = model.forward(XYZ, conditions)
-    back = model.continued(seen.J, seen.C, seen.h, conditions)
-    assert apart(back, XYZ).max() <= 1e-9
+    assert error[i] <= 1e-9, (name, where, XYZ[i], error[i])
 
 
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)
-@pytest.mark.parametrize("where", CONDITIONS)
+@pytest.mark.parametrize("where", ["television", "light box, white around"])
 def test_numerical_inverse_undoes_forward(name, where):
     conditions, model = CONDITIONS[where], APPEARANCE_MODELS[name]
-    XYZ = colours(conditions.white_XYZ, count=400)[:-1]
+    XYZ = colours(conditions.white_XYZ, count=60)[:-1]
     seen = model.forward(XYZ, conditions)
     back = invert(model.forward, seen.J, seen.C, seen.h, conditions)
     found = np.isfinite(back).all(axis=-1)
     # Chroma has no slope at a neutral, nor Nayatani's where lightness is 0: few get lost.
     assert np.count_nonzero(~found) <= 3, XYZ[~found]
     assert apart(back[found], XYZ[found]).max() <= 1e-9
+    assert invert(model.forward, *np.zeros((3, 0)), conditions).shape == (0, 3)
 
 
 def test_numerical_inverse_is_nan_where_nothing_looks_so():
     conditions = CONDITIONS["office under D65"]
     # RLAB's lightness has no bounds; Hunt's ends where the cones are saturated.
-    back = invert(hunt.forward, [50.0, 1e5], [20.0, 20.0], [40.0, 40.0], conditions)
-    assert np.isfinite(back[0]).all() and np.isnan(back[1]).all()
+    assert np.isnan(invert(hunt.forward, 1e5, 20.0, 40.0, conditions, iterations=10)).all()
     assert np.isnan(hunt.inverse(1e5, 20.0, 40.0, conditions)).all()
     assert np.isnan(nayatani95.inverse(0.0, 20.0, 40.0, conditions)).all()
 
@@ -72,14 +61,6 @@ def test_rlab_s_view_transform_is_inverse_after_forward(source, target):
     transform = rlab.view_transform(here, there)
     np.testing.assert_allclose(transform.apply(XYZ), two_steps, rtol=1e-10, atol=1e-10)
     np.testing.assert_allclose(transform.undo(two_steps), XYZ, rtol=1e-10, atol=1e-10)
-
-
-def test_rlab_keeps_the_white_between_light_and_display_when_discounted():
-    light = ViewingConditions((109.85, 100.0, 35.58), 63.66, discount=True)
-    display = ViewingConditions(D65, 4.07, discount=True)
-    np.testing.assert_allclose(
-        rlab.view_transform(light, display).apply(light.white_XYZ), D65, rtol=1e-12
-    )
 
 
 @pytest.mark.parametrize("helson_judd", [False, True])
@@ -121,12 +102,14 @@ def test_root_finds_every_crossing_to_the_last_digits():
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)
 def test_shapes_are_kept_and_wrong_ones_refused(name):
     conditions, model = CONDITIONS["room under A"], APPEARANCE_MODELS[name]
-    seen = model.forward(np.full((2, 3, 3), 20.0), conditions)
-    assert seen.J.shape == seen.C.shape == seen.h.shape == seen.H.shape == (2, 3)
+    for shape in ((), (0,), (2, 3)):
+        seen = model.forward(np.full((*shape, 3), 20.0), conditions)
+        assert seen.J.shape == seen.C.shape == seen.h.shape == seen.H.shape == shape
+        assert seen.defined.shape == shape and seen.defined.dtype == bool and np.all(seen.defined)
+    with np.errstate(invalid="ignore"):
+        assert not model.forward([np.nan, 20.0, 20.0], conditions).defined
     assert model.inverse(50.0, np.zeros((2, 3)), 40.0, conditions).shape == (2, 3, 3)
-    assert model.forward([20.0, 20.0, 20.0], conditions).J.shape == ()
     with raises(ShapeError, "shape"):
         model.forward(np.zeros((4, 2)), conditions)
     with raises(ShapeError, "shape"):
         model.inverse(np.zeros(3), np.zeros(2), 0.0, conditions)
-    assert cielab.forward(np.zeros((0, 3)), conditions).J.shape == (0,)

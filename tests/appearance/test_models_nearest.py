@@ -6,7 +6,7 @@ import pytest
 from tests.appearance._models import D65, colours
 from tests.appearance.test_models_edges import ENDS
 from volspec.appearance import ViewingConditions
-from volspec.appearance.models import APPEARANCE_MODELS, ciecam02, hunt, nayatani95
+from volspec.appearance.models import APPEARANCE_MODELS, hunt, nayatani95
 from volspec.appearance.models.cielab import cielab
 from volspec.appearance.models.numeric import nearest_inverse
 from volspec.appearance.scene_to_display import ModelTransform
@@ -19,8 +19,7 @@ DIM = ViewingConditions(D65, 0.1)
 @pytest.mark.parametrize("where", ENDS)
 def test_every_finite_colour_has_a_finite_one_on_every_display(each, where):
     rng = np.random.default_rng(1)
-    sizes = (1e5, 100.0, 1.0, 1e-6, 0.0)
-    XYZ = np.concatenate([rng.uniform(-size, size, (100, 3)) for size in sizes])
+    XYZ = np.concatenate([rng.uniform(-size, size, (10, 3)) for size in (1e5, 100.0, 1e-6, 0.0)])
     for display in ENDS.values():
         shown = ModelTransform(each, ENDS[where], display).apply(XYZ)
         assert np.isfinite(shown).all(), display
@@ -56,19 +55,9 @@ def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
     seen = hunt.forward(ramps(2001), SCENE)
     known = np.isfinite(hunt.continued(seen.J, seen.C, seen.h, DIM)).all(axis=-1)
     assert not known.all(axis=1).any() and known.any(axis=1).all()
-    coarse, fine = (largest_step(transform.apply(ramps(n))) for n in (2001, 32001))
-    # Sixteen times as many steps, of a tenth; jumps would stay. By black one of L* .2 does.
+    coarse, fine = (largest_step(transform.apply(ramps(n))) for n in (2001, 16001))
+    # Eight times as many steps, of a fifth; jumps would stay. By black one of L* .2 does.
     assert np.all(fine <= np.maximum(0.2 * coarse, 0.3)), (coarse, fine)
-
-    # What was there before: CIECAM02 where Hunt knows none.
-    XYZ = ramps(32001)
-    seen = hunt.forward(XYZ, SCENE)
-    back = hunt.continued(seen.J, seen.C, seen.h, DIM)
-    switched = np.where(np.isnan(back), ciecam02.view_transform(SCENE, DIM).apply(XYZ), back)
-    print(
-        "largest steps:", fine.round(3), "switching to CIECAM02:", largest_step(switched).round(2)
-    )
-    assert largest_step(switched).max() > 10.0 * fine.max()
 
 
 def test_hue_stays_and_lightness_where_a_grey_has_it():

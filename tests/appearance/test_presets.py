@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from tests.support.errors import raises
 from volspec.appearance import Display
 from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.presets import PRESETS, preset
@@ -42,10 +43,8 @@ def test_surrounds_darken_from_office_to_cinema():
     assert c == sorted(c, reverse=True)
 
 
-@pytest.mark.parametrize(
-    ("name", "part"), [("cinma", "did you mean 'cinema'"), ("x", "known: sRGB"), ("", "known:")]
-)
-def test_an_unknown_name_gives_the_nearest(name, part):
-    with pytest.raises(ViewingError, match=part) as caught:
+@pytest.mark.parametrize(("name", "guess"), [("cinma", "'cinema'"), ("x", "sRGB"), ("", "sRGB")])
+def test_an_unknown_name_gives_the_nearest(name, guess):
+    with raises(ViewingError, "unknown") as caught:
         preset(name)
-    assert "\n" not in str(caught.value)
+    assert guess in caught.value.remedy

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import ImageCms
 
+from tests.support.errors import raises, refuses
 from volspec import Display
 from volspec.appearance.profile import read_profile
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
@@ -81,49 +82,51 @@ def of_class(data: bytes, start: int, what: bytes) -> bytes:
 
 SRGB = icc_profile(SPACES["sRGB"])
 ZEROS = np.zeros(256)
+# The error's code, and the file.
 BAD = {
-    "no profile": (b"no profile", "no ICC profile; give"),
-    "cut": (SRGB[:300], "damaged|has no"),
+    "no profile": ("damaged", b"no profile"),
+    "cut": ("damaged", SRGB[:300]),
     "S curve": (
+        "unsupported",
         with_curves(table((1 - np.cos(np.pi * np.linspace(0, 1, 256))) / 2)),
-        "neither sRGB's nor a power",
     ),
-    "lifted": (with_curves(b"para" + struct.pack(">IHH", 0, 1, 0) + bytes(12)), "lift black"),
-    "no rXYZ": (SRGB.replace(b"rXYZ", b"xXYZ"), "has no rXYZ"),
-    "zeros": (with_curves(table(ZEROS)), "go from 0.000 to 0.000"),
-    "only white": (with_curves(table(np.r_[ZEROS, 1.0])), "neither sRGB's nor a power"),
-    "table too short": (with_curves(b"curv" + struct.pack(">II", 0, 9) + bytes(8)), "damaged"),
-    "table of 2^32": (with_curves(b"curv" + struct.pack(">II", 0, 2**32 - 1)), "damaged"),
-    "gamma 0": (with_curves(b"curv" + struct.pack(">IIH", 0, 1, 0)), "gamma is 0.0"),
-    "g 0": (with_curves(b"para" + struct.pack(">IHHi", 0, 0, 0, 0)), "g is 0.0"),
-    "type 9": (with_curves(b"para" + struct.pack(">IHHi", 0, 9, 0, 0)), "damaged"),
-    "printer": (of_class(SRGB, 12, b"prtr"), "device class is 'prtr', not 'mntr'; give"),
-    "scanner": (of_class(SRGB, 12, b"scnr"), "device class is 'scnr'"),
-    "grey": (of_class(SRGB, 16, b"GRAY"), "colour space is 'GRAY', not 'RGB'"),
-    "CMYK": (of_class(SRGB, 16, b"CMYK"), "colour space is 'CMYK'"),
-    "LUT": (of_class(SRGB, 20, b"Lab "), "connection space is 'Lab', not 'XYZ'"),
-    "no light": (re.sub(rb"XYZ \0{4}.{12}", b"XYZ " + bytes(16), SRGB, flags=re.DOTALL), "bad.icc"),
+    "lifted": ("unsupported", with_curves(b"para" + struct.pack(">IHH", 0, 1, 0) + bytes(12))),
+    "no rXYZ": ("damaged", SRGB.replace(b"rXYZ", b"xXYZ")),
+    "zeros": ("unsupported", with_curves(table(ZEROS))),
+    "only white": ("unsupported", with_curves(table(np.r_[ZEROS, 1.0]))),
+    "short table": ("damaged", with_curves(b"curv" + struct.pack(">II", 0, 9) + bytes(8))),
+    "table of 2^32": ("damaged", with_curves(b"curv" + struct.pack(">II", 0, 2**32 - 1))),
+    "gamma 0": ("range", with_curves(b"curv" + struct.pack(">IIH", 0, 1, 0))),
+    "g 0": ("range", with_curves(b"para" + struct.pack(">IHHi", 0, 0, 0, 0))),
+    "type 9": ("damaged", with_curves(b"para" + struct.pack(">IHHi", 0, 9, 0, 0))),
+    "printer": ("unsupported", of_class(SRGB, 12, b"prtr")),
+    "grey": ("unsupported", of_class(SRGB, 16, b"GRAY")),
+    "LUT": ("unsupported", of_class(SRGB, 20, b"Lab ")),
+    "no light": (
+        "range",
+        re.sub(rb"XYZ \0{4}.{12}", b"XYZ " + bytes(16), SRGB, flags=re.DOTALL),
+    ),
 }
 
 
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("data, what", BAD.values(), ids=BAD)
-def test_what_cannot_be_used_is_said_in_one_line_that_names_the_file(
-    data: bytes, what: str, tmp_path: Path
+@pytest.mark.parametrize(("code", "data"), BAD.values(), ids=BAD)
+def test_what_cannot_be_used_is_refused_by_the_name_of_the_file(
+    code: str, data: bytes, tmp_path: Path
 ) -> None:
     path = tmp_path / "bad.icc"
     path.write_bytes(data)
-    with pytest.raises(ViewingError, match=what) as caught:
+    with raises(ViewingError, code, "Display.space") as caught:
         Display(space=str(path))
-    assert "\n" not in str(caught.value) and "bad.icc" in str(caught.value)
+    assert "bad.icc" in str(caught.value)
 
 
-def test_no_file_and_a_folder_come_with_a_remedy(tmp_path: Path) -> None:
-    with pytest.raises(ViewingError, match=r"missing\.icc.*no such file; check the path"):
-        Display(space=str(tmp_path / "missing.icc"))
+def test_no_file_and_a_folder_are_refused(tmp_path: Path) -> None:
     (tmp_path / "folder.icc").mkdir()
-    with pytest.raises(ViewingError, match=r"folder\.icc.*is a folder; give"):
-        Display(space=tmp_path / "folder.icc")
+    for name in ("missing.icc", "folder.icc"):
+        with raises(ViewingError, "not-found", "Display.space") as caught:
+            Display(space=tmp_path / name)
+        assert name in str(caught.value)
 
 
 def test_a_path_is_as_good_as_its_text(tmp_path: Path) -> None:
@@ -166,16 +169,14 @@ def test_a_scene_may_give_a_measured_display_in_numbers(tmp_path: Path) -> None:
     assert measured.relight.viewing.display.colours == ColourSpace(
         "display", SPACES["Display P3"].primaries_xy, (0.3127, 0.329), Transfer.gamma(2.2)
     )
-    for numbers, what in {
-        f"{xy}, transfer = 0.0": "transfer is 0.0",
-        f"{xy}, transfer = {{ power = 0.4, toe = 0.5 }}": "the segments are",
-        xy: r"viewing.display.space.transfer: missing; add transfer = 2.2",
-        f"{xy}, transfr = 2.2": r"viewing.display.space.transfr: unknown key; did you mean",
-        f'{xy}, transfer = "2.2"': r"viewing.display.space.transfer is .*'2.2'",
-        xy.replace("0.329]", "3.0]") + ", transfer = 2.2": "lies outside of the primaries",
+    place = "viewing.display.space"
+    for numbers, fault in {
+        f"{xy}, transfer = 0.0": f"range {place}.transfer",
+        f"{xy}, transfer = {{ power = 0.4, toe = 0.5 }}": f"conflict {place}.transfer",
+        xy: f"missing {place}.transfer",
+        f"{xy}, transfr = 2.2": f"unknown {place}.transfr",
+        f'{xy}, transfer = "2.2"': f"type {place}.transfer",
+        xy.replace("0.329]", "3.0]") + ", transfer = 2.2": f"range {place}.white_xy",
     }.items():
-        with pytest.raises(SceneError, match=what) as caught:
-            scene_for(tmp_path, f"space = {{ {numbers} }}")
-        assert "\n" not in str(caught.value)
-    with pytest.raises(SceneError, match=r"viewing\.display\.space is 5"):
-        scene_for(tmp_path, "space = 5")
+        refuses(lambda text=numbers: scene_for(tmp_path, f"space = {{ {text} }}"), fault)
+    refuses(lambda: scene_for(tmp_path, "space = 5"), f"type {place}")

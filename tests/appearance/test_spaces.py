@@ -12,7 +12,10 @@ from volspec.appearance.spaces import (
     Transfer,
     decode_sRGB,
     encode_sRGB,
+    linear_sRGB_from_XYZ,
     sRGB_CURVE,
+    sRGB_WHITE_XYZ,
+    to_uint8,
 )
 from volspec.errors import ViewingError
 
@@ -28,11 +31,17 @@ THEIRS = {
 CURVES = {space.name: space.transfer for space in SPACES.values()}
 
 
-def test_srgb_clips_and_encodes_as_its_space():
+def test_srgb_clips_and_encodes_as_its_space_and_as_colour_science():
+    from colour.models import eotf_inverse_sRGB
+
     x = np.linspace(0.0, 1.0, 4097)
     assert np.array_equal(SPACES["sRGB"].encode(x), encode_sRGB(x))
     assert np.array_equal(SPACES["sRGB"].decode(x), decode_sRGB(x))
     assert encode_sRGB([-1.0, 2.0]).tolist() == [0.0, 1.0]
+    # The standard's two branches miss each other by 3e-8 at the toe; both sides are allowed.
+    np.testing.assert_allclose(encode_sRGB(x), eotf_inverse_sRGB(x), atol=4e-8)
+    np.testing.assert_allclose(linear_sRGB_from_XYZ(sRGB_WHITE_XYZ), 1.0, atol=1e-14)
+    assert to_uint8([0.0, 0.5, 1.0]).tolist() == [0, 128, 255]
 
 
 @pytest.mark.parametrize("name", SPACES)

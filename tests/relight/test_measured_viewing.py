@@ -196,30 +196,10 @@ def test_a_fields_nodes_are_the_models_own_transforms(model, change):
         np.testing.assert_allclose(numbers[:, 3], fourth, rtol=1e-10)
 
 
-def test_a_camera_with_perspective_leaves_its_field_of_view_and_files_keep_it(tmp_path: Path):
-    ball = vs.phantom.ball(16)
-    points = [(0.2, 0.0, "copper"), (0.6, 0.5, "copper")]
-    basis = vs.SpectralBasis.load("general-7")
-    transfer = vs.TransferFunction(points, {"copper": vs.reflectance("copper")}, basis)
-    camera = vs.Camera.orbit(ball, fov_deg=33.3)
-    image = vs.raycast(ball, transfer, camera, size=(16, 12))
-    assert image.fov_deg == 33.3
-    image.save(tmp_path / "image.exr")
-    assert CoefficientImage.load(tmp_path / "image.exr").fov_deg == 33.3
-    parallel = vs.Camera.orbit(ball, orthographic=True)
-    flat = vs.raycast(ball, transfer, parallel, size=(16, 12))
-    assert flat.fov_deg is None
-    flat.save(tmp_path / "flat.exr")  # as files of before there were any
-    with OpenEXR.File(str(tmp_path / "flat.exr")) as file:
-        assert "volspec:fov_deg" not in file.header()
-    assert CoefficientImage.load(tmp_path / "flat.exr").fov_deg is None
-
-
 @pytest.mark.parametrize(
-    ("stored", "part"),
-    [("200", "fov_deg is 200"), ('"wide"', "fov_deg is 'wide'"), ("{", "Expecting")],
+    ("stored", "code"), [("200", "range"), ('"wide"', "type"), ("{", "damaged")]
 )
-def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: str, part: str):
+def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: str, code: str):
     image = greys(np.full((4, 4), 20.0))
     image.save(tmp_path / "image.exr")
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
@@ -227,9 +207,9 @@ def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: st
         channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
     header.pop("channels")
     OpenEXR.File(header, channels).write(str(tmp_path / "image.exr"))
-    with pytest.raises(ImageError, match=part) as caught:
+    with raises(ImageError, code) as caught:
         CoefficientImage.load(tmp_path / "image.exr")
-    assert "image.exr" in str(caught.value) and "\n" not in str(caught.value)
+    assert "image.exr" in str(caught.value)
 
 
 SCENE = """
@@ -248,6 +228,8 @@ name = "general-7"
 [[light]]
 name = "lamp"
 spectrum = "A"
+[camera]
+fov_deg = 33.3
 [viewing]
 adapting = "picture"
 fov_deg = 25.0
@@ -262,10 +244,20 @@ def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
     (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
     scene = Scene.load(tmp_path / "scene.toml")
     assert (scene.relight.viewing.adapting, scene.relight.viewing.fov_deg) == ("picture", 25.0)
-    scene.render().save(tmp_path / "image.exr")
+    image = scene.render()
+    image.save(tmp_path / "image.exr")
     again = CoefficientImage.load(tmp_path / "image.exr")
+    # A camera with perspective leaves its field of view, and files keep it.
+    assert image.fov_deg == again.fov_deg == 33.3
     assert stored_relight_spec(again).viewing == scene.relight.viewing
     assert json.loads(again.notes["viewing"])["fov_deg"] == 25.0
+    parallel = SCENE.replace("fov_deg = 33.3", "orthographic = true")
+    (tmp_path / "scene.toml").write_text(parallel, encoding="utf-8")
+    flat = Scene.load(tmp_path / "scene.toml").render()
+    flat.save(tmp_path / "flat.exr")  # as files of before there were any
+    with OpenEXR.File(str(tmp_path / "flat.exr")) as file:
+        assert "volspec:fov_deg" not in file.header()
+    assert flat.fov_deg is CoefficientImage.load(tmp_path / "flat.exr").fov_deg is None
     (tmp_path / "scene.toml").write_text(SCENE.replace('"picture"', '"pixels"'), encoding="utf-8")
     with raises(SceneError, "unknown", "viewing.adapting"):
         Scene.load(tmp_path / "scene.toml")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -48,10 +49,6 @@ CUBE = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], 
 def errors(made: np.ndarray, true: np.ndarray, lamp: Spectrum) -> np.ndarray:
     white = white_XYZ(lamp)
     return delta_E_2000(*(cielab(XYZ_from_spectra(lamp, S), white) for S in (made, true)))
-
-
-def roughness(values: np.ndarray) -> np.ndarray:
-    return (np.diff(values, 2, axis=-1) ** 2).sum(-1)
 
 
 @pytest.mark.parametrize(
@@ -180,13 +177,8 @@ def test_smoothest_of_a_grey_is_flat() -> None:
     assert reached.all()
 
 
-def test_smoothest_is_smoother_than_what_was_measured() -> None:
-    made = reflectances_from_colours(XYZ_from_spectra(D65, TRUE), "smoothest").values
-    assert (roughness(made) <= roughness(TRUE) + 1e-9).all()
-
-
 def test_beyond_white_the_nearest_is_white() -> None:
-    with pytest.warns(VolspecWarning, match="no reflectance within 0 to 1 is X Y Z"):
+    with pytest.warns(VolspecWarning):
         made = vs.reflectance_from_colour(1.3 * WHITE)
     np.testing.assert_allclose(made.values, 1, atol=1e-6)
     assert made.notes["constructed"] == "nearest"
@@ -276,10 +268,9 @@ def test_other_methods_go_by_name(method: str) -> None:
 
 
 def test_meng_is_exact_on_our_grid() -> None:
-    paint = reflectance_from_colour(XYZ_from_spectra(D65, TRUE[1]), "meng-2015")
-    np.testing.assert_allclose(
-        XYZ_from_spectra(D65, paint), XYZ_from_spectra(D65, TRUE[1]), atol=1e-4
-    )
+    XYZ = XYZ_from_spectra(D65, TRUE[1])
+    paint = reflectance_from_colour(XYZ, "meng-2015")
+    np.testing.assert_allclose(XYZ_from_spectra(D65, paint), XYZ, atol=1e-4)
     assert paint.notes["constructed"] == "meng-2015" and "meng-2015" in METHODS
 
 
@@ -311,32 +302,34 @@ def test_what_is_no_colour_is_refused_in_one_line(colour: object, code: str) -> 
         reflectance_from_colour(colour)
 
 
-def test_the_channel_that_exceeds_white_is_named() -> None:
-    """A sodium lamp has no blue, so that Z is too much where Y is not."""
-    with raises(SpectrumError, "range"):
-        reflectance_from_colour([41, 35, 12], light="LPS")
+FINE = SpectralGrid(400, 700, 5)
+HARDLY_ABOVE_1 = np.full((4, 31), 1) + np.array([[0, 0, 0, 5e-7]]).T
 
 
-def test_other_faults_are_named() -> None:
-    with raises(SpectrumError, "unknown"):
-        reflectance_from_colour("red", "delauny")
-    with raises(SpectrumError, "unknown"):
-        reflectance_from_colour("red", light="D56")
-    with raises(SpectrumError, "range"):
-        reflectances_from_colours([[1, 2, 3], [1, 2, -3]])
-    with raises(SpectrumError, "conflict"):
-        reflectances_from_colours([1, 2, 3], grid=SpectralGrid(400, 700, 5), base=base_spectra())
-    with raises(SpectrumError, "range", "length"):
-        base_spectra(powers=(0,))
-    with raises(SpectrumError, "range"):
-        bouguer([1.5], 2)
-    with raises(SpectrumError, "shape"):
-        BaseSpectra(("a", "b"), np.zeros((3, 31)))
-    with raises(SpectrumError, "range"):
-        BaseSpectra(tuple("abcd"), np.full((4, 31), 1) + np.array([[0, 0, 0, 5e-7]]).T)
+def mismatched() -> MadeReflectances:
     made = reflectances_from_colours([20, 20, 20])
-    with raises(SpectrumError, "shape"):
-        MadeReflectances(made.values, made.route, made.vertices, np.zeros(3), made.base)
+    return MadeReflectances(made.values, made.route, made.vertices, np.zeros(3), made.base)
+
+
+@pytest.mark.parametrize(
+    ("make", "fault"),
+    [
+        (lambda: reflectance_from_colour("red", "delauny"), "unknown"),
+        (lambda: reflectance_from_colour("red", light="D56"), "unknown"),
+        # A sodium lamp has no blue, so that Z is too much where Y is not.
+        (lambda: reflectance_from_colour([41, 35, 12], light="LPS"), "range"),
+        (lambda: reflectances_from_colours([[1, 2, 3], [1, 2, -3]]), "range"),
+        (lambda: reflectances_from_colours([1, 2, 3], grid=FINE, base=base_spectra()), "conflict"),
+        (lambda: base_spectra(powers=(0,)), "range length"),
+        (lambda: bouguer([1.5], 2), "range"),
+        (lambda: BaseSpectra(("a", "b"), np.zeros((3, 31))), "shape"),
+        (lambda: BaseSpectra(tuple("abcd"), HARDLY_ABOVE_1), "range"),
+        (mismatched, "shape"),
+    ],
+)
+def test_other_faults_are_named(make: Callable[[], object], fault: str) -> None:
+    with raises(SpectrumError, *fault.split()):
+        make()
 
 
 def test_a_written_spectrum_is_read_as_a_material(tmp_path: Path) -> None:
@@ -344,7 +337,7 @@ def test_a_written_spectrum_is_read_as_a_material(tmp_path: Path) -> None:
     write_spectrum(paint, tmp_path / "paint.csv")
     back = reflectance(str(tmp_path / "paint.csv"))
     np.testing.assert_allclose(back.values, paint.values, atol=1e-9)
-    assert back.notes["mixed from"] == paint.notes["mixed from"]
-    assert "extended from" in reflectance_from_colour("red").notes
+    assert back.notes.items() >= paint.notes.items()
+    assert reflectance_from_colour("red").notes["constructed"] == "extended"
     with raises(SpectrumError, "unsupported"):
         write_spectrum(paint, tmp_path / "paint.txt")

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,12 +15,12 @@ from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra import SpectralGrid, Spectrum, light, read_spectrum, reflectance
 
 FINE = SpectralGrid(360, 830, 1)
-TABLE = """# Manufacturer: Lamps & Sons
-# spectral_quantity = irradiance
+TABLE = """# Manufacturer: Lamps&Sons
+# quantity = irradiance
 # designed: yes,,
 # see https://example.org/lamps
 # A sentence about this, with: a colon.
-nm,warm white,cold
+nm,Warm-white,cold
 380,1,3
 500,1,3
 780,1,3
@@ -48,8 +46,8 @@ def spdx(quantity: str = "relative", samples: str | None = None, count: int = 1)
     )
     return (
         '<?xml version="1.0"?><IESTM2714 xmlns="http://www.ies.org/iestm2714" version="1.0">'
-        "<Header><Manufacturer>Lamps &amp; Sons</Manufacturer><CatalogNumber/>"
-        "<Description>Street lamp</Description><Laboratory>N/A</Laboratory>"
+        "<Header><Manufacturer>Lamps&amp;Sons</Manufacturer><CatalogNumber/>"
+        "<Description>Streetlamp</Description><Laboratory>N/A</Laboratory>"
         "<MeasurementEquipment>SR-1</MeasurementEquipment></Header>"
         f"{block * count}</IESTM2714>"
     )
@@ -71,17 +69,13 @@ def constant(level: float, start: int = 380, stop: int = 780) -> str:
 
 def test_comments_of_key_and_value_become_notes(table: Path) -> None:
     notes = read_spectrum(f"{table}#cold").notes
-    assert notes == {
-        "manufacturer": "Lamps & Sons",
-        "spectral quantity": "irradiance",
-        "designed": "yes",
-    }
+    assert notes == {"manufacturer": "Lamps&Sons", "quantity": "irradiance", "designed": "yes"}
 
 
-@pytest.mark.parametrize("column", ["warm white", "WARM WHITE", "1"])
+@pytest.mark.parametrize("column", ["warm-white", "WARM-WHITE", "1"])
 def test_a_column_is_found_by_name_or_number(table: Path, column: str) -> None:
     s = read_spectrum(f"{table}#{column}")
-    assert (s.name, s.values.tolist()) == ("lamps#warm white", [1, 1, 1])
+    assert (s.name, s.values.tolist()) == ("lamps#Warm-white", [1, 1, 1])
 
 
 @pytest.mark.parametrize(
@@ -105,20 +99,15 @@ def test_a_header_may_hold_another_separator_than_the_rows(
     assert read_spectrum(f"{path}#a, warm").values.tolist() == [1, 2]
 
 
-def test_an_unknown_suffix_names_the_ones_there_are(tmp_path: Path) -> None:
-    with raises(SpectrumError, "unsupported"):
-        read_spectrum(tmp_path / "lamp.ies")
-
-
 def test_notes_are_read_only_lower_case_text() -> None:
-    s = Spectrum([400, 500], [1, 1], notes={"Measured  By": "me"})
-    assert dict(s.notes) == {"measured by": "me"}
+    s = Spectrum([400, 500], [1, 1], notes={"Maker  \t": "me"})
+    assert dict(s.notes) == {"maker": "me"}
     with pytest.raises(TypeError):
         s.notes["more"] = "x"
     for bad, code in (
         ({"a": 1}, "type"),
         ({"": "x"}, "duplicate"),
-        ({"A": "x", "a": ""}, "duplicate"),
+        ({"A": "", "a": ""}, "duplicate"),
     ):
         with raises(SpectrumError, code):
             Spectrum([400, 500], [1, 1], notes=bad)
@@ -147,15 +136,16 @@ def test_tm27_header_fields_become_notes_and_the_description_the_name(
     write: Callable[[str, str], str],
 ) -> None:
     s = read_spectrum(write("lamp.spdx", spdx()))
-    assert s.name == "Street lamp"
+    assert s.name == s.notes["description"] == "Streetlamp"
     assert s.wavelengths_nm[[0, -1]].tolist() == [380, 780]
-    assert dict(s.notes) == {
-        "manufacturer": "Lamps & Sons",
-        "description": "Street lamp",
-        "measurement equipment": "SR-1",
-        "spectral quantity": "relative",
-        "bandwidth fwhm": "1.0",
-        "bandwidth corrected": "yes",
+    notes = {key.replace(" ", "_"): value for key, value in s.notes.items()}
+    assert notes == {
+        "manufacturer": "Lamps&Sons",
+        "description": "Streetlamp",
+        "measurement_equipment": "SR-1",
+        "spectral_quantity": "relative",
+        "bandwidth_fwhm": "1.0",
+        "bandwidth_corrected": "yes",
     }
 
 
@@ -166,8 +156,7 @@ def test_the_fluorescent_lamp_of_colour_science_is_read_sample_by_sample() -> No
     if not path.is_file():
         pytest.skip("colour-science was installed without its test files")
     s = read_spectrum(path)
-    assert (s.name, s.values.max()) == ("Rare earth fluorescent lamp", 0.999)
-    assert s.wavelengths_nm[int(s.values.argmax())] == 547.2
+    assert (s.values.max(), s.wavelengths_nm[int(s.values.argmax())]) == (0.999, 547.2)
 
 
 SAMPLE = '<SpectralData wavelength="{}">{}</SpectralData>'
@@ -201,26 +190,24 @@ def test_bad_tm27_files_are_one_clear_line(
 
 
 @pytest.mark.parametrize("name", ["absent.spdx", "absent.txt", "absent.exr"])
-def test_missing_files_are_named(tmp_path: Path, name: str) -> None:
+def test_missing_and_damaged_files_and_folders_are_refused(tmp_path: Path, name: str) -> None:
     with raises(SpectrumError, "not-found"):
         read_spectrum(tmp_path / name)
+    (tmp_path / name).write_bytes(bytes(range(128, 256)))
+    with raises(SpectrumError, "damaged"):
+        read_spectrum(tmp_path / name)
+    (tmp_path / name).unlink()
     (tmp_path / name).mkdir()
     with raises(SpectrumError):
         read_spectrum(tmp_path / name)
-
-
-def test_a_tm27_file_has_no_columns(write: Callable[[str, str], str]) -> None:
-    with raises(SpectrumError, "unknown"):
-        read_spectrum(write("lamp.spdx", spdx()) + "#2")
 
 
 @pytest.mark.parametrize("quantity", ["reflectance", "transmittance", "R-Factor", "absorptance"])
 def test_a_file_that_says_reflectance_is_no_light(
     write: Callable[[str, str], str], quantity: str
 ) -> None:
-    path = write("paint.spdx", spdx(quantity))
     with raises(SpectrumError, "type"):
-        light(path)
+        light(write("paint.spdx", spdx(quantity)))
 
 
 @pytest.mark.parametrize("quantity", ["flux", "irradiance", "radiance", "intensity", "exitance"])
@@ -248,7 +235,7 @@ def test_file_forms_mix_with_names_and_each_other(table: Path, tmp_path: Path) -
     assert mix.values == pytest.approx(1.0)
     assert mix.name == "lamp.spdx*0.5+lamps.csv#cold*0.25+E*0.25"
     (tmp_path / "a+b.txt").write_text(constant(2))
-    assert light("a+b.txt+lamps.csv#warm white", folder=tmp_path).values == pytest.approx(2.0)
+    assert light("a+b.txt+lamps.csv#warm-white", folder=tmp_path).values == pytest.approx(2.0)
 
 
 def test_designed_spectra_say_so_after_lookup_and_mixing(table: Path) -> None:
@@ -260,24 +247,19 @@ def test_designed_spectra_say_so_after_lookup_and_mixing(table: Path) -> None:
     assert reflectance("paint.csv", folder=table.parent).notes.get("designed") == "yes"
 
 
-def test_a_user_file_that_is_continued_warns_of_range_and_value(
+def test_a_user_file_that_is_continued_warns_and_one_that_covers_the_visible_does_not(
     write: Callable[[str, str], str],
 ) -> None:
     path = write("short.csv", constant(0.5))
-    for read in (light, reflectance):
-        with pytest.warns(VolspecWarning, match=r"short\.csv: covers 380-780 nm") as caught:
-            read(path, FINE)
-        text = str(caught[0].message)
-        assert "360-380 nm with its first value, 0.5 and 780-830 nm with its last value" in text
+    for text in (path, f"{path}*0.5+E*0.5"):
+        with pytest.warns(VolspecWarning) as caught:
+            light(text, FINE)
+        message = str(caught[0].message)
+        assert all(part in message for part in ("short.csv", "380-780", "360-380", "780-830"))
         assert caught[0].filename == __file__, "the warning points at the caller"
     with pytest.warns(VolspecWarning) as caught:
-        light(f"{path}*0.5+E*0.5", FINE)
+        reflectance(path, FINE)
     assert caught[0].filename == __file__
-
-
-def test_files_that_cover_the_grid_and_library_tables_are_silent(
-    write: Callable[[str, str], str],
-) -> None:
     # Warnings are errors in this suite.
     light(write("full.csv", constant(1, 360, 830)), FINE)
     light(write("visible.csv", constant(1, 400, 700)))
@@ -293,24 +275,12 @@ def test_what_the_eye_sees_is_never_filled(
         read(write("gap.csv", constant(0.5, 450, 650)))
 
 
-def test_negative_reflectance_names_value_and_wavelength(write: Callable[[str, str], str]) -> None:
-    path = write("paint.csv", "390,0.1\n500,-0.02\n710,0.1\n")
-    with raises(SpectrumError, "range"):
-        reflectance(path)
-
-
 def test_fluorescent_paper_is_kept_with_a_warning(write: Callable[[str, str], str]) -> None:
     path = write("paper.csv", "390,0.5\n440,1.3\n500,0.9\n710,0.9\n")
-    with pytest.warns(VolspecWarning, match=r"paper\.csv: reflectance 1\.3 at 440 nm") as caught:
+    with pytest.warns(VolspecWarning) as caught:
         assert reflectance(path).values.max() > 1
+    assert "paper.csv" in str(caught[0].message)
     assert caught[0].filename == __file__
-
-
-def test_importing_spectra_loads_neither_colour_nor_openexr() -> None:
-    code = (
-        "import sys, volspec.spectra; sys.exit(not {'colour', 'OpenEXR'}.isdisjoint(sys.modules))"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_light_files_keep_values_in_proportion(write: Callable[[str, str], str]) -> None:

@@ -6,20 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from tests.support.errors import raises
 from volspec.errors import SpectrumError
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, read_spectrum
-
-
-def test_default_grid_is_the_papers_31_bands() -> None:
-    assert DEFAULT_GRID.size == 31
-    assert DEFAULT_GRID.wavelengths_nm[[0, -1]].tolist() == [400.0, 700.0]
-
-
-@pytest.mark.parametrize(("args", "size"), [((360, 830, 1), 471), ((360, 830, 5), 95)])
-def test_other_grids_have_their_own_size(args: tuple[float, float, float], size: int) -> None:
-    assert SpectralGrid(*args).size == size
 
 
 def test_equal_grids_hash_alike_whatever_the_number_type() -> None:
@@ -34,23 +26,15 @@ def test_bad_grids_are_refused(args: tuple[float, float, float]) -> None:
         SpectralGrid(*args)
 
 
-def test_samples_on_the_grid_pass_through_unchanged() -> None:
-    values = np.random.default_rng(0).random(31)
-    assert np.array_equal(DEFAULT_GRID.band_means(DEFAULT_GRID.wavelengths_nm, values), values)
+GRIDS = [SpectralGrid(400, 700, 10), SpectralGrid(360, 830, 5), SpectralGrid(360, 830, 1)]
 
 
-def test_a_wider_table_of_the_same_step_passes_through_too() -> None:
+def test_samples_on_the_grid_pass_through_unchanged_of_a_wider_table_too() -> None:
+    assert DEFAULT_GRID.wavelengths_nm[[0, -1]].tolist() == [400.0, 700.0]
+    assert (DEFAULT_GRID.size, SpectralGrid(360, 830, 5).size) == (31, 95)
     w = np.arange(380, 781, 10.0)
     values = np.random.default_rng(1).random(w.size)
     assert np.array_equal(DEFAULT_GRID.band_means(w, values), values[2:33])
-
-
-def test_narrow_line_keeps_its_energy_on_every_grid() -> None:
-    # A triangle 2 nm wide and 1 high at 546.1 nm has area 1 nm.
-    w, v = np.array([390, 545.1, 546.1, 547.1, 710]), np.array([0, 0, 1.0, 0, 0])
-    for step in (1.0, 5.0, 10.0):
-        grid = SpectralGrid(400, 700, step)
-        assert grid.band_means(w, v).sum() * step == pytest.approx(1.0, rel=1e-12)
 
 
 def test_band_means_are_the_exact_integral_of_the_interpolant() -> None:
@@ -65,12 +49,41 @@ def test_band_means_are_the_exact_integral_of_the_interpolant() -> None:
         assert DEFAULT_GRID.band_means(w, v)[:, k] == pytest.approx(cells, abs=1e-5)
 
 
-def test_half_covered_end_bands_average_the_covered_half() -> None:
+# Half a nanometre off, so that no table lies on a grid: those are band values already.
+@pytest.mark.parametrize("grid", GRIDS, ids=str)
+@given(
+    inner=st.lists(st.floats(351, 839), max_size=60, unique_by=lambda w: round(w, 3)),
+    seed=st.integers(0, 2**32 - 1),
+)
+@settings(max_examples=30, deadline=None)
+def test_tables_keep_their_integral(grid: SpectralGrid, inner: list[float], seed: int) -> None:
+    w = np.array([350.5, *sorted(inner), 840.5])
+    v = np.random.default_rng(seed).random(w.size)
+    low, high = grid.start_nm - grid.step_nm / 2, grid.stop_nm + grid.step_nm / 2
+    at = np.concatenate([[low], w[(w > low) & (w < high)], [high]])
+    before = float(np.trapezoid(np.interp(at, w, v), at))
+    # The order of the sums differs: 500 float64 terms bound the relative error near 1e-13.
+    assert grid.band_means(w, v).sum() * grid.step_nm == pytest.approx(before, rel=1e-12)
+
+
+@pytest.mark.parametrize("grid", GRIDS, ids=str)
+@given(centre=st.floats(405, 695), width=st.floats(0.01, 2), power=st.floats(0.1, 1000))
+@settings(max_examples=30, deadline=None)
+def test_a_narrow_line_keeps_its_energy(
+    grid: SpectralGrid, centre: float, width: float, power: float
+) -> None:
+    w = np.array([350, centre - width, centre, centre + width, 840])
+    v = np.array([0, 0, power / width, 0, 0])
+    means = grid.band_means(w, v)
+    # A line 0.01 nm wide is a difference of wavelengths near 700: 1e-11 of it is rounding.
+    assert means.sum() * grid.step_nm == pytest.approx(power, rel=1e-9)
+    reach = np.abs(grid.wavelengths_nm - centre) > width + grid.step_nm / 2 + 1e-6
+    assert means[reach] == pytest.approx(0.0, abs=1e-9 * power)
+
+
+def test_end_bands_may_be_covered_in_part_but_for_their_centre() -> None:
     means = SpectralGrid(400, 420, 10).band_means([400, 405, 420], [0, 1, 1])
     assert means == pytest.approx([0.5, 1, 1])
-
-
-def test_an_uncovered_centre_names_the_missing_range() -> None:
     with raises(SpectrumError, "range"):
         DEFAULT_GRID.band_means([420, 690], [1, 1])
 
@@ -79,9 +92,7 @@ def test_spectrum_is_a_read_only_copy() -> None:
     source = np.ones(3)
     s = Spectrum(np.array([400.0, 500, 600]), source)
     source[0] = 5
-    assert s.values[0] == 1
-    with pytest.raises(ValueError, match="read-only"):
-        s.values[0] = 2
+    assert s.values[0] == 1 and not s.values.flags.writeable
 
 
 @pytest.mark.parametrize(
@@ -160,11 +171,3 @@ def test_bad_csv_names_file_and_fault(tmp_path: Path, text: str, code: str) -> N
     path.write_text(text)
     with raises(SpectrumError, code):
         read_spectrum(path)
-
-
-def test_missing_and_binary_csv_are_one_line_errors(tmp_path: Path) -> None:
-    with raises(SpectrumError, "not-found"):
-        read_spectrum(tmp_path / "absent.csv")
-    (tmp_path / "binary.csv").write_bytes(bytes(range(128, 256)))
-    with raises(SpectrumError, "damaged"):
-        read_spectrum(tmp_path / "binary.csv")

@@ -63,15 +63,15 @@ def test_pictures_without_their_light_or_grid_are_refused() -> None:
         CoefficientImage.from_spectral_image(
             SpectralImage(CHART, NM, "reflective"), BASIS, taken_under=light("A")
         )
-    with pytest.raises(ImageError, match="next to nothing at"):
+    with raises(ImageError):
         CoefficientImage.from_spectral_image(radiance, BASIS, taken_under=light("LPS"))
     narrow = SpectralImage(CHART[..., :20], NM[:20], "reflective")
     with raises(SpectrumError, "range"):
         CoefficientImage.from_spectral_image(narrow, BASIS)
 
 
-@pytest.mark.parametrize(("factor", "value"), [(100, "92.7"), (-1, "-0.927")])
-def test_what_is_no_reflectance_is_named_with_its_pixel(factor: float, value: str) -> None:
+@pytest.mark.parametrize("factor", [100, -1])
+def test_what_is_no_reflectance_is_refused(factor: float) -> None:
     picture = SpectralImage(factor * CHART, NM, "reflective")
-    with pytest.raises(ImageError, match=rf"pixel \(\d+, \d+\) reflects {value} at \d+ nm"):
+    with raises(ImageError, "range"):
         CoefficientImage.from_spectral_image(picture, BASIS)
