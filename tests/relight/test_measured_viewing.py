@@ -196,10 +196,8 @@ def test_a_fields_nodes_are_the_models_own_transforms(model, change):
         np.testing.assert_allclose(numbers[:, 3], fourth, rtol=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("stored", "code"), [("200", "range"), ('"wide"', "type"), ("{", "damaged")]
-)
-def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: str, code: str):
+@pytest.mark.parametrize("stored", ["200", '"wide"', "{"])
+def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: str):
     image = greys(np.full((4, 4), 20.0))
     image.save(tmp_path / "image.exr")
     with OpenEXR.File(str(tmp_path / "image.exr"), separate_channels=True) as file:
@@ -207,7 +205,7 @@ def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: st
         channels = {name: np.array(channel.pixels) for name, channel in file.channels().items()}
     header.pop("channels")
     OpenEXR.File(header, channels).write(str(tmp_path / "image.exr"))
-    with raises(ImageError, code) as caught:
+    with raises(ImageError, "damaged") as caught:
         CoefficientImage.load(tmp_path / "image.exr")
     assert "image.exr" in str(caught.value)
 
