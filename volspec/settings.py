@@ -57,9 +57,7 @@ from volspec.errors import Code, InputError, nearest
 Spec = TypeVar("Spec")
 # Below it whole numbers are short.
 _EXACT = 1e15
-_CONFIG = ConfigDict(
-    extra="forbid", strict=True, use_attribute_docstrings=True, arbitrary_types_allowed=True
-)
+_CONFIG = ConfigDict(extra="forbid", strict=True, arbitrary_types_allowed=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,14 +125,15 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
         made.__get_pydantic_core_schema__ = classmethod(_core_schema)
         made.__get_pydantic_json_schema__ = classmethod(_json_schema)
         made.settings_error = error
-        made.settings_adapter = adapter = TypeAdapter(cls)
-        validate = adapter.validator.validate_python
+        made.settings_adapter = _LazyAdapter()
 
         def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
             if args:
                 kwargs = _by_name(cls, args, kwargs)
             try:
-                validate(ArgsKwargs((), kwargs), self_instance=self)
+                made.settings_adapter.validator.validate_python(
+                    ArgsKwargs((), kwargs), self_instance=self
+                )
             except ValidationError as fault:
                 if not _has_numpy(kwargs):
                     raise _constructor_error(fault, cls) from None
@@ -145,6 +144,14 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
         return cls
 
     return decorate
+
+
+class _LazyAdapter:
+    """Class attribute that becomes the class's `TypeAdapter`: all at import would take a second."""
+
+    def __get__(self, instance: object, owner: Any) -> TypeAdapter[Any]:
+        owner.settings_adapter = TypeAdapter(owner)
+        return owner.settings_adapter
 
 
 def kind_of(value: Any) -> str:
@@ -165,7 +172,7 @@ def value_or_table(value: object) -> str:
 
 def is_settings(cls: object) -> bool:
     """Return True if `settings` made a class."""
-    return isinstance(cls, type) and hasattr(cls, "settings_adapter")
+    return isinstance(cls, type) and hasattr(cls, "settings_error")
 
 
 def read_table(cls: type[Spec], table: Any, error: type[InputError], folder: object = None) -> Spec:
