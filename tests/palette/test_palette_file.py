@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +14,9 @@ import volspec as vs
 from tests.support.errors import raises
 from tests.support.palettes import surface
 from volspec.appearance import Display
+from volspec.appearance.spaces import SPACES
 from volspec.errors import PaletteError, SpectrumError
+from volspec.export.png import icc_profile
 from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum
 from volspec.spectra import read_spectrum
 
@@ -349,3 +352,84 @@ def test_a_byte_order_mark_is_read_and_line_ends_are_kept(tmp_path: Path) -> Non
 def test_an_empty_palette_is_refused(tmp_path: Path) -> None:
     with raises(PaletteError, "missing", "light"):
         vs.load_palette(written(tmp_path, ""))
+
+
+# Another display: codes are other colours there.
+MEASURED = """white_cd_m2 = 120
+space.primaries_xy = [[0.68, 0.32], [0.265, 0.69], [0.15, 0.06]]
+space.white_xy = [0.313, 0.329]
+space.transfer = 2.4
+"""
+
+
+def on_display(folder: Path, display: str) -> vs.Palette:
+    return vs.load_palette(
+        written(folder, f"[viewing.display]\n{display}\n{SMALL.partition(chr(10) * 2)[2]}")
+    )
+
+
+def test_a_colour_is_what_a_measured_display_shows(tmp_path: Path) -> None:
+    usual, measured = on_display(tmp_path, ""), on_display(tmp_path, MEASURED)
+    space = measured.viewing.display.colours
+    assert (space.name, space.primaries_xy[0]) == ("display", (0.68, 0.32))
+    one, other = (vs.design(each) for each in (usual, measured))
+    assert vs.DesignReport.of(other).cell(("red", "day")).error == pytest.approx(0, abs=1)
+    assert abs(one.reflectance("red").values - other.reflectance("red").values).max() > 0.02
+
+
+@pytest.mark.parametrize(
+    "display", [MEASURED, 'space = "Display P3"\ngamut = "reduce"', "white_cd_m2 = 200\nY_b = 18"]
+)
+def test_a_new_palette_file_has_the_same_display(tmp_path: Path, display: str) -> None:
+    palette = on_display(tmp_path, display)
+    vs.save_palette(palette, tmp_path / "new.toml")
+    again = vs.load_palette(tmp_path / "new.toml").viewing.display
+    assert again.colours == palette.viewing.display.colours
+    assert again.conditions == palette.viewing.display.conditions
+    assert again.gamut == palette.viewing.display.gamut
+
+
+def test_a_profile_is_found_next_to_the_palette_and_from_another_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine.icc").write_bytes(icc_profile(SPACES["Display P3"]))
+    monkeypatch.chdir("/")
+    palette = on_display(tmp_path, 'space = "mine.icc"')
+    x, _ = palette.viewing.display.colours.primaries_xy[0]
+    assert x == pytest.approx(0.68, abs=1e-3)  # ICC's numbers have 16 bits
+    target = tmp_path / "sub" / "made.toml"
+    vs.save_palette(vs.design(palette), target, source=tmp_path / "small.toml")
+    again = vs.load_palette(target).viewing.display.colours
+    assert again == palette.viewing.display.colours
+
+
+@pytest.mark.parametrize(
+    ("display", "code", "field"),
+    [
+        ('gamut = "cut"', "unknown", "gamut"),
+        ('gamma = "cut"', "unknown", "gamma"),
+        ("space = { white_xy = [0.3, 0.3], transfer = 2.2 }", "missing", "space.primaries_xy"),
+        ('space = "gone.icc"', "not-found", "space"),
+    ],
+)
+def test_a_wrong_display_is_refused(tmp_path: Path, display: str, code: str, field: str) -> None:
+    with raises(PaletteError, code, f"viewing.display.{field}"):
+        on_display(tmp_path, display)
+
+
+PAGE = (ROOT / "docs/palettes.md").read_text(encoding="utf-8")
+
+
+def test_the_example_of_the_docs_is_a_palette_that_is_met(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
+    made = vs.design(vs.load_palette(written(tmp_path, example)))
+    assert vs.DesignReport.of(made).mean < 1
+
+
+def test_the_code_of_the_docs_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    monkeypatch.chdir(tmp_path)
+    scope: dict[str, vs.Spectrum] = {}
+    exec(code, scope)
+    assert scope["split"].designed
