@@ -363,9 +363,8 @@ space.transfer = 2.4
 
 
 def on_display(folder: Path, display: str) -> vs.Palette:
-    return vs.load_palette(
-        written(folder, f"[viewing.display]\n{display}\n{SMALL.partition(chr(10) * 2)[2]}")
-    )
+    text = changed("[criteria]", f"[viewing.display]\n{display}\n[criteria]")
+    return vs.load_palette(written(folder, text))
 
 
 def test_a_colour_is_what_a_measured_display_shows(tmp_path: Path) -> None:

@@ -131,13 +131,6 @@ class DesignReport:
         Parts ``colours``, ``smoothness`` and ``subspace`` of the sum that the design minimises.
     suggestions : tuple of str
         Changes that would help; see `volspec.suggestions`.
-
-    Examples
-    --------
-    >>> import volspec as vs
-    >>> made = vs.design(vs.load_palette("data/palettes/figure-2.toml"))
-    >>> vs.DesignReport.of(made).mean < 1
-    True
     """
 
     cells: tuple[CellReport, ...]

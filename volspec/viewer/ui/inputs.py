@@ -22,12 +22,8 @@ _MODIFIERS = (
     (glfw.MOD_SUPER, glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER, imgui.Key.mod_super),
 )
 _ARROWS = {
-    glfw.KEY_LEFT: "left",
-    glfw.KEY_RIGHT: "right",
-    glfw.KEY_UP: "up",
-    glfw.KEY_DOWN: "down",
-    glfw.KEY_PAGE_UP: "pageup",
-    glfw.KEY_PAGE_DOWN: "pagedown",
+    getattr(glfw, f"KEY_{name.upper()}"): name.replace("_", "")
+    for name in ("left", "right", "up", "down", "page_up", "page_down")
 }
 _KEYS: dict[int, str] = {
     glfw.KEY_ENTER: "enter",
