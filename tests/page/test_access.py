@@ -27,6 +27,11 @@ RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22a", "wcag22aa", "bes
 # Every control shown and able: two sides, a pixel, own values, errors.
 ALL_ON = {"compare": 1, "probe": "9,9", "errors": 1, "a.L_A": 20, "a.D": 0.4}
 WIDE, PHONE = (1280, 1400), (360, 740)
+SLOW = pytest.mark.slow
+MEDIA = pytest.mark.parametrize(
+    "media",
+    ["light", "dark forced", *(pytest.param(m, marks=SLOW) for m in ("dark", "light forced"))],
+)
 # Words whose ground is the picture, or a drawing: `_CONTRASTS` reads them.
 ON_PICTURE = ".label, #probe dt, #probe dd, #dial text"
 CONTROLS = "button, input, select, textarea, [tabindex]"
@@ -98,9 +103,9 @@ def breaches(page: Any) -> list[str]:
         (WIDE, "light", {"a.weights": "0,0,0"}),
         (WIDE, "dark", ALL_ON),
         (PHONE, "light", ALL_ON),
-        (PHONE, "dark", {"view": 7}),
+        pytest.param(PHONE, "dark", {"view": 7}, marks=SLOW),
         (WIDE, "dark forced", ALL_ON),
-        (WIDE, "light forced", {"a.weights": "0,0,0", "a.discount": 1}),
+        pytest.param(WIDE, "light forced", {"a.weights": "0,0,0", "a.discount": 1}, marks=SLOW),
     ],
 )
 def test_axe_finds_nothing_wrong(
@@ -109,7 +114,7 @@ def test_axe_finds_nothing_wrong(
     assert breaches(ball(size, media, **words).page) == []
 
 
-@pytest.mark.parametrize("size", [WIDE, PHONE])
+@pytest.mark.parametrize("size", [pytest.param(WIDE, marks=SLOW), PHONE])
 def test_axe_finds_nothing_wrong_with_sharing(
     ball: Callable[..., Opened], size: tuple[int, int]
 ) -> None:
@@ -129,7 +134,7 @@ def test_axe_finds_nothing_wrong_with_the_still_picture(
     assert controls == [] and ("image", "Ball") in exposed(page)
 
 
-@pytest.mark.parametrize("media", ["light", "dark", "dark forced", "light forced"])
+@MEDIA
 def test_words_on_the_picture_can_be_read_on_any_picture(
     ball: Callable[..., Opened], media: str
 ) -> None:
@@ -217,7 +222,7 @@ _STOP = f"""() => {{
 }}"""
 
 
-@pytest.mark.parametrize("media", ["light", "dark", "light forced", "dark forced"])
+@MEDIA
 def test_every_control_shows_that_it_has_the_focus(ball: Callable[..., Opened], media: str) -> None:
     """As WCAG 2.2, 2.4.13: as many pixels as an outline of two has change by 3 : 1 or more."""
     page = ball(WIDE, media, **ALL_ON).page

@@ -52,7 +52,7 @@ def file(
     return path
 
 
-@pytest.mark.parametrize("milliseconds", [60, 400])
+@pytest.mark.parametrize("milliseconds", [60, pytest.param(400, marks=pytest.mark.slow)])
 def test_a_slow_browser_draws_half_of_rows_and_columns_until_the_light_rests(
     opened: Callable[..., Opened], file: Path, milliseconds: int
 ) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from tests.support.errors import raises
 from volspec.cli import main
-from volspec.errors import ImageError, ShapeError, ViewingError, VolspecWarning
+from volspec.errors import ImageError, ShapeError, ViewingError
 from volspec.export.page import PageSpec, PageView, page_html, write_page
 from volspec.export.page.build import median_prediction, residual_bytes
 from volspec.raycast import CoefficientImage
@@ -76,13 +76,3 @@ def test_pages_need_a_view_a_light_and_views_alike(
         PageSpec(bits=16)
     with raises(ImageError, "type"):
         write_page("page.exr", [view], lights)
-
-
-def test_a_model_without_a_closed_form_is_replaced_with_a_word(
-    engine_scene: Scene, engine_image: CoefficientImage
-) -> None:
-    viewing = replace(engine_scene.relight.viewing, model="Hunt")
-    seen = replace(engine_scene.relight, viewing=viewing)
-    with pytest.warns(VolspecWarning):
-        text = page_html([PageView(engine_image)], engine_scene.lights, seen)
-    assert '"model":"CIECAM02"' in text
