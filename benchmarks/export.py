@@ -79,7 +79,7 @@ def once(scene: Scene, size: tuple[int, int]) -> tuple[np.ndarray, float, bool]:
         settings: dict[str, Any] = {"size": size, "caster": caster, "sheet": False}
 
         def export(number: int) -> None:
-            with mock.patch.object(frame_files, "png_bytes", lambda *_: b""):
+            with mock.patch.object(frame_files, "encode", lambda *_: b""):
                 scene.export(folder / str(number), **settings)
 
         export(-1)

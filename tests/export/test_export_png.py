@@ -16,16 +16,19 @@ from volspec.appearance.spaces import SPACES
 from volspec.errors import ImageError, InputError
 from volspec.export.frames import (
     distinct_stems,
+    encode,
     file_stem,
-    png_bytes,
-    png_file,
     read_frame,
     read_frame_text,
+    row_file,
     to_uint16,
     write_frame,
 )
+from volspec.export.png import PngWriter
 
-sRGB = SPACES["sRGB"]
+
+def png(channels: int, bits: int, size: tuple[int, int] = (37, 53), name: str = "sRGB") -> Any:
+    return lambda file: PngWriter(file, size, channels, bits, SPACES[name], {})
 
 
 def picture(dtype: Any, channels: int, size: tuple[int, int] = (37, 53)) -> np.ndarray:
@@ -51,7 +54,8 @@ def chunks(data: bytes) -> dict[bytes, bytes]:
 @pytest.mark.parametrize("channels", [3, 4])
 def test_eight_bits_are_read_back_by_another_library(channels: int) -> None:
     frame = picture(np.uint8, channels)
-    assert np.array_equal(np.asarray(Image.open(io.BytesIO(png_bytes(frame, {}, sRGB)))), frame)
+    read = Image.open(io.BytesIO(encode(frame, png(channels, 8))))
+    assert np.array_equal(np.asarray(read), frame)
 
 
 @pytest.mark.parametrize("channels", [3, 4])
@@ -66,7 +70,7 @@ def test_sixteen_bits_are_read_back_by_another_library(tmp_path: Path, channels:
 
 def test_rows_in_pieces_are_the_same_picture(tmp_path: Path) -> None:
     frame = picture(np.uint16, 3)
-    with png_file(tmp_path / "f.png", (37, 53), 3, 16, {}, sRGB) as file:
+    with row_file(tmp_path / "f.png", png(3, 16)) as file:
         for start, end in ((0, 1), (1, 30), (30, 53)):
             file.rows(frame[start:end])
     write_frame(tmp_path / "g.png", frame)
@@ -77,7 +81,7 @@ def test_rows_in_pieces_are_the_same_picture(tmp_path: Path) -> None:
 def test_a_picture_that_is_not_finished_is_not_there(tmp_path: Path) -> None:
     with (
         pytest.raises(ZeroDivisionError),
-        png_file(tmp_path / "f.png", (4, 4), 3, 8, {}, sRGB) as file,
+        row_file(tmp_path / "f.png", png(3, 8, (4, 4))) as file,
     ):
         file.rows(np.zeros((2, 4, 3), np.uint8))
         raise ZeroDivisionError
@@ -87,7 +91,7 @@ def test_a_picture_that_is_not_finished_is_not_there(tmp_path: Path) -> None:
 def test_colours_are_told_by_chunk_profile_and_code_points() -> None:
     frame = picture(np.uint8, 3)
     plain, wide, other = (
-        chunks(png_bytes(frame, {}, SPACES[name])) for name in ("sRGB", "Display P3", "Rec. 2020")
+        chunks(encode(frame, png(3, 8, name=name))) for name in ("sRGB", "Display P3", "Rec. 2020")
     )
     assert plain[b"sRGB"] == b"\0" and not {b"iCCP", b"cICP"} & set(plain)
     assert wide[b"cICP"] == bytes([12, 13, 0, 1]) and b"iCCP" in wide

@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,10 +15,19 @@ from tests.support.errors import raises
 from volspec.appearance.spaces import SPACES
 from volspec.errors import InputError
 from volspec.export import exr
-from volspec.export.exr import ExrBands, ExrHeader, exr_bytes, exr_file
+from volspec.export.exr import ExrBands, ExrHeader, ExrWriter
+from volspec.export.frames import encode, row_file
 
 BANDS = ExrBands(np.array([400.0, 547.5, 1000.0]), "W")
 TEXT = {"Title": 'é \u202e "x"', "relight": "a\nb"}
+
+
+def exr_bytes(pixels: np.ndarray, header: ExrHeader) -> bytes:
+    return encode(pixels, lambda file: ExrWriter(file, header))
+
+
+def exr_file(path: Path, header: ExrHeader, threads: int = 2) -> Any:
+    return row_file(path, lambda file: ExrWriter(file, header, threads))
 
 
 def picture(size: tuple[int, int], channels: int, noise: bool) -> np.ndarray:
@@ -73,8 +83,7 @@ def test_blocks_stand_in_their_order_whichever_is_packed_first(
         return packed(plain)
 
     monkeypatch.setattr(exr, "_compressed", slow_at_times)
-    monkeypatch.setattr(exr, "encoding_threads", lambda: 4)
-    with exr_file(tmp_path / "a.exr", header) as file:
+    with exr_file(tmp_path / "a.exr", header, threads=4) as file:
         file.rows(pixels)
     assert (tmp_path / "a.exr").read_bytes() == whole
 

@@ -9,7 +9,7 @@ import operator
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -269,7 +269,7 @@ class FrameMaker:
 
     def _relight(self, casts: list[list[Shot]], caster: TileCaster, meter: _ProgressMeter) -> None:
         blanks = BlankFrames(_BRIGHTNESS)
-        with RelighterPool() as pool, self.files.encoders() as encoders:
+        with closing(RelighterPool()) as pool, self.files.encoders() as encoders:
             for unmeasured in casts:
                 shots = self._measured(unmeasured, caster)
                 transfer, camera = shots[0].transfer, shots[0].camera

@@ -13,14 +13,12 @@ References
 
 from __future__ import annotations
 
-import io
 import os
 import struct
 import zlib
 from collections import deque
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any, BinaryIO
@@ -29,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import chromaticities, to_half
-from volspec._files import write_whole
 from volspec.appearance.profile import D50_from_white
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.spectra.spectral_image import spectral_channels, spectral_header
@@ -204,21 +201,3 @@ def _differences(plain: bytes) -> NDArray[np.uint8]:
     steps[1:] -= planes[:-1]
     steps[1:] += 128
     return steps
-
-
-@contextmanager
-def exr_file(path: str | os.PathLike[str], header: ExrHeader) -> Iterator[ExrWriter]:
-    """Open an OpenEXR file for rows; it appears after the body."""
-    with write_whole(path) as temporary, temporary.open("wb") as file:
-        writer = ExrWriter(file, header, encoding_threads())
-        yield writer
-        writer.close()
-
-
-def exr_bytes(pixels: NDArray[Any], header: ExrHeader) -> bytes:
-    """Encode a whole picture, (H, W, C) linear, in one thread: `Encoders` has many."""
-    file = io.BytesIO()
-    writer = ExrWriter(file, header)
-    writer.rows(pixels)
-    writer.close()
-    return file.getvalue()

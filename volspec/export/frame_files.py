@@ -8,12 +8,11 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,7 @@ from volspec.appearance.spaces import to_uint8
 from volspec.errors import ViewingError
 from volspec.export import exr
 from volspec.export.compositing import save_for_compositors, scene_recipe
-from volspec.export.frames import png_bytes, png_file, to_uint16
+from volspec.export.frames import encode, row_file, to_uint16
 from volspec.export.manifest import ExportFolder
 from volspec.export.plan import Shot, export_lights
 from volspec.export.png import PngWriter
@@ -124,7 +123,7 @@ class FrameSource:
 
 
 class RelighterPool:
-    """Relighters of the images at hand, a context manager: reused for images of equal shapes."""
+    """Relighters of the images at hand, reused for images of equal shapes; to be closed."""
 
     def __init__(self) -> None:
         self._held: list[tuple[FrameSource, Relighter]] = []
@@ -153,12 +152,6 @@ class RelighterPool:
             relighter.close()
         self._held = []
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
 
 def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
     """Return a shot with the adaptation measured in its whole picture, which may be smaller."""
@@ -184,9 +177,8 @@ def check_adapting(table: ExportSpec, adapting: str, parts: int) -> None:
 class Encoders:
     """Encodes frames in background threads and writes the files in the order they were given.
 
-    A context manager that ends when all files are written. If one cannot be, `put` or the end
-    raises `InputError`, and complete files stay. The size of a frame's pixels, ``frame_bytes``,
-    bounds the queue.
+    If one cannot be written, `put` or the end of `running` raises `InputError`, and complete files
+    stay. The size of a frame's pixels, ``frame_bytes``, bounds the queue.
     """
 
     def __init__(self, frame_bytes: int) -> None:
@@ -207,17 +199,12 @@ class Encoders:
         with write_whole(path) as temporary:
             temporary.write_bytes(data)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    @contextmanager
+    def running(self) -> Iterator[Self]:
+        """Write what still waits at the end of the body, unless that fails."""
         try:
-            while self._waiting and error is None:
+            yield self
+            while self._waiting:
                 self._write()
         finally:
             self._pool.shutdown(cancel_futures=True)
@@ -232,10 +219,10 @@ class FrameFiles:
     table: ExportSpec
     size: tuple[int, int]  # (width, height)
 
-    def encoders(self) -> Encoders:
-        """Return the queue for `put`; a context manager."""
+    def encoders(self) -> AbstractContextManager[Encoders]:
+        """Return the queue for `put`."""
         bands = self.scene.basis.grid.size if self.table.spectral else 0
-        return Encoders((_COLOUR_BYTES + 2 * bands) * self.size[0] * self.size[1])
+        return Encoders((_COLOUR_BYTES + 2 * bands) * self.size[0] * self.size[1]).running()
 
     def name(self, shot: Shot) -> str:
         """Return the name of a shot's file in the folder."""
@@ -243,26 +230,28 @@ class FrameFiles:
 
     def put(self, shot: Shot, pixels: Array, notes: Mapping[str, str], encoders: Encoders) -> None:
         """Queue a complete frame, pixels as `FrameSource.pixels`, with the image's notes."""
-        text = self._text(shot, notes)
+        writer = self._writer(shot, notes)
         if self.table.format == "exr":
-            encode = partial(exr.exr_bytes, to_half(pixels), self._header(shot, text))
-        else:
-            space = colour_space(shot.spec.viewing.display.space)
-            encode = partial(png_bytes, pixels, text, space)
-        encoders.put(self._path(shot), encode)
+            pixels = to_half(pixels)
+        encoders.put(self._path(shot), partial(encode, pixels, writer))
 
-    @contextmanager
-    def opened(self, shot: Shot, notes: Mapping[str, str]) -> Iterator[PngWriter | exr.ExrWriter]:
+    def opened(
+        self, shot: Shot, notes: Mapping[str, str]
+    ) -> AbstractContextManager[PngWriter | exr.ExrWriter]:
         """Open a frame's file for rows; it appears after the body. Parameters as of `put`."""
-        path, table, text = self._path(shot), self.table, self._text(shot, notes)
+        threads = exr.encoding_threads()
+        return row_file(self._path(shot), self._writer(shot, notes, threads))
+
+    def _writer(
+        self, shot: Shot, notes: Mapping[str, str], threads: int = 1
+    ) -> Callable[[BinaryIO], PngWriter | exr.ExrWriter]:
+        table, text = self.table, self._text(shot, notes)
         if table.format == "exr":
-            with exr.exr_file(path, self._header(shot, text)) as file:
-                yield file
-            return
+            return partial(exr.ExrWriter, header=self._header(shot, text), threads=threads)
         channels = 4 if table.transparent else 3
         space = colour_space(shot.spec.viewing.display.space)
-        with png_file(path, self.size, channels, table.bits, text, space) as rows:
-            yield rows
+        settings = (self.size, channels, table.bits, space, text)
+        return lambda file: PngWriter(file, *settings)
 
     def save(self, shot: Shot, image: CoefficientImage) -> None:
         """Write a coefficient image, as `volspec render` does, with the export's lights."""

@@ -6,11 +6,11 @@ import io
 import os
 import unicodedata
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,9 @@ _REMEDIES = {
 }
 
 
+Writer = TypeVar("Writer", bound="RowWriter")
+
+
 def write_frame(
     path: str | os.PathLike[str],
     frame: NDArray[np.uint8] | NDArray[np.uint16],
@@ -52,7 +55,7 @@ def write_frame(
     Parameters
     ----------
     path : str or path
-        Ends in ``.png``.
+        Ends in ``.png``, else `ImageError`.
     frame : (H, W, 3) or (H, W, 4) uint8 or uint16
         With straight alpha as fourth.
     text : {keyword: text}, optional
@@ -60,15 +63,6 @@ def write_frame(
     space : str, path or ColourSpace
         Colour space of its codes: ``viewing.display.space``. sRGB is written as PNG's own chunk,
         any other as an ICC profile, Display P3 as code points, too.
-
-    Raises
-    ------
-    ImageError
-        If the name does not end in ``.png``.
-    InputError
-        If the folder cannot be written to.
-    ViewingError
-        If the space is unknown.
     """
     require_png(path)
     colours = colour_space(space)
@@ -86,8 +80,12 @@ def write_frame(
             "give (H, W, 3) uint8, as Relighter.frame makes it",
             "shape",
         )
-    with write_whole(path) as temporary:
-        temporary.write_bytes(png_bytes(frame, text or {}, colours))
+    height, width, channels = frame.shape
+    bits = 8 * frame.dtype.itemsize
+    with row_file(
+        path, lambda file: PngWriter(file, (width, height), channels, bits, colours, text or {})
+    ) as file:
+        file.rows(frame)
 
 
 def require_png(path: str | os.PathLike[str]) -> None:
@@ -96,31 +94,30 @@ def require_png(path: str | os.PathLike[str]) -> None:
         raise ImageError(f"{os.fspath(path)}: frames are PNG files", "name it .png", code="type")
 
 
-def png_bytes(
-    frame: NDArray[np.uint8] | NDArray[np.uint16], text: Mapping[str, str], space: ColourSpace
-) -> bytes:
-    """Encode a frame as a PNG file; parameters as `write_frame`."""
-    height, width, channels = frame.shape
+class RowWriter(Protocol):
+    """Writes a picture to a binary file, row by row."""
+
+    def rows(self, pixels: Any) -> None:
+        """Append rows; (R, W, C)."""
+
+    def close(self) -> None:
+        """Write the end; the file stays open."""
+
+
+def encode(pixels: NDArray[Any], make: Callable[[BinaryIO], RowWriter]) -> bytes:
+    """Return the file of a whole picture."""
     file = io.BytesIO()
-    writer = PngWriter(file, (width, height), channels, 8 * frame.dtype.itemsize, space, text)
-    writer.rows(frame)
+    writer = make(file)
+    writer.rows(pixels)
     writer.close()
     return file.getvalue()
 
 
 @contextmanager
-def png_file(
-    path: str | os.PathLike[str],
-    size: tuple[int, int],
-    channels: int,
-    bits: int,
-    text: Mapping[str, str],
-    space: ColourSpace,
-) -> Iterator[PngWriter]:
-    """Open a PNG file for rows; it appears after the body."""
-    require_png(path)
+def row_file(path: str | os.PathLike[str], make: Callable[[BinaryIO], Writer]) -> Iterator[Writer]:
+    """Open a file for rows; it appears after the body."""
     with write_whole(path) as temporary, temporary.open("wb") as file:
-        writer = PngWriter(file, size, channels, bits, space, text)
+        writer = make(file)
         yield writer
         writer.close()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -106,21 +106,14 @@ def contact_sheet(
     rows : sequence of str
         Captions of the rows.
     columns : sequence of SheetColumn
-        Each with one frame a row.
+        Each with one frame a row, else `ShapeError`.
     tile : int
         Width of a frame on the sheet, pixels; very tall frames are narrower.
 
     Returns
     -------
     (H, W, 3) uint8
-
-    Raises
-    ------
-    ShapeError
-        If a column has not one frame for each row.
     """
-    from PIL import ImageDraw, ImageFont
-
     for column in columns:
         if len(column.frames) != len(rows):
             raise ShapeError(
@@ -131,9 +124,7 @@ def contact_sheet(
     height, width = columns[0].frames[0].shape[:2]
     grid = _Grid(tile, fitted_size((width, height), tile), 12, 0, 44, _MARGIN + 48, _PLOT + 66)
     sheet = grid.blank(len(columns), len(rows))
-    draw = ImageDraw.Draw(sheet)
-    title_font, name_font, small_font = (ImageFont.load_default(size) for size in (30, 24, 17))
-    draw.text((_MARGIN, _MARGIN - 6), title, _INK, title_font)
+    draw, name_font, small_font = _titled(sheet, title, _MARGIN - 6, (30, 24, 17))
     for j, row in enumerate(rows):
         draw.text((_MARGIN, grid.place(0, j)[1] + 14), row, _INK, small_font)
     for i, column in enumerate(columns):
@@ -151,15 +142,11 @@ def comparison_sheet(
     title: str, tiles: Sequence[SheetTile], columns: int = 5, tile: int = 320
 ) -> NDArray[np.uint8]:
     """Lay out captioned frames of one size in rows of tiles: (H, W, 3) uint8."""
-    from PIL import ImageDraw, ImageFont
-
     height, width = tiles[0].frame.shape[:2]
     grid = _Grid(tile, fitted_size((width, height), tile), 14, 14, 62, _MARGIN + 46)
     columns = min(columns, len(tiles))
     sheet = grid.blank(columns, -(-len(tiles) // columns))
-    draw = ImageDraw.Draw(sheet)
-    title_font, name_font, small_font = (ImageFont.load_default(size) for size in (28, 22, 15))
-    draw.text((_MARGIN, _MARGIN - 8), title, _INK, title_font)
+    draw, name_font, small_font = _titled(sheet, title, _MARGIN - 8, (28, 22, 15))
     for i, each in enumerate(tiles):
         row, column = divmod(i, columns)
         x, y = grid.place(column, row)
@@ -167,6 +154,15 @@ def comparison_sheet(
         draw.text((x, y + 34), each.note, _FAINT, small_font)
         grid.paste(sheet, each.frame, column, row)
     return np.asarray(sheet)
+
+
+def _titled(sheet: Image.Image, title: str, y: int, sizes: Sequence[int]) -> tuple[Any, Any, Any]:
+    """Write the title; return what draws, and the fonts of names and of notes."""
+    from PIL import ImageDraw, ImageFont
+
+    draw, fonts = ImageDraw.Draw(sheet), [ImageFont.load_default(size) for size in sizes]
+    draw.text((_MARGIN, y), title, _INK, fonts[0])
+    return draw, fonts[1], fonts[2]
 
 
 def fitted_size(size: tuple[int, int], tile: int) -> tuple[int, int]:

@@ -25,7 +25,8 @@ from numpy.typing import ArrayLike, NDArray
 from volspec._exr import to_half
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import ImageError
-from volspec.export.exr import PRIMARIES, ExrBands, ExrHeader, exr_file
+from volspec.export.exr import PRIMARIES, ExrBands, ExrHeader, ExrWriter, encoding_threads
+from volspec.export.frames import row_file
 from volspec.export.tiles import row_strips
 from volspec.raycast import CoefficientImage
 from volspec.raycast.image_file import ONE_GROUP
@@ -145,6 +146,6 @@ def write_spectral_frame(
         )
     lit = SpectralIllumination.of(image.basis, light, spec, image.groups)
     header = ExrHeader(image.size, PRIMARIES["Rec. 709"], text, bands=lit.bands)
-    with exr_file(path, header) as file:
+    with row_file(path, lambda file: ExrWriter(file, header, encoding_threads())) as rows:
         for strip in lit.strips(image):
-            file.rows(strip)
+            rows.rows(strip)

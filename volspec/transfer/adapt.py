@@ -52,17 +52,13 @@ def transfer_from_vtk(
     Returns
     -------
     TransferFunction
-        Materials are named by their colour, ``"#rrggbb"``, and can be replaced by others.
+        Materials are named by their colour, ``"#rrggbb"``, and can be replaced by others. Warns of
+        colours that no reflectance has.
 
     Raises
     ------
     TransferError
         If the property has a 2-D transfer function, or no opacity unit distance above 0.
-
-    Warns
-    -----
-    VolspecWarning
-        If no reflectance has one of the colours.
     """
     if settings.GetTransferFunctionMode() != 0:
         raise TransferError(

@@ -40,18 +40,13 @@ def notebook(
     viewing : Viewing, optional
         The first viewing; by default that of the image's scene.
 
-    Returns
-    -------
-    RelightWidget
-
     Raises
     ------
     DeviceError
         If the extra ``notebook`` is not installed.
-    ImageError
-        If it is no coefficient image, or there is no light.
-    SpectrumError, ViewingError
-        If a light is unknown or does not fit the image, or the page does not support the viewing.
+    ImageError, SpectrumError, ViewingError
+        If it is no coefficient image; if a light is missing, unknown or does not fit the image;
+        if the page does not support the viewing.
     """
     if not isinstance(image, CoefficientImage):
         raise ImageError(

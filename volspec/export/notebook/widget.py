@@ -84,10 +84,8 @@ class RelightWidget(anywidget.AnyWidget):
 
     Raises
     ------
-    ImageError
-        If the image is of another type, or a probe lies outside of it.
-    ViewingError
-        If a light's name is unknown, a weight is out of range, or the page does not support a
+    ImageError, ViewingError
+        If an image, a probe, a light's name or a weight is none, or the page does not support a
         viewing.
     """
 
@@ -154,17 +152,12 @@ class RelightWidget(anywidget.AnyWidget):
         Parameters
         ----------
         dtype : numpy.uint8 or numpy.float32
-            8-bit codes, or codes 0 to 1 before rounding.
+            8-bit codes, or codes 0 to 1 before rounding; another is a `RelightError`.
 
         Returns
         -------
         (H, W, 3) uint8 or float32
             sRGB; row 0 at the top.
-
-        Raises
-        ------
-        RelightError
-            If the dtype is another.
         """
         rig, (width, height) = self.rig, self.image.size
         if rig is None:

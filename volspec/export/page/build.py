@@ -146,10 +146,8 @@ def page_html(
 
     Raises
     ------
-    ImageError
-        If there is no view or no light.
-    ShapeError
-        If views differ in size, basis or light groups.
+    ImageError, ShapeError
+        If there is no view or no light; if views differ.
     ViewingError
         If the backdrop is a spectrum.
     """
@@ -205,16 +203,8 @@ def scene_views(
     scene : Scene
     count : int
         Cameras on a circle around the scene's ``up``; the first is the scene's own.
-    size : (width, height), optional
-        Replaces the scene's.
-    device : str, optional
-        Part of an OpenCL device's name.
-    progress : callable, optional
-        Called with the progress, 0…1.
-
-    Yields
-    ------
-    PageView
+    size, device, progress
+        As for `Scene.render`.
     """
     volume = scene.volume()
     caster = Raycaster(volume, device=device)
