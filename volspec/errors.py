@@ -269,11 +269,4 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     return f"did you mean {rest} or {guesses[-1]}? " if rest else f"did you mean {guesses[-1]}? "
 
 
-def require_name(text: str) -> str:
-    """Return a text; raise ValueError if nothing can be seen of it."""
-    if not text.strip():
-        raise ValueError("is blank; give a name")
-    return text
-
-
 __getattr__ = renamed(__name__, {"TableCancelled": "LutCancelled"})

@@ -32,17 +32,9 @@ RELIGHT = "relight it: volspec relight {file} --light LIGHT -o FRAME.png"
 
 
 def require_scene(path: Path, instead: str = RELIGHT) -> None:
-    """Refuse a coefficient image where a scene belongs.
+    """Refuse, by a SceneError, a coefficient image instead of a scene.
 
-    Parameters
-    ----------
-    path : Path
-    instead : str
-        What to do with it, ``{file}`` in place of its name.
-
-    Raises
-    ------
-    SceneError
+    ``instead`` is what to do with the image, ``{file}`` in place of its name.
     """
     if path.suffix.lower() == ".exr" and path.is_file():
         remedy = instead.format(file=shlex.quote(str(path)))
@@ -50,27 +42,15 @@ def require_scene(path: Path, instead: str = RELIGHT) -> None:
 
 
 def require_image(path: Path, instead: str) -> None:
-    """Refuse a scene where a coefficient image belongs; parameters as of `require_scene`.
-
-    Raises
-    ------
-    ImageError
-    """
+    """Refuse, by an ImageError, a scene instead of a coefficient image; see `require_scene`."""
     if path.suffix.lower() == ".toml" and path.is_file():
         remedy = instead.format(file=shlex.quote(str(path)))
         raise ImageError(f"{path}: is a scene, not an image that was cast; {remedy}")
 
 
 def sides(size: str) -> tuple[int, int]:
-    """WIDTHxHEIGHT as numbers.
+    """Return WIDTHxHEIGHT as numbers; ValueError if it is something else, or a side is 0.
 
-    Raises
-    ------
-    ValueError
-        If it is something else, or a side is 0.
-
-    Examples
-    --------
     >>> sides("1024x768")
     (1024, 768)
     """
@@ -99,26 +79,11 @@ LARGEST = 1e9
 def read_triples(
     values: Sequence[float], table: Path | None, names: Sequence[str]
 ) -> NDArray[np.float64]:
-    """Triples from words or from a CSV file.
+    """Return triples, (N, 3), from numbers, three a colour, or from a CSV file.
 
-    Parameters
-    ----------
-    values : sequence of float
-        Three a triple.
-    table : Path, optional
-        CSV: a column for each name, found by the first line, or the first three where that holds
-        numbers; ``-`` is standard input.
-    names : (3,) of str
-        What the numbers are, as ``("X", "Y", "Z")``.
-
-    Returns
-    -------
-    (N, 3) float64
-
-    Raises
-    ------
-    InputError
-        If there is none, their number is no multiple of three, or one is beyond 1e9 or no number.
+    The file has a column for each of ``names``, as ``("X", "Y", "Z")``, found by its first line, or
+    the first three if that holds numbers; ``-`` is standard input. Raises InputError if there is no
+    triple, the numbers are no multiple of three, or one is beyond 1e9 or no number.
     """
     import numpy as np
 
@@ -173,25 +138,12 @@ def _is_number(cell: str) -> bool:
 
 
 def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> Spectrum | LightRig:
-    """A light setting.
+    """Return the light of ``LIGHT``, or of ``GROUP=LIGHT; GROUP=LIGHT; …``.
 
-    Parameters
-    ----------
-    text : str
-        ``LIGHT``, or ``GROUP=LIGHT; GROUP=LIGHT; …``; a part without a group shines from all.
-    groups : {name: share}
-        The image's.
-    grid : SpectralGrid
+    A part without a group shines from all of the image's ``groups``, {name: weight}. Raises
+    InputError if a group is unknown, given twice or without light in the cast, or a light is
+    missing; SpectrumError if a light is unknown.
 
-    Raises
-    ------
-    InputError
-        If a group is unknown, given twice or without light in the cast, or a light is missing.
-    SpectrumError
-        If a light is unknown.
-
-    Examples
-    --------
     >>> from volspec.spectra import DEFAULT_GRID
     >>> groups = {"key": 0.8, "sky": 0.2}
     >>> read_setting("D65*0.7+A*0.3", groups, DEFAULT_GRID).name
@@ -225,21 +177,9 @@ def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> 
 
 
 def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spectrum | LightRig:
-    """A light setting for a stored image, which names its scene's lights but not their spectra.
+    """Return a light of a stored image, which names its scene's lights but not their spectra.
 
-    Parameters
-    ----------
-    image : Path
-        The image's file.
-    text : str
-        As `read_setting`, whose errors these are.
-    stored : CoefficientImage
-        What is in the file.
-
-    Raises
-    ------
-    SpectrumError
-        If the text is no light but that of the scene, or near to one of those.
+    Errors as of `read_setting`; a SpectrumError says so if the text names a light of the scene.
     """
     from volspec.export.compositing import Recipe
 
@@ -275,12 +215,9 @@ def _part(text: str, part: str, grid: SpectralGrid) -> tuple[str, Spectrum]:
 
 
 def _light(text: str, grid: SpectralGrid) -> Spectrum | None:
-    """The text as a LIGHT; None where it can only be one for groups.
+    """Return the text as a LIGHT; None if it can only be one for groups.
 
-    Raises
-    ------
-    SpectrumError
-        If nothing in it speaks of groups.
+    Raises SpectrumError if nothing in it is about groups.
     """
     from volspec.spectra import light
 

@@ -70,10 +70,7 @@ class SceneOptions:
     def conditions(self, white: str) -> ViewingConditions:
         """Return the viewing conditions under a light, or under a white given as ``X,Y,Z``.
 
-        Raises
-        ------
-        InputError
-            If two options say the same, a name is unknown or a number out of range.
+        Raises InputError if two options say the same, a name is unknown or a number out of range.
         """
         from volspec.appearance import Viewing, ViewingConditions
         from volspec.appearance.presets import preset
@@ -160,18 +157,9 @@ class PictureOptions(SceneOptions):
         """Return a scene's ``[viewing]`` with the options instead of its own settings.
 
         What says the same in the scene gives way: its L_A to ``--lux``, its ``discount`` to
-        ``--D`` and the other way round, its display's room to ``--preset``.
-
-        Parameters
-        ----------
-        spec : RelightSpec
-        **others
-            model, mode and backdrop, if the command has them; None is left out.
-
-        Raises
-        ------
-        InputError
-            If two options say the same, one does nothing or is out of range.
+        ``--D`` and the other way round, its display's room to ``--preset``. ``others`` are model,
+        mode and backdrop, if the command has them; None is left out. Raises InputError if two
+        options say the same, one does nothing or is out of range.
         """
         from volspec.appearance.display import ROOM
         from volspec.appearance.presets import preset
@@ -215,13 +203,7 @@ class PictureOptions(SceneOptions):
 
 @contextmanager
 def in_options() -> Iterator[None]:
-    """Name options where models and displays name fields of theirs.
-
-    Raises
-    ------
-    InputError
-        As was raised inside.
-    """
+    """Name options in errors, instead of the fields of models and displays."""
     try:
         yield
     except InputError as error:
