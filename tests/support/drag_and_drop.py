@@ -30,23 +30,9 @@ class DropError(Exception):
 
 
 def drop(display: str, window: int, uris: Sequence[str], place: tuple[int, int]) -> None:
-    """Drag files onto a window, let go, and wait until it has taken them.
+    """Drag files onto a window, let go at a place of the screen, and wait until it has them.
 
-    Parameters
-    ----------
-    display : str
-        As in ``DISPLAY``.
-    window : int
-        Its number.
-    uris : sequence of str
-        What is dragged, as ``file:///a/b%20c.npy``.
-    place : (x, y)
-        Where on the screen it is let go.
-
-    Raises
-    ------
-    DropError
-        If the window does not take it, or does not answer.
+    Raises DropError if the window does not take them, or does not answer.
     """
     with closing(Display(display)) as server:
         source = _Source(server, window, uris)

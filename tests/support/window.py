@@ -47,23 +47,9 @@ def small_engine(folder: Path) -> list[str]:
 
 
 class Robot:
-    """The viewer under Xvfb; a context manager.
+    """The viewer under Xvfb, running in a folder that gets its trace; a context manager.
 
-    Parameters
-    ----------
-    folder : Path
-        For the trace and the pictures; the viewer runs in it.
-    arguments : sequence of str
-        Of ``volspec view``.
-    size : (width, height)
-        Of screen and window.
-    dpi : int
-        Of the screen.
-
-    Attributes
-    ----------
-    environment : {name: text}
-        Of programs that shall see the same screen.
+    Programs with its ``environment`` see the same screen.
     """
 
     def __init__(
@@ -95,8 +81,8 @@ class Robot:
         self.environment.setdefault("VOLSPEC_STATE", str(folder / "state"))
         self.environment["DISPLAY"] = f":{self._server.stdout.readline().strip()}"
         if dpi != 96:
-            said = ("-f", "RESOURCE_MANAGER", "8s", "-set", "RESOURCE_MANAGER", f"Xft.dpi: {dpi}")
-            subprocess.run(["xprop", "-root", *said], env=self.environment, check=True)
+            given = ("-f", "RESOURCE_MANAGER", "8s", "-set", "RESOURCE_MANAGER", f"Xft.dpi: {dpi}")
+            subprocess.run(["xprop", "-root", *given], env=self.environment, check=True)
         self.started = time.time()
         self.viewer = subprocess.Popen(
             [
@@ -130,14 +116,9 @@ class Robot:
     def wait_for(
         self, wanted: Callable[[Row], bool], after: float = -1.0, seconds: float = 120
     ) -> Row:
-        """The first row after a time that is wanted.
+        """The first row after a time that is wanted; TimeoutError, with the last rows, if none is.
 
         A runtime that has no kernel in its cache compiles half a minute on a busy machine.
-
-        Raises
-        ------
-        TimeoutError
-            If it does not come, with what the viewer said.
         """
         end = time.time() + seconds
         while time.time() < end:
@@ -165,13 +146,9 @@ class Robot:
         return self.wait_for(lambda row: row["event"] == "relight" and row["whole"], after)
 
     def rest(self, seconds: float = 120) -> float:
-        """Wait until all that was done has been answered, and nothing is left to do; the time.
-
-        A key that does nothing goes last through the window's queue, so that
-        earlier rows do not count.
-        """
+        """Wait until all that was done has been answered, and nothing is left to do; the time."""
         after = self.rows()[-1]["t"]
-        self.key(_MARK)
+        self.key(_MARK)  # goes last through the window's queue
         marked = self.wait_for(lambda row: row.get("key") == _MARK.lower(), after, seconds)
         rested = self.wait_for(lambda row: row["event"] == "rest", marked["t"], seconds)
         return float(rested["t"])
@@ -231,13 +208,7 @@ class Robot:
         self.do(*words, "mouseup", str(button))
 
     def drop(self, *uris: str) -> None:
-        """Drag files from another program onto the picture, let go, and wait until it has them.
-
-        Parameters
-        ----------
-        *uris : str
-            As ``file:///a/b%20c.npy``.
-        """
+        """Drag files, as ``file:///a/b%20c.npy``, from another program onto the picture."""
         from tests.support.drag_and_drop import drop
 
         x, y = self.middle("picture")

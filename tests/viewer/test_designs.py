@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -286,6 +287,29 @@ def test_the_dialog_s_path_goes_to_the_design(
         ends = {"palette-save": lambda h: bench.notice.text == f"Saved {path}"}
         history = bench.until(history, ends.get(name, lambda h: len(h.past) == 1))
     assert load_palette(path).cells == history.present.palette.targets.cells
+
+
+def test_requested_files_are_there_when_the_window_has_closed(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def slow(_: object, path: str) -> None:
+        time.sleep(0.05)
+        Path(path).touch()
+
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
+    monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", slow)
+    monkeypatch.setattr(designs, "save_palette", slow)
+    bench = Bench()
+    rest = (UiContext(), bench.notice, None, None)
+    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, bench.designs.file)
+    for name in ("export-scene", "palette-save"):
+        answer = REQUESTS[name], str(tmp_path / name)
+        monkeypatch.setattr(FileDialogs, "take", lambda _, answer=answer: answer)
+        file_commands.run(Request("message"), with_target(state, 5))
+        file_commands.take(first=False)
+    file_commands.close(None, faulty=True)
+    bench.designs.close()
+    assert (tmp_path / "export-scene").exists() and (tmp_path / "palette-save").exists()
 
 
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:

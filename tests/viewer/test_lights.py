@@ -328,9 +328,7 @@ def test_states_are_saved_recalled_renamed_and_deleted(state: ViewState) -> None
         assert light_states.recall(two, index) is two
         assert light_states.delete(two, index) is two
         assert light_states.save_over(two, index) is two
-
-
-def test_saving_and_deleting_a_state_can_be_undone(state: ViewState) -> None:
+    # Both can be undone.
     history = History(state).then(light_states.save(state).state, 1)
     history = history.then(light_states.delete(history.present, 0), 2)
     assert history.present.saved_lights == () and len(history.undo().present.saved_lights) == 1

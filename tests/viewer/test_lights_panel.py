@@ -114,11 +114,6 @@ def test_names_at_the_dial_never_overlap(
     assert not inside or kept[0] == inside[0]
 
 
-def test_the_light_under_the_mouse_is_found_at_the_rim_only() -> None:
-    for x, y, found in ((0.05, -1.0, 0), (1.0, 0.02, 1), (0.0, 0.0, -1)):
-        assert lights_dial.light_at(4, x, y, 0.1) == found
-
-
 def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
     """As wide and high as the panel has it in a window of 900 by 600 pixels."""
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 250.0, 103.0), (24.0, 24.5), 10.0, 15.0, wide)
@@ -162,9 +157,11 @@ def test_the_dial_is_smaller_for_long_names_and_stays_where_they_are_short() -> 
     assert sum(lights_dial.extents(LONG, long.radius + 10.0, wide)) <= 330.0
 
 
-def test_a_name_under_the_mouse_stands_for_its_light() -> None:
+def test_a_light_is_found_at_the_rim_and_by_its_name() -> None:
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 330.0, 300.0), (24.0, 105.0), 10.0, 15.0, wide)
     labels = lights_dial.place_labels(LONG, range(6), ring)
     x, y, width, height = next(label for label in labels if label.index == 2).box
     assert lights_dial.label_at(labels, x + width / 2, y + height / 2) == 2
     assert lights_dial.label_at(labels, *ring.middle) == -1
+    for x, y, found in ((0.05, -1.0, 0), (1.0, 0.02, 1), (0.0, 0.0, -1)):
+        assert lights_dial.light_at(4, x, y, 0.1) == found

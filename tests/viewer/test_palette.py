@@ -85,14 +85,6 @@ def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state: ViewSta
     )
 
 
-def test_a_first_wish_casts_once_and_all_that_follows_relights(state: ViewState) -> None:
-    first = with_target(state, 5)
-    assert isinstance(first.transfer.basis, MaterialBasis)
-    assert Difference.between(state, first).stage == "cast"
-    assert Difference.between(first, with_designed(first)).stage == "relight"
-    assert Difference.between(first, with_target(first, 5, "#102030")).stage == "relight"
-
-
 def test_other_spectra_relight_and_everything_else_of_a_transfer_casts(state: ViewState) -> None:
     shown = undressed(state)
     curve = shown.transfer
@@ -137,6 +129,12 @@ def test_a_wish_opens_its_material_and_asks_the_other_colours_to_stay(state: Vie
     assert len(others) == 3 and all(cell.weight == STAY for cell in others)
     # One more in the same row opens nothing else.
     assert with_target(with_target(state, 5), 6).palette.targets.free == targets.free
+    # The first casts once, all that follows relights.
+    first = with_target(state, 5)
+    assert isinstance(first.transfer.basis, MaterialBasis)
+    assert Difference.between(state, first).stage == "cast"
+    assert Difference.between(first, with_designed(first)).stage == "relight"
+    assert Difference.between(first, with_target(first, 5, "#102030")).stage == "relight"
 
 
 def test_kinds_of_wishes_keep_their_weight_and_their_partner(state: ViewState) -> None:

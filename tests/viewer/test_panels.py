@@ -44,7 +44,7 @@ def test_a_colour_is_packed_with_its_own_opacity_and_one_more() -> None:
     assert pack_colour((1.0, 0.0, 0.2, 0.4), 0.5) == 0x333300FF
 
 
-def test_settings_that_do_not_go_together_are_left_as_they_are(state: ViewState) -> None:
+def test_settings_as_they_are_unknown_or_in_conflict_change_nothing(state: ViewState) -> None:
     from volspec.viewer.model.viewing import with_model
 
     seen = with_viewing(RelightSpec(), adapting="pixel")
@@ -52,6 +52,12 @@ def test_settings_that_do_not_go_together_are_left_as_they_are(state: ViewState)
     assert with_viewing(seen, model="Hunt") is seen
     assert with_viewing(seen, discount=True).viewing.discount
     assert viewing.set_white(state, -1.0) is state
+    now = state.relight.viewing
+    assert viewing.set_model(state, now.model) is state
+    assert viewing.set_gamut(state, now.display.gamut) is state
+    assert viewing.set_exposure(state, now.exposure) is state
+    for name in ("model", "adapting", "surround", "room", "space", "gamut", "mode", "level"):
+        assert getattr(viewing, f"set_{name}")(state, "nosuch") is state
 
 
 def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None:
@@ -64,21 +70,10 @@ def test_luminance_follows_the_light_until_it_is_given(state: ViewState) -> None
     own = viewing.toggle_own_luminance(state)
     assert viewing.set_luminance(own, 5.0).relight.viewing.L_A == 5.0
     assert viewing.toggle_own_luminance(own).relight.viewing == state.relight.viewing
-
-
-def test_a_brighter_display_is_adapted_to(state: ViewState) -> None:
+    # A brighter display is adapted to.
     display = state.relight.viewing.display
     brighter = viewing.set_white(state, 3 * display.white_cd_m2).relight.viewing.display
     np.testing.assert_allclose(brighter.L_A, 3 * display.L_A)
-
-
-def test_settings_as_they_are_or_of_no_such_name_change_nothing(state: ViewState) -> None:
-    now = state.relight.viewing
-    assert viewing.set_model(state, now.model) is state
-    assert viewing.set_gamut(state, now.display.gamut) is state
-    assert viewing.set_exposure(state, now.exposure) is state
-    for name in ("model", "adapting", "surround", "room", "space", "gamut", "mode", "level"):
-        assert getattr(viewing, f"set_{name}")(state, "nosuch") is state
 
 
 def test_a_room_is_named_until_its_numbers_change() -> None:

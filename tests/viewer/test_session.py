@@ -192,7 +192,8 @@ _EDITS: tuple[tuple[Code | None, str, Callable[[dict[str, Any]], Any]], ...] = (
     ("type", "session.view.up", lambda d: d["state"].update(view={"is": "View", "up": [0, 0]})),
     (None, "session.shading", lambda d: d["state"]["shading"].update(ambient=-1.0)),
     (None, "session.view", lambda d: d["state"]["view"].update(zoom=0.0)),
-    (None, "session.view", lambda d: d["state"]["view"].update(zoom=float("nan"))),
+    # So far away that its camera is nowhere.
+    (None, "session.view", lambda d: d["state"]["view"].update(zoom=1e-320)),
     ("type", "session.palette", lambda d: d["state"].update(palette="none")),
     ("type", "session.palette", lambda d: d["state"]["palette"].update({"is": "Plank"})),
     ("type", "session.palette.targets", lambda d: d["state"]["palette"].update(targets=7)),

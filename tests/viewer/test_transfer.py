@@ -186,6 +186,16 @@ def test_a_region_follows_its_sides_and_has_no_end_above_the_axis(state: ViewSta
     assert len(list_parts(added.transfer)) == 3 and added.interface.part == 2
 
 
+def test_labels_are_added_and_removed_by_number(state: ViewState) -> None:
+    state = of_kind(state, "labels")
+    added = transfer_edits.add_point(state, 3.2, 0.5)
+    assert values_of(added) == [1, 7, 3] and added.interface.part == 2
+    assert list_parts(added.transfer)[2].mix == {"gold": 1.0}
+    assert transfer_edits.add_point(added, 7.0, 0.5) is added
+    assert values_of(transfer_edits.remove_point(added, 0)) == [7, 3]
+    assert transfer_edits.move_point(added, 0, 0.1, 0.1) is added
+
+
 @pytest.mark.parametrize("kind", ["points", "surfaces"])
 def test_a_point_without_room_takes_only_an_opacity(state: ViewState, kind: str) -> None:
     rows = [(0.0, 0.1, "copper"), (0.5, 0.1, "copper"), (0.5005, 0.2, "gold"), (0.501, 0.3, "gold")]
@@ -311,6 +321,9 @@ def test_opacity_by_gradient_hides_what_is_flat_and_is_one_step_of_undo(state: V
     assert curve_of(transfer_edits.toggle_gradient_opacity(on)).gradient_opacity is None
     history = History(state).then(on, 1)
     assert history.undo().present.transfer is state.transfer
+    # It does not go with filters.
+    state = replace(state, transfer=filtered(state))
+    assert transfer_edits.toggle_gradient_opacity(state) is state
 
 
 def test_the_scenes_own_factors_come_back(state: ViewState) -> None:
@@ -319,11 +332,6 @@ def test_the_scenes_own_factors_come_back(state: ViewState) -> None:
     off = transfer_edits.toggle_gradient_opacity(state)
     assert factors_of(off) == []
     assert factors_of(transfer_edits.toggle_gradient_opacity(off)) == [(0.0, 0.5), (9.0, 1.0)]
-
-
-def test_filters_and_opacity_by_gradient_do_not_go_together(state: ViewState) -> None:
-    state = replace(state, transfer=filtered(state))
-    assert transfer_edits.toggle_gradient_opacity(state) is state
 
 
 def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(state: ViewState) -> None:

@@ -124,22 +124,21 @@ def set_target_weight(state: ViewState, number: int, weight: float | None) -> Vi
 def set_target_group(state: ViewState, number: int, name: str) -> ViewState:
     """Set the group of a free cell; an empty name changes nothing."""
     group = name.strip()
-    if not group:
-        return state
-    return _with_cell(
-        state, number, lambda own: replace(own, group=group) if own and own.kind == "free" else own
-    )
+    return _with_kind(state, number, "free", group=group) if group else state
 
 
 @edit
 def set_target_distance(state: ViewState, number: int, distance: float) -> ViewState:
     """Set the ΔE of a distinct cell from another."""
-    own_distance = clamp(distance, *palette_targets.DISTANCES)
+    own = clamp(distance, *palette_targets.DISTANCES)
+    return _with_kind(state, number, "distinct", distance=own)
 
-    def change(own: Cell | None) -> Cell | None:
-        return replace(own, distance=own_distance) if own and own.kind == "distinct" else own
 
-    return _with_cell(state, number, change)
+def _with_kind(state: ViewState, number: int, kind: str, **changes: Any) -> ViewState:
+    """Change fields of a cell's target, if it is of a kind."""
+    return _with_cell(
+        state, number, lambda own: replace(own, **changes) if own and own.kind == kind else own
+    )
 
 
 @edit
