@@ -178,12 +178,7 @@ class Compute:
             )
 
     def _buffer(
-        self,
-        flags: int,
-        nbytes: int,
-        array: NDArray[Any] | None = None,
-        *,
-        counted: bool = True,
+        self, flags: int, nbytes: int, array: NDArray[Any] | None = None, *, counted: bool = True
     ) -> cl.Buffer:
         import pyopencl as cl
 

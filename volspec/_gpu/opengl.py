@@ -124,19 +124,19 @@ def window_context() -> moderngl.Context:
 
 
 @cache
-def _egl() -> ctypes.CDLL | None:
+def pointer_function(library: str, name: str) -> Any:
+    """Return a function of a library that returns a pointer; without either, one that gives 0."""
     try:
-        library = ctypes.CDLL("libEGL.so.1")
-    except OSError:
-        return None
-    library.eglGetCurrentContext.restype = ctypes.c_void_p
-    return library
+        found = getattr(ctypes.CDLL(library), name)
+    except (OSError, AttributeError):
+        return int
+    found.restype = ctypes.c_void_p
+    return found
 
 
 def egl_handle() -> int:
     """Return the EGL context current on this thread; 0 without one or without EGL."""
-    egl = _egl()
-    return int(egl.eglGetCurrentContext() or 0) if egl else 0
+    return int(pointer_function("libEGL.so.1", "eglGetCurrentContext")() or 0)
 
 
 @contextmanager

@@ -67,15 +67,6 @@ _NUMPY_TYPES = {"float": ("f4", 1), "int": ("i4", 1), "float4": ("f4", 4), "int4
 class Struct:
     """A struct of OpenCL C that the host fills.
 
-    Parameters
-    ----------
-    name : str
-    members : tuple of (type, names, meaning)
-        ``float``, ``int``, ``float4`` or ``int4``; names are separated by commas, an array's is
-        followed by its length in brackets. Vectors come first, where they are aligned.
-
-    Examples
-    --------
     >>> pair = Struct("Pair", (("float4", "a, b[2]", "two places"), ("int", "n", "")))
     >>> pair.dtype.itemsize, pair.dtype["b"].shape
     (64, (2, 4))
@@ -87,6 +78,8 @@ class Struct:
     """
 
     name: str
+    # Type (float, int, float4 or int4), names and meaning. Names are separated by commas, an
+    # array's is followed by its length in brackets. Vectors come first, where they are aligned.
     members: tuple[tuple[str, str, str], ...]
     dtype: np.dtype[np.void] = field(init=False)
 

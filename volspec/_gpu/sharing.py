@@ -6,16 +6,14 @@ Optional: without it pictures go from one to the other through the host, which w
 
 from __future__ import annotations
 
-import ctypes
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from volspec._gpu.devices import DEVICE_VARIABLE
-from volspec._gpu.opengl import describe, egl_handle, made_current
+from volspec._gpu.opengl import describe, egl_handle, made_current, pointer_function
 from volspec.errors import OpenCLError, VolspecError, one_line
 
 if TYPE_CHECKING:
@@ -43,21 +41,11 @@ class Current:
     display_property: str
 
 
-@cache
-def _function(library: str, function: str) -> Any:
-    try:
-        found = getattr(ctypes.CDLL(library), function)
-    except (OSError, AttributeError):
-        return int
-    found.restype = ctypes.c_void_p
-    return found
-
-
 def current() -> Current | None:
     """Return the OpenGL context current on this thread; None if EGL and GLX have none."""
     for library, context, display, name in _APIS:
-        if handle := _function(library, context)():
-            return Current(handle, _function(library, display)() or 0, name)
+        if handle := pointer_function(library, context)():
+            return Current(handle, pointer_function(library, display)() or 0, name)
     return None
 
 

@@ -76,10 +76,9 @@ class StoredBasis(ABC):
 
         Raises
         ------
-        BasisError
-            If the last axis is not m, or holds anything but finite numbers.
-        SpectrumError
-            If the light is invisible or does not cover the grid.
+        BasisError, SpectrumError
+            If the last axis is not m finite numbers; if the light is invisible or leaves the
+            grid.
         """
         return require_channels(self, coefficients) @ self.colour_matrix(light).T
 
@@ -106,14 +105,12 @@ class StoredBasis(ABC):
         return basis_report(cast("Basis", self), lights, reflectances)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a .json file; it appears whole or not at all.
+        """Write a .json file, whole or not at all.
 
         Raises
         ------
-        BasisError
-            If it is not named .json.
-        InputError
-            If it cannot be written there.
+        BasisError, InputError
+            If it is not named .json, or cannot be written there.
         """
         storage.write(path, self.to_dict())
 

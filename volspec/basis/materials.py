@@ -151,10 +151,8 @@ class MaterialBasis(StoredBasis):
 
         Raises
         ------
-        SpectrumError
-            If the light has negative power or no luminous energy, or does not cover the grid.
-        BasisError
-            If the mode is unknown.
+        BasisError, SpectrumError
+            If the mode is unknown; if the light is impossible, see `SpectralBasis.display_matrix`.
         """
         display.require_mode(mode)
         E = light_power(light, self.grid)
@@ -162,12 +160,7 @@ class MaterialBasis(StoredBasis):
         return np.asarray((Q * E) @ self._reflectances().T * (100.0 / (Q[1] @ E)))
 
     def with_reflectances(self, changes: Mapping[str, Spectrum]) -> MaterialBasis:
-        """Replace reflectances; the channels stay.
-
-        Parameters
-        ----------
-        changes : {name: Spectrum}
-            New reflectances of some materials.
+        """Replace reflectances of some materials, {name: Spectrum}; the channels stay.
 
         Raises
         ------

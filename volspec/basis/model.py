@@ -130,10 +130,8 @@ class SpectralBasis(StoredBasis):
 
         Raises
         ------
-        BasisError
-            If there are none.
-        SpectrumError
-            If one does not cover the grid.
+        BasisError, SpectrumError
+            If there are none, or one does not cover the grid.
         """
         require_materials(materials, f"basis {self.name!r}")
         return self.analyse(list(materials.values())).reshape(-1, self.size)
@@ -143,7 +141,9 @@ class SpectralBasis(StoredBasis):
         return require_channels(self, coefficients) @ self.synthesis.T
 
     def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
-        """Return the matrix from a picture's channels to XYZ under a light.
+        """Return the (3, m) matrix from a picture's channels to XYZ under a light.
+
+        Times `white` it is the light's white to rounding, Y = 100.
 
         Parameters
         ----------
@@ -153,17 +153,10 @@ class SpectralBasis(StoredBasis):
             ``light_matrix(light)``, no factor model; or D R(e), the product inside the
             subspace that the componentwise one approximates ([1] eq. 7).
 
-        Returns
-        -------
-        (3, m) float64
-            Times `white`, the light's white to rounding, Y = 100.
-
         Raises
         ------
-        BasisError
-            If the mode is unknown.
-        SpectrumError
-            See `display_matrix`.
+        BasisError, SpectrumError
+            If the mode is unknown; see `display_matrix`.
         """
         display.require_mode(mode)
         if mode == "exact":
@@ -176,18 +169,13 @@ class SpectralBasis(StoredBasis):
         return display.display_matrix(self.XYZ_from_channels @ R, self.white, E, self._Q)
 
     def display_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """Return K with XYZ = K (e * c), e = analyse(light), c the reflectance's channels.
+        """Return K (3, m) with XYZ = K (e * c), e = analyse(light), c the reflectance's channels.
 
         K is D with each row scaled so that the light's white is exactly the XYZ of its full
-        spectrum. Stretch stops at a factor of two (lights with little X or Z), and the rest is
-        added in proportion to Y; a row below a thousandth of Y follows Y entirely. K varies
+        spectrum, Y = 100. Stretch stops at a factor of two (lights with little X or Z), and the
+        rest is added in proportion to Y; a row below a thousandth of Y follows Y entirely. K varies
         continuously with the light, but not linearly: pictures under two lights add up to the
         picture under both only approximately.
-
-        Returns
-        -------
-        (3, m) float64
-            Y = 100 for a perfect diffuser.
 
         Raises
         ------
@@ -198,20 +186,11 @@ class SpectralBasis(StoredBasis):
         return display.display_matrix(self.XYZ_from_channels, self.analysis @ E, E, self._Q)
 
     def light_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """Return P_E = kappa Q diag(E) B: XYZ = P_E c with no factor model.
+        """Return P_E = kappa Q diag(E) B, (3, m): XYZ = P_E c with no factor model.
 
         Linear in the light if B 1 = 1, so that lights add. With ``pca`` and ``pca-sharpened``
-        its rows are stretched as in `display_matrix`, so that white is exact.
-
-        Returns
-        -------
-        (3, m) float64
-            Y = 100 for a perfect diffuser.
-
-        Raises
-        ------
-        SpectrumError
-            See `display_matrix`.
+        its rows are stretched as in `display_matrix`, so that white is exact. Errors are those of
+        `display_matrix`.
         """
         E, Q = light_power(light, self.grid), self._Q
         kappa = 100.0 / (Q[1] @ E)
@@ -219,20 +198,11 @@ class SpectralBasis(StoredBasis):
         return display.white_exact(matrix, self.white, kappa * (Q @ E))
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """Return R(e): a reflectance's channels to the colour signal's, inside the subspace.
+        """Return R(e), (m, m): reflectance channels to the colour signal's, inside the subspace.
 
-        R(e)_ij = sum_k A_i (B_j * B_k) e_k ([1] eq. 7, A = B^+). Linear in the light; diagonal
-        if the componentwise product is exact.
-
-        Returns
-        -------
-        (m, m) float64
-            On the light's scale, see `analyse`.
-
-        Raises
-        ------
-        SpectrumError
-            See `display_matrix`.
+        R(e)_ij = sum_k A_i (B_j * B_k) e_k ([1] eq. 7, A = B^+), on the light's scale. Linear in
+        the light; diagonal if the componentwise product is exact. Errors are those of
+        `display_matrix`.
         """
         e = self.analysis @ light_power(light, self.grid)
         return self.analysis @ (self.synthesis * (self.synthesis @ e)[:, None])
@@ -297,12 +267,7 @@ class SpectralBasis(StoredBasis):
             reflectance_weights=reflectance_weights,
         )
         A, B, D = fit_basis(
-            training,
-            size,
-            method,
-            positive=positive,
-            smoothness=smoothness,
-            restarts=restarts,
+            training, size, method, positive=positive, smoothness=smoothness, restarts=restarts
         )
         return cls(
             name=name if name != "" else f"{method}-{size}",
@@ -320,11 +285,6 @@ class SpectralBasis(StoredBasis):
         """Return the basis without reduction: every band is a channel, and every product exact.
 
         The reference for other bases, if a picture can be cast with so many channels.
-
-        Examples
-        --------
-        >>> SpectralBasis.bands().size
-        31
         """
         require_grid_and_observer(grid, observer_deg, "bands")
         Q = colour_matching_functions(grid, observer_deg)

@@ -377,9 +377,7 @@ def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:
     return [light.on(grid) for light in lights]
 
 
-def _own_samples(
-    basis: SpectralBasis | MaterialBasis,
-) -> tuple[Reflectances, Sequence[str]]:
+def _own_samples(basis: SpectralBasis | MaterialBasis) -> tuple[Reflectances, Sequence[str]]:
     """Return the default reflectances for a basis, and their names."""
     if isinstance(basis, MaterialBasis):
         return list(basis.materials.values()), list(basis.materials)

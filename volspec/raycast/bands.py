@@ -76,12 +76,8 @@ class Bands:
         tile_ms: float,
         pack: Pack | None = None,
     ) -> None:
-        self._compute = compute
-        self._result = result
-        self._tile = tile
-        self._group = group
-        self._tile_ms = tile_ms
-        self._pack = pack
+        self._compute, self._result, self._pack = compute, result, pack
+        self._tile, self._group, self._tile_ms = tile, group, tile_ms
         self._clipped = False
         height, width = result.alpha.shape
         self._columns = -(-width // (tile[0] * group[0])) * group[0]

@@ -54,10 +54,9 @@ class Raycaster:
 
     Raises
     ------
-    RaycastError
-        If an argument is of another type.
-    OpenCLError
-        If there is no device, the volume does not fit it, or it does not share the context.
+    RaycastError, OpenCLError
+        If an argument is of another type; if there is no device, the volume does not fit it, or it
+        does not share the context.
     """
 
     def __init__(
@@ -154,20 +153,13 @@ class Raycaster:
         receiver : Receiver, optional
             Receives each band, on the device; incomplete if the cast fails.
 
-        Returns
-        -------
-        Result
-            Coefficients, alpha and two depths; see there for shapes and units.
-
         Raises
         ------
-        RaycastError
+        RaycastError, OpenCLError
             If the size is not positive, progress or cancel cannot be called, or the crop leaves
-            nothing.
+            nothing; if memory does not suffice.
         CastCancelled
             If ``cancel`` returned True.
-        OpenCLError
-            If memory does not suffice.
         """
         check_callable("raycast: progress", progress)
         check_callable("raycast: cancel", cancel)

@@ -125,10 +125,7 @@ class CoefficientImage:
     def layer(self, group: str) -> NDArray[Any]:
         """Return (H, W, M) the channels of one light group: a view.
 
-        Raises
-        ------
-        ImageError
-            If the image has no such group.
+        Raises ImageError if the image has no such group.
         """
         if group not in self.groups:
             raise ImageError(
@@ -141,19 +138,13 @@ class CoefficientImage:
         return self.coefficients[..., first : first + size]
 
     def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:
-        """Return the same cast with other reflectances of its materials.
-
-        Parameters
-        ----------
-        reflectances : {material: Spectrum}
-            Materials that change.
+        """Return the same cast with other reflectances of some of its materials, {name: Spectrum}.
 
         Raises
         ------
-        ImageError
-            If the image was not cast with a `MaterialBasis`.
-        BasisError
-            If a name is unknown or a value is no reflectance.
+        ImageError, BasisError
+            If the image was not cast with a `MaterialBasis`; if a name is unknown or a value is no
+            reflectance.
         """
         if not isinstance(self.basis, MaterialBasis):
             raise ImageError(
@@ -198,11 +189,9 @@ class CoefficientImage:
 
         Raises
         ------
-        ImageError
-            If radiances come without their light, or reflectances with one; or if the light
-            leaves a band dark.
-        SpectrumError
-            If the picture does not cover the basis' grid.
+        ImageError, SpectrumError
+            If radiances come without their light, or reflectances with one, or the light leaves a
+            band dark; if the picture does not cover the basis' grid.
         """
         if not (isinstance(image, SpectralImage) and isinstance(basis, SpectralBasis)):
             raise ImageError(
@@ -254,11 +243,9 @@ class CoefficientImage:
 
         Raises
         ------
-        ImageError
+        ImageError, ShapeError
             If the name does not end in ``.exr``, a text has a reserved name, or the file cannot be
-            written.
-        ShapeError
-            If the preview has another size.
+            written; if the preview has another size.
         """
         write_image(path, self, preview, texts or {})
 

@@ -21,7 +21,8 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -192,29 +193,17 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
             "render the scene again",
             code="unsupported",
         )
-    try:
+    with _refusing(f"{name}: its basis is refused"):
         basis = basis_from_dict(parse_json(header["volspec:basis"]))
         notes = dict(parse_json(header.get("volspec:notes", "{}")))
-    except (BasisError, ValueError, KeyError, TypeError) as error:
-        raise ImageError(
-            f"{name}: its basis is refused ({error})", "render again", code="damaged"
-        ) from error
-    try:
+    with _refusing(f"{name}: its light groups are refused"):
         stored = ONE_GROUP if version == 1 else parse_json(header["volspec:groups"])
         groups = checked_groups(stored)
-    except (ImageError, ValueError, KeyError, TypeError) as error:
-        raise ImageError(
-            f"{name}: its light groups are refused ({error})", "render again", code="damaged"
-        ) from error
     names = channel_names if version == FORMAT else old_channel_names
     coefficients, alpha = _checked_pixels(name, pixels, names(groups, basis.size))
     first = pixels.get("first.Z" if version == FORMAT else "ZFirst")
-    try:
+    with _refusing(f"{name}: its volspec:fov_deg is refused"):
         fov_deg = parse_json(header.get("volspec:fov_deg", "null"))
-    except (ValueError, TypeError) as error:
-        raise ImageError(
-            f"{name}: volspec:fov_deg cannot be read ({error})", code="damaged"
-        ) from error
     return {
         "coefficients": coefficients,
         "alpha": alpha,
@@ -225,6 +214,15 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
         "first_mm": None if first is None else first.astype(np.float32),
         "fov_deg": fov_deg,
     }
+
+
+@contextmanager
+def _refusing(problem: str) -> Iterator[None]:
+    """Turn a fault of a field of the header into an ImageError."""
+    try:
+        yield
+    except (BasisError, ImageError, ValueError, KeyError, TypeError) as error:
+        raise ImageError(f"{problem} ({error})", "render again", code="damaged") from error
 
 
 def _checked_pixels(name: str, pixels: Channels, wanted: list[str]) -> tuple[Any, Any]:

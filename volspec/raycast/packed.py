@@ -48,11 +48,7 @@ CAST = Struct(
         ("float", "domain_low, domain_rest", "value of table entry 0, as the sum of two"),
         ("float", "domain_scale", "table entries per value"),
         ("float", "last_entry", "of the table"),
-        (
-            "float",
-            "row_scale, last_row",
-            "table rows per gradient; the last row",
-        ),
+        ("float", "row_scale, last_row", "table rows per gradient; the last row"),
         ("float", "min_transmittance", "at which a ray ends"),
         ("float", "first_opacity", "at which a ray counts as having hit something"),
         ("float", "gradient_scale", "central difference -> fraction of the volume's range"),

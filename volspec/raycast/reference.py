@@ -97,12 +97,7 @@ class _March:
     """Compositing of all rays, step by step; other casts override parts of it."""
 
     def __init__(
-        self,
-        volume: Volume,
-        table: Any,
-        camera: Camera,
-        spec: RaycastSpec,
-        rays: Rays,
+        self, volume: Volume, table: Any, camera: Camera, spec: RaycastSpec, rays: Rays
     ) -> None:
         self.volume, self.table, self.camera = volume, table, camera
         self.spec, self.rays = spec, rays

@@ -11,24 +11,8 @@ from pydantic import AfterValidator, BeforeValidator, Field
 
 from volspec.errors import InputError, RaycastError
 from volspec.raycast.checks import Direction, Weight
-from volspec.raycast.lights import (
-    HEADLIT,
-    MAX_GROUPS,
-    MAX_SOURCES,
-    Ambient,
-    LightGroup,
-    as_tuple,
-)
-from volspec.settings import (
-    PYTHON_ONLY,
-    Box,
-    Fraction,
-    Hint,
-    Positive,
-    Unit,
-    Vector,
-    settings,
-)
+from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, as_tuple
+from volspec.settings import PYTHON_ONLY, Box, Fraction, Hint, Positive, Unit, Vector, settings
 from volspec.volume import Volume
 
 Mode = Literal["composite", "maximum", "average"]
@@ -123,9 +107,7 @@ class RaycastSpec:
     ) = None
     """From and to along x, y, z: what stays, in voxel indices (after downsample)."""
     clip_planes: Annotated[
-        tuple[ClipPlane, ...],
-        BeforeValidator(as_tuple),
-        Field(strict=False, max_length=MAX_PLANES),
+        tuple[ClipPlane, ...], BeforeValidator(as_tuple), Field(strict=False, max_length=MAX_PLANES)
     ] = ()
     """Up to six planes; the side of the normal stays."""
     light_cells: Annotated[int, Field(ge=8, le=512)] = 96

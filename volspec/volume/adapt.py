@@ -18,10 +18,7 @@ if TYPE_CHECKING:
 
 
 def volume_from_pyvista(
-    grid: pyvista.ImageData,
-    scalars: str | None = None,
-    *,
-    name: str = "pyvista grid",
+    grid: pyvista.ImageData, scalars: str | None = None, *, name: str = "pyvista grid"
 ) -> Volume:
     """Convert a pyvista ``ImageData``: its scalars, spacing, origin and direction.
 

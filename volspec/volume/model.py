@@ -188,7 +188,7 @@ class Volume:
         Raises
         ------
         VolumeError
-            If it is not an ``ImageData``, has no such array, or the array has several components.
+            If it is not one, has no such array, or the array has several components.
         """
         from volspec.volume.adapt import volume_from_pyvista
 

@@ -93,10 +93,7 @@ def read_in_child(query: Query) -> Reading:
     idle.append(process)
     world = answer["world_from_index"]
     return Reading(
-        values,
-        answer["spacing_mm"],
-        None if world is None else np.array(world),
-        answer["remarks"],
+        values, answer["spacing_mm"], None if world is None else np.array(world), answer["remarks"]
     )
 
 

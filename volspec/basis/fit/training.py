@@ -66,12 +66,7 @@ class Training:
         weights = np.append(self.reflectance_weights, _WHITE_SHARE * len(self.S))
         S = np.concatenate([self.S, np.ones((1, self.grid.size))])
         return Training(
-            self.E,
-            S,
-            self.light_weights,
-            weights / weights.mean(),
-            self.grid,
-            self.observer_deg,
+            self.E, S, self.light_weights, weights / weights.mean(), self.grid, self.observer_deg
         )
 
 

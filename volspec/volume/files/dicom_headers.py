@@ -44,43 +44,20 @@ class Series:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """Header of one file.
-
-    Parameters
-    ----------
-    path : Path
-    uid : str
-        UID of the instance; copies of a file share it.
-    series : Series
-    number : int
-        Number of the instance in its series.
-    size : (columns, rows, frames)
-    components, itemsize : int
-        Values per pixel, and bytes per value.
-    spacing_mm : (x, y, z)
-        The last is that of frames.
-    directions : (3, 3) float64
-        Columns are the directions of columns, rows and frames.
-    origin_mm : (3,) float64
-        Centre of the first pixel.
-    placed : bool
-        True if a position is stated for the file as a whole.
-    thickness_mm : float, optional
-        Distance of slices if stated, else their thickness.
-    """
+    """Header of one file."""
 
     path: Path
-    uid: str
+    uid: str  # of the instance; copies of a file share it
     series: Series
-    number: int
-    size: tuple[int, int, int]
-    components: int
-    itemsize: int
-    spacing_mm: tuple[float, float, float]
-    directions: NDArray[np.float64]
-    origin_mm: NDArray[np.float64]
-    placed: bool
-    thickness_mm: float | None
+    number: int  # of the instance in its series
+    size: tuple[int, int, int]  # columns, rows, frames
+    components: int  # values per pixel
+    itemsize: int  # bytes per value
+    spacing_mm: tuple[float, float, float]  # the last is that of frames
+    directions: NDArray[np.float64]  # (3, 3), columns: those of columns, rows and frames
+    origin_mm: NDArray[np.float64]  # (3,), centre of the first pixel
+    placed: bool  # a position is stated for the file as a whole
+    thickness_mm: float | None  # distance of slices if stated, else their thickness
 
     def fits_stack(self, other: Slice) -> bool:
         """Return True if both have the same size and orientation, as slices of one stack."""

@@ -48,8 +48,7 @@ def check_itk_header(path: Path) -> None:
         in_range = True  # left to ITK's message
     if not in_range:
         raise VolumeError(
-            f"{path}: {quoted(dimensions)} dimensions; expected 3, correct the header",
-            code="shape",
+            f"{path}: {quoted(dimensions)} dimensions; expected 3, correct the header", code="shape"
         )
     sizes = fields.get("sizes") or fields.get("DimSize") or ""
     if not all(is_count(word) and int(word) > 0 for word in sizes.split()):

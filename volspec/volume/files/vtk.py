@@ -61,10 +61,7 @@ def read_vtk(query: Query) -> Reading:
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     logging.disable(logging.ERROR)
     try:
-        with (
-            VtkErrorCatcher(raise_errors=True, send_to_logging=False),
-            warnings.catch_warnings(),
-        ):
+        with VtkErrorCatcher(raise_errors=True, send_to_logging=False), warnings.catch_warnings():
             # pyvista turns errors that it catches into warnings.
             warnings.filterwarnings("error", ".*raised an error while reading", UserWarning)
             grid = pyvista.read(path)
