@@ -169,8 +169,10 @@ def test_a_faint_medium_keeps_its_digits(kind: str, adaptive: float, lanes: int)
     caster, table = Raycaster(body(kind), lanes=lanes), matter(kind, 1e-9, 1.0)
     for thickness in (0.3, 6.3):
         spec = cut(thickness, step_mm=1.0, adaptive=adaptive)
-        alpha = caster.cast(table, through(), (5, 5), spec).alpha
+        colour, alpha, depth, _ = caster.cast(table, through(), (5, 5), spec)
         assert np.abs(alpha / (1e-9 * thickness) - 1).max() < 2e-5
+        # Under flat white light the channels of a white medium are its alpha.
+        assert np.allclose(colour[..., 0], alpha, rtol=1e-5) and np.isfinite(depth).all()
 
 
 @LANES

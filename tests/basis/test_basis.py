@@ -101,9 +101,7 @@ def test_colour_does_not_depend_on_the_lights_level(general: SpectralBasis) -> N
     assert general.xyz(c, LIGHTS[0] * 1e4) == pytest.approx(general.xyz(c, LIGHTS[0]))
 
 
-def test_display_matrix_is_continuous_towards_a_light_without_blue(
-    general: SpectralBasis,
-) -> None:
+def test_display_matrix_is_continuous_towards_a_light_without_blue(general: SpectralBasis) -> None:
     def matrix(share: float) -> np.ndarray:
         return general.display_matrix(light(f"LPS*{1 - share}+D65*{share}"))
 

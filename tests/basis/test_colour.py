@@ -14,14 +14,7 @@ from tests.support.errors import raises
 from volspec.basis import SpectralBasis
 from volspec.basis.make import NAMES, fit_shipped
 from volspec.errors import BasisError
-from volspec.spectra import (
-    DEFAULT_GRID,
-    Spectrum,
-    light,
-    light_set,
-    reflectance,
-    reflectance_set,
-)
+from volspec.spectra import DEFAULT_GRID, Spectrum, light, light_set, reflectance, reflectance_set
 
 # Paper 001 figure 2, the spectra printed without damage (errata of the papers' list).
 _SPLIT1 = """.6678 1.102 1.107 .6561 .1297 .043 .4404 .8899 .9883 .7145 .273 0 .2365 1.07 1.065

@@ -28,11 +28,7 @@ def few_products(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("options", "mean", "maximum"),
     # Measured on the three grids: .009 .010 .010 (max .08); .13 .14 .14 (1.4); .25 to .29 (4.4).
-    [
-        ({}, 0.012, 0.11),
-        ({"positive": True}, 0.16, 1.6),
-        ({"method": "pca-sharpened"}, 0.32, 5.0),
-    ],
+    [({}, 0.012, 0.11), ({"positive": True}, 0.16, 1.6), ({"method": "pca-sharpened"}, 0.32, 5.0)],
     ids=["virtual-sensors", "positive", "pca-sharpened"],
 )
 def test_componentwise_errors_are_alike_on_every_grid(

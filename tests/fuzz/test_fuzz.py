@@ -87,8 +87,7 @@ def test_memory_beyond_what_a_file_declares_is_a_finding(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("code", "kind"),
-    [("import time; time.sleep(60)", "hang"), ("import os; os.abort()", "death")],
+    ("code", "kind"), [("import time; time.sleep(60)", "hang"), ("import os; os.abort()", "death")]
 )
 def test_a_process_that_hangs_or_dies_leaves_its_input(
     code: str, kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -68,9 +68,7 @@ def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, back
     assert blocks_left_by(lambda _: Relighter(grey, backend).close(), 10) < 100
 
 
-def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
-    engine: Volume,
-) -> None:
+def test_transfer_functions_views_and_settings_that_changed_take_no_memory(engine: Volume) -> None:
     caster = Raycaster(engine)
     copper = {"copper": vs.reflectance("copper")}
     transfer = vs.TransferFunction(

@@ -111,10 +111,7 @@ ODD = {
     "3": 0.0078125,
 }
 # Nuke keeps letters, digits and _ of a name; Blender truncates it to 63.
-LAYERS = (
-    *("key_left", "fill_light_50", "g2E", "Lucke", "a_b_c" * 8),
-    *("KEY_LEFT_2", "g", "g3"),
-)
+LAYERS = (*("key_left", "fill_light_50", "g2E", "Lucke", "a_b_c" * 8), *("KEY_LEFT_2", "g", "g3"))
 
 
 def grouped(image: CoefficientImage, kind: type = np.float32) -> CoefficientImage:

@@ -22,18 +22,6 @@ COPPER = {"copper": vs.reflectance("copper")}
 TRANSFER = vs.TransferFunction([(60, 0.0, "copper"), (200, 0.3, "copper")], COPPER, BASIS)
 
 
-def test_progress_rises_to_one(engine: Volume, engine_table: TransferTable) -> None:
-    finished: list[float] = []
-    Raycaster(engine).cast(
-        engine_table,
-        vs.Camera.orbit(engine),
-        (256, 256),
-        vs.RaycastSpec(tile_ms=1),
-        progress=finished.append,
-    )
-    assert finished == sorted(set(finished)) and finished[-1] == 1 and len(finished) > 3
-
-
 def test_a_cancelled_cast_ends_soon_and_leaves_the_caster_well(
     engine: Volume, engine_table: TransferTable
 ) -> None:

@@ -89,9 +89,9 @@ def curve(low: float, high: float) -> TransferTable:
 
 @pytest.mark.parametrize("lanes", [1, pytest.param(4, marks=pytest.mark.slow), 8])
 def test_engine_matches_reference_at_every_packet_width(
-    engine: Volume, engine_table: TransferTable, lanes: int
+    half_engine: Volume, engine_table: TransferTable, lanes: int
 ) -> None:
-    assert_alike(engine, engine_table, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
+    assert_alike(half_engine, engine_table, lit(SUN, LAMP, BULB, SKY, cells=29), lanes=lanes)
 
 
 @pytest.mark.parametrize("cells", [9, 24, 40])
@@ -107,21 +107,23 @@ def test_oblique_anisotropic_volume_matches_reference(cells: int) -> None:
     "towards", [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1), (-3, 2, -1)]
 )
 def test_light_from_every_side_matches_reference(
-    engine: Volume, engine_table: TransferTable, towards: tuple[int, int, int]
+    half_engine: Volume, engine_table: TransferTable, towards: tuple[int, int, int]
 ) -> None:
-    assert_alike(engine, engine_table, lit(Directional(towards, shadows=True)))
+    assert_alike(half_engine, engine_table, lit(Directional(towards, shadows=True)))
 
 
 def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
-    engine: Volume, engine_table: TransferTable
+    half_engine: Volume, engine_table: TransferTable
 ) -> None:
     """Also on a node, where the way has no length."""
-    x, y, z = np.array(engine.corners_mm[7]) / 2
-    on_a_node = tuple(engine.corners_mm[7] * (8 / 23, 12 / 23, 0))
+    x, y, z = np.array(half_engine.corners_mm[7]) / 2
+    on_a_node = tuple(half_engine.corners_mm[7] * (8 / 23, 12 / 23, 0))
     inside = Point((x + 3, y - 7, z), shadows=True)
     torch = Point((40.0, 60.0, -300.0), frame="camera", shadows=True)
-    camera = turned(engine, -70, 35)
-    assert_alike(engine, engine_table, lit(inside, Point(on_a_node, shadows=True), torch), camera)
+    camera = turned(half_engine, -70, 35)
+    assert_alike(
+        half_engine, engine_table, lit(inside, Point(on_a_node, shadows=True), torch), camera
+    )
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.float32])
@@ -179,11 +181,11 @@ def test_surfaces_match_reference(opacity: float) -> None:
 
 
 def test_layers_follow_what_changes_and_only_that(
-    engine: Volume, engine_table: TransferTable
+    half_engine: Volume, engine_table: TransferTable
 ) -> None:
     """Cached layers equal new ones, whatever changed between."""
-    ours, camera = opened(engine), Camera.orbit(engine)
-    turned = Camera.orbit(engine, azimuth_deg=120)
+    ours, camera = opened(half_engine), Camera.orbit(half_engine)
+    turned = Camera.orbit(half_engine, azimuth_deg=120)
     other = dataclasses.replace(engine_table, opacity=engine_table.opacity / 2)
     for table, spec, view in (
         (engine_table, lit(SUN, LAMP), camera),
@@ -195,7 +197,7 @@ def test_layers_follow_what_changes_and_only_that(
         (other, lit(LAMP, SUN, cells=13), turned),
     ):
         cached = downloaded(ours, table, spec, view)
-        assert np.array_equal(cached, downloaded(opened(engine), table, spec, view))
+        assert np.array_equal(cached, downloaded(opened(half_engine), table, spec, view))
 
 
 def test_occluders_reach_to_the_end_of_the_grid_and_no_farther() -> None:

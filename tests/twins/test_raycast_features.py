@@ -124,17 +124,6 @@ def test_labels_match_reference(dtype: type) -> None:
     assert_alike(volume, table, Camera.orbit(volume, azimuth_deg=37), RaycastSpec(specular=0.2))
 
 
-def test_labels_show_no_value_between_them() -> None:
-    """From 0 to 7 a scalar passes 3; a label does not: with 3 opaque, an inner 7 stays clean."""
-    volume, table = labelled(np.uint8)
-    opacity = table.opacity.copy()
-    opacity[3] = 0
-    bare = replace(table, opacity=opacity)
-    picture = Raycaster(volume).cast(bare, Camera.orbit(volume), (64, 64), FLAT)
-    assert picture.coefficients[..., 0].max() == 0
-    assert picture.coefficients[..., 1].max() > 0.5
-
-
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.float32])
 def test_gradients_at_the_faces_match_reference(axis: int, dtype: type) -> None:
@@ -181,29 +170,6 @@ def test_isosurfaces_match_reference(engine: Volume, lanes: int) -> None:
     """A ray that grazes a surface may meet it in one precision and not in the other."""
     spec = RaycastSpec(specular=0.3, groups=(SKY, KEY))
     assert_alike(engine, SURFACES, Camera.orbit(engine), spec, lanes=lanes, grazing=2)
-
-
-def test_an_isosurface_of_a_ball_is_a_sphere() -> None:
-    """Depth and normal of a field linear in the distance are known.
-
-    Between voxels the trilinear field is up to (2 / r) / 8 = 0.0125 too high; seen at 18 of 20 mm,
-    where the surface leans by 64 degrees, that is 0.029 mm of depth.
-    """
-    z, y, x = np.mgrid[0:64, 0:64, 0:64] - 31.5
-    volume = Volume(np.sqrt(x**2 + y**2 + z**2).astype(np.float32))
-    table = SurfaceTable(np.array([20.0]), np.ones(1), np.ones((1, 1)))
-    camera = Camera.orbit(volume, azimuth_deg=25, elevation_deg=40, orthographic=True)
-    spec = RaycastSpec(ambient=0, diffuse=1, flat_gradient=0)
-    colour, alpha, depth, first = Raycaster(volume).cast(table, camera, (65, 65), spec)
-    y, x = (np.mgrid[0:65, 0:65] - 32) * (camera.height_mm or 0) / 65
-    radius = np.hypot(x, y)
-    distance = np.linalg.norm(np.subtract(camera.target_mm, camera.position_mm))
-    inner, outer = radius < 18, radius > 20.5
-    true = distance - np.sqrt(400 - np.minimum(radius, 19.9) ** 2)
-    assert np.abs(depth - true)[inner].max() < 0.03 and (depth == first)[inner].all()
-    assert (alpha[inner] == 1).all() and (alpha[outer] == 0).all()
-    facing = np.sqrt(400 - radius[inner] ** 2) / 20
-    assert np.abs(colour[..., 0][inner] - facing).max() < 0.02
 
 
 def steep(engine_table: TransferTable) -> TransferTable:
@@ -262,7 +228,7 @@ def test_adaptive_steps_stay_near_the_whole_truth(
 
 
 def test_shadows_and_occlusion_match_reference(
-    engine: Volume, three_channels: TransferTable
+    half_engine: Volume, three_channels: TransferTable
 ) -> None:
     sources = (
         LightGroup("sky", (Ambient(occlusion=True),)),
@@ -270,4 +236,4 @@ def test_shadows_and_occlusion_match_reference(
         LightGroup("lamp", (Point((128, -60, 160), shadows=True),)),
     )
     spec = RaycastSpec(specular=0.3, groups=sources, light_cells=40)
-    assert_alike(engine, three_channels, Camera.orbit(engine), spec)
+    assert_alike(half_engine, three_channels, Camera.orbit(half_engine), spec)

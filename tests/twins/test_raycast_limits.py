@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.support.errors import raises
-from tests.support.raycasts import FLAT, fog, ramp, turned
+from tests.support.raycasts import FLAT, ramp, turned
 from tests.twins.test_raycast import TOLERANCE
 from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import Struct
@@ -49,8 +49,8 @@ def test_no_visible_voxel_is_leapt_over(
     values[tuple(np.transpose(voxels))] = 1
     volume = Volume(values)
     camera = turned(volume, *view, zoom=1.6, orthographic=orthographic)
-    ours = Raycaster(volume).cast(SPARSE, camera, (40, 40), FLAT)
-    true = reference.cast(volume, SPARSE, camera, (40, 40), FLAT)
+    ours = Raycaster(volume).cast(SPARSE, camera, (28, 28), FLAT)
+    true = reference.cast(volume, SPARSE, camera, (28, 28), FLAT)
     assert np.abs(ours[1] - true[1]).max() < 1e-3
 
 
@@ -78,14 +78,6 @@ def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit: float) -> N
     a, b = (Raycaster(v).cast(t, camera, (32, 32), spec)[0] for v, t in
             ((volume, table), (scaled, there)))  # fmt: skip
     assert np.isfinite(b).all() and np.abs(a - b).max() < TOLERANCE
-
-
-def test_faint_media_keep_their_opacity_and_depth() -> None:
-    """Under flat white light the channels of a white medium are its alpha, however faint."""
-    volume, given = phantom.slab(16, 16), ((16, 16), FLAT)
-    colour, alpha, depth, _ = Raycaster(volume).cast(fog(1e-8), Camera.orbit(volume), *given)
-    assert alpha[8, 8] > 0 and np.isfinite(depth[8, 8])
-    assert np.allclose(colour[..., 0], alpha, rtol=1e-5)
 
 
 @pytest.mark.parametrize("struct", [CAST, *light_volume.STRUCTS], ids=lambda each: each.name)

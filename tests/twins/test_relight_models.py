@@ -154,7 +154,8 @@ def test_no_colour_gives_nan(model: str) -> None:
     for name in ("A", "HP1", "planck:1000"):
         lit = opaque(XYZ, white_XYZ(light(name)))[2]
         for limits in ({}, {"L_A": 0.0}, {"Y_b": 0.0}, {"L_A": 0.0, "Y_b": 0.0}):
-            for engine in engines:
+            # A LUT takes the host a second: of one limit alone NumPy's pictures will do.
+            for engine in engines if model not in TABLED or len(limits) != 1 else engines[-1:]:
                 frame = engine.render(lit, Viewing(model=model, **limits), np.float32)
                 assert_in_range(frame, (model, name, limits, engine.name))
     for engine in engines:

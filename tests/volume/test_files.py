@@ -69,10 +69,13 @@ def test_pyvista_round_trip_keeps_cells_and_points() -> None:
     assert cells.shape_xyz == (4, 3, 2) and np.allclose(cells.world_from_index[:3, 3], 1)
 
 
-def npy(dtype: str, length: str) -> bytes:
-    """A header of ``numpy.save`` alone."""
-    head = f"{{'descr': '{dtype}', 'fortran_order': True, 'shape': ({length}, 2, 6), }}\n"
-    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head.encode()
+def npy(head: bytes) -> bytes:
+    """A file of ``numpy.save`` without values."""
+    return b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head
+
+
+def array(dtype: str, shape: str, order: bool = False) -> bytes:
+    return npy(f"{{'descr': '{dtype}', 'fortran_order': {order}, 'shape': ({shape}), }}\n".encode())
 
 
 BAD_FILES = {
@@ -83,8 +86,15 @@ BAD_FILES = {
     "junk.mhd": (b"hello" * 99, "syntax"),
     "junk.vti": (b"hello" * 99, "damaged"),
     "junk.npy": (b"hello" * 99, "damaged"),
-    "empty.npy": (npy("|S0", "5" * 40), "type"),
-    "subarray.npy": (npy("<0f8", "2"), "type"),
+    "empty.npy": (array("|S0", "5" * 40 + ", 2, 6", order=True), "type"),
+    "subarray.npy": (array("<0f8", "2, 2, 6", order=True), "type"),
+    "endless.npy": (array("<f4", "99999999, 99999, 9"), "damaged"),
+    "negative.npy": (array("<f4", "-4, 3, 2"), None),
+    "objects.npy": (array("|O", "4, 3, 2"), "type"),
+    "open.npy": (npy(b"{'descr': '<f4', 'fortran_order': False, 'shape': (((((((("), "damaged"),
+    "deep.npy": (npy(b"{'descr': '" + b"(" * 900), "damaged"),
+    "digits.npy": (npy(b"9" * 900), "damaged"),
+    "bytes.npy": (npy(b"\xff\xfe\x00 'descr'"), "damaged"),
     "notes.txt": (b"hello", "unknown"),
     "short.nrrd": (NRRD.encode() + RAW[:30], "damaged"),
     "flat.nrrd": (

@@ -32,11 +32,7 @@ def write_lzw(path: Path, values: np.ndarray) -> None:
 
 OME = {"metadata": {"axes": "ZYX", **SIZES}}
 IMAGEJ = {"imagej": True, "resolution": (2, 2), "metadata": {**MICRONS, "axes": "ZYX"}}
-STATED = {
-    "imagej.tif": IMAGEJ,
-    "x.ome.tif": OME,
-    "packed.ome.tiff": OME | {"compression": "zlib"},
-}
+STATED = {"imagej.tif": IMAGEJ, "x.ome.tif": OME, "packed.ome.tiff": OME | {"compression": "zlib"}}
 
 
 @pytest.mark.parametrize("name", STATED)
@@ -264,10 +260,7 @@ REFUSED: dict[str, tuple[Callable[[Path], Path], str]] = {
 
 @pytest.mark.parametrize("kind", REFUSED)
 def test_pictures_that_are_no_volume_are_refused_in_one_line(
-    tmp_path: Path,
-    capfd: pytest.CaptureFixture[str],
-    caplog: pytest.LogCaptureFixture,
-    kind: str,
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, kind: str
 ) -> None:
     make, code = REFUSED[kind]
     path = make(tmp_path)
