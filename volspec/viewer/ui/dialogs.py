@@ -21,13 +21,8 @@ from volspec.viewer.ui.widgets import pick, wrap_text
 from volspec.viewer.work.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
 from volspec.viewer.work.session import SUFFIX
 
-_FLAGS = (
-    imgui.WindowFlags_.no_docking
-    | imgui.WindowFlags_.no_collapse
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.always_auto_resize
-    | imgui.WindowFlags_.no_move
-)
+_W = imgui.WindowFlags_
+_FLAGS = _W.no_docking | _W.no_collapse | _W.no_saved_settings | _W.always_auto_resize | _W.no_move
 _DIM = imgui.Col_.text_disabled
 _INPUT = imgui.InputTextFlags_
 # Rows of the list of files, and of the rest of its dialog.

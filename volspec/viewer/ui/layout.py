@@ -39,9 +39,8 @@ _OVERLAYS = (
     overlays.draw_scale,
     commands.draw,
 )
-_DOCKED = (
-    imgui.DockNodeFlags_.passthru_central_node | imgui.DockNodeFlags_.no_docking_over_central_node
-)
+_D = imgui.DockNodeFlags_
+_DOCKED = _D.passthru_central_node | _D.no_docking_over_central_node
 
 
 class Docks:

@@ -20,11 +20,8 @@ from volspec.viewer.ui.widgets import as_one_line, key_text, lit_button, shorten
 
 Rename = Callable[[ViewState, int, str], ViewState]
 _ROW_SWATCH, _ROW_SPARK, _BOTH = 30.0, 46.0, 48.0
-_FLAGS = (
-    imgui.TableFlags_.sizing_fixed_fit
-    | imgui.TableFlags_.no_pad_outer_x
-    | imgui.TableFlags_.scroll_y
-)
+_T = imgui.TableFlags_
+_FLAGS = _T.sizing_fixed_fit | _T.no_pad_outer_x | _T.scroll_y
 # Commands of a right click on a row.
 _ROW_MENU = ("alone", "solo", "mute", "rename-light", "reset-spectrum", "remove-light")
 

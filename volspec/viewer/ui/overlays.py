@@ -26,17 +26,9 @@ from volspec.viewer.ui.widgets import (
 )
 from volspec.viewer.work.probe import Reading
 
-BARE_WINDOW = (
-    imgui.WindowFlags_.no_decoration
-    | imgui.WindowFlags_.no_docking
-    | imgui.WindowFlags_.no_saved_settings
-)
-_FLAGS = (
-    BARE_WINDOW
-    | imgui.WindowFlags_.no_inputs
-    | imgui.WindowFlags_.always_auto_resize
-    | imgui.WindowFlags_.no_focus_on_appearing
-)
+_W = imgui.WindowFlags_
+BARE_WINDOW = _W.no_decoration | _W.no_docking | _W.no_saved_settings
+_FLAGS = BARE_WINDOW | _W.no_inputs | _W.always_auto_resize | _W.no_focus_on_appearing
 # The scale bar in pixels at 96 dpi; a narrower picture has none.
 _LONGEST, _MARGIN, _TICK, _NARROW = 130.0, 16.0, 4.0, 90.0
 # The probe's spectra: width and height in pixels at 96 dpi, and room above the peak.

@@ -109,12 +109,8 @@ _CELL = 36.0
 _LIGHT = 0.55
 _MOST_ROWS = 12
 _MARKS = {"same": "=", "distinct": "≠", "free": "~"}
-_FLAGS = (
-    imgui.TableFlags_.scroll_x
-    | imgui.TableFlags_.scroll_y
-    | imgui.TableFlags_.sizing_fixed_fit
-    | imgui.TableFlags_.no_pad_outer_x
-)
+_T = imgui.TableFlags_
+_FLAGS = _T.scroll_x | _T.scroll_y | _T.sizing_fixed_fit | _T.no_pad_outer_x
 
 
 def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:

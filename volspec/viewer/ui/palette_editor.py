@@ -33,12 +33,8 @@ _WORDS = {kind: words for words, (kind, _) in _KINDS.items()}
 _LOG = imgui.SliderFlags_.logarithmic
 _WIDTH = 232.0
 _ENTER = imgui.InputTextFlags_.enter_returns_true
-_PICKER = (
-    imgui.ColorEditFlags_.no_side_preview
-    | imgui.ColorEditFlags_.no_label
-    | imgui.ColorEditFlags_.display_hex
-    | imgui.ColorEditFlags_.no_options
-)
+_C = imgui.ColorEditFlags_
+_PICKER = _C.no_side_preview | _C.no_label | _C.display_hex | _C.no_options
 
 
 def draw(state: ViewState, table: Table, ui: UiContext) -> ViewState:
