@@ -85,7 +85,8 @@ def palette_file(path: FileName) -> PaletteFile:
     try:
         tables = parse_toml(text)
     except ValueError as error:
-        raise PaletteError(f"{name}: not valid TOML: {error}", code="syntax") from error
+        problem = f"{name}: not valid TOML: {error}"
+        raise PaletteError(problem, "correct it there", code="syntax") from error
     file, faults = try_table(PaletteFile, tables, PaletteError, Path(path).parent)
     if file is None:
         raise PaletteFaults(path, faults, row_names(tables))

@@ -154,7 +154,8 @@ def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     except SceneError as error:
         raise SceneFaults(path, [error]) from None
     except ValueError as error:
-        raise SceneFaults(path, [SceneError(f"not valid TOML: {error}", code="syntax")]) from error
+        fault = SceneError(f"not valid TOML: {error}", "correct it there", code="syntax")
+        raise SceneFaults(path, [fault]) from error
     return data
 
 

@@ -119,7 +119,9 @@ def _content(path: str) -> dict[str, Any]:
     try:
         return parse_toml(content.decode("utf-8-sig"))
     except ValueError as error:  # no TOML, or no text
-        raise SpectrumError(f"{path}: not valid TOML: {error}", code="syntax") from None
+        raise SpectrumError(
+            f"{path}: not valid TOML: {error}; correct it there", code="syntax"
+        ) from None
 
 
 def _rows(data: dict[str, Any], role: str) -> list[dict[str, Any]]:
