@@ -52,11 +52,6 @@ def test_white_is_exact_in_every_mode(basis: SpectralBasis, lamp: Spectrum, mode
     assert shown == pytest.approx(white_XYZ(lamp), abs=1e-6)
 
 
-@given(any_basis)
-def test_flat_white_analyses_to_white(basis: SpectralBasis) -> None:
-    assert basis.analyse(np.ones(31)) == pytest.approx(basis.white, abs=1e-9)
-
-
 @given(any_basis, any_light, any_light)
 def test_analysis_and_illumination_are_linear_in_the_light(
     basis: SpectralBasis, one: Spectrum, other: Spectrum
@@ -87,13 +82,6 @@ def test_componentwise_is_the_display_matrix_on_the_product(
     shown = basis.colour_matrix(lamp, "componentwise") @ c
     assert shown == pytest.approx(product, rel=1e-9, abs=1e-6)
     assert basis.xyz(c, lamp) == pytest.approx(shown, rel=1e-9, abs=1e-6)
-
-
-@given(any_basis, channels())
-def test_what_synthesis_makes_analysis_reads_back(basis: SpectralBasis, c: np.ndarray) -> None:
-    spectrum = basis.synthesise(c)
-    # B's entries reach 100 where sensors are alike: rounding of sums that cancel.
-    assert basis.synthesise(basis.analyse(spectrum)) == pytest.approx(spectrum, abs=1e-6)
 
 
 @given(any_basis, any_lamp, channels())

@@ -45,17 +45,6 @@ def test_what_is_no_array_is_refused(values: Any, code: str) -> None:
             make(values)
 
 
-def test_arrays_of_other_libraries_are_read_through_numpy() -> None:
-    class Lazy:
-        """Stand-in for arrays of xarray and Zarr."""
-
-        def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
-            return np.arange(8, dtype=np.uint8).reshape(2, 2, 2)
-
-    volume = Volume.of(Lazy())
-    assert volume.values.dtype == np.uint8 and volume.range == (0, 7)
-
-
 @pytest.mark.parametrize(
     ("given", "native"),
     [
