@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from volspec import settings
-from volspec.errors import Code, InputError, RaycastError, quoted
+from volspec.errors import Code, InputError, RaycastError
 
 Vector = tuple[float, float, float]
 # Products of weights and intensities stay far within float32.
@@ -27,9 +27,9 @@ def number(what: str, given: Any, error: type[InputError] = RaycastError) -> flo
     volspec.errors.RaycastError: raycast: jitter is 'much'; give a number
     """
     if isinstance(given, bool) or not isinstance(given, int | float | np.integer | np.floating):
-        raise error(f"{what} is {quoted(given)}; give a number")
+        raise error.refused(what, given, "give a number", "type")
     if not math.isfinite(given):
-        raise error(f"{what} is {given}; give a finite number")
+        raise error.refused(what, given, "give a finite number", "range")
     return float(given)
 
 
@@ -39,14 +39,14 @@ def whole(what: str, given: Any, low: int, high: int) -> int:
     if not (is_whole and low <= given <= high):
         code: Code = "range" if is_whole else "type"
         remedy = f"give a whole number from {low} to {high}"
-        raise RaycastError("", remedy, code=code, field=what, given=given)
+        raise RaycastError.refused(what, given, remedy, code)
     return int(given)
 
 
 def positive(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
     """A number above 0."""
     if not number(what, given, error) > 0:
-        raise error(f"{what} is {given}; give a number above 0")
+        raise error.refused(what, given, "give a number above 0", "range")
     return float(given)
 
 
@@ -81,7 +81,7 @@ def unit(towards: Any) -> Vector:
 def check_callable(what: str, given: Any) -> None:
     """Refuse what cannot be called; None, for nothing to call, may stay."""
     if given is not None and not callable(given):
-        raise RaycastError(f"{what} is {quoted(given)}; give a function, or leave it out")
+        raise RaycastError.refused(what, given, "give a function, or leave it out", "type")
 
 
 def checked_size(size: Any, who: str = "raycast") -> tuple[int, int]:
@@ -89,11 +89,13 @@ def checked_size(size: Any, who: str = "raycast") -> tuple[int, int]:
     try:
         width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):
-        raise RaycastError(
-            f"{who}: size is {quoted(size)}; give (width, height) in whole pixels"
-        ) from None
+        remedy = "give (width, height) in whole pixels"
+        raise RaycastError.refused(f"{who}: size", size, remedy, "type") from None
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise RaycastError(
-            f"{who}: the picture is {width}x{height}; give 1x1 to {MAX_SIDE}x{MAX_SIDE}"
+            f"{who}: the picture is {width}x{height}",
+            f"give 1x1 to {MAX_SIDE}x{MAX_SIDE}",
+            code="range",
+            given=size,
         )
     return width, height
