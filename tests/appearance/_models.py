@@ -47,6 +47,11 @@ def spectral_mixtures(count: int = 5000) -> np.ndarray:
     return XYZ[XYZ.max(axis=-1) < 300.0]
 
 
+def apart(back: np.ndarray, XYZ: np.ndarray) -> np.ndarray:
+    """Greatest difference of each colour, relative to its greatest channel (or 1e-5 of white)."""
+    return np.abs(back - XYZ).max(axis=-1) / np.maximum(np.abs(XYZ).max(axis=-1), 1e-3)
+
+
 def worst(ours: np.ndarray, theirs: np.ndarray, XYZ: np.ndarray, limit: float, what: str) -> None:
     """Assert |ours - theirs| <= limit max(1, |theirs|); the message names the worst colour."""
     error = np.abs(ours - theirs) / np.maximum(1.0, np.abs(theirs))

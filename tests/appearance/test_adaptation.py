@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
+from tests.appearance._models import D50, D65, A, colours
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import ADAPTATIONS, adapt, adaptation, outside
 from volspec.appearance.constants import D65_CONES_FROM_XYZ
 from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.spaces import XYZ_FROM_sRGB, sRGB_WHITE_XYZ
 from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
 from volspec.spectra.datasets import colour_science
 
-A, D50, D65 = (109.85, 100.0, 35.58), (96.42, 100.0, 82.49), (95.047, 100.0, 108.883)
 FL11, BLUE, GREEN = (100.97, 100.0, 64.37), (98.0, 100.0, 180.0), (60.0, 100.0, 45.0)
 PAIRS = {
     "A to D65": (ViewingConditions(A, 63.66, 20.0), ViewingConditions(D65, 4.07, 20.0)),
@@ -32,13 +31,7 @@ PAIRS = {
         ViewingConditions((48.21, 50.0, 41.245), 31.83, 10.0),
     ),
 }
-SPACES = {
-    "von Kries": "Von Kries",
-    "Bradford": "Bradford",
-    "Sharp": "Sharp",
-    "CAT02": "CAT02",
-    "CAT16": "CAT16",
-}
+SPACES = ("von Kries", "Bradford", "Sharp", "CAT02", "CAT16")
 
 
 def random_XYZ(white: tuple[float, ...], count: int = 10_000) -> np.ndarray:
@@ -46,15 +39,9 @@ def random_XYZ(white: tuple[float, ...], count: int = 10_000) -> np.ndarray:
     return np.random.default_rng(3).random((count, 3)) * 2.0 * np.asarray(white)
 
 
-def surfaces(white: tuple[float, ...], count: int = 10_000) -> np.ndarray:
-    """Colours over the sRGB gamut, moved to a white."""
-    linear = np.random.default_rng(5).random((count, 3)) ** 2.2
-    return linear @ XYZ_FROM_sRGB.T * (np.asarray(white) / sRGB_WHITE_XYZ)
-
-
 def assert_same(ours: np.ndarray, theirs: np.ndarray, tolerance: float = 1e-9) -> None:
     """Relative to the colour's largest component."""
-    miss = np.abs(ours - theirs).max(axis=-1) / np.abs(theirs).max(axis=-1)
+    miss = np.abs(ours - theirs).max(axis=-1) / np.maximum(np.abs(theirs).max(axis=-1), 1e-3)
     worst = int(np.argmax(miss))
     assert miss[worst] < tolerance, (miss[worst], ours[worst], theirs[worst])
 
@@ -74,7 +61,7 @@ def test_complete_adaptation_agrees_with_colour_science(pair, space):
     ends = [ViewingConditions(each.white_XYZ, each.L_A, each.Y_b, D=1.0) for each in pair]
     XYZ = random_XYZ(ends[0].white_XYZ)
     theirs = colour_science().adaptation.chromatic_adaptation_VonKries(
-        XYZ, *(np.array(each.white_XYZ) for each in ends), transform=SPACES[space]
+        XYZ, *(np.array(each.white_XYZ) for each in ends), transform=space.replace("von", "Von")
     )
     # Two float64 evaluations of one matrix; measured 1e-14.
     assert_same(adapt(XYZ, *ends, space), theirs)
@@ -115,7 +102,7 @@ def test_CIE_1994_agrees_with_colour_science(pair):
 
 def test_nayatani_is_CIE_1994_on_a_background_of_20_and_another_elsewhere():
     ends = [ViewingConditions(w, L, 20.0) for w, L in ((A, 63.0), (D65, 4.0))]
-    XYZ = surfaces(A)
+    XYZ = colours(A)
     assert_same(adapt(XYZ, *ends, "Nayatani"), adapt(XYZ, *ends, "CIE 1994"), 1e-12)
     ends = [ViewingConditions(w, L, 60.0) for w, L in ((A, 63.0), (D65, 4.0))]
     grey = {name: adapt(0.2 * np.array(A), *ends, name)[1] for name in ("CIE 1994", "Nayatani")}
@@ -172,7 +159,7 @@ def test_fairchild_is_the_paper_s_product_of_matrices():
 
 def test_colour_science_s_fairchild_cancels_to_von_kries_and_ours_does_not():
     ends = [ViewingConditions(white, 60.0, 20.0) for white in (A, D65)]
-    XYZ = surfaces(A)
+    XYZ = colours(A)[:-1]
     theirs = colour_science().adaptation.chromatic_adaptation_Fairchild1990(
         XYZ, np.array(A), np.array(D65), 300.0
     )
@@ -186,7 +173,7 @@ def test_colour_science_s_fairchild_cancels_to_von_kries_and_ours_does_not():
 
 
 def test_undo_and_swapping_source_and_target_come_back(pair, method):
-    XYZ = surfaces(pair[0].white_XYZ)
+    XYZ = colours(pair[0].white_XYZ)
     transform = adaptation(method)(*pair)
     assert isinstance(transform, ViewTransform)
     there = transform.apply(XYZ)
@@ -215,12 +202,6 @@ def test_models_of_luminance_carry_levels_from_an_office_to_a_dim_display(method
     np.testing.assert_allclose(Y, [white, grey], atol=0.5)
 
 
-@pytest.mark.parametrize("method", SPACES)
-def test_no_degree_is_no_adaptation(method):
-    ends = [ViewingConditions(white, D=0.0) for white in (A, D65)]
-    assert_same(adapt(surfaces(A), *ends, method), surfaces(A))
-
-
 LIMITS = {
     "no light": ViewingConditions(A, 0.0, 20.0),
     "black background": ViewingConditions(A, 64.0, 0.0),
@@ -237,23 +218,23 @@ LIMITS = {
 
 @pytest.mark.parametrize("limit", LIMITS)
 def test_limits_stay_finite_both_ways(method, limit):
-    colours = np.concatenate(
+    given = np.concatenate(
         [np.zeros((1, 3)), random_XYZ((100.0, 100.0, 100.0), 500), -random_XYZ(A, 100)]
     )
     usual = ViewingConditions(D65)
     with np.errstate(all="raise", under="ignore"):
         for ends in ((LIMITS[limit], usual), (usual, LIMITS[limit])):
             transform = adaptation(method)(*ends)
-            assert np.isfinite(transform.apply(colours)).all()
-            assert np.isfinite(transform.undo(colours)).all()
+            assert np.isfinite(transform.apply(given)).all()
+            assert np.isfinite(transform.undo(given)).all()
 
 
 def test_outside_marks_what_powers_do_not_define():
     ends = PAIRS["A to D65"]
-    colours = np.array([[0.0, 0.0, 0.0], [30.0, 30.0, 10.0], [90.0, 5.0, 0.0], [np.nan, 1.0, 1.0]])
+    given = np.array([[0.0, 0.0, 0.0], [30.0, 30.0, 10.0], [90.0, 5.0, 0.0], [np.nan, 1.0, 1.0]])
     expected = {"Nayatani": [0, 0, 1, 1], "Guth": [0, 0, 1, 1], "CAT02": [0, 0, 0, 1]}
     for method, marks in expected.items():
-        mask = outside(colours, adaptation(method)(*ends))
+        mask = outside(given, adaptation(method)(*ends))
         assert mask.tolist() == [bool(mark) for mark in marks], method
     transform = adaptation("Nayatani")(*ends)
     assert isinstance(transform, CurveTransform)

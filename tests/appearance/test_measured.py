@@ -25,14 +25,17 @@ def cap(degrees: float) -> float:
     return 1.0 - math.cos(math.radians(degrees))
 
 
-@pytest.mark.parametrize("fov_deg", [2.0, 30.0, 60.0, 120.0])
-@pytest.mark.parametrize("at", [None, (0, 0), (95.0, 40.5)])
-def test_a_uniform_picture_gives_its_own_Y(fov_deg, at):
-    seen = measured_conditions(np.full((64, 96), 18.0), WHITE, fov_deg, 200.0, at)
-    assert seen.Y_b == pytest.approx(18.0, rel=1e-12)
-    assert pytest.approx(36.0, rel=1e-12) == seen.L_A
-    assert seen.white_XYZ == WHITE
-    Y_b, L_A = adapting_fields(np.full((64, 96), 18.0), fov_deg, 200.0)
+@pytest.mark.parametrize("fov_deg", [2.0, 60.0, 120.0])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (300, 2), (64, 96)])
+def test_a_uniform_picture_of_any_shape_gives_its_own_Y(fov_deg, shape):
+    picture = np.full(shape, 18.0)
+    for at in (None, (0, 0)):
+        seen = measured_conditions(picture, WHITE, fov_deg, 200.0, at)
+        assert seen.Y_b == pytest.approx(18.0, rel=1e-12)
+        assert pytest.approx(36.0, rel=1e-12) == seen.L_A
+        assert seen.white_XYZ == WHITE
+    Y_b, L_A = adapting_fields(picture, fov_deg, 200.0)
+    assert Y_b.shape == L_A.shape == shape
     np.testing.assert_allclose(Y_b, 18.0, rtol=1e-12)
     np.testing.assert_allclose(L_A, 36.0, rtol=1e-12)
 
@@ -63,19 +66,6 @@ def test_an_annulus_beyond_11_degrees_counts_for_L_A_by_its_solid_angle():
     assert seen.Y_b == 0.0
     _, L_A = adapting_fields(Y, 60.0, 500.0, outside=0.0)
     assert L_A[300, 300] == pytest.approx(0.8 * 500.0 * share, rel=5e-3)
-
-
-def test_a_half_plane_gives_the_mean():
-    Y = np.zeros((256, 256))
-    Y[:, :128] = 60.0
-    seen = measured_conditions(Y, WHITE, 40.0, 100.0)
-    assert seen.Y_b == pytest.approx(30.0, abs=1e-9)
-    assert pytest.approx(30.0, abs=1e-9) == seen.L_A
-    Y_b, _ = adapting_fields(Y, 40.0)
-    assert Y_b[:, 127:129].mean(axis=1) == pytest.approx(30.0, abs=1e-6)
-    # 18° from the other half and 12° from the edge: all background is of one Y.
-    Y_b, _ = adapting_fields(Y, 60.0, outside=0.0)
-    assert Y_b[128, 56] == pytest.approx(60.0, abs=0.1)
 
 
 @pytest.mark.parametrize(("at", "share"), [((-0.5, 255.5), 0.5), ((-0.5, -0.5), 0.25)])
@@ -114,13 +104,6 @@ def test_maps_are_the_one_place_measurement_everywhere():
         # Cells of 1.4° and straight lines between them; measured 0.3 of Y, 0.03 cd/m².
         assert Y_b[y, x] == pytest.approx(seen.Y_b, abs=1.0), (x, y, Y_b[y, x], seen.Y_b)
         assert L_A[y, x] == pytest.approx(seen.L_A, abs=0.2), (x, y, L_A[y, x], seen.L_A)
-
-
-@pytest.mark.parametrize("shape", [(1, 1), (1, 7), (300, 2), (65, 64)])
-def test_pictures_of_any_shape_have_maps(shape):
-    Y_b, L_A = adapting_fields(np.full(shape, 5.0), 30.0)
-    assert Y_b.shape == L_A.shape == shape
-    np.testing.assert_allclose(Y_b, 5.0)
 
 
 def test_the_surround_follows_from_the_ratio_where_asked():

@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from tests.appearance._models import CONDITIONS, colours, spectral_mixtures
+from tests.appearance._models import CONDITIONS, apart, colours, spectral_mixtures
 from tests.support.errors import raises
 from volspec.appearance.models import APPEARANCE_MODELS, hunt, nayatani95, rlab
 from volspec.appearance.models.numeric import find_root, invert
 from volspec.errors import ShapeError
-
-
-def apart(back, XYZ):
-    """Greatest difference of each colour, relative to its greatest channel (or 1e-5 of white)."""
-    return np.abs(back - XYZ).max(axis=-1) / np.maximum(XYZ.max(axis=-1), 1e-3)
 
 
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)

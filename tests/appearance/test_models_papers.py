@@ -13,7 +13,7 @@ from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation.nonlinear import nayatani_exponent
 from volspec.appearance.constants import D65_CONES_FROM_XYZ, HPE_FROM_XYZ
 from volspec.appearance.hue import CIELAB_HUES, HUNT_HUES, composition, quadrature
-from volspec.appearance.models import cielab, hunt, nayatani95, rlab
+from volspec.appearance.models import hunt, nayatani95, rlab
 from volspec.appearance.models.base import cone_adaptation, cones_of_white
 from volspec.appearance.models.hunt import HuntConditions, compress
 
@@ -87,16 +87,6 @@ def test_rlab_matrix_follows_from_its_reference_conditions():
     inverse /= np.asarray(reference.white_XYZ)[:, None]
     # Four decimals are printed; the printed ones are of M rounded to four.
     np.testing.assert_allclose(inverse, rlab.REFERENCE_FROM_ADAPTED, atol=1.1e-4)
-
-
-def test_rlab_is_cielab_s_kin_under_its_reference_conditions():
-    """Survey 002, section 7: about CIELAB's coordinates; the cube root became 1/2.3."""
-    reference = ViewingConditions(D65, L_A=318.0, discount=True)
-    XYZ = colours(D65)[7:-1]
-    bright = XYZ[:, 1] > 10.0
-    ours, theirs = rlab.forward(XYZ, reference), cielab.forward(XYZ, reference)
-    assert np.abs(ours.J - theirs.J)[bright].max() < 5.0
-    assert np.abs(ours.h - theirs.h)[bright & (ours.C > 20)].mean() < 10.0
 
 
 @pytest.mark.parametrize(

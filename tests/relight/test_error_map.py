@@ -45,18 +45,11 @@ def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
     assert found.p95 == pytest.approx(np.percentile(found.delta_e, 95))
 
 
-def test_the_exact_picture_has_no_error() -> None:
+def test_the_exact_picture_and_materials_have_no_error() -> None:
     assert error_map(chart(), light("FL4"), mode="exact").max == 0
-
-
-def test_materials_have_no_error() -> None:
-    materials = {"gold": reflectance("gold")}
-    shares = np.array([[[0.7, 0.1]]], np.float32)
-    one = np.ones((1, 1), np.float32)
-    assert (
-        error_map(CoefficientImage(shares, one, one, MaterialBasis(materials)), light("HP1")).max
-        == 0
-    )
+    weights, one = np.array([[[0.7, 0.1]]], np.float32), np.ones((1, 1), np.float32)
+    painted = CoefficientImage(weights, one, one, MaterialBasis({"gold": reflectance("gold")}))
+    assert error_map(painted, light("HP1")).max == 0
 
 
 def test_errors_fade_with_opacity_and_an_empty_picture_has_none() -> None:
@@ -72,6 +65,8 @@ def test_one_call_gives_an_image_with_its_scale() -> None:
     """You should see the map at the left, a bar with five numbers at the right, figures below."""
     with Relighter(chart(), backend="numpy") as relighter:
         found = relighter.error_map(LightRig((light("FL4"), light("A"))))
+    with raises(RelightError, "state", "Relighter"):  # closed
+        relighter.error_map(light("A"))
     picture = found.image()
     assert picture.shape == (148 + 58, 540, 3) and picture.dtype == np.uint8
     heat = found.heat()
@@ -130,13 +125,6 @@ def test_maps_are_compared_on_one_scale() -> None:
     for top in (0, -1, float("nan")):
         with raises(ViewingError, "range", "error map.top"):
             flat.image(top)
-
-
-def test_a_closed_relighter_gives_no_map() -> None:
-    relighter = Relighter(chart(), backend="numpy")
-    relighter.close()
-    with raises(RelightError, "state", "Relighter"):
-        relighter.error_map(light("A"))
 
 
 def test_a_sample_is_every_nth_pixel_of_the_map() -> None:

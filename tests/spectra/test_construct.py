@@ -114,13 +114,9 @@ def test_the_five_tetrahedra_of_the_paper_fill_a_cube() -> None:
     vertices, shares = search_octants(CUBE, inside)
     assert (vertices >= 0).all()
     mixed = np.einsum("nk,nki->ni", shares, CUBE[vertices])
+    # The nearest colour of each octant is searched.
+    assert (search_octants(np.vstack([3.0 * CUBE, CUBE]), inside[:9])[0] >= 8).all()
     np.testing.assert_allclose(mixed, inside, atol=1e-12)
-
-
-def test_the_nearest_colour_of_each_octant_is_searched() -> None:
-    far = 3.0 * CUBE
-    vertices, _ = search_octants(np.vstack([far, CUBE]), np.array([[0.1, 0.2, 0.3]]))
-    assert (vertices >= 8).all()
 
 
 def test_an_empty_octant_leaves_the_search_open_and_delaunay_finds() -> None:
@@ -156,14 +152,6 @@ def test_colours_across_the_edge_of_the_base_have_neighbouring_spectra() -> None
     assert np.median(inner.route) == ROUTES.index("delaunay")
     apart = errors(inner.values, outer.values, A)
     assert apart.mean() < 0.1 and apart.max() < 0.5
-
-
-def test_the_way_from_grey_leaves_a_cube_at_its_face() -> None:
-    cube = np.vstack([0.5 + 0.5 * CUBE])
-    left = clip_to_hull(
-        Mesh.of(cube), np.array([[0.5, 0.5, 2.0], [1.5, 0.5, 0.5], [0.6, 0.5, 0.5]])
-    )
-    np.testing.assert_allclose(left, [[0.5, 0.5, 1], [1, 0.5, 0.5], [0.6, 0.5, 0.5]], atol=1e-8)
 
 
 def test_a_base_without_greys_leaves_the_smoothest() -> None:

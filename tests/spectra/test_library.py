@@ -38,11 +38,6 @@ def test_equal_energy_matching_functions_have_equal_areas() -> None:
     assert areas[1] == pytest.approx(106.857, abs=0.01)
 
 
-def test_matching_functions_refuse_a_grid_outside_their_table() -> None:
-    with raises(SpectrumError, "range"):
-        colour_matching_functions(SpectralGrid(300, 830, 10))
-
-
 @pytest.mark.parametrize(
     ("name", "XYZ"),
     [("D65", (95.047, 100, 108.883)), ("A", (109.850, 100, 35.585)), ("C", (98.074, 100, 118.232))],
@@ -115,26 +110,6 @@ def test_extreme_planck_lights_stay_finite(kelvin: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "code"),
-    [
-        ("D66", "unknown"),
-        ("D65*0.7+Q", "unknown"),
-        ("A*-1", "range"),
-        ("A*nan", "range"),
-        ("A*0+E*0", "range"),
-        ("planck:499", "range"),
-        ("planck:nan", "range"),
-        ("planck:warm", "syntax"),
-        ("daylight:3999", "range"),
-        ("", "missing"),
-    ],
-)
-def test_bad_lights_are_one_clear_line(text: str, code: str) -> None:
-    with raises(SpectrumError, code):
-        light(text)
-
-
-@pytest.mark.parametrize(
     ("read", "level", "code"),
     [
         (light, "0", "conflict"),
@@ -155,8 +130,6 @@ def test_values_that_are_no_light_or_no_reflectance_are_refused(
 
 def test_light_sets_have_the_sizes_of_method_section_2() -> None:
     assert (len(light_set("smooth")), len(light_set("spiky"))) == (26, 89)
-    with raises(SpectrumError, "unknown"):
-        light_set("all")
 
 
 def test_reflectance_sets_have_the_sizes_of_method_section_2() -> None:
@@ -165,8 +138,6 @@ def test_reflectance_sets_have_the_sizes_of_method_section_2() -> None:
     assert len(reflectance_set_names("test")) == 84
     assert reflectance_set("natural").shape == (170, 31)
     assert reflectance_set("patches").shape == (175, 31)
-    with raises(SpectrumError, "unknown"):
-        reflectance_set("all")
 
 
 @pytest.mark.parametrize(
@@ -199,25 +170,36 @@ def test_metals_reflect_as_published() -> None:
     assert {"steel", "brass"} <= set(reflectance_names())
 
 
+DARK = Spectrum([400, 700], [0, 0], "dark")
+
+
 @pytest.mark.parametrize(
-    ("text", "code"),
+    ("call", "code"),
     [
-        ("golden", "unknown"),
-        ("dark skin", "unknown"),
-        ("grey:1.5", "range"),
-        ("grey:x", "range"),
+        (lambda: light("D66"), "unknown"),
+        (lambda: light("D65*0.7+Q"), "unknown"),
+        (lambda: light("A*-1"), "range"),
+        (lambda: light("A*nan"), "range"),
+        (lambda: light("A*0+E*0"), "range"),
+        (lambda: light("planck:499"), "range"),
+        (lambda: light("planck:nan"), "range"),
+        (lambda: light("planck:warm"), "syntax"),
+        (lambda: light("daylight:3999"), "range"),
+        (lambda: light(""), "missing"),
+        (lambda: light_set("all"), "unknown"),
+        (lambda: reflectance("golden"), "unknown"),
+        (lambda: reflectance("dark skin"), "unknown"),
+        (lambda: reflectance("grey:1.5"), "range"),
+        (lambda: reflectance("grey:x"), "range"),
+        (lambda: reflectance_set("all"), "unknown"),
+        (lambda: colour_matching_functions(SpectralGrid(300, 830, 10)), "range"),
+        (lambda: XYZ_from_spectra(light("D65"), np.ones(30)), "shape"),
+        (lambda: white_XYZ(DARK.on(DEFAULT_GRID)), "conflict"),
     ],
 )
-def test_bad_reflectances_are_one_clear_line(text: str, code: str) -> None:
+def test_what_is_no_light_or_reflectance_is_refused(call: Callable[[], object], code: str) -> None:
     with raises(SpectrumError, code):
-        reflectance(text)
-
-
-def test_arrays_of_another_grid_are_refused() -> None:
-    with raises(SpectrumError, "shape"):
-        XYZ_from_spectra(light("D65"), np.ones(30))
-    with raises(SpectrumError, "conflict"):
-        white_XYZ(Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark"))
+        call()
 
 
 def test_the_held_out_sets_repeat_nothing_of_the_others() -> None:

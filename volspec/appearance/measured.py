@@ -4,11 +4,9 @@
 
 `Viewing.adapting` does this for frames (`volspec.relight.measured_viewing`).
 
-The background is the part of the scene 1° to 11° from the line of sight, the adapting field the
-part 11° to 90° from it, each averaged over solid angle:
+As means over the solid angle around the line of sight (`volspec.appearance.adaptation_grid`),
 
-    Y_b = ∫ Y dω / ∫ dω      1° to 11°
-    L_A = L_w / Y_w · ∫ Y dω / ∫ dω      11° to 90°
+    Y_b = ∫ Y dω / ∫ dω      1° to 11°,         L_A = L_w / Y_w · ∫ Y dω / ∫ dω      11° to 90°
 
 A picture fills only a part of them: everything outside of it has one luminance factor, the
 picture's own mean unless another is given (the backdrop's, or 0 for a dark room). A pixel at

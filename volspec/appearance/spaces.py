@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, Field
 
+from volspec.appearance.constants import frozen
 from volspec.appearance.surround import is_finite
 from volspec.errors import ShapeError, ViewingError
 from volspec.settings import Hint, Name, Pair, Positive, settings
@@ -277,15 +278,10 @@ SPACES: Mapping[str, ColourSpace] = MappingProxyType(
 )
 
 
-def _frozen(array: Array) -> Array:
-    array.flags.writeable = False
-    return array
-
-
 # XYZ here have Y = 100 for the display's white, linear sRGB is 0 to 1.
-XYZ_FROM_sRGB = _frozen(SPACES["sRGB"].XYZ_from_RGB)
-sRGB_FROM_XYZ = _frozen(SPACES["sRGB"].RGB_from_XYZ)
-sRGB_WHITE_XYZ = _frozen(SPACES["sRGB"].white_XYZ)
+XYZ_FROM_sRGB = frozen(SPACES["sRGB"].XYZ_from_RGB)
+sRGB_FROM_XYZ = frozen(SPACES["sRGB"].RGB_from_XYZ)
+sRGB_WHITE_XYZ = frozen(SPACES["sRGB"].white_XYZ)
 
 
 def linear_sRGB_from_XYZ(XYZ: ArrayLike) -> Array:

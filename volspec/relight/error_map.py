@@ -35,24 +35,16 @@ _TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 
 
 @dataclass(frozen=True, eq=False)
 class ErrorMap:
-    """CIEDE2000 of a picture's pixels.
-
-    Parameters
-    ----------
-    delta_e : (H, W) float32
-        Row 0 at the top.
-    alpha : (H, W) float32
-        The picture's opacity; the figures count pixels above 0.05.
-    light : str
-        The light's name.
-    compared : str
-        Names of the two pictures, for the caption.
-    """
+    """CIEDE2000 of a picture's pixels; the figures count those with opacity above 0.05."""
 
     delta_e: NDArray[np.float32]
+    """(H, W), row 0 at the top."""
     alpha: NDArray[np.float32]
+    """(H, W), the picture's opacity."""
     light: str = ""
+    """The light's name."""
     compared: str = "componentwise against the exact light matrix"
+    """Names of the two pictures, for the caption."""
 
     def __str__(self) -> str:
         return "; ".join(self._caption())
