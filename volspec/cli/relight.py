@@ -78,7 +78,7 @@ def relight(
         The PNG file, with `--spectral` OpenEXR; with several lights the name gets the light's:
         `engine-A.png`.
     errors
-        Write a map of the colours' errors error_path each frame: `engine-errors.png`.
+        Write a map of the colours' errors next to each frame: `engine-errors.png`.
     reflectance
         MATERIAL=REFLECTANCE: show a material with another reflectance, such as
         `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.

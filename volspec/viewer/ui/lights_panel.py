@@ -175,7 +175,7 @@ def _row_spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
     imgui.get_window_draw_list().add_rect_filled((x, top), end, background)
     rect = x, top, width, height - ui.px(4)
     spark(rect, state.lights[index].rig, state.document.grid, 1.0 if lit else 0.4)
-    tip("Spectrum; click to draw_rows it")
+    tip("Spectrum; click to draw it")
     return clicked
 
 

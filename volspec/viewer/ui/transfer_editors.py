@@ -219,7 +219,7 @@ def draw_regions(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _heatmap(state: ViewState, ui: UiContext) -> None:
-    """Set up the plot's axes, and draw_regions the joint histogram."""
+    """Set up the plot's axes, and draw the joint histogram."""
     joint = state.document.joint
     implot.push_colormap(_greys(state.interface.dark))
     transfer_plot.set_values_axis(state, _REGION_MARGIN)
