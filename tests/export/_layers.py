@@ -10,17 +10,15 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from volspec import cli
+from tests.support.commands import CHART, GENERAL
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.basis import Basis, MaterialBasis
 from volspec.export.compositing import Recipe, save_for_compositors
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec, relight
-from volspec.spectra import light, reflectance, reflectance_set
+from volspec.spectra import light
 
-GENERAL = SpectralBasis.load("general-7")
-METALS = MaterialBasis({"rotor": reflectance("copper"), "case": reflectance("iron")})
 MODES = ("componentwise", "exact", "linear-model")
 EVENING = LightRig((light("A"), light("daylight:7500*0.4")), groups=("key", "the sky"))
 LIGHTS = {"day": light("D65"), 'fluorescent {"$x"]': light("FL2"), "evening": EVENING}
@@ -35,7 +33,7 @@ def made(basis: Basis = GENERAL, kind: type = np.float32) -> CoefficientImage:
     if isinstance(basis, MaterialBasis):
         own = np.random.default_rng(7).dirichlet(np.ones(3), (7, 12))
     else:
-        own = basis.analyse(reflectance_set("test").reshape(7, 12, 31))
+        own = basis.analyse(CHART)
     alpha = np.linspace(0, 1, 84, dtype=np.float32).reshape(7, 12)
     ramp = np.linspace(0, 1, 12)[:, None]
     layers = np.concatenate([0.6 * (1 - ramp) * own, 0.25 * ramp * own], -1) * alpha[..., None]
@@ -48,15 +46,6 @@ def stored(path: Path, image: CoefficientImage, spec: RelightSpec = SPEC) -> Rec
     recipe = Recipe.of(image.basis, image.groups, LIGHTS, spec)
     save_for_compositors(image, path, recipe)
     return recipe
-
-
-def call(*words: str | Path) -> int:
-    """The command in this process; returns the exit code."""
-    try:
-        cli.main([*map(str, words)])
-    except SystemExit as stop:
-        return int(stop.code or 0)
-    return 0
 
 
 def opened(path: Path) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

@@ -18,19 +18,17 @@ from numpy.typing import NDArray
 from tests.export._blender import blender
 from tests.export._layers import (
     EVENING,
-    GENERAL,
     LIGHTS,
-    METALS,
     MODES,
     SHARES,
     SPEC,
-    call,
     close,
     made,
     opened,
     shown,
     stored,
 )
+from tests.support.commands import GENERAL, METALS, call
 from tests.support.errors import raises
 from volspec._gpu.sources import asset
 from volspec.appearance import Viewing

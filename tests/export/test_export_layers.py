@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.export._layers import HALF, call, opened
+from tests.export._layers import HALF, opened
 from tests.export.conftest import Make
-from tests.support.errors import raises
-from volspec.errors import InputError
+from tests.support.commands import call
 from volspec.export import tiles
 from volspec.export.compositing import Recipe
 from volspec.export.spectral import write_spectral_frame
@@ -84,22 +83,6 @@ def test_coefficients_of_keyframes_keep_the_numbers_of_its_frames(
     assert list(first.lights) == ["day", "lamp", "tube"]
     dark, bright = (recipe.lights["lamp"].matrices["light"] for recipe in (first, last))
     assert np.allclose(bright, 4 * dark, rtol=1e-7)
-
-
-def test_coefficients_that_are_missing_are_made_and_others_kept(
-    scene: Make, tmp_path: Path
-) -> None:
-    settings = {**COEFFICIENTS, "turntable": {"frames": 3}}
-    scene().export(tmp_path, **settings)
-    (tmp_path / "cast" / "0001.exr").rename(tmp_path / "before.exr")
-    kept = (tmp_path / "cast" / "0002.exr").stat().st_mtime_ns
-    done = scene().export(tmp_path, **settings)
-    assert (done.frames, done.made, done.casts) == (3, 1, 1)
-    again = tmp_path / "cast" / "0001.exr"
-    assert again.read_bytes() == (tmp_path / "before.exr").read_bytes()
-    assert (tmp_path / "cast" / "0002.exr").stat().st_mtime_ns == kept
-    with raises(InputError, "conflict"):
-        scene("[viewing]\nexposure = 2").export(tmp_path, **settings)
 
 
 def test_large_coefficients_are_put_together_of_windows_with_their_depth(

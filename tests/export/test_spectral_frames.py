@@ -11,19 +11,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.export._layers import (
-    EVENING,
-    GENERAL,
-    HALF,
-    LIGHTS,
-    METALS,
-    MODES,
-    SHARES,
-    SPEC,
-    call,
-    made,
-    opened,
-)
+from tests.export._layers import EVENING, HALF, LIGHTS, MODES, SHARES, SPEC, made, opened
+from tests.support.commands import GENERAL, METALS, call
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis
