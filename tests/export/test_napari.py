@@ -19,11 +19,11 @@ import pytest
 
 from tests.export.conftest import Make
 from tests.support.errors import raises
+from tests.support.images import image
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, InputError, SceneError
 from volspec.export import napari
 from volspec.pipeline import relight
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 
@@ -134,17 +134,14 @@ def test_sliders_weigh_the_lights_of_the_active_layer(layers: Any, layer: Any) -
 
 def test_mixes_keep_groups_and_lux() -> None:
     basis = MaterialBasis({"gold": reflectance("gold")})
-    one = np.ones((1, 1), np.float32)
-    image = CoefficientImage(
-        *(np.ones((1, 1, 4), np.float32), one, one, basis), groups={"key": 0.5, "fill": 0.5}
-    )
+    grouped = image(np.ones((1, 1, 4)), basis, groups={"key": 0.5, "fill": 0.5})
     rigs = {
         "key": LightRig((light("A"),), illuminance_lux=(900,), groups=("key",)),
         "fill": LightRig((light("D65"),), illuminance_lux=(100,), groups=("fill",)),
     }
-    lit = napari.Relit(image, rigs)
+    lit = napari.Relit(grouped, rigs)
     both = LightRig((light("A"), light("D65")), (1, 0.5), (900, 100), ("key", "fill"))
-    assert np.array_equal(lit.frame({"key": 1, "fill": 0.5}), relight(image, both))
+    assert np.array_equal(lit.frame({"key": 1, "fill": 0.5}), relight(grouped, both))
     # Which a basis of materials could not be, as napari asks for where a layer is doubled.
     assert copy.deepcopy({"volspec": lit})["volspec"] is lit
 

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from tests.export._layers import EVENING, HALF, LIGHTS, MODES, SHARES, SPEC, made, opened
 from tests.support.commands import GENERAL, METALS, call
+from tests.support.images import image
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis
 from volspec.export import tiles
 from volspec.export.spectral import SpectralIllumination, write_spectral_frame
-from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralImage, light, reflectance
@@ -62,12 +62,11 @@ def test_colours_of_a_spectral_frame_are_those_of_the_frame_to_half_rounding(
 def test_units_of_a_spectral_frame_are_those_of_white_under_the_viewing_s_lux(
     tmp_path: Path,
 ) -> None:
-    white = np.ones((1, 1), np.float32)
-    image = CoefficientImage(np.ones((1, 1, 7), np.float32), white, white, GENERAL)
+    white = image(np.ones((1, 1, 7)), GENERAL)
     for lamp, lux in ((light("A"), 500.0), (LightRig((light("A"),), (), (80.0,)), 80.0)):
         for exposure in (1.0, 4.0):
             spec = RelightSpec(Viewing(illuminance_lux=500.0, exposure=exposure), mode="exact")
-            write_spectral_frame(tmp_path / "s.exr", image, lamp, spec, {})
+            write_spectral_frame(tmp_path / "s.exr", white, lamp, spec, {})
             header, bands, _ = spectral(tmp_path / "s.exr")
             one, unit = header["emissiveUnits"].split(" ", 1)
             assert unit == "W.m^-2.sr^-1.nm^-1"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.support.images import image
 from volspec.basis import SpectralBasis
 from volspec.raycast import CoefficientImage
 from volspec.spectra import reflectance
@@ -22,5 +23,4 @@ def colours() -> CoefficientImage:
     alpha = np.ones((SIZE, SIZE), np.float32)
     alpha[:, : SIZE // 2] = 0.5
     pixels = samples.repeat(SIZE // COUNT, axis=0).repeat(SIZE // COUNT, axis=1)
-    coefficients = (pixels * alpha[..., None]).astype(np.float32)
-    return CoefficientImage(coefficients, alpha, np.full_like(alpha, np.inf), basis)
+    return image(pixels * alpha[..., None], basis, alpha)

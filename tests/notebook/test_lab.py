@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -15,6 +14,7 @@ from PIL import Image
 
 from tests.notebook.lab import Lab, opened
 from tests.support.browser import mean_difference, missing
+from tests.support.images import some_rows
 from volspec.appearance import Viewing
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
@@ -57,13 +57,7 @@ def lab(
 @pytest.fixture(scope="module")
 def turned(colours: CoefficientImage) -> CoefficientImage:
     """Its lower half: another size."""
-    half = colours.size[1] // 2
-    return replace(
-        colours,
-        coefficients=colours.coefficients[half:],
-        alpha=colours.alpha[half:],
-        depth_mm=colours.depth_mm[half:],
-    )
+    return some_rows(colours, slice(colours.size[1] // 2, None))
 
 
 def seen(lab: Lab, size: tuple[int, int]) -> NDArray[np.uint8]:

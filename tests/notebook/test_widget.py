@@ -15,6 +15,7 @@ from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
+from tests.support.images import named_lights, some_rows
 from volspec.appearance import Display, Viewing
 from volspec.errors import (
     DeviceError,
@@ -28,7 +29,6 @@ from volspec.errors import (
 from volspec.pipeline import relight
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
-from volspec.scene.lights import NamedLight
 
 pytest.importorskip("anywidget")
 
@@ -128,12 +128,7 @@ def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: Coefficient
 def test_another_image_keeps_the_settings(widget: Any, colours: CoefficientImage) -> None:
     widget.weights, widget.probe = {"A": 1.0}, (60, 60)
     before = widget.get_state("_page")["_page"]
-    widget.image = replace(
-        colours,
-        coefficients=colours.coefficients[:16],
-        alpha=colours.alpha[:16],
-        depth_mm=colours.depth_mm[:16],
-    )
+    widget.image = some_rows(colours, slice(16))
     assert widget.get_state("_page")["_page"] != before
     assert dict(widget.weights)["A"] == 1.0 and widget.probe is None
     assert widget.frame().shape == (16, 64, 3)
@@ -216,7 +211,7 @@ def test_lights_that_are_none_are_refused(
 
 
 def test_a_scenes_lights_and_viewing_are_taken(colours: CoefficientImage) -> None:
-    lamp = NamedLight("lamp", "Lamp", vs.light("A"), LightRig((vs.light("A"),)))
+    (lamp,) = named_lights(["lamp"], "A")
     image = noted(colours, '{"model": "CAM16", "surround": "dark", "backdrop": 0.05}')
     widget = vs.notebook(image, [lamp])
     assert widget.lights == (lamp,)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from tests.page.conftest import Opened, open_file
+from tests.support.images import image, named_lights
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
-from volspec.raycast import CoefficientImage
-from volspec.relight import LightRig
-from volspec.scene.lights import NamedLight
-from volspec.spectra import light, reflectance
+from volspec.spectra import reflectance
 
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22a", "wcag22aa", "best-practice"]
 # Every control shown and able: two sides, a pixel, own values, errors.
@@ -42,11 +41,12 @@ def balls(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A page of a ball that nobody cast, from 36 sides, under three lights."""
     basis, (y, x) = SpectralBasis.load("general-5"), np.mgrid[-1:1:18j, -1.4:1.4:24j]
     alpha = (np.hypot(x, y) < 0.9).astype(np.float32)
-    colour = basis.analyse(reflectance("copper")).astype(np.float32)
-    image = CoefficientImage(alpha[..., None] * colour, alpha, alpha, basis)
-    lamps = [(name, light(name)) for name in ("D65", "A", "FL2")]
-    lights = [NamedLight(name, f"lamp {name}", lamp, LightRig((lamp,))) for name, lamp in lamps]
-    views = [PageView(image, 10.0 * i) for i in range(36)]
+    colour = basis.analyse(reflectance("copper"))
+    ball = image(alpha[..., None] * colour, basis, alpha)
+    lights = [
+        replace(lamp, label=f"lamp {lamp.name}") for lamp in named_lights(["D65", "A", "FL2"])
+    ]
+    views = [PageView(ball, 10.0 * i) for i in range(36)]
     path = tmp_path_factory.mktemp("access") / "balls.html"
     write_page(path, views, lights, spec=PageSpec("Ball", "Copper from all sides"))
     return path

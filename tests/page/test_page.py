@@ -16,13 +16,14 @@ from PIL import Image
 
 from tests.page.conftest import Opened, open_file
 from tests.support.browser import mean_difference
+from tests.support.images import image, named_lights
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.models import ciecam02
 from volspec.appearance.scene_to_display import CLOSED
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.raycast import CoefficientImage
-from volspec.relight import Illumination, LightRig, Relighter, RelightSpec
+from volspec.relight import Illumination, Relighter, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.scene import Scene
 from volspec.scene.lights import NamedLight
@@ -144,14 +145,13 @@ def test_the_error_map_has_the_desktops_figures(
     basis, lamp = SpectralBasis.load("general-5"), light("FL2")
     names = [f"CES/{number}" for number in range(1, 82)]
     samples = basis.analyse([reflectance(name) for name in names])
-    one = np.ones((9, 9), np.float32)
-    image = CoefficientImage(samples.reshape(9, 9, 5).astype(np.float32), one, one, basis)
-    lights = [NamedLight("FL2", "", lamp, LightRig((lamp,)))]
-    write_page(tmp_path / "map.html", [PageView(image)], lights, spec=PageSpec(bits=12))
+    chart = image(samples.reshape(9, 9, 5), basis)
+    views, lights = [PageView(chart)], named_lights(["FL2"])
+    write_page(tmp_path / "map.html", views, lights, spec=PageSpec(bits=12))
     page = opened(tmp_path / "map.html", "#errors=1")
     page.until("document.getElementById('heat-figures').textContent !== ''")
     said = page.page.text_content("#heat-figures")
-    wanted = error_map(image, lamp)
+    wanted = error_map(chart, lamp)
     mean, most = (float(word) for word in re.findall(r"(?:mean|max) ([\d.]+)", said))
     # Twelve bits move a colour by 0.015.
     assert wanted.mean > 0.3

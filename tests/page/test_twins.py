@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,7 @@ def viewings(count: int, seed: int) -> list[RelightSpec]:
             display=display,
         )
         if viewing.D is None and rng.random() < 0.3:
-            viewing = Viewing(
-                viewing.model, viewing.illuminance_lux, viewing.L_A, viewing.Y_b,
-                viewing.surround, None, True, viewing.exposure, display,
-            )  # fmt: skip
+            viewing = replace(viewing, discount=True)
         made.append(RelightSpec(viewing, MODES[i % 3], float(rng.uniform(0, 1))))
     return made
 

@@ -9,12 +9,9 @@ import numpy as np
 import pytest
 
 from tests.page.conftest import Opened
+from tests.support.images import image, named_lights
 from volspec.basis import SpectralBasis
 from volspec.export.page import PageSpec, PageView, write_page
-from volspec.raycast import CoefficientImage
-from volspec.relight import LightRig
-from volspec.scene.lights import NamedLight
-from volspec.spectra import light
 
 FIVE = (
     *("D65", "Operating theatre LED", "Ward fluorescent", "Daylight, north window"),
@@ -38,13 +35,9 @@ def page_of(opened: Page, tmp_path: Path) -> Page:
         caption: str = "",
     ) -> Opened:
         width, height = picture
-        basis, lamp = SpectralBasis.load("general-5"), light("D65")
-        whole = np.ones((height, width), np.float32)
-        grey = basis.analyse(0.5 * np.ones_like(lamp.values)).astype(np.float32)
-        image = CoefficientImage(whole[..., None] * grey, whole, whole, basis)
-        lights = [NamedLight(name, name, lamp, LightRig((lamp,))) for name in names]
-        path = tmp_path / "words.html"
-        write_page(path, [PageView(image)], lights, spec=PageSpec(title, caption))
+        grey = image(np.full((height, width, 5), 0.5), SpectralBasis.load("general-5"))
+        path, lights = tmp_path / "words.html", named_lights(names, "D65")
+        write_page(path, [PageView(grey)], lights, spec=PageSpec(title, caption))
         shown = opened(path)
         shown.page.set_viewport_size({"width": window[0], "height": window[1]})
         shown.settle()

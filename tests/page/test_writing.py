@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.images import some_rows
 from volspec.cli import main
 from volspec.errors import ImageError, ShapeError, ViewingError
 from volspec.export.page import PageSpec, PageView, page_html, write_page
@@ -61,13 +61,7 @@ def test_pages_need_a_view_a_light_and_views_alike(
         page_html([view], [])
     with raises(ImageError, "missing", "page.views"):
         page_html([], lights)
-    cut = replace(
-        engine_image,
-        coefficients=engine_image.coefficients[:40],
-        alpha=engine_image.alpha[:40],
-        depth_mm=engine_image.depth_mm[:40],
-        first_mm=None,
-    )
+    cut = some_rows(engine_image, slice(40))
     with raises(ShapeError, "shape", "page.views"):
         page_html([view, PageView(cut)], lights)
     with raises(ViewingError, "unsupported", "page.backdrop"):
