@@ -29,7 +29,7 @@ from volspec.palette import Cell, Design, Palette, PaletteSpectrum, design, load
 from volspec.relight import LightRig
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
-from volspec.viewer.model import palette_edits, palette_files, palette_wizards
+from volspec.viewer.model import palette_edits, palette_results
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import MOST_ROWS
 from volspec.viewer.model.materials import with_reflectances
@@ -87,7 +87,7 @@ def test_five_colours_that_merge_to_three_and_one_are_designed(state: ViewState)
     transfer = TransferFunction([(0.2, 0.0, "a"), (0.5, 0.2, "b")], grey, MaterialBasis(grey))
     empty = replace(state, transfer=transfer, lights=state.lights[:1])
     palette = load_palette(PALETTES / "figure-2.toml")
-    begun = palette_files.with_palette(empty, palette)
+    begun = palette_results.with_palette(empty, palette)
     assert column_names(begun.lights) == ("D65", "split 1", "split 2")
     assert begun.palette.is_pending and begun.palette.from_scratch
     found = answers(begun)[-1].made
@@ -215,8 +215,8 @@ def test_a_wizard_s_result_needs_its_materials(
 ) -> None:
     pick = Pick(place=("gold", "A"))
     begun = replace(state, interface=replace(state.interface, pick=pick))
-    result, may_end = palette_wizards.run_wizard(begun, "hide"), threading.Event()
-    monkeypatch.setattr(palette_wizards, "run_wizard", lambda *_: (may_end.wait(20), result)[1])
+    result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
+    monkeypatch.setattr(palette_results, "run_wizard", lambda *_: (may_end.wait(20), result)[1])
     bench = Bench()
     bench.designs.follow(begun)
     bench.designs.run("hide", begun)
@@ -237,11 +237,11 @@ def test_a_wizard_waits_for_the_running_design(
     """It began at once, and was dropped when the design's last pass changed the materials."""
     pick = Pick(place=("gold", "A"))
     begun = with_target(replace(state, interface=replace(state.interface, pick=pick)), 5)
-    result, may_end = palette_wizards.run_wizard(begun, "hide"), threading.Event()
+    result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
     monkeypatch.setattr(designs, "design", lambda palette: (may_end.wait(20), design(palette))[1])
     began_with: list[ViewState] = []
     monkeypatch.setattr(
-        palette_wizards, "run_wizard", lambda state, _: (began_with.append(state), result)[1]
+        palette_results, "run_wizard", lambda state, _: (began_with.append(state), result)[1]
     )
     bench = Bench()
     bench.designs.follow(begun)
@@ -315,7 +315,7 @@ def test_requested_files_are_there_when_the_window_has_closed(
 def test_a_display_s_own_space_is_known_to_wizards(state: ViewState) -> None:
     wall = replace(SPACES["Display P3"], name="the wall", white_xy=(0.32, 0.34))
     viewing = replace(state.relight.viewing, display=Display(space=wall))
-    scene = palette_wizards.wizard_scene(
+    scene = palette_results.wizard_scene(
         replace(state, relight=replace(state.relight, viewing=viewing))
     )
     assert scene.relight.viewing.display.colours == wall
@@ -325,7 +325,7 @@ def test_a_palette_s_model_without_pixels_measures_the_picture(state: ViewState)
     palette = load_palette(PALETTES / "figure-2.toml")
     palette = replace(palette, viewing=replace(palette.viewing, model="CAT02"))
     eye = replace(state.relight.viewing, model="CAM16", adapting="pixel")
-    loaded = palette_files.with_palette(
+    loaded = palette_results.with_palette(
         replace(state, relight=replace(state.relight, viewing=eye)), palette
     )
     found = loaded.relight.viewing
@@ -337,4 +337,4 @@ def test_a_palette_whose_lights_find_no_room_is_refused(state: ViewState) -> Non
     many = tuple(PaletteSpectrum(f"lamp {n}", light("A")) for n in range(MOST_ROWS))
     crowded = replace(palette, lights=(*palette.lights, *many))
     with raises(PaletteError, "size"):
-        palette_files.with_palette(state, crowded)
+        palette_results.with_palette(state, crowded)

@@ -24,7 +24,7 @@ from volspec.spectra import light, reflectance
 from volspec.transfer import (
     TransferFunction,
 )
-from volspec.viewer.model import camera, palette_edits, palette_files, palette_wizards
+from volspec.viewer.model import camera, palette_edits, palette_results
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import Difference, History
@@ -241,7 +241,7 @@ def test_any_edits_make_a_palette_or_fail(
 def hidden(state: ViewState) -> ViewState:
     pick = Pick(place=("gold", "A"))
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    return palette_wizards.with_wizard_result(asked, palette_wizards.run_wizard(asked, "hide"))
+    return palette_results.with_wizard_result(asked, palette_results.run_wizard(asked, "hide"))
 
 
 def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: ViewState) -> None:
@@ -257,7 +257,7 @@ def test_a_wizard_hides_a_material_and_leaves_its_wishes_in_the_table(hidden: Vi
 def test_a_wizard_s_light_is_a_row_that_shines(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), like="D65")
     asked = replace(state, interface=replace(state.interface, pick=pick))
-    made = palette_wizards.with_wizard_result(asked, palette_wizards.run_wizard(asked, "hide"))
+    made = palette_results.with_wizard_result(asked, palette_results.run_wizard(asked, "hide"))
     assert column_names(made.lights)[-1] == "new 1" and made.lights[-1].weight == 1.0
     assert (LIGHT, "new 1") in made.palette.targets.free
     plain = replace(made, palette=PaletteState())
@@ -271,20 +271,20 @@ def test_filters_keep_their_basis_and_no_wizard_touches_them(state: ViewState) -
     assert asked.transfer is glass and asked.palette.is_pending
     assert Difference.between(asked, with_designed(asked)).stage == "cast"
     with raises(PaletteError, "unsupported"):
-        palette_wizards.run_wizard(asked, "hide")
+        palette_results.run_wizard(asked, "hide")
 
 
 def test_a_wizard_that_refuses_says_why(state: ViewState) -> None:
     pick = Pick(place=("gold", "A"), distance=99.0)
     asked = replace(state, interface=replace(state.interface, pick=pick))
     with raises(PaletteError):
-        palette_wizards.run_wizard(asked, "reveal")
+        palette_results.run_wizard(asked, "reveal")
 
 
 def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: Path) -> None:
     file = tmp_path / "mine.toml"
     save_palette(palette_from_state(hidden), file)
-    again = palette_files.with_palette(hidden, load_palette(file))
+    again = palette_results.with_palette(hidden, load_palette(file))
     assert not again.palette.is_pending
     assert again.palette.targets.cells == hidden.palette.targets.cells
     assert again.palette.targets.free == hidden.palette.targets.free
@@ -296,7 +296,7 @@ def test_a_palette_is_written_and_loaded_as_it_was(hidden: ViewState, tmp_path: 
 @pytest.mark.parametrize("kind", KINDS)
 def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState, kind: str) -> None:
     state = of_kind(state, kind)
-    scene = palette_wizards.wizard_scene(state)
+    scene = palette_results.wizard_scene(state)
     assert list(scene.materials) == ["copper", "gold"]
     assert type(scene.transfer) is type(state.transfer)
     assert [each.name for each in scene.lights] == list(column_names(state.lights))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.support.window import Robot, Row, along
+from tests.support.window import Robot, Row, along, small_engine
 from volspec._gpu.devices import POCL, devices
 from volspec.scene import Scene
 from volspec.volume import phantom
@@ -23,7 +23,8 @@ pytestmark = pytest.mark.usefixtures("screen")
 def test_a_session_casts_for_views_only_and_refines_when_it_rests(tmp_path: Path) -> None:
     from PIL import Image
 
-    with Robot(tmp_path, ["--screenshot", "160x120"], (900, 600)) as robot:
+    scene = small_engine(tmp_path)
+    with Robot(tmp_path, [*scene, "--screenshot", "160x120"], (900, 600)) as robot:
         robot.whole()
         first = robot.rest()
 

@@ -17,7 +17,7 @@ from typing import Any
 from volspec.errors import PaletteError, VolspecError, one_line
 from volspec.palette import Design, Palette, design, load_palette, save_palette
 from volspec.palette.advice import VISIBLE, suggestions
-from volspec.viewer.model import palette_files, palette_table, palette_wizards
+from volspec.viewer.model import palette_results, palette_table
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
 from volspec.viewer.model.palette_targets import DesignStatus, DesignTargets, stays
@@ -102,7 +102,7 @@ class DesignService:
     Threads call ``wake`` when there is something to take.
     """
 
-    commands = frozenset(palette_wizards.WIZARDS)
+    commands = frozenset(palette_results.WIZARDS)
 
     def __init__(self, wake: Callable[[], object], notice: Notice) -> None:
         self._worker, self._tasks = DesignWorker(wake), Tasks(wake)
@@ -161,7 +161,7 @@ class DesignService:
             state, name = history.present, self._wizard_waits
             self._wizard_waits = ""
             self._tasks.start(
-                "wizard", lambda: (state, name, palette_wizards.run_wizard(state, name))
+                "wizard", lambda: (state, name, palette_results.run_wizard(state, name))
             )
         return history
 
@@ -241,10 +241,10 @@ class DesignService:
         elif begun.document is present.document:
             try:
                 if isinstance(made, Palette):
-                    if missing := palette_files.unmatched_reflectances(present, made):
+                    if missing := palette_results.unmatched_reflectances(present, made):
                         names = ", ".join(missing)
                         self._notice.show(f"The scene has no material left for {names}")
-                    state = palette_files.with_palette(present, made)
+                    state = palette_results.with_palette(present, made)
                 else:
                     state = self._with_wizard_result(present, begun, name, made)
             except VolspecError as error:
@@ -262,8 +262,8 @@ class DesignService:
             dropped = f"The wizard “{name}” was discarded: the materials changed meanwhile"
             self._notice.show(dropped)
             raise PaletteError(dropped, code="state")
-        state = palette_wizards.with_wizard_result(present, made)
-        reached = palette_wizards.result_lines(made, begun)
+        state = palette_results.with_wizard_result(present, made)
+        reached = palette_results.result_lines(made, begun)
         self._reported = state.palette.targets
         self._report(reached=reached, advice=())
         self._notice.trace.note("wizard", name=name, reached=list(reached))
