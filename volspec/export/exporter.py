@@ -29,7 +29,7 @@ from volspec.export.frame_files import (
     measured_shot,
 )
 from volspec.export.frames import BlankFrames
-from volspec.export.manifest import ExportFolder, exclusive_folder, file_names, fingerprint
+from volspec.export.manifest import ExportFolder, exclusive_folder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
 from volspec.export.png import PngWriter
@@ -147,7 +147,8 @@ def export(
     # The frames of a film are in a folder next to it until it is done.
     path = target.with_name(f"{target.name}.frames") if is_film else target
     has_sheet = table.sheet and not is_film
-    files = file_names([shot.stem for shot in plan.shots], table.suffix, has_sheet)
+    files = tuple(f"{shot.stem}{table.suffix}" for shot in plan.shots)
+    files += ("sheet.png",) if has_sheet else ()
     with exclusive_folder(path):
         folder = ExportFolder(path, fingerprint(scene, volume, settings), files)
         folder.begin(overwrite, own=is_film)

@@ -13,7 +13,7 @@ import hashlib
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -208,8 +208,3 @@ def exclusive_folder(path: Path) -> Iterator[None]:
         if flags & os.O_CREAT:
             with suppress(OSError):  # another export has opened it
                 place.unlink()
-
-
-def file_names(stems: Sequence[str], suffix: str, sheet: bool) -> tuple[str, ...]:
-    """Return the names of an export's files."""
-    return (*(f"{stem}{suffix}" for stem in stems), *(("sheet.png",) if sheet else ()))
