@@ -49,18 +49,21 @@ def write_vti(path: Path, grid: Any, mode: str, packed: bool = True, encode: boo
     return path.read_bytes()
 
 
-def nifti(values: np.ndarray, ras_from_index: np.ndarray) -> bytes:
-    """A NIfTI-1 file with an sform; its world is RAS, ITK's is LPS."""
+def nifti(values: np.ndarray, ras_from_index: np.ndarray, code: int = 4, order: str = "<") -> bytes:
+    """A NIfTI-1 file with an sform; its world is RAS, ITK's is LPS. ``code`` is its type's."""
     header = bytearray(352)
-    struct.pack_into("<i", header, 0, 348)
-    struct.pack_into("<8h", header, 40, 3, *values.shape[::-1], 1, 1, 1, 1)
-    struct.pack_into("<2h", header, 70, 4, 16)
-    struct.pack_into("<8f", header, 76, 1, 2, 1, 3, 1, 1, 1, 1)
-    struct.pack_into("<2f", header, 108, 352, 1)
-    struct.pack_into("<2h", header, 252, 0, 1)
-    struct.pack_into("<12f", header, 280, *ras_from_index[:3].ravel())
+    for form, offset, numbers in (
+        ("i", 0, [348]),
+        ("8h", 40, [3, *values.shape[::-1], 1, 1, 1, 1]),
+        ("2h", 70, [code, 8 * values.itemsize]),
+        ("8f", 76, [1, 2, 1, 3, 1, 1, 1, 1]),
+        ("2f", 108, [352, 1]),
+        ("2h", 252, [0, 1]),
+        ("12f", 280, ras_from_index[:3].ravel()),
+    ):
+        struct.pack_into(order + form, header, offset, *numbers)
     header[344:348] = b"n+1\0"
-    return bytes(header) + values.tobytes()
+    return bytes(header) + values.astype(values.dtype.newbyteorder(order)).tobytes()
 
 
 def load_silently(path: Path | str) -> Volume:

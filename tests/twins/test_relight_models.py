@@ -71,7 +71,7 @@ def test_a_table_filled_on_the_device_is_numpys(model: str) -> None:
     transform = view_transform(viewing, white)
     table = Lut3D.of(transform, space)
     XYZ = surfaces(white)
-    # Where the closed form stands in, the two are the same: leave such colours out.
+    # Colours that the closed form draws are the same in both: leave them out.
     held = np.any(table.apply(XYZ) != transform.apply(XYZ), axis=-1)
     XYZ[~held] = XYZ[held][0]
     frame = gl_frame(*opaque(XYZ, white), viewing, lut3d=True)
@@ -80,7 +80,7 @@ def test_a_table_filled_on_the_device_is_numpys(model: str) -> None:
 
 
 def boxes() -> np.ndarray:
-    """Reflectances of one in a band and nothing beside, or the reverse: the most saturated."""
+    """Reflectances of one in a band and zero elsewhere, or the reverse: the most saturated."""
     edges = [(a, b) for a in range(31) for b in range(a + 1, 32)]
     own = np.array([[a <= k < b for k in range(31)] for a, b in edges], dtype=float)
     return np.concatenate([own, 0.05 * own, 1.0 - own, 3.0 * own])

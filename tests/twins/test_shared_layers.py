@@ -72,6 +72,6 @@ def test_any_size_and_height_of_bands_is_packed(
 def test_half_pictures_are_rounded_as_they_are_kept(compute: Compute) -> None:
     coefficients, alpha = picture(31, 65, 7)
     largest = float(np.finfo(np.float16).max)
-    kept = np.clip(coefficients, -largest, largest).astype(np.float16).astype(np.float32)
+    rounded = np.clip(coefficients, -largest, largest).astype(np.float16).astype(np.float32)
     ours = packed_on_the_device(compute, coefficients, alpha, 8, half=True)
-    assert_same(ours, pack_layers(kept, alpha))
+    assert_same(ours, pack_layers(rounded, alpha))

@@ -342,12 +342,6 @@ def test_a_gzip_file_in_two_members_is_not_longer(tmp_path: Path) -> None:
     assert np.array_equal(load_silently(tmp_path / "v.nrrd").values, VALUES)
 
 
-def wide_nifti(values: np.ndarray) -> bytes:
-    data = bytearray(nifti(values, np.eye(4)))
-    struct.pack_into("<2h", data, 70, 1024, 64)
-    return bytes(data)
-
-
 @pytest.mark.parametrize(("most", "narrow"), [(29, np.uint8), (29000, np.uint16)])
 def test_label_files_of_wide_integers_stay_whole_numbers(
     tmp_path: Path, most: int, narrow: type
@@ -359,7 +353,7 @@ def test_label_files_of_wide_integers_stay_whole_numbers(
     image = pyvista.ImageData(dimensions=(5, 4, 3))
     image.cell_data["labels"] = labels.ravel().astype(np.int32)
     image.save(tmp_path / "cells.vti")
-    (tmp_path / "v.nii").write_bytes(wide_nifti(labels))
+    (tmp_path / "v.nii").write_bytes(nifti(labels, np.eye(4), code=1024))
     header = NRRD.replace("type: short", "type: int64").encode()
     (tmp_path / "v.nrrd").write_bytes(header + labels.tobytes())
     for name in ("points.vti", "cells.vti", "v.nii", "v.nrrd"):

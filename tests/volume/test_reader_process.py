@@ -15,7 +15,7 @@ import pytest
 import SimpleITK
 
 from tests.support.errors import raises, warns
-from tests.support.volumes import META, NRRD, VALUES, write_nrrd
+from tests.support.volumes import META, NRRD, VALUES, nifti, write_nrrd
 from volspec.errors import DeviceError, VolumeError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.query import Query, Reading, Stored
@@ -150,17 +150,11 @@ def test_bytes_read_directly_are_those_that_itk_gives(
     SimpleITK.WriteImage(SimpleITK.GetImageFromArray(values), str(path))
     if order == "big":
         content = path.read_bytes()
-        head = content[: -values.nbytes]
-        if suffix == ".nii":
-            code, bits = struct.unpack_from("<2h", content, 70)
-            dims, ones = struct.pack(">8h", 3, 4, 3, 2, 1, 1, 1, 1), struct.pack(">8f", *[1.0] * 8)
-            kind_and_bits = struct.pack(">2h", code, bits)
-            start = struct.pack(">2f", 352, 1)
-            head = b"".join((struct.pack(">i", 348), bytes(36), dims, bytes(14), kind_and_bits))
-            head = b"".join((head, bytes(2), ones, start)).ljust(344, b"\0") + b"n+1\0" + bytes(4)
-        head = head.replace(b"endian: little", b"endian: big")
+        head = content[: -values.nbytes].replace(b"endian: little", b"endian: big")
         head = head.replace(b"ByteOrderMSB = False", b"ByteOrderMSB = True")
-        path.write_bytes(head + values.astype(values.dtype.newbyteorder(">")).tobytes())
+        big = head + values.astype(values.dtype.newbyteorder(">")).tobytes()
+        code = struct.unpack_from("<h", content, 70)[0]
+        path.write_bytes(nifti(values, np.eye(4), code, ">") if suffix == ".nii" else big)
     reading = read_here(Query.of(str(path)))
     assert isinstance(reading.values, Stored)
     expected = SimpleITK.GetArrayFromImage(SimpleITK.ReadImage(str(path)))

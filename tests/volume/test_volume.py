@@ -57,11 +57,11 @@ def test_types_that_kernels_read_stay_and_others_are_widened(given: str, native:
 
 
 @pytest.mark.parametrize(
-    ("given", "low", "high", "kept"),
+    ("given", "low", "high", "native"),
     [
-        (given, low, high, kept)
+        (given, low, high, native)
         for given in ("i4", "u4", "i8", "u8", ">i8")
-        for low, high, kept in [
+        for low, high, native in [
             *[(0, 255, "u1"), (0, 256, "u2"), (0, 65535, "u2"), (0, 65536, "f4")],
             *[(-1, 200, "i2"), (-32768, 32767, "i2"), (-1, 32768, "f4")],
         ]
@@ -69,12 +69,12 @@ def test_types_that_kernels_read_stay_and_others_are_widened(given: str, native:
     ],
 )
 def test_wide_integers_become_the_smallest_that_holds_them(
-    given: str, low: int, high: int, kept: str
+    given: str, low: int, high: int, native: str
 ) -> None:
     values = np.full((2, 2, 2), high, given)
     values[0, 0, 0] = low
     volume = Volume(values)
-    assert volume.values.dtype == np.dtype(kept) and volume.range == (low, high)
+    assert volume.values.dtype == np.dtype(native) and volume.range == (low, high)
     assert np.array_equal(volume.values, values)
 
 
@@ -131,7 +131,7 @@ def test_doubles_that_float32_rounds_are_warned_about() -> None:
 
 
 def blocks_of(values: np.ndarray, small: np.ndarray) -> list[tuple[Any, np.ndarray]]:
-    """Down-sampled values, each with the block of 3³ that it stands for; ends may be shorter."""
+    """Down-sampled values, each with its block of 3³; ends may be shorter."""
     corners = (3 * np.array(list(np.ndindex(small.shape)))).tolist()
     parts = [tuple(slice(at, at + 3) for at in corner) for corner in corners]
     return [(value, values[part]) for value, part in zip(small.flat, parts, strict=True)]
