@@ -39,6 +39,7 @@ def test_a_profile_of_another_maker_with_a_sampled_curve_is_read(tmp_path: Path)
     read = read_profile(path)
     assert np.abs(read.XYZ_from_RGB - SPACES["sRGB"].XYZ_from_RGB).max() < 0.1
     assert Display(space=str(path)).colours == read
+    assert Display(space=path) == Display(space=str(path))
 
 
 def table(values: np.ndarray) -> bytes:
@@ -127,13 +128,6 @@ def test_no_file_and_a_folder_are_refused(tmp_path: Path) -> None:
         with raises(ViewingError, "not-found", "Display.space") as caught:
             Display(space=tmp_path / name)
         assert name in str(caught.value)
-
-
-def test_a_path_is_as_good_as_its_text(tmp_path: Path) -> None:
-    path = tmp_path / "p3.icc"
-    path.write_bytes(icc_profile(SPACES["Display P3"]))
-    assert Display(space=path) == Display(space=str(path))
-    assert Display(space=path).colours == read_profile(path)
 
 
 def scene_for(folder: Path, display: str) -> Scene:

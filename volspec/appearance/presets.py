@@ -121,11 +121,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType({preset.name: preset for preset
 
 
 def preset(name: str) -> Preset:
-    """Return viewing conditions by name; raise ViewingError if there are none.
-
-    >>> preset("cinema").display().surround
-    'dark'
-    """
+    """Return viewing conditions by name; raise ViewingError if there are none."""
     if name in PRESETS:
         return PRESETS[name]
     raise ViewingError(

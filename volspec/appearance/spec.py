@@ -90,10 +90,6 @@ class Viewing:
     --------
     >>> round(Viewing().adapting_luminance, 2)
     63.66
-    >>> Viewing(model="CIECAM2")
-    Traceback (most recent call last):
-    ...
-    volspec.errors.ViewingError: Viewing.model is 'CIECAM2'; did you mean 'CIECAM02'...
     """
 
     model: Model = "CIECAM02"

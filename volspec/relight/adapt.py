@@ -69,18 +69,6 @@ def picture_plane(plotter: pyvista.Plotter, distance: float | None = None) -> py
         If it is no plotter or closed, or the distance is not above 0.
     CameraError
         If the camera shears or shifts its picture.
-
-    Examples
-    --------
-    >>> import pyvista
-    >>> plotter = pyvista.Plotter(off_screen=True, window_size=(40, 20))
-    >>> plotter.camera_position = [(0, 0, 8), (0, 0, 0), (0, 1, 0)]
-    >>> plotter.enable_parallel_projection()
-    >>> plotter.camera.parallel_scale = 3
-    >>> plane = picture_plane(plotter)
-    >>> plotter.close()
-    >>> plane.bounds[:4]
-    (-6.0, 6.0, -3.0, 3.0)
     """
     import pyvista
 

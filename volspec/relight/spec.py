@@ -54,13 +54,6 @@ class LightRig:
     >>> rig = LightRig((flat, ramp), weights=(0.5, 1.0))
     >>> rig.mixed(SpectralGrid(400, 700, 150)).values.round(3).tolist()
     [0.925, 2.1, 3.275]
-
-    A flat key and a ramp that fills, with a third of the light:
-
-    >>> rig = LightRig((flat, ramp), groups=("key", "fill"))
-    >>> facing = rig.facing({"key": 2 / 3, "fill": 1 / 3})
-    >>> facing.mixed(SpectralGrid(400, 700, 150)).values.round(3).tolist()
-    [0.808, 1.2, 1.592]
     """
 
     lights: Annotated[tuple[Spectrum, ...], Field(strict=False, min_length=1)]

@@ -41,8 +41,6 @@ class SpectralGrid:
     --------
     >>> SpectralGrid().size
     31
-    >>> SpectralGrid(360, 830, 1).wavelengths_nm[[0, -1]].tolist()
-    [360.0, 830.0]
     """
 
     start_nm: float = 400.0

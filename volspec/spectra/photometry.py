@@ -117,10 +117,6 @@ def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
     """Return correlated colour temperature and Duv of a light's white XYZ, on any scale [1].
 
     None if the light is too far from Planck's locus, or outside 1000 K to 100 000 K.
-
-    >>> kelvin, Duv = correlated_temperature([95.047, 100, 108.883])
-    >>> round(kelvin), round(Duv, 4)
-    (6503, 0.0032)
     """
     u, v = _uv(np.asarray(white_XYZ, dtype=np.float64))
     kelvin, locus = _planckian()

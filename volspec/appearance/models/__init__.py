@@ -23,11 +23,7 @@ APPEARANCE_MODELS: Mapping[str, Model] = MappingProxyType(
 
 
 def model(name: str) -> Model:
-    """Return the appearance model of a name; raise ViewingError if there is none.
-
-    >>> model("RLAB").NAME
-    'RLAB'
-    """
+    """Return the appearance model of a name; raise ViewingError if there is none."""
     if not (isinstance(name, str) and name in APPEARANCE_MODELS):
         raise ViewingError.refused(
             "appearance model",

@@ -172,8 +172,7 @@ def reflectance_from_colour(
     Raises
     ------
     SpectrumError
-        If the colour is unknown or impossible (not three numbers, negative, not finite, over
-        twice as bright as white), or the method or the light is unknown.
+        If the colour is unknown or impossible (`checked_XYZ`), or the method or the light unknown.
 
     Warns
     -----
@@ -185,8 +184,6 @@ def reflectance_from_colour(
     >>> paint = reflectance_from_colour("#c08040")
     >>> paint.notes["constructed"]
     'delaunay'
-    >>> reflectance_from_colour("white", light="A").values.round(6).min().item()
-    1.0
     """
     lamp = _lamp(light, grid)
     XYZ = colour_XYZ(colour, white_XYZ(lamp, observer_deg))
