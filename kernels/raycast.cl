@@ -23,7 +23,7 @@
 //         filters      floatV[last_entry + 2][2][VECTORS], with FILTERED: transmittance of one
 //                      whole step, channel by channel, and its difference; the last is white
 //         sources, light_volume  (include/shade.clh, include/light.clh)
-//         cast         settings of the cast: CAST in volspec/raycast/packed.py
+//         cast         settings of the cast: CAST in volspec/raycast/kernel_arguments.py
 // Writes  coefficients_out float[height][width][GROUPS][CHANNELS] premultiplied; alpha_out,
 //         depth_out and first_out float[height][width] (expected and first depth in smallest
 //         spacings, inf for empty pixels), from the band's first row on

@@ -4,7 +4,7 @@
 //                                                              P_E C_g in exact mode
 //     frame = encode(gamut(appearance(XYZ)))
 //
-// NumPy twin: volspec/relight/cpu.py; truth: volspec/relight/reference.py (colour-science).
+// NumPy twin: volspec/relight/reference.py; truth: tests/support/relighting.py (colour-science).
 //
 // Reads   coefficients   texture array, LAYERS layers of RGBA float (16 or 32 bit), image row 0
 //                        at texel row 0. Channel i is component i % 4 of layer i / 4:
@@ -25,7 +25,7 @@
 //         IMAGE_HEIGHT (pixels; used if FIRST_ROW_AT_BOTTOM is 0), EVERY (1 draws all pixels, 2
 //         every second column and row), REDUCE and MARK (1 if the display does so), and the
 //         numbers of volspec.appearance.constants.shader_constants(), of the display's
-//         ColourSpace.shader_constants() and of volspec.appearance.screen.SHADER_CONSTANTS.
+//         ColourSpace.shader_constants() and of volspec.appearance.gamut_mapping.SHADER_CONSTANTS.
 //
 // Valid for `330 core` and `300 es`; the host writes the version line.
 #ifdef GL_ES

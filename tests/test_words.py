@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import ast
 import io
+import re
 import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tools.house import OPENINGS, WORDS, definitions
+from tools.source_metrics import OPENINGS, WORDS, definitions
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = sorted((ROOT / "volspec").rglob("*.py"))
@@ -56,3 +57,32 @@ def test_no_module_uses_a_word_of_the_list():
 def test_no_kernel_shader_or_page_uses_a_word_of_the_list(path):
     words = [word.group() for word in WORDS.finditer(path.read_text(encoding="utf-8"))]
     assert not words, f"{path.relative_to(ROOT)}: {', '.join(words)}"
+
+
+NAMED = re.compile(r"(?<![\w./-])(?:[\w-]+/)+[\w-]+\.(?:py|js|clh?|glsl|frag|vert|md)\b")
+FOLDERS = (
+    "benchmarks",
+    "data",
+    "docs",
+    "examples",
+    "kernels",
+    "shaders",
+    "tests",
+    "tools",
+    "volspec",
+)
+
+
+def test_files_that_pages_and_comments_name_are_there():
+    """A part of a path is enough, as ``raycast/spec.py``."""
+    there = {path for folder in FOLDERS for path in (ROOT / folder).rglob("*.*")}
+    there = {path for path in there if "__pycache__" not in path.parts}
+    ends = {"/".join(path.parts[-n:]) for path in there for n in range(2, 8)}
+    scripts = (ROOT / "volspec").rglob("*.js")
+    found = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in (*MODULES, *SHADERS, *PAGES, *scripts, *(ROOT / "docs/decisions").glob("*.md"))
+        for name in NAMED.findall(path.read_text(encoding="utf-8"))
+        if name not in ends
+    ]
+    assert not found, "\n".join(found)

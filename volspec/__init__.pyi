@@ -47,9 +47,9 @@ from .raycast import (
     Point as Point,
     RaycastSpec as RaycastSpec,
 )
-from .raycast.adapt import from_plotter as from_plotter
+from .raycast.vtk_interop import from_plotter as from_plotter
 from .relight import LightRig as LightRig, RelightSpec as RelightSpec
-from .relight.adapt import picture_plane as picture_plane, to_texture as to_texture
+from .relight.vtk_interop import picture_plane as picture_plane, to_texture as to_texture
 from .scene import Scene as Scene
 from .spectra import (
     SpectralGrid as SpectralGrid,

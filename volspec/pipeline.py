@@ -16,9 +16,9 @@ from typing import Any
 from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.bands import Cancel, Progress
 from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
 from volspec.transfer import (

@@ -10,10 +10,10 @@
 // pixels outside of the display's cube pay for it; on software GL all pay for the signals and one
 // halving.
 //
-// NumPy twin and derivation: volspec/appearance/screen.py. Total: finite input gives finite output.
+// NumPy twin and derivation: volspec/appearance/gamut_mapping.py. Total: finite input gives finite output.
 //
 // Reads   gamut  if REDUCE; computed in double precision when the display or the model changes
-// Host sets REDUCE, MARK, and the numbers of volspec.appearance.screen.SHADER_CONSTANTS.
+// Host sets REDUCE, MARK, and the numbers of volspec.appearance.gamut_mapping.SHADER_CONSTANTS.
 
 #if REDUCE || MARK
 bool is_shown(vec3 linear) {

@@ -21,9 +21,9 @@ from volspec.raycast import (
     RaycastSpec,
     reference,
 )
-from volspec.raycast.bands import Result
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.lights import Source
+from volspec.raycast.row_batches import Result
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 

@@ -5,15 +5,15 @@ import pytest
 
 from tests.support.errors import raises
 from volspec.appearance import SURROUNDS
-from volspec.appearance.models import cam
-from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.screen import (
+from volspec.appearance.gamut_mapping import (
     SHADER_STEPS,
     DisplayGamut,
     opponent_signals,
     reduce_chroma,
     reduce_chroma_opponent,
 )
+from volspec.appearance.models import cam
+from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.spaces import SPACES, ColourSpace, Transfer
 from volspec.errors import ViewingError
 

@@ -82,9 +82,9 @@ def test_a_device_that_refuses_is_told_in_one_line(
 # in the background ignores the interrupt, and so would its children.
 TELLING_BANDS = (
     "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-    "from volspec.raycast.bands import Bands; fetch = Bands._fetch\n"
+    "from volspec.raycast.row_batches import RowBatches; fetch = RowBatches._fetch\n"
     "def told(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
-    "Bands._fetch = told; from volspec.cli import main; main()"
+    "RowBatches._fetch = told; from volspec.cli import main; main()"
 )
 
 

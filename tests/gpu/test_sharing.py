@@ -26,7 +26,7 @@ from volspec._gpu import devices, sharing
 from volspec._gpu.devices import all_devices, choose_device
 from volspec._gpu.opencl import Compute
 from volspec.errors import CastCancelled, OpenCLError
-from volspec.raycast.bands import Bands
+from volspec.raycast.row_batches import Bands
 
 
 def device() -> cl.Device:

@@ -35,7 +35,7 @@ TOLERANCE = 1e-9
 @pytest.fixture(scope="module")
 def compute(browser: Any, web: Path) -> Any:
     """The page's own functions, called with JSON."""
-    files = ("algebra", "illumination", "conditions", "passages", "looks", "lighting")
+    files = ("algebra", "illumination", "conditions", "view_transform", "looks", "lighting")
     code = "\n".join((web / f"{name}.js").read_text(encoding="utf-8") for name in files)
     page = browser.new_page()
     yield lambda expression, given: page.evaluate(

@@ -11,8 +11,8 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises, warns
 from volspec.errors import CastCancelled, OpenCLError, RaycastError
-from volspec.raycast.bands import Bands, Result
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.row_batches import Result, RowBatches
 from volspec.spectra import light_set, reflectance_set
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
@@ -40,7 +40,7 @@ def test_a_cancelled_cast_ends_soon_and_leaves_the_caster_well(
 
 def test_bands_grow_and_shrink_with_what_they_cost() -> None:
     result = Result(*(np.empty((640, 64), np.float32) for _ in range(4)))
-    bands = Bands(None, result, (4, 2), (8, 8), tile_ms=20)
+    bands = RowBatches(None, result, (4, 2), (8, 8), tile_ms=20)
     band = type("Band", (), {"first": 0, "last": 4})()
     assert bands._next_rows(4, band, 1.0) == 8  # no more than twice as many
     assert bands._next_rows(8, band, 40.0) == 2  # 10 ms a row

@@ -23,8 +23,8 @@ from volspec.raycast import (
 )
 from volspec.raycast.camera import Orbit
 from volspec.raycast.checks import MAX_WEIGHT
+from volspec.raycast.kernel_arguments import MAX_REACH, check_reach
 from volspec.raycast.lights import MAX_GROUPS, MAX_NAME, MAX_SOURCES
-from volspec.raycast.packed import MAX_REACH, check_reach
 from volspec.raycast.spec import MAX_PLANES, MAX_STEPS
 from volspec.volume import Volume, phantom
 

@@ -55,7 +55,7 @@ def test_there_is_an_example_of_each_kind_of_transfer_function(folder: Path) -> 
     assert kinds == {TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces}
 
 
-# Of the figure-… scenes some lights hide what is there: tests/palette/test_figure_scenes.py.
+# Not the figure-… scenes, where some lights hide what is there.
 @pytest.mark.parametrize("path", sorted((ROOT / "data" / "scenes").glob("engine*.toml")), ids=str)
 def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:
     scene = Scene.load(path)

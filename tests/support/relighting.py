@@ -20,8 +20,8 @@ from volspec.basis import Basis, SpectralBasis
 from volspec.errors import OpenGLError
 from volspec.raycast.image import CoefficientImage
 from volspec.relight import Illumination, Relighter, programs
-from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
+from volspec.relight.reference import CpuEngine
 from volspec.spectra import SpectralGrid
 from volspec.spectra.datasets import colour_matching_functions
 

@@ -11,8 +11,8 @@ import pytest
 
 from tests.support.raycasts import FLAT, fog, oblique_world
 from volspec.raycast import Camera, RaycastSpec, reference
-from volspec.raycast.bands import Result
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.row_batches import Result
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume, load_volume, phantom
 

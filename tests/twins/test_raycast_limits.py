@@ -19,7 +19,7 @@ from volspec._gpu.sources import Source, asset
 from volspec.errors import OpenCLError
 from volspec.raycast import Camera, RaycastSpec, light_volume, reference
 from volspec.raycast.gpu import TILES, Raycaster
-from volspec.raycast.packed import CAST
+from volspec.raycast.kernel_arguments import CAST
 from volspec.transfer import TransferTable
 from volspec.volume import Volume, phantom
 

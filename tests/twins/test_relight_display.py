@@ -17,10 +17,7 @@ from tests.support.relighting import (
     opaque,
 )
 from volspec.appearance import Display, Viewing, view_transform
-from volspec.appearance.lut3d import Lut3D, LutSpace
-from volspec.appearance.models import cam
-from volspec.appearance.models.cam import CamConditions
-from volspec.appearance.screen import (
+from volspec.appearance.gamut_mapping import (
     GAMUT_SLACK,
     HATCH_CODE,
     HATCH_PERIOD,
@@ -29,12 +26,15 @@ from volspec.appearance.screen import (
     reduce_chroma,
     screen_for_viewing,
 )
+from volspec.appearance.lut3d import Lut3D, LutSpace
+from volspec.appearance.models import cam
+from volspec.appearance.models.cam import CamConditions
 from volspec.appearance.spaces import SPACES, Transfer
 from volspec.appearance.spec import MODELS
 from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
 from volspec.relight import Illumination
-from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
+from volspec.relight.reference import CpuEngine
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
 

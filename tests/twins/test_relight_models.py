@@ -23,8 +23,8 @@ from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.appearance.spec import MODELS
 from volspec.basis import SpectralBasis
 from volspec.relight import Illumination, LightRig, RelightSpec
-from volspec.relight.cpu import CpuEngine
 from volspec.relight.gpu import GLEngine
+from volspec.relight.reference import CpuEngine
 from volspec.spectra import Spectrum, light
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 

@@ -28,7 +28,7 @@ from volspec.errors import (
     VolumeError,
 )
 from volspec.raycast import Camera
-from volspec.transfer.adapt import transfer_from_vtk
+from volspec.transfer.vtk_interop import transfer_from_vtk
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = (96, 72)

@@ -234,8 +234,8 @@ def write_comparison(
     from volspec import __version__
     from volspec._files import require_suffix, require_writable
     from volspec.appearance.spec import MODELS
+    from volspec.export.contact_sheet import SheetTile, comparison_sheet
     from volspec.export.frames import write_frame
-    from volspec.export.sheet import SheetTile, comparison_sheet
     from volspec.pipeline import Relighter
     from volspec.raycast import CoefficientImage
     from volspec.relight import RelightSpec

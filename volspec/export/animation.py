@@ -27,7 +27,7 @@ from volspec.errors import CameraError, InputError, SceneError, TransferError, V
 from volspec.raycast import Camera
 from volspec.raycast.camera import Orbit
 from volspec.raycast.checks import Vector, unit
-from volspec.raycast.packed import check_reach
+from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.export import KeyCamera, Keyframe, Turntable

@@ -15,10 +15,7 @@ from numpy.typing import NDArray
 from volspec._exr import read_exr
 from volspec.appearance.spaces import SPACES, decode_sRGB, encode_sRGB
 from volspec.errors import ImageError
-from volspec.export.exr import PRIMARIES, white_adaptation
-from volspec.export.frames import read_frame, write_frame
-from volspec.export.plan import Plan
-from volspec.export.sheet import (
+from volspec.export.contact_sheet import (
     SheetColumn,
     SheetTile,
     comparison_sheet,
@@ -26,6 +23,9 @@ from volspec.export.sheet import (
     fitted_size,
     printable,
 )
+from volspec.export.exr import PRIMARIES, white_adaptation
+from volspec.export.frames import read_frame, write_frame
+from volspec.export.plan import Plan
 from volspec.scene import NamedLight, Scene
 
 # Widths of the sheet and of a tile, pixels; frames for each light, or in all, and in a row.

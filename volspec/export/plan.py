@@ -22,7 +22,7 @@ from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
 from volspec.raycast import Camera
-from volspec.raycast.packed import check_reach
+from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import mixed_rig

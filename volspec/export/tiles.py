@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from volspec.errors import VolspecWarning
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.bands import Progress
 from volspec.raycast.camera import RayField
 from volspec.raycast.checks import MAX_SIDE
+from volspec.raycast.row_batches import Progress
 from volspec.transfer import Transfer
 
 # Bytes of one cast; and of a strip that is relit, with its copy on the device.

@@ -20,13 +20,13 @@ from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenCLError, RaycastError
-from volspec.raycast import packed
-from volspec.raycast.bands import Bands, Cancel, Progress, Receiver, Result
+from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import BRICK, STRIDES, brick_codes, brick_ranges
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
+from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import LightVolume
-from volspec.raycast.packed import check_reach
+from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
 from volspec.volume import Volume
@@ -206,15 +206,15 @@ class Raycaster:
             picture,
             remedy,
         )
-        struct = packed.cast_struct(self.volume, table, camera, size, spec)
+        struct = kernel_arguments.cast_struct(self.volume, table, camera, size, spec)
         struct["row"] = self._stored_shape[2]
         struct["slice"] = self._stored_shape[1] * self._stored_shape[2]
         struct["bricks_x"], struct["bricks_y"] = self._low.shape[2], self._low.shape[1]
-        program = packed.Program.of(table, spec, spec.step_of(self.volume))
+        program = kernel_arguments.Program.of(table, spec, spec.step_of(self.volume))
         light, numbers = self._light(struct, table, spec, camera)
         inputs = [
             self._compute.upload(np.ascontiguousarray(array))
-            for array in (*program.tables, packed.source_rows(self.volume, camera, spec))
+            for array in (*program.tables, kernel_arguments.source_rows(self.volume, camera, spec))
         ]
         try:
             result = Result(
@@ -227,7 +227,7 @@ class Raycaster:
         arguments = self._voxels, self._codes(table, spec), *inputs, light, struct
         tile, group = TILES[self.lanes], GROUPS[self.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
-            bands = Bands(self._compute, result, tile, group, spec.tile_ms, pack)
+            bands = RowBatches(self._compute, result, tile, group, spec.tile_ms, pack)
             bands.run(kernel, arguments, progress, cancel)
         unit = np.float32(min(self.volume.spacing_mm))
         result.depth_mm[...] *= unit
@@ -259,7 +259,7 @@ class Raycaster:
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
         struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)
-        numbers = [-1] * len(packed.numbered_sources(spec))
+        numbers = [-1] * len(kernel_arguments.numbered_sources(spec))
         for number, layer in enumerate(layers):
             numbers[layer.source] = number
         return buffer, numbers
@@ -277,7 +277,9 @@ class Raycaster:
             self._brick_codes = key, self._compute.upload(np.ascontiguousarray(codes))
         return self._brick_codes[1]
 
-    def _kernel(self, program: packed.Program, spec: RaycastSpec, layers: list[int]) -> Any:
+    def _kernel(
+        self, program: kernel_arguments.Program, spec: RaycastSpec, layers: list[int]
+    ) -> Any:
         tile_width, tile_height = TILES[self.lanes]
         constants = {
             "LANES": self.lanes,
@@ -290,11 +292,11 @@ class Raycaster:
             "VOXEL_BYTES": self.volume.values.itemsize,
             "VOXEL_SIGNED": int(self.volume.values.dtype.kind == "i"),
             **program.constants,
-            **packed.light_constants(spec, layers),
+            **kernel_arguments.light_constants(spec, layers),
         }
         constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
         steps = 2 if constants["NEIGHBOURS"] else 4
         constants["STEPS"] = steps if self.lanes > 1 else 1
-        text = prelude(constants, "opencl") + packed.CAST.declaration
+        text = prelude(constants, "opencl") + kernel_arguments.CAST.declaration
         source = assemble(f"kernels/{program.name}.cl", text)
         return self._compute.kernel(source, program.name)

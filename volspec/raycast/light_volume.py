@@ -33,8 +33,8 @@ from volspec._gpu.prelude import C_TYPES, Struct, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import Vector
+from volspec.raycast.kernel_arguments import numbered_sources
 from volspec.raycast.lights import Ambient, Directional, Point
-from volspec.raycast.packed import numbered_sources
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
@@ -107,7 +107,7 @@ class LightGrid:
 class LightLayer:
     """One source's layer of a light volume, for one camera."""
 
-    source: int  # index in `volspec.raycast.packed.numbered_sources`
+    source: int  # index in `volspec.raycast.kernel_arguments.numbered_sources`
     kind: Literal["directional", "point", "occlusion"]
     # In the world: unit direction towards a directional light, or a point light's position in mm.
     vector: Vector = (0.0, 0.0, 0.0)

@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
+from volspec.raycast.kernel_arguments import ITERATIONS, check_reach
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     OCCLUSION_GAIN,
@@ -39,7 +40,6 @@ from volspec.raycast.light_volume import (
     light_layers,
     sphere_directions,
 )
-from volspec.raycast.packed import ITERATIONS, check_reach
 from volspec.raycast.sampling import (
     Array,
     Arrives,

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
+from volspec.raycast.kernel_arguments import gradient_scale, numbered_sources
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Point, Source
-from volspec.raycast.packed import gradient_scale, numbered_sources
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume

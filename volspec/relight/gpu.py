@@ -24,10 +24,10 @@ from volspec._gpu.opengl import (
 )
 from volspec._gpu.sharing import Sharing, context_name, current
 from volspec.appearance.adaptation_grid import ViewTransformGrid
+from volspec.appearance.gamut_mapping import Screen, screen_for_viewing
 from volspec.appearance.lut3d import LutCache, LutKey, LutSpace, is_narrow
 from volspec.appearance.models.cam import CamTransform
 from volspec.appearance.scene_to_display import view_transform
-from volspec.appearance.screen import Screen, screen_for_viewing
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import LinearTransform, ViewTransform
 from volspec.errors import OpenCLError, OpenGLError, ShapeError

@@ -18,12 +18,12 @@ from numpy.typing import ArrayLike, NDArray
 from volspec._gpu.opengl import compile_program
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
-from volspec.appearance import lut3d, screen
+from volspec.appearance import gamut_mapping, lut3d
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.constants import shader_constants
+from volspec.appearance.gamut_mapping import SHADER_STEPS, Screen
 from volspec.appearance.lut3d import NODES, LutSpace
 from volspec.appearance.models.cam import CamTransform
-from volspec.appearance.screen import SHADER_STEPS, Screen
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.transforms import CurveTransform, LinearTransform, ViewTransform
 from volspec.relight.illumination import Illumination
@@ -158,7 +158,7 @@ def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
         **FORM_NUMBERS,
         **shader_constants(),
         **space.shader_constants(),
-        **screen.SHADER_CONSTANTS,
+        **gamut_mapping.SHADER_CONSTANTS,
         **lut3d.SHADER_CONSTANTS,
     }
 

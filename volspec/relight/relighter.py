@@ -24,7 +24,6 @@ from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.basis.display import Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
-from volspec.relight.cpu import CpuEngine
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.illumination import Illumination
@@ -37,6 +36,7 @@ from volspec.relight.layers import (
     require_fit,
 )
 from volspec.relight.measured_viewing import ViewingMeter
+from volspec.relight.reference import CpuEngine
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.spectra.spectrum import Spectrum
 

@@ -21,8 +21,8 @@ from volspec._parse import parse_json
 from volspec.errors import ImageError, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.bands import Cancel, Progress
 from volspec.raycast.camera import Orbit
+from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
 from volspec.scene.basis import ChosenBasis, choose_basis, retrained
 from volspec.scene.file import SceneFile, scene_data, scene_file

@@ -190,13 +190,13 @@ class Volume:
         VolumeError
             If it is not one, has no such array, or the array has several components.
         """
-        from volspec.volume.adapt import volume_from_pyvista
+        from volspec.volume.vtk_interop import volume_from_pyvista
 
         return volume_from_pyvista(grid, scalars)
 
     def to_pyvista(self) -> pyvista.ImageData:
         """Return a pyvista ``ImageData`` with a copy of the values as point scalars "values"."""
-        from volspec.volume.adapt import volume_to_pyvista
+        from volspec.volume.vtk_interop import volume_to_pyvista
 
         return volume_to_pyvista(self)
 

@@ -13,9 +13,9 @@ from typing import Any
 
 from volspec.appearance import Display, Viewing
 from volspec.appearance.adaptation import ADAPTATIONS
+from volspec.appearance.gamut_mapping import Screen
 from volspec.appearance.models import APPEARANCE_MODELS
 from volspec.appearance.scene_to_display import CLOSED
-from volspec.appearance.screen import Screen
 from volspec.appearance.spec import SURROUND_RATIOS
 from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
 from volspec.export.page import payload

@@ -34,7 +34,7 @@ from volspec.export.page import payload
 from volspec.export.tiles import part_of
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
-from volspec.raycast.bands import Progress
+from volspec.raycast.row_batches import Progress
 from volspec.relight import RelightSpec
 from volspec.relight.layers import clamp_finite
 from volspec.scene import Scene
@@ -51,7 +51,7 @@ _WEB = Path(__file__).parent / "web"
 # third copy of light matrices and CIECAM, after NumPy and GLSL: a page computes them offline, for
 # any weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares them.
 _SCRIPTS = (
-    "algebra illumination conditions passages looks channels relight lighting state elements "
+    "algebra illumination conditions view_transform looks channels relight lighting state elements "
     "spectrum dial lights viewing errors probe stage share widget main"
 )
 _POLICY = (

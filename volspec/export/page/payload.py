@@ -21,9 +21,9 @@ from volspec.appearance import constants as k
 from volspec.appearance.adaptation import ADAPTATIONS, linear, nonlinear
 from volspec.appearance.constants import D65_CONES_FROM_XYZ
 from volspec.appearance.display import Gamut
+from volspec.appearance.gamut_mapping import Screen
 from volspec.appearance.models import rlab
 from volspec.appearance.scene_to_display import CLOSED
-from volspec.appearance.screen import Screen
 from volspec.appearance.spaces import SPACES, spectrum_colours
 from volspec.appearance.spec import SURROUND_RATIOS, SURROUNDS, Display, Viewing
 from volspec.basis import MODES, MaterialBasis

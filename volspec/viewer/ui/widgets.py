@@ -12,7 +12,7 @@ from typing import Any
 import imgui_bundle
 from imgui_bundle import imgui
 
-from volspec.export.sheet import printable
+from volspec.export.contact_sheet import printable
 from volspec.viewer.model.commands import format_key
 from volspec.viewer.model.edit import Command
 from volspec.viewer.ui.context import LibraryState, UiContext

@@ -24,9 +24,9 @@ from typing import Any
 from xml.parsers import expat
 
 from volspec.errors import VolumeError
-from volspec.volume.adapt import values_and_lattice
 from volspec.volume.files.headers import TRUNCATED
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.vtk_interop import values_and_lattice
 
 # Bits of the legacy types; vtkIdType is stored as int.
 _LEGACY_BITS = {

@@ -2,7 +2,7 @@
 //
 //     base64 -> deflate -> residuals -> codes -> half floats, four channels to a layer
 //
-// Undoes volspec/export/page/channels.py, which says how values became codes.
+// Undoes `residual_bytes` of volspec/export/page/build.py, which says how values became codes.
 
 function bytesOf(base64) {
   const text = atob(base64.trim()), bytes = new Uint8Array(text.length);

@@ -1,6 +1,6 @@
 // Weights of the lights: what counts after solo, and the dial that blends them.
 //
-// Twin of volspec/viewer/model/lights/{lighting,blending}.py [Bergner et al. 2005: the light dial].
+// Twin of volspec/viewer/model/{lights,light_rows}.py [Bergner et al. 2005: the light dial].
 
 // Effective weights; `solo` is the light that is on alone, or -1.
 const shining = ({ weights, solo }) => (

@@ -1,6 +1,6 @@
 // Reading of the pixel under the pointer: XYZ, appearance, error, and reflected spectrum.
 //
-// Twin of volspec/viewer/work/picture/reading.py.
+// Twin of volspec/viewer/work/probe.py.
 
 function probePanel(app) {
   const card = byId('probe'), rows = byId('probe-rows'), drawing = byId('probe-spectrum');

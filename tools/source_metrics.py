@@ -1,4 +1,4 @@
-"""Measure the source: ``python -m tools.house [TREE...]`` prints a column for each tree.
+"""Measure the source: ``python -m tools.source_metrics [TREE...]`` prints a column for each tree.
 
 Sizes, the openings and words of docstrings, lines that carry settings from one form to another,
 and tests that pin English sentences.

@@ -1,6 +1,6 @@
 """Relight without a GPU: the shader's arithmetic in NumPy, float64.
 
-    illumination -> [cpu] -> frame
+    illumination -> [reference] -> frame
 
 The fallback if no OpenGL context can be made; the twin of ``shaders/relight.frag``.
 """
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.adaptation_grid import ViewTransformGrid
+from volspec.appearance.gamut_mapping import screen_for_viewing
 from volspec.appearance.scene_to_display import view_transform
-from volspec.appearance.screen import screen_for_viewing
 from volspec.appearance.spaces import to_uint8
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import ViewTransform

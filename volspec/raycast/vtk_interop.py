@@ -21,9 +21,9 @@ from volspec.errors import CameraError, RaycastError, VolspecWarning, nearest, q
 from volspec.raycast.camera import Camera
 from volspec.raycast.spec import ClipPlane, Mode, RaycastSpec
 from volspec.transfer import TransferFunction
-from volspec.transfer.adapt import transfer_from_vtk
+from volspec.transfer.vtk_interop import transfer_from_vtk
 from volspec.volume import Volume
-from volspec.volume.adapt import volume_from_pyvista
+from volspec.volume.vtk_interop import volume_from_pyvista
 
 if TYPE_CHECKING:
     import pyvista

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from volspec.errors import RelightError
-from volspec.raycast.adapt import plotter_camera, require_open
 from volspec.raycast.checks import positive
+from volspec.raycast.vtk_interop import plotter_camera, require_open
 from volspec.relight.spec import Pixels
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
-"""Launch a cast in bands of rows: no launch takes long, and between two it can end.
+"""Launch a cast in batches of rows: no launch takes long, and between two it can end.
 
-    kernel -> [bands] -> result
+    kernel -> [row_batches] -> result
 
 A graphics driver kills what takes it too long, and a viewer must be able to give up a picture.
 """
@@ -30,7 +30,7 @@ _LARGEST_HALF = float(np.finfo(np.float16).max)
 
 
 class Receiver(Protocol):
-    """A second destination of a cast's bands, in the device's own memory."""
+    """A second destination of a cast's rows, in the device's own memory."""
 
     def receiving(self, compute: Compute, half: bool) -> AbstractContextManager[Pack]:
         """Return the function that receives each band, valid while the cast runs."""
@@ -61,10 +61,10 @@ class Band:
     outputs: list[tuple[Any, NDArray[np.float32]]]
 
 
-class Bands:
+class RowBatches:
     """Caster of a picture band by band: no launch takes long, and none waits for the host.
 
-    Two bands are in progress at any time; each one's height follows from the time of the last.
+    Two batches are in progress at any time; each one's height follows from the time of the last.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class Bands:
                 if progress is not None:
                     progress(band.last / self._group_rows)
         finally:
-            self._compute.queue.finish()  # bands in progress write into the result
+            self._compute.queue.finish()  # batches in progress write into the result
         if self._clipped:
             warnings.warn(
                 f"raycast: channels beyond {_LARGEST_HALF:g} do not fit half-float and were cut; "
@@ -122,7 +122,7 @@ class Bands:
             )
 
     def _next_rows(self, rows: int, band: Band, took_ms: float) -> int:
-        """Return the rows that the costliest of the last bands allows, at most twice as many."""
+        """Return the rows that the costliest of the last batches allows, at most twice as many."""
         self._costs.append(took_ms / (band.last - band.first))
         wanted = self._tile_ms / max(*self._costs, 1e-3)
         return int(np.clip(wanted, 1, 2 * rows))
