@@ -131,12 +131,13 @@ def _print(table: Any, reason: str) -> None:
     from volspec.basis.report_table import terminal_table, verdict, worst_line
 
     console = Terminal(highlight=False)
-    head = f": {table.method}, {table.size} channels"
-    console.print(Text.assemble((table.name, "bold"), head))
+    basis = table.basis
+    head = f": {basis.method}, {basis.size} channels"
+    console.print(Text.assemble((basis.name, "bold"), head))
     facts = {
-        "trained on": table.trained_on,
+        "trained on": basis.trained_on,
         "taken because": reason,
-        "measured on": f"{table.measured_on}, {table.observer_deg}° observer",
+        "measured on": f"{table.measured_on}, {basis.observer_deg}° observer",
     }
     for label, words in facts.items():
         if words:
