@@ -4,7 +4,7 @@
 //                                                              P_E C_g in exact mode
 //     frame = encode(gamut(appearance(XYZ)))
 //
-// NumPy twin: volspec/relight/reference.py; truth: tests/support/relighting.py (colour-science).
+// NumPy twin: volspec/relight/reference.py; truth: tests/support/relight_reference.py (colour-science).
 //
 // Reads   coefficients   texture array, LAYERS layers of RGBA float (16 or 32 bit), image row 0
 //                        at texel row 0. Channel i is component i % 4 of layer i / 4:

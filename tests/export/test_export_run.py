@@ -234,10 +234,10 @@ def test_a_setting_that_is_none_is_refused_before_anything_is_made(
         ({"lights": ["dya"]}, "unknown", "export.lights[0]"),
         ({"turntable": {"frames": -1}}, "range", "export.turntable.frames"),
         ({"light": "day"}, "unknown", "export.light"),
-        ({"size": (0, 4)}, "range", "export.size"),
-        ({"size": (1 << 17, 4)}, "range", "export.size"),
-        ({"size": (2.5, 4)}, "type", "export.size"),
-        ({"size": "4x4"}, "type", "export.size"),
+        ({"size": (0, 4)}, "range", "size"),
+        ({"size": (1 << 17, 4)}, "range", "size"),
+        ({"size": (2.5, 4)}, "type", "size"),
+        ({"size": "4x4"}, "type", "size"),
     ):
         with raises(InputError, code, field):
             made.export(tmp_path / "out", **settings)

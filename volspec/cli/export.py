@@ -22,7 +22,7 @@ from volspec.cli.arguments import (
 )
 from volspec.cli.shell import Device, Json, app, as_written, bar, counted, print_json, say
 from volspec.cli.viewing import in_options
-from volspec.errors import ImageError, InputError, SceneError
+from volspec.errors import ImageError, InputError
 
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
@@ -117,16 +117,16 @@ def export(
                 kept = {} if table is None else plain(table)
                 changes[key] = kept | {"frames": frames}
         given = {key: value for key, value in changes.items() if value is not None}
-        with _by_option(given):
+        with _by_option({*given, "size"}):
             loaded = loaded.exporting(**given)
-        tell("load the scene", 1)
-        made = loaded.export(
-            output,
-            size=sides(size) if size else None,
-            overwrite=overwrite,
-            device=device,
-            progress=tell,
-        )
+            tell("load the scene", 1)
+            made = loaded.export(
+                output,
+                size=sides(size) if size else None,
+                overwrite=overwrite,
+                device=device,
+                progress=tell,
+            )
     if json:
         print_json(
             {
@@ -149,11 +149,11 @@ def export(
 
 @contextmanager
 def _by_option(given: Container[str]) -> Iterator[None]:
-    """Name the option instead of the key of ``[export]`` that it has changed."""
+    """Name the option instead of the setting that it has changed."""
     try:
         yield
-    except SceneError as error:
-        found = re.match(r"export\.(\w+)", error.field)
+    except InputError as error:
+        found = re.match(r"(?:export\.)?(\w+)", error.field)
         if found is None or found[1] not in given:
             raise
         option = f"--{'light' if found[1] == 'lights' else found[1]}"

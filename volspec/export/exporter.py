@@ -179,14 +179,14 @@ def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
         width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):
         raise InputError.refused(
-            "export.size", size, "give (width, height) in whole pixels", "type"
+            "size", size, "give (width, height) in whole pixels", "type"
         ) from None
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise InputError(
             f"the picture is {width}x{height}",
             f"give 1x1 to {MAX_SIDE} a side",
             code="range",
-            field="export.size",
+            field="size",
             given=size,
         )
     return width, height
