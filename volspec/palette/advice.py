@@ -1,4 +1,4 @@
-"""Suggest changes to a palette: each is tried, and stated with its resulting figures.
+"""Suggest changes to a palette: each is tried, and reported with the figures it achieves.
 
 design, report -> [advice]
 """
@@ -18,7 +18,7 @@ from volspec.palette.report import CellReport, DesignReport
 from volspec.palette.variables import PaletteSpectrum
 
 VISIBLE = 1.0
-"""CIEDE2000 that is just visible side by side."""
+"""CIEDE2000 just visible side by side."""
 _MOST_CELLS = 3
 _MORE_ITERATIONS = 4
 _WEIGHT_FACTOR, _EXPOSURE_FACTOR = 4.0, 1.5
@@ -29,8 +29,8 @@ _LEAST_FRACTION, _LEAST_dE = 0.1, 0.05
 def suggestions(design: Design) -> tuple[str, ...]:
     """Return sentences: more iterations, worst cells weighted, freed or out of reach, more light.
 
-    Each change is tried by itself on the given palette, so its figures are those that the user
-    gets. Changes that do not help are left out. Takes some ten times as long as the design.
+    Each change is tried on its own on the given palette, so the figures are what the user will
+    get. Changes that do not help are left out. This takes about ten times as long as the design.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def suggestions(design: Design) -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        Empty if every cell is met within a visible difference.
+        Empty if no cell differs visibly from its target.
 
     Examples
     --------
@@ -100,11 +100,11 @@ def _for_cell(made: Design, now: DesignReport, cell: CellReport) -> Iterator[str
     if nearest := _nearest_if_out_of_reach(made.palette, cell):
         target = "" if cell.wanted is None else f" {hexadecimal(cell.wanted)}"
         yield (
-            f"{where}:{target} is beyond what its bounds allow at exposure {now.exposure:g}, even "
-            f"by itself; the nearest is {hexadecimal(nearest.obtained)}, ΔE {nearest.error:.1f}"
+            f"{where}:{target} is out of reach at exposure {now.exposure:g}, even alone; the "
+            f"nearest is {hexadecimal(nearest.obtained)}, ΔE {nearest.error:.1f}"
         )
     own = palette.cells.get(cell.place)
-    if own is None:  # it belongs to a constant row
+    if own is None:  # implied by a constant row
         return
     if not nearest and math.isfinite(own.weight):
         more = replace(own, weight=_WEIGHT_FACTOR * own.weight)
@@ -125,7 +125,7 @@ def _without_cell(palette: Palette, now: DesignReport, place: Place, where: str)
     if after and _helps(
         before := _mean_of_others(now, place), then := _mean_of_others(after, place)
     ):
-        yield f"{where}: left free, the others' mean ΔE falls from {before:.2f} to {then:.2f}"
+        yield f"{where}: without it, the others' mean ΔE falls from {before:.2f} to {then:.2f}"
 
 
 def _mean_of_others(report: DesignReport, place: Place) -> float:
@@ -136,8 +136,8 @@ def _mean_of_others(report: DesignReport, place: Place) -> float:
 def _nearest_if_out_of_reach(palette: Palette, cell: CellReport) -> CellReport | None:
     """Return the nearest colour if the cell cannot be met even alone; None if it can.
 
-    A free reflectance is designed under the light as it was designed: the solid of object
-    colours. Only for a given reflectance is a light designed.
+    A free reflectance is designed under the light as already designed, within the solid of object
+    colours. The light is designed only if the reflectance is given.
     """
     own = palette.cells.get(cell.place)
     if own is None or own.kind not in ("colour", "black"):

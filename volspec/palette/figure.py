@@ -1,9 +1,9 @@
-"""Draw a palette in one picture: lights across, reflectances down, and the colours of both.
+"""Draw a palette as one picture: lights across, reflectances down, and the colours of both.
 
 design, report -> [figure] -> PNG, PDF, SVG
 
-After figures 1 and 2 of [1]: in each cell the surround is the colour obtained and the framed square
-the one wanted; the spectra are at the margins.
+After figures 1 and 2 of [1]: in each cell the surround is the colour obtained, and the framed
+square is the colour wanted; the spectra are in the margins.
 
 References
 ----------
@@ -57,7 +57,7 @@ _VISIBLE = 1.0
 
 
 def palette_figure(design: Design, report: DesignReport | None = None, title: str = "") -> Figure:
-    """Draw a designed palette under a headline; by default with its own report."""
+    """Draw a designed palette under a title; ``report`` is the design's own by default."""
     report = report or DesignReport.of(design)
     layout = _Layout(*design.palette.names, bool(title))
     figure = new_figure(layout.width, layout.height)
@@ -79,7 +79,7 @@ def save_palette_figure(
     report: DesignReport | None = None,
     title: str = "",
 ) -> None:
-    """Write `palette_figure` as .png, .svg or .pdf; whole or not at all.
+    """Write `palette_figure` as .png, .svg or .pdf, atomically.
 
     Raises
     ------
@@ -106,7 +106,7 @@ class _Layout:
         self.bottom = _KEY + 0.38
         pitch = self.side + _GAP
         self.width = max(self.left + self.columns * pitch + _GAP + _MARGIN, _LEAST_WIDTH)
-        # Names of lights that are wider than their column are slanted.
+        # Names of lights are slanted if one is wider than its column.
         wide = self._wide(columns)
         self.aslant = wide > self.side
         above = 0.62 * wide + 0.1 if self.aslant else 0.18
@@ -116,11 +116,11 @@ class _Layout:
         self.height = self.bottom + self.rows * pitch + _GAP + top
 
     def _wide(self, names: tuple[str, ...]) -> float:
-        """Return the inches that the longest name needs, up to a limit."""
+        """Return the width of the longest name in inches, up to a limit."""
         return min(max(map(len, names)) * 0.6 * self.font / 72.0 + 0.06, _LONGEST)
 
     def cell(self, row: int, column: int) -> tuple[float, float]:
-        """Return the lower left of a cell."""
+        """Return the lower left corner of a cell."""
         pitch = self.side + _GAP
         return self.left + _GAP + column * pitch, self.bottom + _GAP + (self.rows - 1 - row) * pitch
 
@@ -160,7 +160,7 @@ def _draw_reflectances(figure: Figure, layout: _Layout, design: Design) -> None:
 
 
 def _draw_spectrum(axes: Axes, grid: SpectralGrid, values: Array, top: float) -> None:
-    """Draw a curve, and below it the colours of the wavelengths."""
+    """Draw a curve, filled with the colours of the wavelengths."""
     from matplotlib.patches import Polygon
 
     w = grid.wavelengths_nm
@@ -171,7 +171,7 @@ def _draw_spectrum(axes: Axes, grid: SpectralGrid, values: Array, top: float) ->
     axes.patch.set_alpha(0.0)
     nm = np.linspace(w[0], w[-1], 400)
     extent = (float(w[0]), float(w[-1]), low, top)
-    # Half way to the paper: these colours are of wavelengths, not of the palette.
+    # Blended with the paper: these are colours of wavelengths, not of the palette.
     pale = 0.45 + 0.55 * spectrum_colours(nm)
     strip = axes.imshow(pale[None], extent=extent, aspect="auto", zorder=1)
     outline = np.column_stack([[w[0], *w, w[-1]], [0.0, *values, 0.0]])

@@ -1,6 +1,6 @@
-"""Palettes on disk: TOML in, a `Palette` out; designs are written back, comments kept.
+"""Read palettes: TOML in, a `Palette` out.
 
-TOML -> [file] -> Palette -> design -> [file] -> TOML
+TOML -> tables -> [file] -> Palette -> design
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import FileFaults, row_names, try_table
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflectance
 
-# Values of an open spectrum came from a design.
+# Values of a free spectrum came from a design.
 _NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, False: {}}
-# The time of a design grows with their cube.
+# The time of a design grows with the cube of the number of bands.
 _MOST_BANDS = 1000
-# Classes of which a file's tables make up the fields.
+# Classes whose fields a file's tables fill in.
 _OWNERS = ("Cell", "Criteria", "Palette", "PaletteSpectrum", "criteria")
 FileName = str | os.PathLike[str]
 
@@ -47,18 +47,18 @@ def load_palette(path: FileName) -> Palette:
     Parameters
     ----------
     path : path
-        TOML. Files named in it are relative to it. Open spectra that have ``values`` begin there.
+        TOML. Names of files in it are relative to it. Free spectra start at their ``values``.
 
     Returns
     -------
     Palette
-        Where the file says ``exposure = "auto"``, with the `fitted_exposure`.
+        If the file has ``exposure = "auto"``, with the `fitted_exposure`.
 
     Raises
     ------
     PaletteError
-        If the file is missing, is no TOML, or something in it is unknown or wrong; the message
-        names file, field and value.
+        If the file is missing, is not TOML, or has unknown keys or wrong values; the message names
+        file, field and value.
 
     Examples
     --------
@@ -80,7 +80,7 @@ class PaletteFaults(FileFaults, PaletteError):
 
 
 def palette_file(path: FileName) -> PaletteFile:
-    """Return the tables of a palette's file, each checked by itself."""
+    """Return the tables of a palette's file, each checked on its own."""
     name, text = os.fspath(path), palette_text(path)
     try:
         tables = parse_toml(text)
@@ -94,13 +94,13 @@ def palette_file(path: FileName) -> PaletteFile:
 
 
 def palette_text(path: FileName) -> str:
-    """Return the contents of the file."""
+    """Return a palette's file as text."""
     return read_text(path, PaletteError, "a palette's file")
 
 
 @contextmanager
 def _named(path: str, where: str) -> Iterator[None]:
-    """Put the file's and the table's name before the message of what goes wrong inside."""
+    """Prefix errors raised inside with the names of the file and the table."""
     try:
         yield
     except InputError as error:
@@ -118,7 +118,7 @@ def _named(path: str, where: str) -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reader:
-    """Tables to a palette."""
+    """Build a palette from its tables."""
 
     path: Path
     table: PaletteFile
@@ -130,7 +130,7 @@ class _Reader:
             if table.criteria.grid_nm is not None:
                 grid = SpectralGrid(*table.criteria.grid_nm)
                 if grid.size > _MOST_BANDS:
-                    remedy = f"a design takes up to {_MOST_BANDS}, give a longer step"
+                    remedy = f"give a longer step, for at most {_MOST_BANDS}"
                     raise fault("", f"grid_nm has {grid.size} bands; {remedy}", "size")
             criteria, basis = table.criteria.criteria, self._basis(table.criteria)
         reflectances = tuple(self._member(row, grid) for row in table.reflectance)
@@ -149,7 +149,7 @@ class _Reader:
         file = table.basis.endswith(".json")
         found = load_basis(os.fspath(self.path.parent / table.basis) if file else table.basis)
         if not isinstance(found, SpectralBasis):
-            problem = f"basis {table.basis!r} holds materials; give a fitted one"
+            problem = f"basis {table.basis!r} is made of materials; give a fitted one"
             raise fault("", problem, "unsupported")
         return found
 
@@ -177,7 +177,7 @@ class _Reader:
         if row.values is None:
             return None
         if len(row.values) != grid.size:
-            remedy = "leave the values out, or give [criteria] grid_nm as they were made with"
+            remedy = "leave the values out, or give the [criteria] grid_nm they were made with"
             problem = f"{len(row.values)} values, but {grid.size} bands ({grid}); {remedy}"
             raise fault("", problem, "shape")
         return Spectrum(grid.wavelengths_nm, np.array(row.values), row.name, _NOTES[row.open])
@@ -190,14 +190,12 @@ class _Reader:
                 cell = _cell(row)
                 first, other = groups.setdefault(cell.group, (number, cell))
                 if cell.group and (cell.low, cell.high) != (other.low, other.high):
-                    remedy = "give both the same low and high, or name one of them otherwise"
-                    problem = (
-                        f"the free colour {cell.group!r} has other bounds than in cell {first}"
-                    )
+                    remedy = "give both the same low and high, or rename one of them"
+                    problem = f"the free colour {cell.group!r} has different bounds in cell {first}"
                     raise fault("", f"{problem}; {remedy}")
                 for place in self._places(row):
                     if place in cells:
-                        problem = f"({', '.join(place)}) is asked for twice"
+                        problem = f"({', '.join(place)}) is given twice"
                         raise fault("", f"{problem}; leave out one of them", "duplicate")
                     cells[place] = cell
         return cells

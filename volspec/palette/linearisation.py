@@ -1,10 +1,10 @@
-"""Linearise a palette's colours: affine functions of the spectra that a phase designs.
+"""Linearise a palette's colours as affine functions of the spectra that a phase designs.
 
     state -> [linearisation] -> optimisation
 
-In the first iteration CIELAB is replaced by the chord from the current colour to the wanted one,
-exact where that is met; later by its tangent at the current colour (Gauss-Newton steps). Chords
-alone would not converge: if colours cannot be met, they oscillate and get worse.
+In the first iteration CIELAB is replaced by its chord from the current colour to the wanted one,
+which is exact if that is met; later by its tangent at the current colour (Gauss-Newton steps).
+Chords alone would not converge: colours that cannot be met oscillate and get worse.
 
 References
 ----------
@@ -27,12 +27,12 @@ from volspec.palette.state import ColourModel, State
 Array = NDArray[np.float64]
 
 ROW_WEIGHT = 1.0 / math.sqrt(3.0)
-"""The three equations of a colour count as one."""
-# CIELAB differences in hundredths are near those of linear RGB.
+"""Weight of each of a colour's three equations, so that they count as one."""
+# A hundredth of a CIELAB difference is about as large as a difference in linear RGB.
 _Lab_UNIT = 0.01
-# ΔE below which two colours to be distinct have no direction; they part along a* and b*.
+# ΔE below which distinct colours have no direction yet; they are moved apart along a* and b*.
 _ALIKE = 0.1
-# Weight of distinct cells being colours that the display shows, relative to their difference.
+# Weight that keeps distinct colours within the display's gamut, relative to their difference.
 _GAMUT = 10.0
 
 
@@ -49,7 +49,7 @@ class AffineColour:
         return AffineColour(parts, matrix @ self.constant + shift)
 
     def equality(self, other: AffineColour, weight: float, label: str) -> Term:
-        """Return the equations that the colour equals another."""
+        """Return the equations by which the colour equals another."""
         parts = dict(self.parts)
         for name, rows in other.parts.items():
             parts[name] = parts[name] - rows if name in parts else -rows
@@ -69,7 +69,7 @@ class Variables:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation:
-    """Linear RGB of all cells, linearised by the spectra at one colour each."""
+    """Linear RGB of all cells, each linearised at one colour in terms of the spectra."""
 
     variables: Variables
     jacobian: Array  # (R, L, 3, 3): linear RGB by XYZ
@@ -104,7 +104,7 @@ class CellEquations:
     cells: Mapping[Index, Cell]
     Lab: Array  # (R, L, 3): current colours
     Lab_slopes: Array  # (R, L, 3, 3): CIELAB by linear RGB, chords or tangents
-    Lab_at_black: Array  # (R, L, 3): their value at linear RGB 0
+    Lab_at_black: Array  # (R, L, 3): value of the chords or tangents at linear RGB 0
     wanted: Mapping[Index, tuple[Array, Array]]  # linear RGB and CIELAB, black included
     free: Mapping[str, tuple[Array, Array]]  # slopes and value at linear RGB 0, by group
     at_current: Linearisation
@@ -146,7 +146,7 @@ class CellEquations:
         )
 
     def problem(self) -> tuple[dict[str, Block], list[Term]]:
-        """Return the blocks of free colours, and all equations."""
+        """Return the blocks of free colours and all equations."""
         blocks: dict[str, Block] = {}
         terms: list[Term] = []
         for place, cell in self.cells.items():
@@ -191,7 +191,7 @@ class CellEquations:
     def _distinct_equations(
         self, place: Index, other: Index, cell: Cell, label: str
     ) -> tuple[dict[str, Block], list[Term]]:
-        """Two distant colours that the display shows, and the cells near them."""
+        """Return two distant colours within the gamut, and terms that tie the cells to them."""
         name, shown = _variable_colour(f"the colour shown by {label}")
         other_name, shown_there = _variable_colour(f"the colour compared with {label}")
         blocks = {each: Block(3, np.zeros(3), np.ones(3)) for each in (name, other_name)}
@@ -199,7 +199,7 @@ class CellEquations:
             self.at_current.colour(each).equality(colour, _GAMUT * cell.weight, label)
             for each, colour in ((place, shown), (other, shown_there))
         ]
-        # Along the direction in which the two differ already.
+        # Along the direction in which the two colours already differ.
         way = self.Lab[place] - self.Lab[other]
         if np.linalg.norm(way) < _ALIKE:
             way = way + _ALIKE * np.array([0.0, 1.0, 1.0])
@@ -210,7 +210,7 @@ class CellEquations:
         return blocks, [*shows, far.equality(enough, cell.weight, label)]
 
     def _metric(self, colour: AffineColour, place: Index, in_RGB: bool) -> AffineColour:
-        """Transform a colour near that of a place to the metric's coordinates."""
+        """Transform a colour near the colour of a place to the metric's coordinates."""
         if in_RGB:
             return colour.transform(ROW_WEIGHT * np.eye(3))
         unit = ROW_WEIGHT * _Lab_UNIT
@@ -220,7 +220,7 @@ class CellEquations:
 def _free_colours(
     cells: Mapping[Index, Cell], current: Array, model: ColourModel, palette: Palette
 ) -> dict[str, Array]:
-    """Return each group's linear RGB, within its bounds, of least squares to its cells."""
+    """Return each group's linear RGB: the least-squares mean of its cells, within its bounds."""
     members: dict[str, list[tuple[Index, float]]] = {}
     for place, cell in cells.items():
         if cell.kind == "free":
@@ -236,7 +236,7 @@ def _free_colours(
 
 
 def _tangent(model: ColourModel, colour: Array) -> tuple[Array, Array]:
-    """Return the slopes of CIELAB at a colour, and the tangent's value at linear RGB 0."""
+    """Return the slopes of CIELAB at a colour and the tangent's value at linear RGB 0."""
     slopes = model.Lab_chord(colour, colour)
     return slopes, model.Lab_from_RGB(colour) - slopes @ colour
 

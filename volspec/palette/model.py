@@ -37,26 +37,26 @@ Metric = Literal["Lab", "RGB"]
 METRICS: tuple[Metric, ...] = get_args(Metric)
 Level = Literal["relative", "absolute"]
 LEVELS: tuple[Level, ...] = get_args(Level)
-_CODES_REMEDY = "give three display codes of 0 to 1, as no display shows more"
+_CODES_REMEDY = "give three display codes from 0 to 1"
 
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """Target colour of a reflectance under a light. A place without a cell has none.
+    """Target colour of a reflectance under a light; places without a cell have no target.
 
     Parameters
     ----------
     kind : str
-        ``"colour"``: this colour. ``"black"``: none at all, a metameric black. ``"free"``: the
-        colour of all cells of the ``group``, which the solver picks (metamers). ``"same"``: the
-        colour of the cell ``other``. ``"distinct"``: as far from ``other`` as possible.
+        ``"colour"``: the given colour. ``"black"``: black, reflecting nothing (a metameric black).
+        ``"free"``: one colour for all cells of the ``group``, picked by the solver (metamers).
+        ``"same"``: the colour of the cell ``other``. ``"distinct"``: as far from it as possible.
     colour : (3,) floats, optional
         Display codes, 0 to 1.
     group : str
         Name of a free colour.
     other : (reflectance, light), optional
     weight : float
-        Importance relative to the other cells, above 0; infinity: an equality constraint.
+        Importance relative to the other cells, above 0; infinity makes it an equality constraint.
     low, high : (3,) floats
         Bounds of a free colour, display codes.
     distance : float
@@ -93,7 +93,7 @@ class Cell:
             if not (isinstance(value, int | float) and value > 0.0):
                 raise PaletteError.refused(f"Cell.{name}", value, "give a number above 0", "range")
         if not math.isfinite(self.distance):
-            remedy = "100 is from black to white"
+            remedy = "give at most 100, from black to white"
             raise PaletteError.refused("Cell.distance", self.distance, remedy, "range")
         if self.kind == "distinct" and math.isinf(self.weight):
             remedy = "a distinct cell has no exact answer, give a finite weight"
@@ -102,17 +102,17 @@ class Cell:
             if (value := getattr(self, name)) is not None:
                 object.__setattr__(self, name, _display_codes(f"Cell.{name}", value, _CODES_REMEDY))
         if any(low > high for low, high in zip(self.low, self.high, strict=True)):
-            remedy = f"that lies above high {self.high}, swap them"
+            remedy = f"it exceeds high {self.high}, swap them"
             raise PaletteError.refused("Cell.low", self.low, remedy, "conflict")
 
     @property
     def wanted(self) -> Triple | None:
-        """Display codes of the target colour, black included; None if the cell has no own."""
+        """Display codes of the target colour, black included; None if it has none of its own."""
         return (0.0, 0.0, 0.0) if self.kind == "black" else self.colour
 
 
 def _display_codes(field: str, given: object, remedy: str) -> Triple:
-    """Return three display codes, or refuse others than three numbers of 0 to 1."""
+    """Return three display codes; refuse anything but three numbers from 0 to 1."""
     try:
         red, green, blue = np.asarray(given, dtype=np.float64).tolist()
         codes = float(red), float(green), float(blue)
@@ -155,24 +155,24 @@ def hexadecimal(codes: Iterable[float]) -> str:
 @settings(PaletteError)
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """Everything that counts in a design besides its cells."""
+    """Criteria of a design besides its cells."""
 
     smoothness: NotNegative = 1e-3
     """ω_D of [1, eq. 22]: weight of second differences; a flat curve costs nothing."""
     subspace: NotNegative = 0.0
-    """ω_F: weight of the difference between the colour of all bands and that of the basis,
-    componentwise."""
+    """ω_F: weight of the colour difference between all bands and the basis's componentwise
+    product."""
     metric: Metric = "Lab"
-    """Colours are compared in CIELAB, linearised and solved again in every iteration, or in the
-    display's linear RGB, as [1]."""
+    """Space in which colours are compared: CIELAB, linearised again in every iteration, or the
+    display's linear RGB, as in [1]."""
     rounds: Annotated[int, Field(ge=1)] = 8
-    """Iterations: how often lights and reflectances take turns, and CIELAB is linearised again; the
-    best result counts."""
+    """Iterations, each of which designs reflectances and lights in turn and linearises CIELAB
+    again; the best result is kept."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Palette:
-    """Lights, reflectances, and the colours wanted for their products.
+    """Lights, reflectances, and the target colours of their products.
 
     Parameters
     ----------
@@ -180,13 +180,13 @@ class Palette:
         Rows and columns; ``free`` ones are variables of the design, the others are given.
     cells : {(reflectance, light): Cell}
     viewing : Viewing
-        Appearance model and exposure under which the display shows the wanted colours; with
-        ``"none"`` they are the tristimulus values themselves.
+        Appearance model and exposure under which the display shows the target colours; with
+        ``"none"``, target colours are plain tristimulus values.
     grid : SpectralGrid
         Bands; 31 by default.
     criteria : Criteria
     level : {"relative", "absolute"}
-        Luminance of designed lights: Y = 100, a picture's white, or as high as their colours need.
+        Luminance of designed lights: Y = 100, a picture's white, or whatever their colours need.
         Given lights have Y = 100.
     basis : SpectralBasis, optional
         For `Criteria.subspace`; on the palette's grid.
@@ -194,8 +194,8 @@ class Palette:
     Raises
     ------
     PaletteError
-        If it is empty, a name is unknown or a duplicate, no spectrum is free, or a free colour has
-        no colours left.
+        If it is empty, a name is unknown or a duplicate, no spectrum is free, or the bounds of a
+        free colour contradict each other.
     """
 
     reflectances: tuple[PaletteSpectrum, ...]
@@ -240,7 +240,7 @@ class Palette:
             raise fault("Palette.basis", f"{problem}; give one on {self.grid}", code)
         if found.observer_deg != 2:
             problem = f"{found.name!r} is for the {found.observer_deg} degree observer"
-            remedy = "palettes for that of 2 degrees; fit one for it"
+            remedy = "but palettes use the 2 degree observer; fit a basis for it"
             raise fault("Palette.basis", f"{problem}, {remedy}")
 
     def _check_cells(self) -> None:
@@ -254,13 +254,13 @@ class Palette:
             if cell.kind == "free":
                 low, high = self.free_bounds(cell.group)
                 if any(one > other for one, other in zip(low, high, strict=True)):
-                    problem = f"cells of the free colour {cell.group!r} exclude each other by their"
-                    bounds = f"bounds, low {low} and high {high}; widen them"
+                    problem = f"bounds of the free colour {cell.group!r} contradict each other:"
+                    bounds = f"low {low} exceeds high {high}; widen them"
                     raise fault("Palette.cells", f"{problem} {bounds}", given=cell.group)
 
     @property
     def names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Names of the reflectances, and of the lights."""
+        """Names of the reflectances and of the lights."""
         rows, columns = self.reflectances, self.lights
         return tuple(r.name for r in rows), tuple(c.name for c in columns)
 
@@ -277,7 +277,7 @@ class Palette:
         return rows.index(place[0]), columns.index(place[1])
 
     def indexed_cells(self) -> dict[Index, Cell]:
-        """Return the cells by row and column, and those that constant reflectances imply."""
+        """Return the cells by row and column, with those implied by constant reflectances."""
         rows, columns = ({name: n for n, name in enumerate(names)} for names in self.names)
         cells = {(rows[i], columns[j]): cell for (i, j), cell in self.cells.items()}
         for i, row in enumerate(self.reflectances):

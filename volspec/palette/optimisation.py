@@ -4,8 +4,8 @@
 
 One phase designs the reflectances under the current lights, the other the lights on the current
 reflectances. Both have the same equations, as light and reflectance are interchangeable in
-XYZ = Q (E ∗ S). Each is a linearisation, and the two alternate, so that the true cost may rise:
-iterations are compared by the true cost.
+XYZ = Q (E ∗ S). The phases alternate, each linearised, so the true cost may rise; the iteration of
+least true cost is kept.
 
 References
 ----------
@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 _STEP = 1e-4
 # Linear RGB within which a cell is met exactly.
 _MET = 1e-4
-# Weight of an exact cell in the true cost: more than all the others have.
+# Weight of an exact cell in the true cost: more than all other cells together.
 _EXACT_WEIGHT = 1e4
 _SUBSPACE = "the subspace error of"
 
@@ -58,18 +58,18 @@ class Phase:
 
     @property
     def free(self) -> list[int]:
-        """Numbers of the spectra that this phase designs."""
+        """Indices of the spectra that this phase designs."""
         return [number for number, member in enumerate(self.members) if member.free]
 
     @property
     def names(self) -> dict[int, str]:
-        """Blocks of the free spectra: their variables' names, by number."""
+        """Names of the free spectra's blocks of variables, by the spectrum's index."""
         kind = "light" if self.lights else "reflectance"
         return {number: f"{kind} {self.members[number].name!r}" for number in self.free}
 
     @property
     def unit(self) -> float:
-        """Value in the state of a variable of 1; a light's is the even light of Y = 100."""
+        """Value in the state of a variable of 1; for lights, equal energy of Y = 100."""
         return 100.0 / float(self.state.Q[1].sum()) if self.lights else 1.0
 
     def synthesis(self, number: int) -> Array:
@@ -85,7 +85,7 @@ class Phase:
         }
 
     def problem(self) -> tuple[dict[str, Block], list[Term]]:
-        """Return the blocks of variables, and the terms over them."""
+        """Return the blocks of variables and the terms over them."""
         names = self.names
         synthesis = {number: self.synthesis(number) for number in names}
         variables = Variables(self.state, self.lights, names, synthesis, self.first)
@@ -96,8 +96,8 @@ class Phase:
         basis = self.state.palette.basis
         if basis is not None and self.state.palette.criteria.subspace:
             terms += self._subspace_terms(equations, basis)
-        # A free colour of given spectra only mends nothing, and an exact one would contradict its
-        # own rounding.
+        # Skip free colours of given spectra: nothing can change them, and exact ones would
+        # contradict their own rounding.
         connected = set(spectra)
         while more := {n for t in terms if t.parts.keys() & connected for n in t.parts} - connected:
             connected |= more
@@ -105,13 +105,13 @@ class Phase:
         return spectra | {name: colours[name] for name in colours if name in connected}, terms
 
     def solve(self) -> tuple[State, float, float]:
-        """Return the state with this phase's spectra designed, the cost and the residual."""
+        """Return the state with this phase's spectra designed, the cost, and the residual."""
         found = solve(*self.problem())
         spectra = {n: self.synthesis(n) @ found.values[name] for n, name in self.names.items()}
         return self.state.with_spectra(self.lights, spectra), found.cost, found.residual
 
     def costs(self) -> dict[str, float]:
-        """Return the weighted squares of smoothness and subspace error at the current state."""
+        """Return the weighted squared smoothness and subspace errors of the current state."""
         costs = {"smoothness": 0.0, "subspace": 0.0}
         names = self.names
         x = {names[number]: values for number, values in self.values().items()}
@@ -170,16 +170,16 @@ class Phase:
 
 
 def _XYZ_from_channels(basis: SpectralBasis, E: Array, Q: Array) -> Array:
-    """Return (3, m): a reflectance's channels to XYZ under a light at its own level."""
+    """Return the (3, m) matrix from a reflectance's channels to XYZ at the light's level."""
     e = basis.analysis @ E
     level = float(Q[1] @ E) / 100.0
     return level * display_matrix(basis.XYZ_from_channels, e, E, Q) * e
 
 
 def _basis_XYZ_by_light(basis: SpectralBasis, E: Array, Q: Array) -> Array:
-    """Return (3, N, m): derivatives of `_XYZ_from_channels` by the light, its exact white included.
+    """Return (3, N, m): `_XYZ_from_channels`, exact white included, differentiated by the light.
 
-    Twice the light makes twice the matrix, so the tangent goes through the origin (Euler).
+    Twice the light gives twice the matrix, so the tangent goes through the origin (Euler).
     """
     step = _STEP * float(np.abs(E).mean())
     ahead, back = (
@@ -191,9 +191,9 @@ def _basis_XYZ_by_light(basis: SpectralBasis, E: Array, Q: Array) -> Array:
 
 
 def true_cost(state: State) -> float:
-    """Return the weighted sum of squares of a palette's colours and roughness, not linearised.
+    """Return the weighted sum of squared colour errors and roughness, not linearised.
 
-    Colours are compared by `Criteria.metric`, a free one with the mean of its group.
+    Colours are compared by `Criteria.metric`, free ones with the mean of their group.
     """
     palette = state.palette
     cells, models = palette.indexed_cells(), state.colour_models()
@@ -217,9 +217,9 @@ def _finite_weight(cell: Cell) -> float:
 def compared_colours(
     palette: Palette, cells: Mapping[Index, Cell], shown: Array, Lab: ColourModel | None = None
 ) -> dict[Index, Array]:
-    """Return the colour that each cell is compared with: linear RGB, or CIELAB of a model.
+    """Return the colour that each cell is compared with: linear RGB, or CIELAB if a model is given.
 
-    It is the wanted one, that of another cell, or for free cells the mean of their group.
+    This is the wanted colour, the colour of another cell, or for free cells their group's mean.
     """
     space = palette.viewing.display.colours
     compared: dict[Index, Array] = {}
@@ -237,7 +237,7 @@ def compared_colours(
 
 
 def _roughness(state: State) -> float:
-    """Squares of second differences of free spectra, as `Criteria.smoothness` counts them."""
+    """Return the squared second differences of free spectra that `Criteria.smoothness` weights."""
     unit = 100.0 / float(state.Q[1].sum())
     rows = [row.free for row in state.palette.reflectances]
     columns = [column.free for column in state.palette.lights]
@@ -252,13 +252,13 @@ class Design:
     Parameters
     ----------
     palette : Palette
-        With every spectrum filled in.
+        The palette with every spectrum filled in.
     state : State
         Spectra on the palette's grid.
     cost : float
-        Weighted sum of squares of the last solution.
+        Weighted sum of squares of the best iteration's last solve.
     residual : float
-        Largest relative violation of the last solutions' optimality conditions.
+        Largest relative violation of the optimality conditions in the best iteration.
     """
 
     palette: Palette
@@ -278,17 +278,17 @@ class Design:
 def design(palette: Palette) -> Design:
     """Optimise a palette's free spectra.
 
-    Reflectances come first, under the initial lights; then lights, on these reflectances;
-    `Criteria.rounds` times in turn, of which the best is the result. If both are free and some
-    cells count more than others, the first design weights all alike: equality constraints under
-    arbitrary lights would otherwise fix the reflectances.
+    Reflectances are designed under the initial lights, then lights on these reflectances, and so on
+    for `Criteria.rounds` iterations; the best one is the result. If both are free and weights
+    differ, a first design weights all cells alike: equality constraints under arbitrary lights
+    would otherwise fix the reflectances.
 
     Raises
     ------
     PaletteError
         If exact cells contradict each other or the bounds.
     SpectrumError
-        If a given spectrum is none, or does not cover the palette's grid.
+        If a given spectrum is invalid, or does not cover the palette's grid.
     """
     begun = _Iteration(State.start(palette), math.inf, math.inf)
     weights = {cell.weight for cell in palette.cells.values()}
@@ -309,7 +309,7 @@ def design(palette: Palette) -> Design:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Iteration:
-    """State after an iteration, with its last solution's cost and residual."""
+    """State after an iteration, with the cost and residual of its last solve."""
 
     state: State
     cost: float
@@ -344,7 +344,7 @@ def _iterate(state: State) -> _Iteration:
 
 
 def _meets_exact_cells(state: State) -> bool:
-    """Return True if every cell of infinite weight is met, far below a visible difference."""
+    """Return True if every cell of infinite weight is met to well below a visible difference."""
     shown, palette = state.RGB(), state.palette
     exact = {
         palette.index(place): cell
@@ -356,14 +356,14 @@ def _meets_exact_cells(state: State) -> bool:
 
 
 def _spectrum(member: PaletteSpectrum) -> Spectrum:
-    assert member.spectrum is not None  # a design has filled them all
+    assert member.spectrum is not None  # a design fills in all spectra
     return member.spectrum
 
 
 def _designed_palette(palette: Palette, state: State) -> Palette:
     """Return the palette with the designed values in its free spectra, which stay free.
 
-    Lights are scaled as `volspec.light` gives them: 1 is the even light of Y = 100.
+    Lights are scaled as in `volspec.light`: 1 is the equal-energy light of Y = 100.
     """
     unit = 100.0 / float(state.Q[1].sum())
 
@@ -383,9 +383,9 @@ def _designed_palette(palette: Palette, state: State) -> Palette:
 def fitted_exposure(palette: Palette) -> float:
     """Return the exposure at which the designed reflectances stay within their upper bounds.
 
-    The palette is designed without upper bounds; if a reflectance exceeds its own, the light is
-    raised by as much [1]. A colour is the same under twice the light on half the reflectance, so
-    nothing is lost.
+    The palette is designed without upper bounds; if a reflectance exceeds its bound, the exposure
+    is raised by that factor [1]. Half the reflectance under twice the light has the same colour,
+    so nothing is lost.
 
     Returns
     -------

@@ -5,8 +5,8 @@
     minimise  Σ w² |Σ_b A_b x_b - t|²     over terms
     with      lower <= x_b <= upper, and Σ_b C_b x_b = d
 
-Blocks that no term connects are solved separately. clarabel finds the optimum, or a certificate of
-which equations and bounds contradict each other.
+Blocks that no term connects are solved separately. clarabel finds the optimum, or a certificate
+that some equations and bounds contradict each other.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ from volspec.errors import PaletteError
 
 Array = NDArray[np.float64]
 
-# A term with a multiplier below this fraction of the largest has no part in a contradiction.
+# A term whose multiplier is below this fraction of the largest is not part of a contradiction.
 _INVOLVED = 1e-3
 # If q's largest number is below this fraction of P's, the problem is scaled by P.
 _LEAST_q = 1e-3
-# Residual that needs no second solution: a hundredth of what is promised.
+# Residual below which no second solve is needed: a hundredth of the promised accuracy.
 _ACCURATE = 1e-8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
-    """Variables of one spectrum or of one free colour; bounds (size,), infinite if unbounded."""
+    """Variables of one spectrum or one free colour; bounds (size,), infinite if unbounded."""
 
     size: int
     lower: Array
@@ -54,8 +54,8 @@ class Term:
 class Optimum:
     """Solution of a quadratic program.
 
-    Its residual is the largest violation of the optimality conditions (Karush, Kuhn, Tucker),
-    relative to the problem's numbers.
+    The residual is the largest violation of the Karush-Kuhn-Tucker conditions, relative to the
+    problem's scale.
     """
 
     values: Mapping[str, Array]  # {block: (n_b,)}
@@ -94,11 +94,11 @@ def _connected_blocks(blocks: Mapping[str, Block], terms: Sequence[Term]) -> lis
 class _Quadratic:
     """Minimise xᵀPx/2 + qᵀx with A x + s = b: s = 0 in the first rows, s >= 0 in the others.
 
-    A has the equations C x = d, then equal bounds, then lower, then upper ones.
+    Rows of A: the equations C x = d, then equal, lower and upper bounds.
     """
 
     P: Array  # (n, n)
-    q: Array  # (n,); both divided by one number, so that q is about 1
+    q: Array  # (n,); P and q have a common scale, so that q is about 1
     C: Array  # (k, n)
     d: Array  # (k,)
     lower: Array  # (n,)
@@ -126,10 +126,10 @@ class _Quadratic:
                 q[places[name]] -= scaled @ term.target
                 for other, B in term.parts.items():
                     P[places[name], places[other]] += scaled @ B
-        # The solver's tolerances are absolute: small weights are as good as large ones.
+        # The solver's tolerances are absolute: scale, so that small weights work as well as large.
         scale = max(float(np.abs(q).max()), _LEAST_q * float(np.abs(P).max())) or 1.0
         P, q = P / scale, q / scale
-        # Far below every term: it only keeps variables finite that no term determines.
+        # Negligible against every term; it only keeps undetermined variables finite.
         P[np.diag_indices(size)] += 1e-12 * max(1.0, 0.5 * float(np.trace(P))) / size
         lower = np.concatenate([block.lower for block in blocks.values()])
         upper = np.concatenate([block.upper for block in blocks.values()])
@@ -137,7 +137,7 @@ class _Quadratic:
 
     @property
     def bounded(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Variables of equal bounds, with a lower, and with an upper bound."""
+        """Indices of the variables with equal bounds, with a lower, and with an upper bound."""
         fixed = self.lower == self.upper
         above, below = np.isfinite(self.lower) & ~fixed, np.isfinite(self.upper) & ~fixed
         return np.flatnonzero(fixed), np.flatnonzero(above), np.flatnonzero(below)
@@ -161,7 +161,7 @@ class _Quadratic:
         b = np.concatenate([self.d, self.lower[fixed], -self.lower[above], self.upper[below]])
         settings = clarabel.DefaultSettings()
         settings.verbose = False
-        settings.max_threads = 1  # one answer on any machine
+        settings.max_threads = 1  # the same answer on any machine
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-10
         settings.iterative_refinement_enable = refine
         equations = len(self.d) + len(fixed)
@@ -171,17 +171,17 @@ class _Quadratic:
 
     @property
     def feasible(self) -> bool:
-        """True if some x is within the bounds and meets the equations."""
+        """True if some x within the bounds satisfies the equations."""
         return "Infeasible" not in self.minimise(refine=True)[0]
 
     def without_bound(self, side: str, place: slice) -> _Quadratic:
-        """Return the program without the ``"lower"`` or ``"upper"`` bound in a place."""
+        """Return the program without the ``"lower"`` or ``"upper"`` bounds in a place."""
         bound = getattr(self, side).copy()
         bound[place] = -math.inf if side == "lower" else math.inf
         return replace(self, **{side: bound})
 
     def split_multipliers(self, z: Array) -> tuple[Array, Array, Array]:
-        """Return the multipliers of the equations (k,), and of lower and upper bounds (n,)."""
+        """Return the multipliers of the equations (k,) and of the lower and upper bounds (n,)."""
         fixed, above, below = self.bounded
         of_equations, of_fixed, of_lower, of_upper = np.split(
             z, np.cumsum([len(self.d), len(fixed), len(above)])
@@ -192,7 +192,7 @@ class _Quadratic:
         return of_equations, low, high
 
     def residual(self, x: Array, z: Array) -> float:
-        """Return the largest violation of the optimality conditions by x, within its bounds."""
+        """Return the largest violation of the optimality conditions by an x within bounds."""
         of_equations, low, high = self.split_multipliers(z)
         Px = self.P @ x
         scale = 1.0 + max(np.abs(Px).max(initial=0.0), np.abs(self.q).max(initial=0.0))
@@ -236,7 +236,7 @@ def _cost(values: Mapping[str, Array], terms: Iterable[Term]) -> float:
 def _contradiction(
     quadratic: _Quadratic, z: Array, places: Mapping[str, slice], terms: Iterable[Term]
 ) -> PaletteError:
-    """Name the terms of a certificate of infeasibility, and bounds that contradict them alone."""
+    """Return an error that names the contradicting terms and the bounds worth widening."""
     of_equations, low, high = quadratic.split_multipliers(z)
     hard = [term for term in terms if math.isinf(term.weight)]
     parts = np.split(of_equations, np.cumsum([len(term.target) for term in hard])[:-1])

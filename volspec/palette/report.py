@@ -25,7 +25,7 @@ from volspec.palette.state import State
 
 Array = NDArray[np.float64]
 
-# Half a step of 8 bits: codes this far outside the display's are not visible.
+# Half an 8-bit step: codes this far outside the display's range are not visibly clipped.
 _CODE = 0.5 / 255.0
 # A bound counts as touched within this fraction of the spectrum's largest value.
 _TOUCH = 1e-4
@@ -42,14 +42,14 @@ class CellReport:
         `Cell.kind`; ``""`` without a cell.
     weight : float
     wanted : (3,) floats, optional
-        Display codes: the target colour; a free cell's is its group's mean, that of a cell equal
-        to another the other's. None if no colour is wanted.
+        Target colour in display codes. For a free cell, the mean of its group; for a ``same``
+        cell, the colour of the cell it refers to. None if there is no target.
     obtained : (3,) floats
         Display codes, not clipped.
     XYZ : (3,) floats
         In the scene, Y = 100 for a perfect diffuser under a light of the palette.
     delta_E_2000, delta_E_1976 : float, optional
-        Between the two before the display's white; a distinct cell's are to the other cell.
+        Difference of the two, adapted to the display's white; for a distinct cell, from the other.
     in_gamut : bool
         True if the display shows the obtained colour.
     """
@@ -67,7 +67,7 @@ class CellReport:
 
     @property
     def place(self) -> Place:
-        """Names of its reflectance and light."""
+        """Names of the cell's reflectance and light."""
         return self.reflectance, self.light
 
     @property
@@ -86,7 +86,7 @@ class CellReport:
 
 @dataclass(frozen=True, slots=True)
 class MetamerReport:
-    """Two reflectances that should have one colour under a light.
+    """Two reflectances that should have the same colour under a light.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ class MetamerReport:
 
 @dataclass(frozen=True, slots=True)
 class SpectrumReport:
-    """Numbers of a free spectrum's bands (or lamps), and of those that touch its bounds."""
+    """Counts of a free spectrum's bands (or lamps), and of the bands that touch its bounds."""
 
     kind: str
     name: str
@@ -128,7 +128,7 @@ class DesignReport:
     spectra : tuple of SpectrumReport
     exposure : float
     cost : {criterion: float}
-        Parts ``colours``, ``smoothness`` and ``subspace`` of the sum that the design minimises.
+        Terms ``colours``, ``smoothness`` and ``subspace`` of the sum that the design minimises.
     suggestions : tuple of str
         Changes that would help; see `volspec.suggestions`.
     """
@@ -158,7 +158,7 @@ class DesignReport:
             message = "DesignReport.of(advice=) is now suggestions=volspec.suggestions(design)"
             warnings.warn(message, DeprecationWarning, stacklevel=2)
         if advice:
-            from volspec.palette.advice import suggestions as suggest  # goes with ``advice``
+            from volspec.palette.advice import suggestions as suggest  # remove with ``advice``
 
             suggestions = suggest(design)
         state = design.state
@@ -208,7 +208,7 @@ class DesignReport:
 
     def __str__(self) -> str:
         """Return the text that ``volspec design`` prints, without colours."""
-        from volspec.palette.text import plain_text  # a facade: text is made of reports
+        from volspec.palette.text import plain_text  # here, as `text` itself imports reports
 
         return plain_text(self)
 
@@ -216,7 +216,7 @@ class DesignReport:
 def report_cells(
     state: State, targets: Mapping[Place, Cell]
 ) -> tuple[tuple[CellReport, ...], Array]:
-    """Report every place, row by row; and return (R, L, 3) CIELAB before the display's white."""
+    """Return reports of every place, row by row, and (R, L, 3) CIELAB at the display's white."""
     palette, models = state.palette, state.colour_models()
     RGB, XYZ = state.RGB(models), state.XYZ
     cells = {palette.index(place): cell for place, cell in targets.items()}
@@ -254,7 +254,7 @@ def _triple(values: Array) -> Triple:
 def _metamers(
     palette: Palette, targets: Mapping[Place, Cell], Lab: Array
 ) -> Iterator[MetamerReport]:
-    """Yield every pair of reflectances with one target colour, light by light."""
+    """Yield every pair of reflectances with the same target colour, light by light."""
     rows, columns = palette.names
     for j, column in enumerate(columns):
         for (i, one), (k, other) in combinations(enumerate(rows), 2):
@@ -277,7 +277,7 @@ def _have_one_target(targets: Mapping[Place, Cell], one: Place, other: Place) ->
 
 
 def _last_same(targets: Mapping[Place, Cell], place: Place) -> Place:
-    """Return the end of the chain of cells that are each the same as the next one."""
+    """Return the end of a chain of ``same`` cells, each of which refers to the next."""
     visited = {place}
     while (cell := targets.get(place)) and cell.kind == "same" and cell.other not in visited:
         assert cell.other is not None

@@ -2,8 +2,8 @@
 
 model, appearance -> [state] -> linearisation, optimisation, report
 
-Colours are linear RGB of the display, 1 for its white: wanted colours are given there, and the
-least squares are taken there or in CIELAB before the display's white.
+Colours are linear RGB of the display, 1 for its white: wanted colours are given in it, and the
+least squares are solved in it or in CIELAB relative to the display's white.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 # Half the step of a difference quotient, in units of Y = 100 for white.
 _STEP = 0.01
-# A light with less luminance than this fraction of an even one has no chromaticity to adapt to.
+# A light with less luminance than this fraction of equal energy has no chromaticity to adapt to.
 _LEAST_Y = 1e-9
 # Least tristimulus value of a white to adapt to, as a fraction of its largest.
 _LEAST_WHITE = 1e-6
@@ -37,17 +37,17 @@ _LEAST_WHITE = 1e-6
 class ColourModel:
     """Appearance under one light: scene XYZ to linear RGB of the display, and its derivatives."""
 
-    transform: ClosedTransform  # scene XYZ to the display's
+    transform: ClosedTransform  # scene XYZ to display XYZ
     exposure: float
     space: ColourSpace  # the display's
 
     @classmethod
     def of(cls, viewing: Viewing, white_XYZ: ArrayLike) -> ColourModel:
-        """Return the model of a viewing, adapted to a white; refuse one without an inverse."""
+        """Return a viewing's model, adapted to a white; refuse a model without an inverse."""
         transform = view_transform(viewing, white_XYZ)
         if not isinstance(transform, ClosedTransform):
             problem = f"{viewing.model!r} has no inverse in closed form to design with"
-            remedy = "use CIECAM02, CAM16, CIELAB, RLAB, an adaptation as CAT02, or none"
+            remedy = "use CIECAM02, CAM16, CIELAB, RLAB, an adaptation such as CAT02, or none"
             raise fault("viewing.model", f"{problem}; {remedy}", "unsupported", viewing.model)
         return cls(transform, viewing.exposure, viewing.display.colours)
 
@@ -63,7 +63,7 @@ class ColourModel:
         return undone / self.exposure
 
     def RGB_jacobian(self, XYZ: ArrayLike) -> Array:
-        """Return the (..., 3, 3) derivatives of linear RGB by scene XYZ."""
+        """Return the (..., 3, 3) derivatives of linear RGB with respect to scene XYZ."""
         scene = np.asarray(XYZ, dtype=np.float64)
         if isinstance(self.transform, LinearTransform):
             slope = self.exposure * _RGB_from_XYZ(self.space) @ self.transform.matrix
@@ -73,7 +73,7 @@ class ColourModel:
         return np.swapaxes((RGB[..., 0, :, :] - RGB[..., 1, :, :]) / (2.0 * _STEP), -1, -2)
 
     def Lab_from_RGB(self, RGB: ArrayLike) -> Array:
-        """Return (..., 3) CIELAB before the display's white."""
+        """Return (..., 3) CIELAB relative to the display's white."""
         XYZ = np.asarray(RGB) @ _XYZ_from_RGB(self.space).T
         return cielab(XYZ, self.space.white_XYZ)
 
@@ -104,7 +104,7 @@ class State:
 
     palette: Palette
     S: Array  # (R, N) reflectances
-    E: Array  # (L, N) lights: XYZ = Q (E ∗ S), and a given light's white has Y = 100
+    E: Array  # (L, N) lights: XYZ = Q (E ∗ S), with Y = 100 for white under a given light
 
     @classmethod
     def start(cls, palette: Palette) -> State:
@@ -129,19 +129,19 @@ class State:
         """Return a colour model for each light, adapted to its chromaticity at Y = 100."""
         even = self.Q.sum(axis=1)
         whites = self.E @ self.Q.T
-        # A light that was designed away leaves the eye adapted to an even one.
+        # If the design has turned a light off, the eye adapts to equal energy.
         whites = np.where(whites[:, 1:2] > _LEAST_Y * 100.0, whites, even)
         whites = np.maximum(whites, _LEAST_WHITE * np.abs(whites).max(axis=1, keepdims=True))
         viewing = self.palette.viewing
         return [ColourModel.of(viewing, 100.0 * white / white[1]) for white in whites]
 
     def RGB(self, models: list[ColourModel] | None = None) -> Array:
-        """Return (R, L, 3) linear RGB of the display, not clipped; by default make the models."""
+        """Return (R, L, 3) linear RGB of the display, not clipped; default: `colour_models`."""
         models, XYZ = models or self.colour_models(), self.XYZ
         return np.stack([model.RGB_from_XYZ(XYZ[:, j]) for j, model in enumerate(models)], axis=1)
 
     def with_spectra(self, lights: bool, spectra: dict[int, Array]) -> State:
-        """Return the state with other lights, or reflectances, in some columns or rows."""
+        """Return the state with some lights (columns) or reflectances (rows) replaced."""
         values = (self.E if lights else self.S).copy()
         for number, spectrum in spectra.items():
             values[number] = spectrum

@@ -1,4 +1,4 @@
-"""Write palettes: into their source, keeping its comments and order, or as a new file.
+"""Write palettes: as an update of the source that keeps its comments and order, or as a new file.
 
 Palette | Design -> [storage] -> TOML
 """
@@ -41,7 +41,7 @@ def save_palette(
     *,
     comment: str = "",
 ) -> None:
-    """Write a palette, designed or not; whole or not at all.
+    """Write a palette, designed or not, atomically.
 
     Parameters
     ----------
@@ -49,16 +49,16 @@ def save_palette(
     path : path
         A ``.toml``. Its spectra can then be used as ``FILE.toml#name``.
     source : path, optional
-        The file it was loaded from: its text stays, comments too, and designed values are added.
-        Names of files become relative to the new folder. By default the file is new and holds the
-        values of every spectrum.
+        File that the palette was loaded from: its text and comments are kept, designed values are
+        added, and names of files become relative to the new folder. By default the file is new
+        and contains the values of every spectrum.
     comment : str, optional
         First line of a new file.
 
     Raises
     ------
     PaletteError
-        If the name is not ``.toml``, the source holds other spectra, or the file format cannot
+        If the name is not ``.toml``, the source has different spectra, or the file format cannot
         express the viewing or the basis.
     """
     target = Path(path)
@@ -87,8 +87,8 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
         names = [row.name for row in rows]
         if names != [member.name for member in members]:
             own = ", ".join(member.name for member in members)
-            problem = f"{source}: its {kind}s are {', '.join(names)}, the palette's {own}"
-            raise fault("source", f"{problem}; give the file it came from", given=source)
+            problem = f"{source}: its {kind}s are {', '.join(names)}, but the palette's are {own}"
+            raise fault("source", f"{problem}; give the palette's own file", given=source)
         for entry, member in zip(document[kind], members, strict=True):
             if elsewhere and "spectrum" in entry:
                 move = rebase_light if kind == "light" else rebase_address
@@ -111,7 +111,7 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
 
 
 def _values(member: PaletteSpectrum, palette: Palette) -> list[float]:
-    """Return a spectrum on the palette's bands; a light's 1 is the even light's."""
+    """Return a spectrum on the palette's bands; for lights, 1 is the equal-energy light."""
     assert member.spectrum is not None
     values = stack(member.spectrum, palette.grid)
     return [float(value) + 0.0 for value in values.round(_DECIMALS)]  # never -0
@@ -150,7 +150,7 @@ def _table_array(rows: Sequence[dict[str, Any]]) -> Any:
 def _viewing_keys(palette: Palette) -> dict[str, Any]:
     viewing, default = palette.viewing, type(palette.viewing)()
     if viewing.adapting != default.adapting or viewing.fov_deg is not None:
-        problem = "it adapts to pictures, which a palette has not; give its conditions"
+        problem = "it adapts to a picture, but a palette has none; give fixed conditions"
         raise fault("Palette.viewing", problem, "unsupported")
     return {"model": viewing.model, **plain(viewing)}
 
@@ -164,8 +164,8 @@ def _criteria_keys(palette: Palette) -> dict[str, Any]:
     if palette.basis is not None:
         if palette.basis.name not in shipped_names():
             name = palette.basis.name
-            remedy = "save it, name the file in a palette's [criteria], and give that as source"
-            raise fault("Palette.basis", f"{name!r} does not ship; {remedy}", "unsupported", name)
+            remedy = "save it, name its file in a palette's [criteria], and give that as source"
+            raise fault("Palette.basis", f"{name!r} is not built in; {remedy}", "unsupported", name)
         keys["basis"] = palette.basis.name
     return keys
 
@@ -189,7 +189,7 @@ def _spectrum_keys(member: PaletteSpectrum, palette: Palette) -> dict[str, Any]:
 
 
 def _lamp(lamp: Spectrum, palette: Palette) -> str:
-    """Return the name by which a lamp of a mixture is found again."""
+    """Return the name that finds a mixture's lamp when the file is loaded."""
     try:
         known = light(lamp.name, palette.grid).values
         shape = stack(lamp, palette.grid)
@@ -222,6 +222,6 @@ def _cell_keys(cell: Cell) -> Iterator[tuple[str, Any]]:
 
 
 def _colour_value(codes: Any) -> str | list[float]:
-    """Return hexadecimal if it is exact."""
+    """Return display codes as hexadecimal if exact, else as numbers."""
     text = hexadecimal(codes)
     return text if parse_colour(text) == tuple(codes) else list(codes)

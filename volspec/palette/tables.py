@@ -1,4 +1,4 @@
-"""A palette's file as specs: its keys and the values that they may have.
+"""Specs of a palette's file: its keys and the values that they may have.
 
     TOML -> [tables] -> file -> Palette
 
@@ -47,7 +47,7 @@ class CriteriaSpec:
     basis: str | None = None
     """For subspace: a basis that ships, or FILE.json."""
     grid_nm: Annotated[Vector, Unit("nm")] | None = None
-    """First, last, step of the bands, up to 1000 of them; left out, 400 to 700 by 10."""
+    """First, last, step of the bands, at most 1000; if omitted, 400 to 700 by 10."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,23 +58,23 @@ class _MemberSpec:
     name: Annotated[Name, Field(examples=["day"])]
     """Name in cells."""
     spectrum: Name | None = None
-    """A light (D65, planck:3200, FILE.csv, …) or a reflectance (copper, …); of a designed one the
-    start of its design."""
+    """A light (D65, planck:3200, FILE.csv, …) or a reflectance (copper, …); if the spectrum is
+    designed, the starting point of its design."""
     values: Annotated[tuple[float, ...], Field(strict=False)] | None = None
-    """Designed values, band by band; written by `volspec design`, the next design begins there."""
+    """Designed values, band by band; written by `volspec design` and used to start the next one."""
     design: bool | None = None
-    """true designs one that has a spectrum; left out, it is designed if it has neither spectrum
-    nor values."""
+    """true: design it although it has a spectrum; if omitted, it is designed if it has neither
+    spectrum nor values."""
     lower: Bound = 0.0
-    """Least value in every band of a designed one; none: it may be negative."""
+    """Least value in every band of a designed spectrum; none: it may be negative."""
     upper: Bound = "none"
-    """Greatest value in every band; of a light in units of an even one's."""
+    """Greatest value in every band; for a light, in units of the equal-energy light."""
     band_nm: Annotated[Pair, Unit("nm")] | None = None
-    """[shortest, longest]: a designed one is zero outside."""
+    """[shortest, longest]: a designed spectrum is zero outside."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
-        """Refuse keys of designed spectra for others; defaults do not count."""
+        """Refuse keys that only designed spectra may have."""
         keys = {"lower", "upper", "band_nm", "mixture", "constant"} & set(table)
         given = table.get("spectrum") is not None or table.get("values") is not None
         if keys and not table.get("design", not given):
@@ -84,7 +84,7 @@ class _MemberSpec:
 
     @property
     def open(self) -> bool:
-        """True if it is designed: because it says so, or as nothing else is known of it."""
+        """True if it is designed: it says so, or it has neither a spectrum nor values."""
         if self.design is not None:
             return self.design
         return self.spectrum is None and self.values is None
@@ -100,7 +100,7 @@ class LightMember(_MemberSpec):
     """``[[light]]``: a column."""
 
     mixture: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    """Lamps whose sum it is, so that it can be built; left out, any spectrum."""
+    """Lamps to mix the light from, so that it can be built; if omitted, any spectrum is allowed."""
 
 
 @settings(PaletteError)
@@ -111,50 +111,50 @@ class ReflectanceMember(_MemberSpec):
     upper: Bound = 1.0
     """Greatest value of each band, or none."""
     constant: bool = False
-    """It has one colour under every light."""
+    """Require the same colour under every light."""
 
 
 @settings(PaletteError)
 @dataclass(frozen=True, slots=True)
 class CellSpec:
-    """``[[cell]]``: a place, or several, and the colour that is wanted there."""
+    """``[[cell]]``: one or more places, and the colour wanted there."""
 
     at: Place | None = None
     """Its reflectance and light."""
     reflectance: Names | None = None
-    """Instead, with light: one, several, or all of them."""
+    """Alternative to at, together with light: one reflectance, several, or all."""
     light: Names | None = None
-    """With reflectance: one, several, or all of them."""
+    """Alternative to at, together with reflectance: one light, several, or all."""
     colour: Colour | None = None
     """This colour: "#ca0020", a CSS name, or [r, g, b] as display codes 0 to 1."""
     free: Name | None = None
     """Name of a free colour: all its cells get one colour, which the solver picks (metamers)."""
     black: bool = False
-    """None at all, a metameric black."""
+    """Target black: the cell reflects nothing under its light (a metameric black)."""
     same: Place | None = None
-    """The colour of another cell."""
+    """Cell whose colour to match."""
     distinct: Place | None = None
-    """As far from another cell as can be."""
+    """Cell to differ from as far as possible."""
     weight: float | None = None
-    """Importance relative to other cells; left out, 1."""
+    """Importance relative to other cells; 1 if omitted."""
     must: bool = False
-    """It is met exactly, or the design is refused."""
+    """Hard constraint: the colour is met exactly, or the design is refused."""
     low: Colour | None = None
-    """Lower bounds of a free colour; the same in all its cells. Left out, black."""
+    """Lower bounds of a free colour; the same in all its cells. Black if omitted."""
     high: Colour | None = None
-    """Upper bounds of a free colour; the same in all its cells. Left out, white."""
+    """Upper bounds of a free colour; the same in all its cells. White if omitted."""
     distance: float | None = None
-    """Of a distinct cell: the ΔE (CIELAB) that is enough; left out, 100."""
+    """Sufficient ΔE (CIELAB) of a distinct cell; 100 if omitted."""
 
     def __post_init__(self) -> None:
         both = self.reflectance is not None and self.light is not None
         either = self.reflectance is not None or self.light is not None
         if (self.at is not None) == either or either != both:
             remedy = 'give at = ["reflectance", "light"], or both reflectance and light'
-            raise fault("at", f"no place, or two; {remedy}")
+            raise fault("at", f"the cell has no place, or two; {remedy}")
         wanted = [name for name in WANTS if getattr(self, name) not in (None, False)]
         if len(wanted) != 1:
-            problem = f"asks for {' and '.join(wanted) or 'nothing'}"
+            problem = f"has {' and '.join(wanted) or 'no target'}"
             raise fault("", f"{problem}; give one of {', '.join(WANTS)}")
         if self.must and self.weight is not None:
             problem = "given with must; exact colours need no weight, leave it out"
@@ -165,7 +165,7 @@ class CellSpec:
 
     @property
     def kind(self) -> str:
-        """The one of `WANTS` that it asks for."""
+        """Kind of target, one of `WANTS`."""
         return next(name for name in WANTS if getattr(self, name) not in (None, False))
 
 
@@ -175,13 +175,13 @@ class PaletteFile:
     """A palette: lights, reflectances, and the colours wanted where they meet."""
 
     title: str = ""
-    """A caption."""
+    """Caption."""
     viewing: Viewing = field(default_factory=lambda: Viewing(model="none"))
     """Viewing conditions; here model is none by default, and exposure may be auto."""
     auto_exposure: Annotated[bool, PYTHON_ONLY] = False
     """Find the exposure that fits the colours best."""
     criteria: CriteriaSpec = field(default_factory=CriteriaSpec)
-    """Everything that counts besides the cells."""
+    """Criteria of the design besides the cells."""
     light: Annotated[tuple[LightMember, ...], Field(strict=False, min_length=1)]
     """Columns."""
     reflectance: Annotated[tuple[ReflectanceMember, ...], Field(strict=False, min_length=1)]

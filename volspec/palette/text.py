@@ -18,9 +18,9 @@ from volspec.palette.model import hexadecimal
 if TYPE_CHECKING:
     from volspec.palette.report import CellReport, DesignReport, MetamerReport
 
-# More lights than this leave no room for codes and differences.
+# With more lights than this there is no room for codes and differences.
 _MOST_WITH_CODES = 6
-# Metamers under more other lights than this are summed up.
+# For more other lights than this, metamers' differences are summarised.
 _MOST_NAMED = 4
 _WIDTH = 100
 
@@ -35,7 +35,7 @@ def plain_text(report: DesignReport) -> str:
 
 
 def render(report: DesignReport, *, colours: bool) -> Group:
-    """Return the report to be printed by rich; with swatches if the terminal has colours."""
+    """Return the report as rich renderables, with swatches if ``colours``."""
     blocks: list[RenderableType] = [_matrix(report, colours), Text(""), *_lines(report)]
     if report.suggestions:
         blocks += [Text(""), Text("what would help", style="dim")]
@@ -85,7 +85,7 @@ def _lines(report: DesignReport) -> Iterator[Text]:
     )
     outside = [cell for cell in report.cells if not cell.in_gamut]
     if outside:
-        # Marked in the matrix if it has codes.
+        # The matrix marks these if it shows codes.
         yield Text.assemble(
             ("outside the display (!) ", "dim"), f"{len(outside)} colour{'s' * (len(outside) > 1)}"
         )

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 # Periods of the waves that free lights start from, nm (Bergner et al., section 4.1: 60 and 85).
 _WAVES_NM = (60.0, 85.0, 110.0, 140.0, 45.0)
-# A light with less luminance than this fraction of an even one has none for a colour.
+# A light with less luminance than this fraction of equal energy is too dark to show a colour.
 _LEAST_Y = 1e-9
 
 
@@ -37,25 +37,25 @@ class PaletteSpectrum:
     ----------
     name : str
     spectrum : Spectrum, optional
-        Its values; the initial ones if it is free (by default one half for a reflectance, a wave
-        of its own period for a light).
+        Values; if it is free, the initial ones (by default one half for a reflectance, and for
+        each light a wave of a different period).
     free : bool
         True if it is a variable of the design.
     lower, upper : float, optional
-        Bounds of a free spectrum in every band; None is unbounded. A light's are relative to its
-        mean.
+        Bounds of a free spectrum in every band; None: unbounded. For a light, in units of the
+        equal-energy light.
     band_nm : (shortest, longest), optional
         A free spectrum is zero outside.
     mixture : tuple of Spectrum
         Lamps; a free light is a sum of these with weights of at least 0, so that it can be built.
     constant : bool
-        True for a reflectance of one colour under every light: objective colour constancy.
+        True for a reflectance with the same colour under every light: objective colour constancy.
 
     Raises
     ------
     PaletteError
-        If a given one has no spectrum, bounds contradict each other, or a given one has what only
-        free ones may have.
+        If a given spectrum has no values, its bounds contradict each other, or it is a mixture,
+        as only free lights may be.
     """
 
     name: str
@@ -79,18 +79,18 @@ class PaletteSpectrum:
                 field = f"PaletteSpectrum.{name}"
                 raise PaletteError.refused(field, value, "give a number, or none", "range")
         if self.lower is not None and self.upper is not None and not self.lower < self.upper:
-            remedy = "leave a range between them" if self.lower == self.upper else "swap them"
+            remedy = "give different bounds" if self.lower == self.upper else "swap them"
             problem = f"{self.lower:g} is not below upper {self.upper:g}; {remedy}"
             raise fault("PaletteSpectrum.lower", problem, given=self.lower)
         if self.band_nm is not None and not self.band_nm[0] < self.band_nm[1]:
-            remedy = "the band is empty, the shortest comes first"
+            remedy = "the band is empty, give the shortest wavelength first"
             raise PaletteError.refused("PaletteSpectrum.band_nm", self.band_nm, remedy, "range")
         if self.mixture and not self.free:
             problem = f"{self.name!r} is a given spectrum, not a sum of lamps"
             raise fault("PaletteSpectrum.mixture", f"{problem}; make it free for design")
 
     def synthesis(self, grid: SpectralGrid) -> Array:
-        """Return the (N, n) matrix from variables to bands: an identity, a part of it, or lamps."""
+        """Return the (N, n) matrix from variables to bands: the identity, part of it, or lamps."""
         inside = np.ones(grid.size, dtype=bool)
         if self.band_nm is not None:
             wavelengths = grid.wavelengths_nm
@@ -111,7 +111,7 @@ PaletteSpectrum.__init__ = renamed_keyword(open="free")(PaletteSpectrum.__init__
 
 
 def initial_reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:
-    """Return the (N,) values of a given reflectance, or those that a free one starts from."""
+    """Return the (N,) values of a given reflectance, or the initial values of a free one."""
     if row.spectrum is None:
         return np.full(grid.size, 0.5)
     if row.free:
@@ -120,7 +120,7 @@ def initial_reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:
 
 
 def initial_light(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> Array:
-    """Return the (N,) power, at Y = 100, of a given light, or that a free one starts from.
+    """Return the (N,) power, at Y = 100, of a given light, or the initial power of a free one.
 
     Free lights in columns of different ``number`` start from waves of different periods.
     """
@@ -136,7 +136,7 @@ def initial_light(column: PaletteSpectrum, grid: SpectralGrid, number: int) -> A
     V = colour_matching_functions(grid)[1]
     if not V @ power > _LEAST_Y * V.sum():
         raise PaletteError(
-            f"light {column.name!r} has no luminous energy to show a colour by; widen its band, or "
+            f"light {column.name!r} has no luminance to show colours with; widen its band, or "
             "start from another spectrum",
             code="impossible",
         )

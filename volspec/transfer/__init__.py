@@ -1,4 +1,4 @@
-"""Transfer functions: opacity and reflectance by scalar value, baked to a table of channels."""
+"""Transfer functions: opacity and reflectance by scalar value, baked into a table of channels."""
 
 from volspec.transfer.discrete import Isosurfaces, LabelFunction
 from volspec.transfer.model import TransferFunction

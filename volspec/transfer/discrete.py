@@ -27,15 +27,15 @@ class LabelFunction:
     Parameters
     ----------
     labels : {label: (opacity, material or {material: weight})}
-        Whole numbers of 0 to 65535; labels left out are transparent.
+        Whole numbers from 0 to 65535; omitted labels are transparent.
     materials, basis, reference_step_mm
         As in `TransferFunction`.
 
     Raises
     ------
     TransferError
-        If there is no label, one is no such number, an opacity is outside 0…1, or a material
-        is unknown (the nearest names are given).
+        If there are no labels, a label is not such a number, an opacity is outside 0…1, or a
+        material is unknown (the nearest names are given).
 
     Examples
     --------
@@ -72,7 +72,7 @@ class LabelFunction:
         is_whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
         if not is_whole or not 0 <= label <= MAX_LABEL:
             raise TransferError(
-                f"label {label!r:.20} is {'out of range' if is_whole else 'no whole number'}",
+                f"label {label!r:.20} is {'out of range' if is_whole else 'not a whole number'}",
                 f"give 0 to {MAX_LABEL}",
                 code="range" if is_whole else "type",
                 field="LabelFunction.labels",
@@ -87,11 +87,11 @@ class LabelFunction:
         return f"LabelFunction({len(self.labels)} labels, {', '.join(self.materials)})"
 
     def bake(self, smallest_spacing_mm: float) -> TransferTable:
-        """Make a table with one entry a label, up to the greatest; see `TransferFunction.bake`.
+        """Make a table with one entry per label, up to the greatest; see `TransferFunction.bake`.
 
         Weights of transparent entries are 0.
         """
-        # A label that is switched off adds no material, which would slow the cast.
+        # Labels that are switched off add no materials, as these would slow the cast.
         visible = [label for label, (opacity, _) in self.labels.items() if opacity > 0]
         baked = visible or list(self.labels)[:1]
         rows, channels = mixes.weights_and_channels(
@@ -114,21 +114,21 @@ class LabelFunction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Isosurfaces:
-    """Surfaces of equal value with opacity and material mix, sorted by rising value.
+    """Surfaces of equal value with opacity and material mix, sorted by value.
 
     Parameters
     ----------
     surfaces : sequence of (value, opacity, material or {material: weight})
-        One to eight of different values. An opacity, 0…1, is the surface's own and does not
-        depend on the step.
+        One to eight, with different values. Opacity, 0…1, is that of the whole surface and does
+        not depend on the step.
     materials, basis
         As in `TransferFunction`.
 
     Raises
     ------
     TransferError
-        If there is no surface, or more than eight, two have one value, an opacity is outside
-        0…1, or a material is unknown (the nearest names are given).
+        If there are no surfaces, or more than eight, two have the same value, an opacity is
+        outside 0…1, or a material is unknown (the nearest names are given).
 
     Examples
     --------
@@ -180,7 +180,7 @@ class Isosurfaces:
         return f"Isosurfaces({len(self.surfaces)} surfaces, {', '.join(self.materials)})"
 
     def bake(self, smallest_spacing_mm: float) -> SurfaceTable:
-        """Make the surfaces' table; their opacity does not depend on the spacing."""
+        """Make the surfaces' table; opacity does not depend on the spacing."""
         weights, channels = mixes.weights_and_channels(
             [mix for _, _, mix in self.surfaces], self.materials, self.basis
         )

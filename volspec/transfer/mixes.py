@@ -3,8 +3,8 @@
     materials, basis -> [mixes] -> points, regions, labels, surfaces
 
 A filter is the transmission spectrum of a material at opacity 1: a reference step of opacity α
-transmits 1 − α (1 − filter), channel by channel. A material without one transmits 1 − α at every
-wavelength; its filter is 0.
+transmits 1 − α (1 − filter), channel by channel. A material without a filter transmits 1 − α at
+every wavelength, as if the filter were 0.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from volspec.transfer.table import MAX_CHANNELS
 Mix = str | Mapping[str, float]
 # (value, opacity, material or mix): a point of a curve, or a surface.
 Point = tuple[float, float, Mix]
-# Filters of a signed basis may leave 0…1 by this much before a warning.
+# Filters in a signed basis may leave 0…1 by this much without a warning.
 _UNSEEN = 0.02
 
 
 def check_materials(who: str, materials: Any, basis: Any) -> None:
-    """Refuse a basis that cannot be cast, and materials other than reflectances.
+    """Refuse a basis that cannot be cast, and materials that are not reflectances.
 
-    Called from ``__post_init__``, so that a warning points at the constructor's caller.
+    Call it from ``__post_init__``, so that a warning points at the constructor's caller.
     """
     if not isinstance(basis, SpectralBasis | MaterialBasis):
         raise TransferError.refused(
@@ -45,10 +45,10 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
     if basis.size > MAX_CHANNELS:
         what = f"{basis.size} channels"
         if isinstance(basis, MaterialBasis):
-            what = f"{len(basis.materials)} materials and white are {what}"
+            what = f"{len(basis.materials)} materials and white need {what}"
         raise TransferError(
             f"{what}, at most {MAX_CHANNELS} can be cast",
-            "take a SpectralBasis of fewer channels",
+            "use a SpectralBasis with fewer channels",
             code="size",
             field=f"{who}.basis",
             given=basis,
@@ -72,15 +72,15 @@ def check_materials(who: str, materials: Any, basis: Any) -> None:
             )
         if spectrum.values.max() > 1 + 1e-6:
             warnings.warn(
-                f"{field} reflects up to {spectrum.values.max():g}; more than 1 only "
-                "fluorescent matter does, was a light given?",
+                f"{field} reflects up to {spectrum.values.max():g}; only fluorescent "
+                "materials exceed 1, check that it is not a light",
                 VolspecWarning,
                 stacklevel=4,
             )
 
 
 def checked_step(who: str, step_mm: Any) -> float | None:
-    """Return a reference step: None, or millimetres above 0."""
+    """Return a reference step in millimetres, above 0, or None."""
     if step_mm is None:
         return None
     step = checked_number(f"{who}.reference_step_mm", step_mm)
@@ -90,7 +90,7 @@ def checked_step(who: str, step_mm: Any) -> float | None:
 
 
 def checked_list(field: str, given: Any, item: str) -> tuple[Any, ...]:
-    """Return a sequence as a tuple, unless it is empty; ``item`` describes an element."""
+    """Return a sequence as a tuple; refuse an empty one; ``item`` describes an element."""
     try:
         items = tuple(given)
     except TypeError:
@@ -101,7 +101,7 @@ def checked_list(field: str, given: Any, item: str) -> tuple[Any, ...]:
 
 
 def checked_parts(field: str, given: Any, expected: str) -> tuple[Any, ...]:
-    """Return a sequence of as many parts as ``expected``, such as ``"(low, high)"``, names."""
+    """Return a sequence with as many parts as ``expected``, such as ``"(low, high)"``."""
     try:
         parts = tuple(given)
     except TypeError:
@@ -112,14 +112,14 @@ def checked_parts(field: str, given: Any, expected: str) -> tuple[Any, ...]:
 
 
 def checked_number(field: str, given: Any) -> float:
-    """Return a number as float; text and booleans are refused."""
+    """Return a number as float; refuse text and booleans."""
     if isinstance(given, bool) or not isinstance(given, Real):
         raise TransferError.refused(field, given, "expected a number", "type")
     return float(given)
 
 
 def checked_fraction(field: str, given: Any) -> float:
-    """Return an opacity or another number of 0…1."""
+    """Return an opacity or another number within 0…1."""
     fraction = checked_number(field, given)
     if not 0 <= fraction <= 1:
         raise TransferError.refused(field, given, "give 0…1", "range")
@@ -127,7 +127,7 @@ def checked_fraction(field: str, given: Any) -> float:
 
 
 def checked_mix(field: str, given: Any, materials: Mapping[str, Spectrum] | None) -> Mix:
-    """Return a mix as {material: weight}; names are checked only against given ``materials``."""
+    """Return a mix as {material: weight}; check names only if ``materials`` are given."""
     if not isinstance(given, str | Mapping):
         raise TransferError.refused(field, given, "expected a name or {name: weight}", "type")
     weights = {}
@@ -182,7 +182,7 @@ def used_materials(mixes: Iterable[Mix]) -> list[str]:
 
 
 def weight_matrix(mixes: Sequence[Mix], names: Sequence[str]) -> NDArray[np.float64]:
-    """(P, K) weights of K materials in P mixes."""
+    """Return the (P, K) weights of K materials in P mixes."""
     return np.array([[mix_weights(mix).get(name, 0.0) for name in names] for mix in mixes])
 
 
@@ -191,9 +191,9 @@ def weights_and_channels(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return a table's (P, K) weights and (K, M) channels with as few rows as possible.
 
-    The raycaster gathers one number per row at each sample. There is a row for each of the K
-    materials in the mixes. If these are more than the M channels, the weights are the mixes'
-    channels instead, and the channels the identity.
+    The raycaster gathers one number per row at each sample. There is one row for each of the K
+    materials in the mixes. If K exceeds the number of channels, M, the weights are the mixes'
+    channels instead, and the channels are the identity.
     """
     names = used_materials(mixes)
     channels = basis.channels_for_materials({name: materials[name] for name in names})
@@ -206,13 +206,13 @@ def weights_and_channels(
 def checked_filters(
     who: str, filters: Any, materials: Mapping[str, Spectrum], basis: Any
 ) -> dict[str, Spectrum]:
-    """Return filters of known materials, 0…1, for a basis of wavelengths."""
+    """Return filters within 0…1; refuse unknown materials and a basis of materials."""
     if not isinstance(filters, Mapping):
         raise TransferError.refused(f"{who}.filters", filters, "give {material: Spectrum}", "type")
     if filters and isinstance(basis, MaterialBasis):
         raise TransferError(
-            "filters need channels of wavelengths, those of a MaterialBasis are materials",
-            'take a SpectralBasis, not [basis] method = "materials"',
+            "filters need spectral channels, but the channels of a MaterialBasis are materials",
+            'use a SpectralBasis, not [basis] method = "materials"',
             code="conflict",
             field=f"{who}.filters",
             given=filters,
@@ -221,7 +221,7 @@ def checked_filters(
         _require_known(f"{who}.filters", name, materials)
         field = f"{who}.filters[{name!r}]"
         if not isinstance(spectrum, Spectrum):
-            raise TransferError.refused(field, spectrum, "expected a Spectrum of 0…1", "type")
+            raise TransferError.refused(field, spectrum, "expected a Spectrum within 0…1", "type")
         low, high = spectrum.values.min(), spectrum.values.max()
         if low < 0 or high > 1 + 1e-6:
             raise TransferError(
@@ -237,7 +237,7 @@ def checked_filters(
 def filter_rows(
     mixes: Sequence[Mix], filters: Mapping[str, Spectrum], basis: SpectralBasis
 ) -> NDArray[np.float64]:
-    """Return (P, M + 1): filter channels times weights of P mixes, and the sum of the weights.
+    """Return (P, M + 1): weighted filter channels of P mixes, and the sums of the weights.
 
     Divide by the sum after interpolation.
 
@@ -257,7 +257,7 @@ def filter_rows(
         if clipped > _UNSEEN:
             warnings.warn(
                 f"transfer function: filter of {name!r} leaves 0…1 by {clipped:.2g} in basis "
-                f"{basis.name!r} and is clipped; smooth it, or take a positive basis",
+                f"{basis.name!r} and is clipped; smooth it, or use a positive basis",
                 VolspecWarning,
                 stacklevel=3,
             )

@@ -1,10 +1,10 @@
-"""The spectral transfer function: value -> opacity and a mix of materials.
+"""Spectral transfer function: value -> opacity and a mix of materials.
 
     volume -> [transfer] -> raycast -> relight -> appearance
 
 Opacity and reflectance are interpolated linearly between points and constant beyond the first and
 the last. Baking analyses the materials in the basis and samples the curve into a table; the
-raycaster reads only that table, which holds channels instead of reflectances.
+raycaster reads only that table, which has channels instead of reflectances.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from volspec.transfer.mixes import Point
 from volspec.transfer.table import TransferTable, power_of_two
 
 _WHO = "TransferFunction"
-# Entries over values; a table with gradients has rows as well, and must still fit a cache.
+# Entries over values; a table with gradients also has rows, and must still fit in a cache.
 _SIZES, _SIZES_WITH_GRADIENT, _ROWS = (1024, 65536), (1024, 4096), (64, 256)
 
 
@@ -37,25 +37,25 @@ class TransferFunction:
     Parameters
     ----------
     points : sequence of (value, opacity, material or {material: weight})
-        At least one; values must not decrease (two points of one value make a step).
+        At least one; values must not decrease (two points of equal value make a step).
         Opacities 0…1. Weights are ≥ 0 and sum to at most 1 (the rest is black).
     materials : {name: Spectrum}
-        Reflectances the points name.
+        Reflectances of the materials in the points.
     basis : SpectralBasis or MaterialBasis
     reference_step_mm : float, optional
-        Length to which an opacity refers; the volume's smallest spacing when left out.
+        Length to which opacity refers; the volume's smallest spacing if omitted.
     gradient_opacity : sequence of (gradient magnitude, factor), optional
-        Factors, 0…1, of the opacity per reference step, by the change of value per millimetre;
-        gradients rise, linear in between. Makes boundaries visible.
+        Factors, 0…1, applied to the opacity per reference step, by gradient magnitude in value per
+        millimetre; gradients rise, factors are linear in between. Makes boundaries visible.
     filters : {material: Spectrum}, optional
         Spectral absorption: the transmission, 0…1, of a material at opacity 1; a reference
-        step transmits 1 − opacity (1 − filter), channel by channel. Materials without one
-        are grey. Needs a SpectralBasis; not together with ``gradient_opacity``.
+        step transmits 1 − opacity (1 − filter), channel by channel. Materials without a filter
+        absorb all wavelengths alike. Needs a SpectralBasis and no ``gradient_opacity``.
 
     Raises
     ------
     TransferError
-        If there is no point, an opacity is outside 0…1, values decrease, a material is
+        If there are no points, an opacity is outside 0…1, values decrease, a material is
         unknown (the nearest names are given), or gradients or filters are out of range.
 
     Examples
@@ -89,7 +89,7 @@ class TransferFunction:
                 raise TransferError.refused(
                     f"{_WHO}.points[{i}].value",
                     right[0],
-                    f"sort the points by value, the one before has {left[0]:g}",
+                    f"sort the points by value, the previous one has {left[0]:g}",
                     "range",
                 )
         object.__setattr__(self, "points", checked)
@@ -101,7 +101,7 @@ class TransferFunction:
             filters = mixes.checked_filters(_WHO, self.filters, self.materials, self.basis)
             if filters and self.gradient_opacity is not None:
                 raise TransferError(
-                    "filters and gradient_opacity do not go together",
+                    "filters and gradient_opacity cannot be combined",
                     "give one of them",
                     code="conflict",
                     field=_WHO,
@@ -119,12 +119,12 @@ class TransferFunction:
         Parameters
         ----------
         smallest_spacing_mm : float
-            The volume's, used if the function has no reference step of its own.
+            Smallest spacing of the volume, used if the function has no reference step.
         size : int, optional
-            Entries; chosen by the distance of the closest points when left out: 1024 to 65536,
-            with ``gradient_opacity`` to 4096. Closer points cause a warning.
+            Number of entries; by default 1024 to 65536, or to 4096 with ``gradient_opacity``, by
+            the distance of the closest points. Warns if points are too close even for that.
         rows : int, optional
-            Rows of a table with gradients; 64 to 256, chosen likewise.
+            Number of rows of a table with gradients; by default 64 to 256, chosen likewise.
 
         Returns
         -------
@@ -136,7 +136,7 @@ class TransferFunction:
         own_mixes = [mix for _, _, mix in self.points]
         weights, channels = mixes.weights_and_channels(own_mixes, self.materials, self.basis)
         low, high = values[0], values[-1]
-        if low == high:  # one value: a table needs two ends
+        if low == high:  # a single value, but a table needs two ends
             low, high = low - 0.5, high + 0.5
         limits = _SIZES if self.gradient_opacity is None else _SIZES_WITH_GRADIENT
         at = np.linspace(low, high, size or _table_size("points", values, low, limits))
@@ -148,13 +148,13 @@ class TransferFunction:
             top = float(gradients[-1])
             row_at = np.linspace(0, top, rows or _table_size("gradients", gradients, 0.0, _ROWS))
             opacity = np.interp(row_at, gradients, factors)[:, None] * opacity
-            # Copied, since the device takes the memory as it is.
+            # Copied, since the device reads the memory as laid out.
             weights = np.ascontiguousarray(np.broadcast_to(weights, (len(row_at), *weights.shape)))
         used = mixes.used_materials(own_mixes)
         own = {name: each for name, each in (self.filters or {}).items() if name in used}
         if own and isinstance(self.basis, SpectralBasis):
             weighted = _sample(at, values, mixes.filter_rows(own_mixes, own, self.basis))
-            # A mean of rows of 0…1 may leave that by rounding.
+            # A mean of rows within 0…1 may leave this range by rounding.
             filters = (weighted[:, :-1] / weighted[:, -1:]).clip(0, 1)
         return TransferTable(
             domain=(float(low), float(high)),
@@ -178,12 +178,12 @@ def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float,
         if not (math.isfinite(gradient) and gradient >= 0):
             remedy = "give 0 or more, value per mm"
         elif checked and gradient <= checked[-1][0]:
-            remedy = f"let gradients rise, the one before is {checked[-1][0]:g}"
+            remedy = f"sort by gradient, the previous one is {checked[-1][0]:g}"
         if remedy:
             raise TransferError.refused(f"{field}[{i}].gradient", gradient, remedy, "range")
         checked.append((gradient, mixes.checked_fraction(f"{field}[{i}].factor", factor)))
     if checked[-1][0] == 0:
-        raise TransferError("ends at gradient 0", "give one above", code="range", field=field)
+        raise TransferError("ends at gradient 0", "add one above 0", code="range", field=field)
     return tuple(checked)
 
 
@@ -191,8 +191,8 @@ def _sample(
     at: NDArray[np.float64], values: NDArray[np.float64], rows: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Interpolate (P, C) rows over (P,) values at (N,) positions: (N, C)."""
-    # np.interp needs rising positions: of two points of one value the later moves up by one
-    # unit in the last place, which leaves a sharp step.
+    # np.interp needs rising positions: the later of two points of equal value moves up by one
+    # unit in the last place, which keeps the step sharp.
     rising = values.copy()
     for i in range(1, len(rising)):
         rising[i] = max(rising[i], np.nextafter(rising[i - 1], np.inf))
@@ -203,7 +203,7 @@ def _sample(
 
 
 def _table_size(what: str, points: NDArray[np.float64], low: float, limits: tuple[int, int]) -> int:
-    """Return how many entries give four between the closest points of different value."""
+    """Return the number of entries that puts four between the closest points of different value."""
     gaps = np.diff(points)
     if not (gaps > 0).any():
         return limits[0]

@@ -2,8 +2,8 @@
 
     volume -> [regions] -> raycast -> relight -> appearance
 
-A region is a rectangle of values and gradient magnitudes with soft sides. Boundaries of one value
-and different steepness, which a curve over values cannot separate, get a region each.
+A region is a rectangle of values and gradient magnitudes with soft sides. Boundaries of equal value
+but different steepness, which a curve over values cannot separate, get a region each.
 
 References
 ----------
@@ -48,9 +48,9 @@ class Region:
     material : str or {name: weight}
         Weights are ≥ 0 and sum to at most 1 (the rest is black).
     softness : float
-        Fraction, 0…1, of each side's half-width over which opacity falls smoothly to 0; a side
-        at gradient 0 and one at ``inf`` do not fall. A region open to ``inf`` counts as
-        reaching to twice its lower gradient.
+        Fraction, 0…1, of each half-width over which opacity falls smoothly to 0; it does not fall
+        at sides of gradient 0 or ``inf``. A region open to ``inf`` is taken to reach twice its
+        lower gradient.
 
     Raises
     ------
@@ -149,21 +149,21 @@ class TransferFunction2D:
         smallest_spacing_mm : float
             As for `TransferFunction.bake`.
         size : (values, gradients), optional
-            Entries and rows; (256, 64), or up to (2048, 256) for narrow regions. Narrower
-            ones cause a warning.
+            Entries and rows; (256, 64) by default, or up to (2048, 256) for narrow regions. Warns
+            if a region is too narrow even for that.
 
         Returns
         -------
         TransferTable
-            Transparent at both ends, so that values outside are. Gradients above the top, the
-            steepest that any region reaches to, take the last row, in which only regions to
-            ``inf`` are not transparent.
+            Transparent at both ends, and so for values outside. Gradients above the top, the
+            steepest that any region reaches, take the last row, in which only regions to ``inf``
+            are not transparent.
         """
         # Transparent regions must not colour the rims of visible ones.
         regions = [region for region in self.regions if region.opacity > 0] or self.regions[:1]
         low = min(region.values[0] for region in self.regions)
         high = max(region.values[1] for region in self.regions)
-        # Regions that never change with the gradient need two rows, of any height.
+        # Regions that do not change with the gradient need two rows, at any gradients.
         top = max(region.reach for region in self.regions) or 1.0
         if size is None:
             width = min(region.values[1] - region.values[0] for region in regions)
@@ -207,14 +207,14 @@ def _checked_bounds(name: str, given: Any) -> tuple[float, float]:
         for i, bound in enumerate(mixes.checked_parts(field, given, "(low, high)"))
     )
     if not low < high:
-        raise TransferError.refused(field, given, "let the second be greater", "range")
+        raise TransferError.refused(field, given, "make the second greater", "range")
     return low, high
 
 
 def _opacity(
     region: Region, at: NDArray[np.float64], row_at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(G, N) opacity of one region; 0 on its rim, so that a table ends transparent."""
+    """Return the (G, N) opacity of a region; 0 on its rim, so that tables end transparent."""
     (low, high), (bottom, top) = region.values, region.gradients
     soft = region.softness * (high - low) / 2
     over_values = _smoothstep(at - low, soft) * _smoothstep(high - at, soft)
@@ -238,9 +238,9 @@ def _smoothstep(inside: NDArray[np.float64], soft: float) -> NDArray[np.float64]
 def _nearest_region(
     regions: Sequence[Region], at: NDArray[np.float64], row_at: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(R, G, N) one-hot choice of the region nearest to each entry, measured in entries.
+    """Return (R, G, N) one-hot choices of the region nearest to each entry, measured in entries.
 
-    Entries next to a region are transparent yet take part in interpolation; with weights of 0
+    Entries next to a region are transparent yet take part in interpolation; with weights of 0,
     regions would have dark rims.
     """
     distances = []

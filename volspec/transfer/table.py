@@ -3,12 +3,12 @@
     volume -> [transfer] -> raycast -> relight -> appearance
 
 Every entry mixes K rows of channels by weights. The raycaster accumulates the K weights and
-multiplies them by the M channels once per pixel, so that a cast costs the same for any M.
+multiplies them by the channels once per pixel, so that the cost of a cast does not depend on M.
 
-Pre-integration: a step whose value goes from v₀ to v₁ linearly takes the mean of extinction, and of
-extinction times weights, over all values between. That mean is the difference of running integrals
-over the table, divided by the distance of the two values [1], so that no value of a steep transfer
-function is skipped.
+Pre-integration: a step whose value goes linearly from v₀ to v₁ takes the mean of extinction, and of
+extinction times weights, over all values in between, so that no value of a steep transfer function
+is skipped. The mean is the difference of running integrals over the table, divided by the
+distance of the two values [1].
 
 References
 ----------
@@ -30,13 +30,13 @@ from volspec.errors import ShapeError, TransferError
 Rows = NDArray[np.float32]
 Array = NDArray[np.float64]
 
-# Limits of the kernels' tables and of image headers.
+# Limits of the kernels' tables and image headers.
 MAX_CHANNELS = 32
 MAX_SURFACES = 8
 MAX_LABEL = 65535
-# Least transmittance of a step: the extinction of an opaque entry would be infinite.
+# Least transmittance of a step; otherwise the extinction of an opaque entry would be infinite.
 LEAST_TRANSMITTANCE = 1e-6
-# Nearer positions than this, in entries, have a difference of integrals that is mostly rounding.
+# For positions nearer than this, in entries, the difference of integrals is mostly rounding.
 NEAREST_POSITIONS = 1 / 64
 
 
@@ -57,7 +57,7 @@ class TransferTable:
     Parameters
     ----------
     domain : (float, float)
-        Values of the first and the last entry; other values take the nearest end.
+        Values of the first and the last entry; values outside take the nearest end.
     opacity : (N,) or (G, N)
         Opacity per reference step, 0…1.
     material_weights : (N, K) or (G, N, K)
@@ -65,21 +65,21 @@ class TransferTable:
     reference_step_mm : float
         Length to which ``opacity`` refers.
     white : (M,), optional
-        Channels of the perfect diffuser, to which a highlight adds; ones when left out.
+        Channels of the perfect diffuser, the colour of highlights; ones if omitted.
     channels : (K, M), optional
-        Channels of the materials; the identity when left out, the weights then are channels.
+        Channels of the materials; if omitted, the identity: the weights are channels.
     gradient_top : float, optional
-        Gradient magnitude, value per millimetre, of the last of G rows; the first is for 0.
+        Gradient magnitude, value per millimetre, of the last of the G rows; the first has 0.
     filters : (N, M), optional
         Spectral absorption: channels of the transmission at opacity 1; a reference step
-        transmits 1 − opacity (1 − filter). 0, grey, when left out.
+        transmits 1 − opacity (1 − filter). If omitted, 0: all wavelengths are absorbed alike.
     labels : bool
         True if entry i is for label i, without interpolation between entries.
 
     Raises
     ------
     TransferError
-        If the arrays do not belong together or a number is out of range.
+        If the shapes of the arrays do not match or a number is out of range.
     """
 
     domain: tuple[float, float]
@@ -98,7 +98,7 @@ class TransferTable:
         low, high = self.domain
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise TransferError.refused(
-                "TransferTable.domain", self.domain, "give two that rise", "range"
+                "TransferTable.domain", self.domain, "give (low, high)", "range"
             )
         opacity, weights = _set_array(self, "opacity"), _set_array(self, "material_weights")
         two = self.gradient_top is not None
@@ -136,12 +136,12 @@ class TransferTable:
 
     @property
     def coefficients(self) -> NDArray[np.float64]:
-        """(…, M) the reflectance's channels at every entry, not premultiplied."""
+        """(…, M) channels of the reflectance at every entry, not premultiplied."""
         return self.material_weights @ self.channels
 
     @property
     def entries_per_value(self) -> float:
-        """Table entries per unit of value; `TransferError` if that is too much for float32."""
+        """Table entries per unit of value; `TransferError` if they exceed float32's range."""
         low, high = self.domain
         scale = (self.opacity.shape[-1] - 1) / (high - low)
         if scale > np.finfo(np.float32).max:
@@ -167,7 +167,7 @@ class TransferTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceTable:
-    """Isosurfaces of S levels, each with opacity and reflectance.
+    """Isosurfaces at S levels, each with opacity and reflectance.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ class SurfaceTable:
     opacity : (S,)
         A surface's own opacity, 0…1; 1 ends the ray.
     material_weights, channels, white
-        (S, K), (K, M), (M,) as in `TransferTable`, which also names the errors.
+        (S, K), (K, M), (M,) as in `TransferTable`, and so are the errors.
     """
 
     values: NDArray[np.float64]
@@ -194,7 +194,7 @@ class SurfaceTable:
             raise TransferError.refused(
                 "SurfaceTable.values",
                 values.tolist(),
-                f"give 1 to {MAX_SURFACES} that rise",
+                f"give 1 to {MAX_SURFACES} rising values",
                 "range",
             )
         count = len(values)
@@ -216,7 +216,7 @@ def _set_array(table: TransferTable | SurfaceTable, name: str) -> NDArray[np.flo
     array = np.asarray(getattr(table, name), dtype=np.float64)
     if not np.isfinite(array).all():
         raise TransferError(
-            "holds NaN or infinite numbers", code="range", field=f"{type(table).__name__}.{name}"
+            "contains NaN or infinite numbers", code="range", field=f"{type(table).__name__}.{name}"
         )
     object.__setattr__(table, name, array)
     return array
@@ -229,7 +229,7 @@ def _set_channels(table: TransferTable | SurfaceTable) -> int:
         object.__setattr__(table, "channels", np.eye(K))
     channels = _set_array(table, "channels")
     if channels.ndim != 2 or len(channels) != K:
-        raise _shape_error(table, "channels", f"({K}, M), a row for each material weight")
+        raise _shape_error(table, "channels", f"({K}, M), one row per material weight")
     M = channels.shape[1]
     if table.white is None:
         object.__setattr__(table, "white", np.ones(M))
@@ -254,7 +254,7 @@ def _shape_error(table: TransferTable | SurfaceTable, name: str, expected: str) 
 
 
 def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Rows, Rows]:
-    """Return the kernel's rows: running integrals over the entries, rates and their rises.
+    """Return the kernel's rows: running integrals over the entries, rates, and their increments.
 
     With τ_j = −log(max(1 − α_j, 1e-6)), the extinction of a whole step at entry j, and
     c_j = [τ_j, τ_j w_j1, …, τ_j w_jK], linear between entries, the integral over entry
@@ -263,14 +263,14 @@ def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Row
     Parameters
     ----------
     table : TransferTable
-        Over values alone, not of labels.
+        A table over values alone, not of labels.
     step_mm : float
         Length of a whole step.
 
     Returns
     -------
     rows_hi, rows_lo : (N, 1 + K) float32
-        I_j = Σ_{i<j} (c_i + c_{i+1}) / 2 as a sum of two, since one float32 would lose small
+        I_j = Σ_{i<j} (c_i + c_{i+1}) / 2 as a sum of two, since a single float32 would lose small
         segments far along a long table.
     rates, rises : (N, 1 + K) float32
         c_j, and c_{j+1} − c_j, 0 in the last row.
@@ -298,26 +298,25 @@ def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Row
 def segment_means(
     table: TransferTable, step_mm: float, front_values: ArrayLike, back_values: ArrayLike
 ) -> Array:
-    """Return means over the values between the two ends of segments: the kernel's NumPy twin.
+    """Return means over the values between the ends of segments: the kernel's NumPy twin.
 
     Parameters
     ----------
     table, step_mm
         As for `integral_rows`.
     front_values, back_values : (R,)
-        Values at a segment's ends, in any order. Values outside the domain count as its nearest
-        end.
+        Values at a segment's ends, in any order. Values outside the domain take its nearest end.
 
     Returns
     -------
     (R, 1 + K) float64
-        Mean extinction of a whole step, and of extinction times each weight. Ends nearer than
-        1/64 entry take the values in their middle.
+        Means of the extinction of a whole step, alone and times each weight. Ends nearer than
+        1/64 entry take the values at their midpoint.
 
     Raises
     ------
     ShapeError
-        If fronts and backs are not (R,) both.
+        If fronts and backs are not both (R,).
     TransferError
         As for `integral_rows`.
 
@@ -332,7 +331,7 @@ def segment_means(
     if fronts.ndim != 1 or fronts.shape != backs.shape:
         raise ShapeError(
             f"segment_means: fronts have shape {fronts.shape}, backs {backs.shape}; "
-            "expected (R,) both"
+            "both must be (R,)"
         )
     low, high = table.domain
     last = len(c) - 1
@@ -347,11 +346,11 @@ def segment_means(
 
 
 def _extinctions(table: TransferTable, step_mm: float) -> Array:
-    """(N, 1 + K) c: extinction of a whole step, alone and times each weight."""
+    """Return c (N, 1 + K): extinction of a whole step, alone and times each weight."""
     if table.gradient_top is not None or table.labels:
         kind = "labels" if table.labels else "gradients"
         raise TransferError(
-            f"preintegration: the table is of {kind}; it needs a transfer function of values alone",
+            f"preintegration: the table has {kind}; give a transfer function over values alone",
             code="unsupported",
         )
     if not (math.isfinite(step_mm) and step_mm > 0):
@@ -361,14 +360,14 @@ def _extinctions(table: TransferTable, step_mm: float) -> Array:
 
 
 def _integral(c: Array) -> Array:
-    """(N, C) from position 0 to every entry, c linear in between."""
+    """Return the (N, C) integral from position 0 to every entry, c being linear in between."""
     integral = np.zeros_like(c)
     np.cumsum((c[:-1] + c[1:]) / 2, axis=0, out=integral[1:])
     return integral
 
 
 def _integral_at(c: Array, integral: Array, position: Array) -> Array:
-    """(R, C) from 0 to any position, with the ends' rates beyond the table."""
+    """Return the (R, C) integral from 0 to any position, with the ends' rates beyond the table."""
     last = len(c) - 1
     j, f = _split(position, last)
     inside = integral[j] + f * (c[j] + f * (c[j + 1] - c[j]) / 2)
@@ -377,7 +376,7 @@ def _integral_at(c: Array, integral: Array, position: Array) -> Array:
 
 
 def _split(position: Array, last: int) -> tuple[NDArray[np.intp], Array]:
-    """Entry (R,) and fraction (R, 1) of positions clipped to the table."""
+    """Return the entry (R,) and fraction (R, 1) of positions clipped to the table."""
     clipped = position.clip(0, last)
     j = np.minimum(clipped.astype(np.intp), last - 1)
     return j, (clipped - j)[:, None]

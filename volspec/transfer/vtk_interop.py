@@ -1,11 +1,11 @@
 """Convert a VTK volume property into a transfer function.
 
-    VTK volume property -> [adapt] -> TransferFunction
+    VTK volume property -> [vtk_interop] -> TransferFunction
 
-Opacity means the same on both sides: 1 − (1 − opacity)^(step / unit distance). A colour becomes a
-plausible reflectance that has it under D65. VTK mixes sRGB codes between its points and along the
-ray, volspec mixes light: pictures agree in geometry and in the colour of opaque parts, and differ
-in translucent layers.
+Opacity has the same meaning in both: 1 − (1 − opacity)^(step / unit distance). A colour becomes a
+plausible reflectance that has this colour under D65. VTK mixes sRGB codes between points and along
+the ray, but volspec mixes light: pictures agree in geometry and in the colour of opaque parts, and
+differ in translucent layers.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from volspec.transfer.model import TransferFunction
 
 Array = NDArray[np.float64]
 
-# Samples over the span: VTK's curves may bend between its points (sharpness, HSV, Lab).
+# Samples over the span: VTK's curves may bend between points (sharpness, HSV, Lab).
 _SAMPLES = 256
-# Values nearer than this fraction of the span are one.
+# Values nearer than this fraction of the span are merged.
 _SAME = 1e-9
 # Interpolation error allowed for a colour's codes, 0 to 1, and for an opacity.
 _COLOUR_ERROR, _OPACITY_ERROR = 2 / 255, 1e-6
@@ -36,24 +36,24 @@ _COLOUR_ERROR, _OPACITY_ERROR = 2 / 255, 1e-6
 def transfer_from_vtk(
     settings: Any, unit_scale: float = 1.0, basis: Basis | None = None, name: str = "volume"
 ) -> TransferFunction:
-    """Convert the scalar opacity and the colours of a VTK volume property.
+    """Convert the scalar opacity and colours of a VTK volume property.
 
     Parameters
     ----------
     settings : vtkVolumeProperty
-        The first component's curves are read.
+        Property; the curves of its first component are read.
     unit_scale : float
-        Millimetres for each unit in which the property counts its opacity unit distance.
+        Millimetres per unit of the property's opacity unit distance.
     basis : SpectralBasis, optional
-        ``general-7`` when left out. A `MaterialBasis` would have to know the materials.
+        ``general-7`` by default. A `MaterialBasis` cannot be used, as it needs the materials.
     name : str
         Used in messages.
 
     Returns
     -------
     TransferFunction
-        Materials are named by their colour, ``"#rrggbb"``, and can be replaced by others. Warns of
-        colours that no reflectance has.
+        Materials are named after their colours, ``"#rrggbb"``, and can be replaced. Warns of
+        colours that no reflectance can have.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def transfer_from_vtk(
     """
     if settings.GetTransferFunctionMode() != 0:
         raise TransferError(
-            f"{name}: has a 2-D transfer function; give curves over values", code="unsupported"
+            f"{name}: is a 2-D transfer function; give curves over values", code="unsupported"
         )
     thickness = settings.GetScalarOpacityUnitDistance(0)
     if not 0 < thickness < math.inf:
@@ -95,14 +95,14 @@ def _colours(settings: Any) -> Any:
 
 
 def _codes(colours: Any, values: Array) -> Array:
-    """(V, 3) sRGB codes, 0 to 1."""
+    """Return (V, 3) sRGB codes, 0 to 1."""
     if hasattr(colours, "GetColor"):
         return np.array([colours.GetColor(value) for value in values]).clip(0, 1)
     return np.array([[colours.GetValue(value)] * 3 for value in values]).clip(0, 1)
 
 
 def _sample_values(*curves: Any) -> Array:
-    """Return the values of the curves' points, and even samples between the outermost."""
+    """Return the values of the curves' points, and uniform samples between the outermost."""
     nodes = []
     for curve in curves:
         node = [0.0] * (6 if hasattr(curve, "GetColor") else 4)
@@ -117,7 +117,7 @@ def _sample_values(*curves: Any) -> Array:
 def _knots(values: Array, rows: Array, encode: Callable[[Array], Array], error: float) -> list[int]:
     """Return rising indices of the (V,) values between which (V, C) rows are linear.
 
-    The worst value is added until every encoded one is interpolated within ``error``.
+    The worst value is added until every encoded row is interpolated to within ``error``.
     """
     knots = sorted({0, len(values) - 1})
     exact = encode(rows)

@@ -1,10 +1,10 @@
-"""The wizards: hide, reveal, merge or keep a scene's materials.
+"""Wizards: hide, reveal, merge or keep a scene's materials.
 
     Scene -> scene_palette -> [operations] -> design -> result
 
-A wizard designs the reflectances of its materials, and a light if a new one is wanted; all else of
-the scene is given. Colours that must not change are compared with the material's original, a row
-of its own.
+A wizard designs the reflectances of its materials, and a light if a new one is wanted; the rest of
+the scene is given. Colours that must not change are compared with the original material, which has
+its own row.
 
 References
 ----------
@@ -33,8 +33,8 @@ from volspec.wizard.scene_palette import ScenePalette, original_name
 
 Cells = dict[Place, Cell]
 
-# Soft-constraint weight used instead of equality when a light is free too, which equalities would
-# fix at its start.
+# Soft-constraint weight instead of an equality if a light is free too, as equalities would fix the
+# light at its initial value.
 _HEAVY = 10.0
 # Weight of the other lights when materials are merged and split.
 _OTHER_LIGHTS = 0.5
@@ -42,21 +42,21 @@ _OTHER_LIGHTS = 0.5
 _GIVEN = 4.0
 # Weights of colours that should stay, tried until the target is reached.
 _STAY, _STAY_NEW_LIGHT = (math.inf, 10.0, 3.0, 1.0, 0.3), (3.0, 0.3)
-# Distances of a constant colour from the original one, display codes.
+# Distances of a constant colour from the original, in display codes.
 _BOXES = (0.0, 0.03, 0.1, 0.25)
-# ΔE below which colours count as one.
+# ΔE below which colours count as equal.
 _ALIKE = 1.0
-# Saturated colours are further apart in CIELAB, which is designed, than in CIEDE2000.
+# Distances are designed in CIELAB, in which saturated colours are further apart than in CIEDE2000.
 _MARGINS = (1.5, 3.0)
-# Iterations; designs with a free light take more.
+# Iterations; designs with a free light need more.
 _ITERATIONS, _ITERATIONS_NEW_LIGHT = 6, 12
-# Bounds of a free light: the band that the eye sees well, and multiples of an even light's power.
+# Bounds of a free light: the band that the eye sees well, and multiples of equal-energy power.
 _BAND_nm, _MOST_POWER = (420.0, 680.0), 8.0
 # Periods of the waves that its design starts from.
 _WAVES_NM = (60.0, 45.0, 110.0)
-# ΔE at which no other start is tried.
+# ΔE below which no other start is tried.
 _GOOD = 0.5
-# CIELAB of colours that differ by their hue: light, and within sRGB for every hue.
+# CIELAB of colours that differ only in hue: light, and within sRGB for every hue.
 _LIGHTNESS, _CHROMA, _FIRST_DEG = 65.0, 45.0, 30.0
 
 
@@ -70,7 +70,7 @@ def hide(
     like: str | None = None,
     lamps: Sequence[str] = (),
 ) -> Redesigned:
-    """Make a material look like another one under a light, or like nothing.
+    """Make a material look like another one under a light, or black.
 
     Under the scene's other lights it keeps its colour as far as possible.
 
@@ -78,18 +78,17 @@ def hide(
     ----------
     scene : Scene
     material : str
-        The one to hide.
+        Material to hide.
     under : str
         A light of the scene; or, with ``like``, the name of a new one.
     within : str, optional
-        The material that it then looks like; by default the most visible one next to it in the
-        transfer function.
+        Material to look like; by default the most visible neighbour in the transfer function.
     black : bool
-        True for a metameric black: it reflects nothing under that light. Only a light with gaps in
-        its spectrum leaves it any colour elsewhere, so a new light is needed.
+        True for a metameric black, which reflects nothing under that light. It has a colour under
+        other lights only if that light has gaps in its spectrum, so a new light is needed.
     like : str, optional
-        A light of the scene. ``under`` is then designed too, and shows the other materials in
-        the colours that they have under this one.
+        A light of the scene. ``under`` is then designed too, and shows the other materials in the
+        colours that they have under ``like``.
     lamps : sequence of str
         Real lights; the new one is a sum of these.
 
@@ -120,9 +119,9 @@ def hide(
         palette.require_material(host)
         palette.other_materials(material)
         if host == material:
-            refusal = f"{material!r} cannot hide in itself; name another"
+            refusal = f"{material!r} cannot be hidden in itself; name another material"
     elif within is not None:
-        refusal = f"{material!r} is either black or like {within!r}; choose"
+        refusal = f"{material!r} cannot be both black and like {within!r}; give one of them"
     if refusal:
         raise SceneError(refusal, code="conflict", field="within", given=within)
     target = TargetLight.of(palette, under, like, lamps)
@@ -149,8 +148,8 @@ def reveal(
 ) -> Redesigned:
     """Make a material differ from all others under a light.
 
-    Under the scene's other lights it keeps its colours; exactly if the distance can be reached so,
-    else as far as possible.
+    Under the scene's other lights it keeps its colours; exactly if the distance can be reached that
+    way, else as far as possible.
 
     Parameters
     ----------
@@ -161,7 +160,7 @@ def reveal(
     distance : float
         Sufficient CIEDE2000 from every other material.
     like, lamps
-        As `hide`.
+        As in `hide`.
 
     Returns
     -------
@@ -172,7 +171,7 @@ def reveal(
     SceneError
         If a material or light is unknown, or there is no other material.
     PaletteError
-        If the distance cannot be reached; the message gives the largest that was.
+        If the distance cannot be reached; the message states the largest one reached.
     """
     palette = ScenePalette(scene)
     others = palette.other_materials(material)
@@ -189,8 +188,8 @@ def reveal(
             found = problem.redesign(made)
             if min(found.delta_e(under, material, one) for one in others) >= distance:
                 return found
-    refusal = f"{material!r} comes no further than ΔE {furthest:.1f} from the others under"
-    remedy = f"give a smaller one{'' if target.new else ', or a new light'}"
+    refusal = f"{material!r} gets no further than ΔE {furthest:.1f} from the others under"
+    remedy = f"give a smaller distance{'' if target.new else ', or a new light'}"
     refusal = f"{refusal} {under!r}, not {distance:g}"
     raise PaletteError(refusal, remedy, code="impossible", field="distance", given=distance)
 
@@ -198,7 +197,7 @@ def reveal(
 def _distinct_designs(
     problem: DesignProblem, material: str, others: Sequence[str], distance: float
 ) -> Iterator[Design]:
-    """Yield designs with a material distinct from others, those that change least first."""
+    """Yield designs with a material distinct from others; designs that change least come first."""
     target = problem.target
     weights = _STAY_NEW_LIGHT if target.new else _STAY
     for weight, margin, other in product(weights, _MARGINS, others):
@@ -225,7 +224,7 @@ def merge(
     average: bool = False,
     lamps: Sequence[str] = (),
 ) -> Redesigned:
-    """Give materials one colour under a light, and colours of their own under a new one.
+    """Give materials the same colour under a light, and different colours under a new one.
 
     Parameters
     ----------
@@ -233,11 +232,11 @@ def merge(
     materials : sequence of str
         Two or more.
     under : str
-        The light of the scene under which they have one colour.
+        Light of the scene under which they have the same colour.
     split : str, optional
-        Name of the new light, under which they differ; by default there is none.
+        Name of a new light under which they differ; by default there is no new light.
     colours : sequence of (red, green, blue)
-        Their display codes under the new light; by default hues as far apart as possible.
+        Display codes under the new light; by default hues as far apart as possible.
     average : bool
         True for the mean of their colours under ``under``; else the solver picks the colour.
     lamps : sequence of str
@@ -257,10 +256,10 @@ def merge(
     palette = ScenePalette(scene)
     names = tuple(dict.fromkeys(palette.require_material(name) for name in materials))
     if len(names) < 2:
-        refusal = f"{', '.join(names) or 'nothing'} alone cannot be merged; name two or more"
+        refusal = f"{', '.join(names) or 'nothing'} alone cannot be merged; name at least two"
         raise SceneError(refusal, code="missing", field="materials", given=materials)
     if colours and (split is None or len(colours) != len(names)):
-        remedy = "split, a new light" if split is None else f"{len(names)}, one for each material"
+        remedy = "split, a new light" if split is None else f"{len(names)}, one per material"
         refusal = f"{len(colours)} colours are given; give {remedy}"
         code: Code = "missing" if split is None else "shape"
         raise SceneError(refusal, code=code, field="colours", given=colours)
@@ -283,16 +282,16 @@ def merge(
 
 
 def keep(scene: Scene, material: str) -> Redesigned:
-    """Give a material one colour under all lights of the scene: colour constancy.
+    """Give a material the same colour under all lights of the scene: colour constancy.
 
-    It is the colour under the scene's first light, or a near one if that is impossible.
+    This is the colour under the scene's first light, or one near it if that is impossible.
 
     Raises
     ------
     SceneError
         If the material is unknown.
     PaletteError
-        If no colour near its own is the same under every light.
+        If no colour near the material's own can be the same under every light.
     """
     palette = ScenePalette(scene)
     palette.require_material(material)
@@ -302,19 +301,19 @@ def keep(scene: Scene, material: str) -> Redesigned:
     first = np.array(palette.display_codes()[places[0]])
     for box in _BOXES:
         low, high = (tuple(np.clip(first + d, 0.0, 1.0).tolist()) for d in (-box, box))
-        # Not exact: constant under two lights is then nearly constant under their mixes, too.
+        # Not exact: constant under two lights is then nearly constant under their mixtures, too.
         free = Cell("free", group="constant", weight=_HEAVY, low=low, high=high)
         made = problem.design(dict.fromkeys(places, free))
         if max((_cell_distance(made, places[0], at) for at in places[1:]), default=0.0) < _ALIKE:
             return problem.redesign(made)
     refusal = f"no colour near that of {material!r} is the same under {', '.join(columns)}"
-    remedy = "give it a greyer one, or leave out the light with least colours"
+    remedy = "give a greyer material, or leave out the light that shows the fewest colours"
     raise PaletteError(refusal, remedy, code="impossible", field="material", given=material)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TargetLight:
-    """The light that a wizard is for: one of the scene, or a new one to be designed."""
+    """Light that a wizard works for: one of the scene, or a new one to be designed."""
 
     columns: tuple[str, ...]  # in the palette
     like: tuple[str, ...] = ()  # columns that a new light should resemble
@@ -324,7 +323,7 @@ class TargetLight:
     def of(
         cls, palette: ScenePalette, name: str, like: str | None, lamps: Sequence[str]
     ) -> TargetLight:
-        """Return a light of the scene, or with ``like`` a new one, which may be made of lamps."""
+        """Return a light of the scene, or with ``like`` a new one, possibly a mixture of lamps."""
         if like is None:
             if lamps:
                 refusal = f"{', '.join(lamps)} are for a new light"
@@ -334,7 +333,7 @@ class TargetLight:
             return cls(tuple(palette.light_columns(palette.light(name, hint=hint))))
         palette.require_new_light(name)
         mixture = tuple(find_light(lamp, palette.grid) for lamp in lamps)
-        # The eye hardly sees the ends of the spectrum, so power there would grow without bounds.
+        # The eye hardly sees the ends of the spectrum, so power there would grow without limit.
         band, most = (None, None) if mixture else (_BAND_nm, _MOST_POWER)
         member = PaletteSpectrum(name, free=True, upper=most, band_nm=band, mixture=mixture)
         resembled = palette.light(like, "like")
@@ -361,7 +360,7 @@ class DesignProblem:
         }
 
     def keep_other_materials(self) -> Cells:
-        """Return cells that show the other materials under a new light as under its model."""
+        """Return cells that show the other materials under a new light as under ``like``."""
         return {
             (name, self.target.columns[0]): Cell("same", other=(name, self.target.like[0]))
             for name in self.palette.scene.materials
@@ -369,7 +368,7 @@ class DesignProblem:
         }
 
     def design(self, cells: Cells) -> Design:
-        """Return the best of the `designs`."""
+        """Return the best design."""
         best, least = None, math.inf
         for made in self.designs(cells):
             report = DesignReport.of(made)
@@ -381,7 +380,7 @@ class DesignProblem:
         return best
 
     def designs(self, cells: Cells) -> Iterator[Design]:
-        """Yield designs from several initial lights, as alternation finds a local optimum."""
+        """Yield designs from several initial lights, as alternation finds only local optima."""
         palette, light = self.palette, self.target.new
         originals = {original_name(name) for name in self.materials}
         compared = any(cell.other and cell.other[0] in originals for cell in cells.values())
@@ -398,7 +397,7 @@ class DesignProblem:
 
 
 def _starts(light: NewLight, grid: SpectralGrid) -> Iterator[PaletteSpectrum]:
-    """Yield a new light with waves of several lengths as its start; a sum of lamps as it is."""
+    """Yield a new light with initial waves of several periods; a mixture of lamps as it is."""
     if light.member.mixture:
         yield light.member
         return

@@ -1,4 +1,4 @@
-"""A wizard's result: the redesigned scene, its figures, and its files.
+"""Result of a wizard: the redesigned scene, its figures, and its files.
 
     Scene, Design -> [result] -> NEW.toml, NEW-palette.toml
 
@@ -35,17 +35,17 @@ from volspec.wizard.scene_palette import ScenePalette
 
 Array = NDArray[np.float64]
 
-# File of the addresses in a new scene until it is saved with a palette of its own name.
+# Palette's name in a new scene's addresses until the scene is saved.
 _PALETTE = "palette.toml"
-# CIEDE2000 between a basis and all bands above which the basis is too coarse.
+# CIEDE2000 between a basis and all bands, above which the basis is too coarse.
 _BLUR = 0.5
-# A palette with this comment is replaced by the next wizard; any other is the user's own.
+# The next wizard replaces a palette with this comment; any other is the user's own.
 _OURS = "Written by volspec wizard, which replaces it"
 
 
 @dataclass(frozen=True, slots=True)
 class LightEvaluation:
-    """Figures of one light, CIEDE2000 of the displayed colours.
+    """Figures of one light, in CIEDE2000 of the displayed colours.
 
     Parameters
     ----------
@@ -53,10 +53,10 @@ class LightEvaluation:
     apart : {(material, material): ΔE}
         Distances between materials.
     changed : {material: ΔE}
-        Changes of the designed materials; under a new light, changes of the others from the light
-        that it is like.
+        Changes of the designed materials; under a new light, changes of the other materials from
+        the light it is ``like``.
     like : str
-        Name of that light; empty for a light of the original scene.
+        Name of the light that a new one resembles; empty for a light of the original scene.
     """
 
     light: str
@@ -71,7 +71,7 @@ class Changes:
 
     materials: tuple[str, ...]  # those with reflectances from the palette
     light: str | None = None  # a new light, from the palette too
-    exact: bool = False  # the scene is now cast by its materials: its basis would blur the design
+    exact: bool = False  # the scene now casts materials, as its basis would blur the design
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +84,7 @@ class Redesigned:
         The scene with the designed spectra.
     design : Design
     materials : tuple of str
-        The designed ones.
+        Designed materials.
     evaluations : tuple of LightEvaluation
         Figures of every light, as its frames show them.
     changes : Changes
@@ -110,9 +110,9 @@ class Redesigned:
         Raises
         ------
         SceneError
-            If it is the original scene, or it or its palette exists and is not a wizard's.
+            If the path is the original scene, or a file exists that no wizard wrote.
         InputError
-            If they cannot be written there.
+            If the files cannot be written there.
         """
         return _write(self.scene, self.design, self.changes, Path(path))
 
@@ -161,7 +161,7 @@ def _with_addresses(file: SceneFile, changes: Changes, palette: str) -> SceneFil
 
 
 def _with_exact_basis(scene: Scene, spectra: dict[str, Spectrum]) -> tuple[Scene, bool]:
-    """Return the scene; cast by its materials, and True, if its basis is too coarse."""
+    """Return the scene, and True if it now casts materials because its basis was too coarse."""
     filters = any(row.filter is not None for row in scene.file.material)
     if filters or isinstance(scene.basis, MaterialBasis):
         return scene, False
@@ -224,45 +224,45 @@ def displayed_Lab(scene: Scene, light: NamedLight) -> Array:
 
 
 def require_output(scene: Scene, path: Path) -> Path:
-    """Refuse a new scene that would overwrite files that are not a wizard's.
+    """Refuse a new scene that would overwrite files not written by a wizard.
 
-    Returns the palette's path, next to it.
+    Returns the path of the palette next to the scene.
 
     Raises
     ------
     SceneError
-        If it is no ``.toml`` or the scene itself; if it or its palette is the user's own, or the
-        scene takes spectra from that palette.
+        If the path is not a ``.toml`` or is the scene itself; if it or its palette is the user's
+        own, or the scene uses spectra from that palette.
     InputError
-        If it cannot be written.
+        If the path cannot be written.
     """
     require_suffix(path, "scenes", ".toml", error=SceneError)
     palette = path.with_name(f"{path.stem}-palette.toml")
     for each in (path, palette):
         require_writable(each)
 
-    def refuse(problem: str, code: Code, remedy: str = "name the new scene otherwise") -> None:
+    def refuse(problem: str, code: Code, remedy: str = "give the new scene another name") -> None:
         raise SceneError(problem, remedy, code=code, given=path)
 
     if _same_file(path, scene.path):
-        problem = f"{path}: is the scene that the new one is made of"
-        refuse(problem, "conflict", "name it otherwise")
+        problem = f"{path}: is the scene that the new one is made from"
+        refuse(problem, "conflict")
     if path.exists() and not _uses_palette(path, palette):
-        refuse(f"{path}: is there already, and no wizard's", "duplicate")
+        refuse(f"{path}: exists and was not written by a wizard", "duplicate")
     if not palette.exists():
         return palette
     start = palette.read_bytes().removeprefix(b"\xef\xbb\xbf")[:200].decode("utf-8", "replace")
     if not start.lstrip("# ").startswith(_OURS):
-        remedy = "rename it, or name the new scene otherwise"
-        refuse(f"{palette}: is there already, and no wizard's", "duplicate", remedy)
+        remedy = "rename it, or give the new scene another name"
+        refuse(f"{palette}: exists and was not written by a wizard", "duplicate", remedy)
     files = (scene.folder / name for name in _spectrum_files(scene.file, scene.folder))
     if any(_same_file(palette, file) for file in files):
-        refuse(f"{palette}: {scene.path} takes spectra from it", "conflict")
+        refuse(f"{palette}: {scene.path} uses spectra from it", "conflict")
     return palette
 
 
 def _uses_palette(path: Path, palette: Path) -> bool:
-    """Return True if a scene takes spectra from the palette next to it, as a wizard's does."""
+    """Return True if a scene uses spectra from the palette next to it, as wizards write it."""
     try:
         file = scene_file(scene_data(path), path)
     except SceneError:
@@ -271,11 +271,11 @@ def _uses_palette(path: Path, palette: Path) -> bool:
 
 
 def _spectrum_files(file: SceneFile, folder: Path) -> Iterator[str]:
-    """Yield the files that a scene takes spectra from."""
+    """Yield the files from which a scene loads spectra."""
     names = [row.reflectance for row in file.material if isinstance(row.reflectance, str)]
     for row in file.light:
         if isinstance(row.spectrum, str):
-            with suppress(SpectrumError):  # a new light is in no file yet
+            with suppress(SpectrumError):  # a new light is not in a file yet
                 names += [name for name, _ in light_terms(row.spectrum, folder)]
     yield from (address[0] for name in names if (address := split_address(name)))
 
@@ -289,9 +289,9 @@ def _write(scene: Scene, made: Design, changes: Changes, path: Path) -> tuple[Pa
     if not scene.path.is_file():
         problem = f"{scene.path}: cannot be read again; load it from a file"
         raise SceneError(problem, code="not-found")
-    # Relative to the original scene's folder, as all names in the scene are.
+    # Relative to the original scene's folder, like all file names in the scene.
     address = rebase_path(palette.name, palette.parent, scene.folder)
     file = _with_addresses(scene.file, changes, address)
-    # The palette first: a scene without its palette would be broken, not the other way round.
+    # The palette first: a scene without its palette would be broken, but not vice versa.
     save_palette(made, palette, comment=f"{_OURS}; delete this line to keep it")
     return write_scene(file, path, scene), palette

@@ -1,4 +1,4 @@
-"""A scene as a palette: its lights are columns, its materials rows.
+"""Scenes as palettes: lights are columns, materials are rows.
 
 Scene -> [scene_palette] -> operations, result
 """
@@ -32,12 +32,12 @@ class ScenePalette:
         if self.scene.basis.observer_deg != 2:
             given = self.scene.basis.observer_deg
             problem = f"{self.scene.path} has the {given}° observer"
-            remedy, field = "give 2, as palettes have that of 2°", "basis.observer_deg"
+            remedy, field = "give 2, as palettes use the 2° observer", "basis.observer_deg"
             raise SceneError(problem, remedy, code="unsupported", field=field, given=given)
 
     @property
     def viewing(self) -> Viewing:
-        """The scene's viewing, without what it measures in each picture."""
+        """The scene's viewing without adaptation to the picture."""
         return replace(self.scene.relight.viewing, adapting="given", fov_deg=None)
 
     @property
@@ -46,21 +46,21 @@ class ScenePalette:
         return self.scene.basis.grid
 
     def require_material(self, name: str) -> str:
-        """Return the name; refuse one that no material has."""
+        """Return the name; refuse one that is not a material's."""
         return _require_name(self.scene, "material", name, self.scene.materials)
 
     def other_materials(self, name: str) -> list[str]:
-        """Return the materials but one, of which there must be some."""
+        """Return all materials but one; refuse if there are no others."""
         self.require_material(name)
         others = [other for other in self.scene.materials if other != name]
         if not others:
-            problem = f"{name!r} is the scene's only one"
-            remedy = "add the [[material]] that it is compared with"
+            problem = f"{name!r} is the scene's only material"
+            remedy = "add the [[material]] to compare it with"
             raise SceneError(problem, remedy, code="missing", field="material", given=name)
         return others
 
     def surrounding_material(self, name: str) -> str:
-        """Return the most visible neighbour in the transfer function; without one, of all."""
+        """Return the most visible neighbour in the transfer function, or if none, of all others."""
         transfer, visible = self.scene.file.transfer, dict[str, float]()
         for amount, shares in transfer.seen():
             for material, share in shares.items():
@@ -82,18 +82,18 @@ class ScenePalette:
         return lights[_require_name(self.scene, "light", name, lights, field, hint)]
 
     def require_new_light(self, name: str) -> None:
-        """Refuse a new light's name that is blank, or that of a light of the scene."""
+        """Refuse a new light's name that is blank or already used in the scene."""
         if not name.strip():
             problem = "the new light has no name; give it one"
             raise SceneError(problem, code="missing", field="light")
         if any(light.name == name for light in self.scene.lights):
-            problem = f"{name!r} is one of the scene already; name the new one otherwise"
+            problem = f"{name!r} is already a light of the scene; give the new one another name"
             raise SceneError(problem, code="duplicate", field="light", given=name)
 
     def light_columns(self, light: NamedLight) -> dict[str, Spectrum]:
-        """Return a light's columns, one for each group: equal under each is equal under all.
+        """Return a light's columns, one per group: equal under each is equal under any mixture.
 
-        A surface that faces one group more than another is lit by another mix of them.
+        Surfaces face each group differently, so each is lit by a different mixture of them.
         """
         rig = light.rig
         if len(rig.lights) == 1:
@@ -106,7 +106,7 @@ class ScenePalette:
         }
 
     def columns(self) -> tuple[PaletteSpectrum, ...]:
-        """Return the columns of all lights, given."""
+        """Return the columns of all lights, as given spectra."""
         return tuple(
             PaletteSpectrum(name, spectrum)
             for light in self.scene.lights
@@ -114,18 +114,18 @@ class ScenePalette:
         )
 
     def rows(self, free: Sequence[str], originals: bool = True) -> tuple[PaletteSpectrum, ...]:
-        """Return the rows of all materials; ``originals`` adds each free one as it is now."""
+        """Return the rows of all materials; ``originals`` adds each free material's present one."""
         rows = []
         for name, spectrum in self.scene.materials.items():
             if name not in free:
                 rows.append(PaletteSpectrum(name, spectrum))
                 continue
-            # A measured value above 1 is a fluorescence that no design may count on.
+            # A measured value above 1 is fluorescence, on which no design may rely.
             rows.append(PaletteSpectrum(name, spectrum, free=True, upper=1.0))
             if originals and original_name(name) in self.scene.materials:
                 taken = original_name(name)
-                problem = f"one is named {taken!r}, as wizards call the original {name!r}"
-                remedy = f"name it without {_BEFORE!r}"
+                problem = f"{taken!r} is the name that wizards give to the original {name!r}"
+                remedy = f"rename it without {_BEFORE!r}"
                 raise SceneError(problem, remedy, code="duplicate", field="material", given=taken)
             if originals:
                 rows.append(PaletteSpectrum(original_name(name), spectrum))
@@ -135,7 +135,7 @@ class ScenePalette:
         """Return the colour of every material under every column, clipped to the display."""
         names = list(self.scene.materials)
         rows, columns = self.rows(names[:1], originals=False), self.columns()
-        # A palette needs a free row and a cell; its initial state is the scene as it is.
+        # A palette needs a free row and a cell; the initial state is the scene's present one.
         black = {(names[0], columns[0].name): Cell("black")}
         state = State.start(Palette(rows, columns, black, self.viewing, self.grid))
         models = state.colour_models()
@@ -148,7 +148,7 @@ class ScenePalette:
 
 
 def original_name(name: str) -> str:
-    """Return the name of the row that holds a free material's original reflectance."""
+    """Return the name of the row of a free material's original reflectance."""
     return f"{name}{_BEFORE}"
 
 
