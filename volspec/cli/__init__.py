@@ -1,7 +1,7 @@
 """The command line: thin, every command a few calls into the package.
 
-One file a group of commands; importing them adds them to `volspec.cli.shell.app`. What is slow to
-import waits inside the commands.
+One file per group of commands; importing a file adds its commands to `volspec.cli.shell.app`. Slow
+imports are inside the commands.
 """
 
 from volspec.cli import (

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from volspec.appearance.models import Appearance, Model
 
 
-# Below this a hue is that of the last digits: black and the white have none.
+# Below this chroma the hue is rounding noise: black and the white have no hue.
 _LEAST_CHROMA = 1e-6
 XYZ, JCH = ("X", "Y", "Z"), ("J", "C", "h")
 Table = Annotated[
@@ -41,20 +41,18 @@ def adapt(
     values: Values = None,
     /,
     *,
-    source: Annotated[str, Parameter(name="--from", help="Light seen under, or X,Y,Z of white.")],
-    target: Annotated[
-        str, Parameter(name="--to", help="Light to be seen under, or X,Y,Z.")
-    ] = "D65",
+    source: Annotated[str, Parameter(name="--from", help="Their light, or X,Y,Z of white.")],
+    target: Annotated[str, Parameter(name="--to", help="Light to adapt to, or X,Y,Z.")] = "D65",
     method: str = "CAT02",
     table: Table = None,
     viewing: SceneOptions = _SCENE,
     json: Json = False,
 ) -> None:
-    """Corresponding colours: the XYZ that look under one light as these do under another.
+    """Corresponding colours: the XYZ that match the given colours' appearance under another light.
 
-    Viewing options, `--preset` too, hold under both lights; left out they are 1000 lx, a background
-    of 20 % and an average surround. A colour for which a method has no equations is counted, and
-    its row says `defined` false.
+    Viewing options, including `--preset`, apply to both lights; the defaults are 1000 lx, a
+    background of 20 % and an average surround. Colours outside the domain of a method are counted,
+    and their rows have `defined` false.
 
     Example: `volspec adapt 40 35 10 --from A --to D65`
 
@@ -104,7 +102,7 @@ def appearance(
     /,
     *,
     white: Annotated[str, Parameter(help="The adopted white: a light, or X,Y,Z.")] = "D65",
-    model: Annotated[list[str] | None, Parameter(negative="", help="Repeatable; all: all.")] = None,
+    model: Annotated[list[str] | None, Parameter(negative="", help="Repeatable; or all.")] = None,
     inverse: Annotated[bool, Parameter(negative="", help="From J C h to X Y Z.")] = False,
     table: Table = None,
     image: Path | None = None,
@@ -112,10 +110,10 @@ def appearance(
     viewing: PictureOptions = _PICTURE,
     json: Json = False,
 ) -> None:
-    """Predict colours' lightness, chroma, hue and more; or show a picture by every model.
+    """Predict lightness, chroma, hue and more of colours; or draw a picture with every model.
 
-    A colour outside of what a model was made for is counted, and its row says `defined` false;
-    with `--inverse` a look that nothing has. Viewing options that are left out are 1000 lx, a
+    Colours outside a model's domain (with `--inverse`: appearances that no colour has) are
+    counted, and their rows have `defined` false. The viewing options default to 1000 lx, a
     background of 20 % and an average surround.
 
     Example: `volspec appearance 40 35 10 --white A --model CIECAM02 --json`
@@ -129,11 +127,11 @@ def appearance(
     values
         X Y Z of each colour, Y = 100 for white; with `--inverse` J C h.
     model
-        CIECAM02 when left out; with `--image` all of `volspec relight --model`.
+        Default: CIECAM02; with `--image`, all models of `volspec relight --model`.
     image
-        A coefficient image: shown under the light `--white`, by every model side by side.
+        A coefficient image to show under the light `--white`, by every model side by side.
     output
-        The picture's PNG file.
+        The PNG file to write.
     """
     from volspec.appearance.adaptation import ADAPTATIONS
     from volspec.appearance.models import APPEARANCE_MODELS
@@ -142,22 +140,22 @@ def appearance(
     if model is not None and "all" in model and len(model) > 1:
         other = next((name for name in model if name != "all"), "all")
         raise InputError(
-            f"--model all with --model {other}: all is every model; give one of them",
+            f"--model all with --model {other}: all includes every model; give one of them",
             code="conflict",
         )
     if image is not None:
         given = {"--table": table, "--inverse": inverse, "--json": json, "colours": values}
         if others := [name for name, value in given.items() if value]:
             raise InputError(
-                f"{' and '.join(others)} with --image: that makes a picture, and prints no "
+                f"{' and '.join(others)} with --image: --image writes a picture and prints no "
                 "figures; leave one of them out"
             )
         if output is None:
-            raise InputError(f"{image}: a picture of models goes to a file; give -o FILE.png")
+            raise InputError(f"{image}: --image needs an output file; give -o FILE.png")
         write_comparison(image, white, None if model == ["all"] else model, viewing, output)
         return
     if output is not None:
-        raise InputError(f"{output}: only --image makes a picture; numbers are printed")
+        raise InputError(f"{output}: -o is only for --image; numbers are printed")
     viewing.require_no_picture()
     with in_options():
         seen = viewing.conditions(white)
@@ -183,7 +181,7 @@ def appearance(
 
 
 def _require_kind(name: str, own: Iterable[str], others: Iterable[str], theirs: str) -> None:
-    """Refuse a name that is the other command's (``theirs`` calls it), or nearest to one of its."""
+    """Refuse a name, even misspelt, of the other command's; ``theirs`` says how to call that."""
     foreign = {other.casefold(): other for other in others}
     known = [*(each.casefold() for each in own), *foreign]
     folded = " ".join(name.split()).casefold()
@@ -195,7 +193,7 @@ def _require_kind(name: str, own: Iterable[str], others: Iterable[str], theirs: 
 
 
 def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditions) -> list[Row]:
-    """A row of what a model gives for each XYZ."""
+    """Return a row of correlates for each XYZ."""
     import numpy as np
 
     from volspec.appearance.hue import composition
@@ -215,7 +213,7 @@ def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditi
 
 
 def _colours(model: Model, looks: NDArray[np.float64], seen: ViewingConditions) -> list[Row]:
-    """A row of the XYZ that look as each J, C, h."""
+    """Return a row with the XYZ of each J, C, h."""
     J, C, h = looks.T
     back = model.inverse(J, C, h, seen).tolist()
     return [
@@ -227,9 +225,9 @@ def _colours(model: Model, looks: NDArray[np.float64], seen: ViewingConditions) 
 def write_comparison(
     image: Path, white: str, models: Sequence[str] | None, options: PictureOptions, output: Path
 ) -> None:
-    """Write the sheet of an image under a light as a PNG; without models, all of them.
+    """Write a contact sheet of an image under a light as a PNG; default: all models.
 
-    What the options leave out is as `volspec.Viewing` has it, not as in the image's scene.
+    Options left out have the defaults of `volspec.Viewing`, not the values of the image's scene.
     """
     from volspec import __version__
     from volspec._files import require_suffix, require_writable
@@ -247,7 +245,7 @@ def write_comparison(
     if white_triple(white) is not None:
         raise InputError(
             f"--white {white} with --image: a picture needs the light's spectrum; name a light, "
-            "as A, planck:3200 or FILE.csv"
+            "such as A, planck:3200 or FILE.csv"
         )
     viewing = options.onto(RelightSpec()).viewing
     names: Sequence[Any] = models or MODELS
@@ -270,22 +268,22 @@ def write_comparison(
     say(output)
 
 
-# What a reader of the picture should know of each.
+# A note on each model, printed below its picture.
 NOTES = {
     "CIECAM02": "appearance, CIE 159:2004",
-    "CAM16": "CIECAM02 mended for saturated lights",
+    "CAM16": "CIECAM02 corrected for saturated lights",
     "CIELAB": "von Kries on XYZ",
-    "RLAB": "for pictures on other media",
-    "Hunt": "the most complete, 1995",
+    "RLAB": "for cross-media reproduction",
+    "Hunt": "the most complete model, 1995",
     "Nayatani95": "for judging lights",
-    "none": "the light's colour as it is",
-    "von Kries": "adaptation on cones",
+    "none": "no adaptation",
+    "von Kries": "adaptation of the cones",
     "Bradford": "as ICC profiles adapt",
     "Sharp": "on sharpened responses",
     "CAT02": "CIECAM02's adaptation alone",
     "CAT16": "CAM16's adaptation alone",
     "Nayatani": "nonlinear, 1982",
-    "CIE 1994": "Nayatani's with a factor",
-    "Guth": "by gains of trolands, ATD",
+    "CIE 1994": "Nayatani with a factor K",
+    "Guth": "ATD, gains from trolands",
     "Fairchild 1990": "incomplete, with cross terms",
 }

@@ -1,6 +1,6 @@
-"""Words of the command line as values: files, sizes, triples of numbers, lights of groups.
+"""Parse command-line arguments: files, sizes, triples of numbers, lights per group.
 
-words -> [arguments] -> paths, (width, height), (N, 3) arrays, Spectrum | LightRig
+arguments -> [arguments] -> paths, (width, height), (N, 3) arrays, Spectrum | LightRig
 """
 
 from __future__ import annotations
@@ -27,86 +27,86 @@ if TYPE_CHECKING:
     from volspec.spectra import SpectralGrid, Spectrum
 
 
-# What to do with an image that was cast.
+# Remedy for a coefficient image where a scene is expected.
 RELIGHT = "relight it: volspec relight {file} --light LIGHT -o FRAME.png"
 
 
 def require_scene(path: Path, instead: str = RELIGHT) -> None:
-    """Refuse, by a SceneError, a coefficient image instead of a scene.
+    """Raise a SceneError if the file is a coefficient image instead of a scene.
 
-    ``instead`` is what to do with the image, ``{file}`` in place of its name.
+    ``instead`` is the remedy, with ``{file}`` for the image's name.
     """
     if path.suffix.lower() == ".exr" and path.is_file():
         remedy = instead.format(file=shlex.quote(str(path)))
-        raise SceneError(f"{path}: is an image that was cast, not a scene; {remedy}")
+        raise SceneError(f"{path}: is a coefficient image, not a scene; {remedy}")
 
 
 def require_image(path: Path, instead: str) -> None:
-    """Refuse, by an ImageError, a scene instead of a coefficient image; see `require_scene`."""
+    """Raise an ImageError if the file is a scene instead of a coefficient image."""
     if path.suffix.lower() == ".toml" and path.is_file():
         remedy = instead.format(file=shlex.quote(str(path)))
-        raise ImageError(f"{path}: is a scene, not an image that was cast; {remedy}")
+        raise ImageError(f"{path}: is a scene, not a coefficient image; {remedy}")
 
 
 def sides(size: str) -> tuple[int, int]:
-    """Return WIDTHxHEIGHT as numbers; ValueError if it is something else, or a side is 0.
+    """Return WIDTHxHEIGHT as numbers; ValueError if the text is malformed or a side is 0.
 
     >>> sides("1024x768")
     (1024, 768)
     """
     width, by, height = size.lower().partition("x")
     if not (by and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
-        raise ValueError(f"{size!r} is no WIDTHxHEIGHT, such as 1024x768")
+        raise ValueError(f"{size!r} is not WIDTHxHEIGHT, such as 1024x768")
     return int(width), int(height)
 
 
 def _require_size(_: Any, size: str | None) -> None:
-    """A cyclopts validator."""
+    """Validate a size, for cyclopts."""
     if size is not None:
         sides(size)
 
 
 Sized = Parameter(validator=_require_size, allow_leading_hyphen=True)
-"""Of an option that is such a size."""
+"""Parameter of an option that is a size."""
 Size = Annotated[str | None, Sized]
-"""The option, where it may be left out."""
+"""The same, optional."""
 
 
-# Of a colour whose white is 100.
+# Largest X, Y or Z accepted; white has Y = 100.
 LARGEST = 1e9
 
 
 def read_triples(
     values: Sequence[float], table: Path | None, names: Sequence[str]
 ) -> NDArray[np.float64]:
-    """Return triples, (N, 3), from numbers, three a colour, or from a CSV file.
+    """Return triples, (N, 3), from numbers, three per colour, or from a CSV file.
 
-    The file has a column for each of ``names``, as ``("X", "Y", "Z")``, found by its first line, or
-    the first three if that holds numbers; ``-`` is standard input. Raises InputError if there is no
-    triple, the numbers are no multiple of three, or one is beyond 1e9 or no number.
+    The header names the columns of ``names``, such as ``("X", "Y", "Z")``; without a header they
+    are the first three. ``-`` is standard input. Raises InputError if there is no triple, the count
+    is not a multiple of three, or a value is beyond 1e9 or not a number.
     """
     import numpy as np
 
     kind = " ".join(names)
     if table is None:
         if not values or len(values) % 3:
-            raise InputError(f"{len(values)} numbers; give {kind}, three a colour, or --table FILE")
+            raise InputError(f"{len(values)} numbers; give {kind} of each colour, or --table FILE")
         rows = np.array(values, dtype=np.float64).reshape(-1, 3)
         if not (fits := np.abs(rows) <= LARGEST).all():
             raise InputError(
-                f"{kind}: {rows[~fits][0]} is no colour; give numbers within {LARGEST:g}"
+                f"{kind}: {rows[~fits][0]} is not a colour; give numbers within {LARGEST:g}"
             )
         return rows
     if values:
-        raise InputError(f"{kind} both as words and in {table}; give one of them", code="conflict")
+        raise InputError(f"{kind} as arguments and in {table}; give one of them", code="conflict")
     try:
         is_piped = str(table) == "-"
         text = sys.stdin.read() if is_piped else read_text(table, InputError, f"a CSV of {kind}")
         read = csv.reader(io.StringIO(text))
         lines = [line for line in read if any(cell.strip() for cell in line)]
-    except UnicodeDecodeError:  # of what was piped
+    except UnicodeDecodeError:  # piped input
         raise InputError(f"{table}: not a text file; give a CSV table of {kind}") from None
-    except csv.Error as error:  # a cell of more than 131,072 letters
+    except csv.Error as error:  # a cell of more than 131,072 characters
         raise InputError(f"{table}: not a CSV table ({error}); export it again") from None
     if not lines:
         raise InputError(f"{table}: empty; give a CSV table with columns {', '.join(names)}")
@@ -118,7 +118,7 @@ def read_triples(
             raise InputError(f"{table}: no column {missing[0]}; its first line is {','.join(head)}")
         columns, lines = [head.index(name) for name in names], lines[1:]
         if not lines:
-            raise InputError(f"{table}: no rows below its first line; give one a colour")
+            raise InputError(f"{table}: no rows below its first line; give one per colour")
     return np.array([_row(table, i, line, columns) for i, line in enumerate(lines, 1)])
 
 
@@ -126,7 +126,7 @@ def _row(table: Path, number: int, line: Sequence[str], columns: Sequence[int]) 
     cells = [line[i].strip() if i < len(line) else "" for i in columns]
     for cell in cells:
         if not _is_number(cell):
-            raise InputError(f"{table}: row {number} has {cell!r} where a number belongs")
+            raise InputError(f"{table}: row {number}: {cell!r} is not a number; give one")
     return [float(cell) for cell in cells]
 
 
@@ -140,9 +140,9 @@ def _is_number(cell: str) -> bool:
 def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> Spectrum | LightRig:
     """Return the light of ``LIGHT``, or of ``GROUP=LIGHT; GROUP=LIGHT; …``.
 
-    A part without a group shines from all of the image's ``groups``, {name: weight}. Raises
-    InputError if a group is unknown, given twice or without light in the cast, or a light is
-    missing; SpectrumError if a light is unknown.
+    A light without a group shines from all of the image's ``groups``, {name: weight}. Raises
+    InputError if a group is unknown, given twice or was dark in the cast, or a light is missing;
+    SpectrumError if a light is unknown.
 
     >>> from volspec.spectra import DEFAULT_GRID
     >>> groups = {"key": 0.8, "sky": 0.2}
@@ -179,7 +179,7 @@ def read_setting(text: str, groups: Mapping[str, float], grid: SpectralGrid) -> 
 def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spectrum | LightRig:
     """Return a light of a stored image, which names its scene's lights but not their spectra.
 
-    Errors as of `read_setting`; a SpectrumError says so if the text names a light of the scene.
+    Raises as `read_setting`; if the text names a light of the scene, the SpectrumError says so.
     """
     from volspec.export.compositing import Recipe
 
@@ -190,20 +190,20 @@ def read_image_setting(image: Path, text: str, stored: CoefficientImage) -> Spec
             names = list(Recipe.load(image).lights)
         except ImageError:
             names = []
-        # What can be read without the scene is suggested by the library.
+        # Names that can be read without the scene are suggested by the library.
         own = [name for name in names if not _readable(name, stored.basis.grid)]
         meant = "" if text in names else nearest(text, own)
         if text not in names and not meant:
             raise
     raise SpectrumError(
-        f"light {text!r}: {meant}{image} names its scene's lights ({', '.join(names)}), but does "
-        "not hold their spectra; relight the scene: volspec export SCENE.toml --light "
+        f"light {text!r}: {meant}{image} names its scene's lights ({', '.join(names)}), but has "
+        "no spectra for them; relight the scene: volspec export SCENE.toml --light "
         f"{'NAME' if meant else shlex.quote(text)} -o FOLDER"
     )
 
 
 def _part(text: str, part: str, grid: SpectralGrid) -> tuple[str, Spectrum]:
-    """The group, "" for all, and the light of one part."""
+    """Return the group, "" for all, and the light of one part."""
     from volspec.spectra import light
 
     if part and (alone := _light(part, grid)) is not None:
@@ -215,9 +215,9 @@ def _part(text: str, part: str, grid: SpectralGrid) -> tuple[str, Spectrum]:
 
 
 def _light(text: str, grid: SpectralGrid) -> Spectrum | None:
-    """Return the text as a LIGHT; None if it can only be one for groups.
+    """Return the text as a LIGHT; None if it may assign lights to groups.
 
-    Raises SpectrumError if nothing in it is about groups.
+    Raises SpectrumError if it is not a LIGHT and has neither ``=`` nor ``;``.
     """
     from volspec.spectra import light
 
@@ -230,7 +230,7 @@ def _light(text: str, grid: SpectralGrid) -> Spectrum | None:
 
 
 def _readable(name: str, grid: SpectralGrid) -> bool:
-    """Return True if a name alone is a LIGHT."""
+    """Return True if a name is a LIGHT."""
     try:
         return _light(name, grid) is not None
     except SpectrumError:

@@ -1,4 +1,4 @@
-"""``volspec basis``: how good a basis is, as a table, JSON and a figure; and fitting one."""
+"""``volspec basis``: accuracy of a basis as a table, JSON and a figure; and fitting."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Lights = Literal["smooth", "all"] | None
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Case:
-    """A basis to report on and the spectra to measure with; None is the report's own choice."""
+    """A basis to report on and the spectra to measure with; None for the report's defaults."""
 
     basis: Basis
     classes: Mapping[str, Sequence[Spectrum]] | None = None
@@ -53,41 +53,41 @@ def basis(
     figure: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
 ) -> None:
-    """Report a basis's colour error against full spectra, in CIEDE2000.
+    """Report the colour error of a basis against full spectra, in CIEDE2000.
 
     Example: `volspec basis general-7 --figure general-7.png`, or
     `volspec basis engine.toml --size 5`
 
-    JSON: `classes` holds a row for each class of lights (`scene`, `smooth`, `spiky`): `mean`,
+    JSON: `classes` has a row for each class of lights (`scene`, `smooth`, `spiky`): `mean`,
     `median`, `p95` and `max` of the componentwise colours; the same four under `exact`,
     `linear_model`, `rgb_product` and `products` of `2` and `3` surfaces; and `worst`, the worst
-    pair. `rgb_product` pools the RGB renderer over all classes. `worst` is the worst pair of
-    all: `light`, `reflectance`, `delta_e`, `way` (the mode the method is made for), its colours
-    in `XYZ` and `sRGB`, and as the channels show it (`_shown`).
+    pair. At the top level, `rgb_product` pools the RGB renderer over all classes, and `worst` is
+    the worst pair of all: `light`, `reflectance`, `delta_e`, `way` (the mode the method is made
+    for), and its colours in `XYZ` and `sRGB`, exact and as the channels show them (`_shown`).
 
     Parameters
     ----------
     subject
-        A scene (.toml), a coefficient image (.exr), a basis (.json) or the name of one that
-        ships. Left out: general-7, or a basis fitted with the settings given.
+        A scene (.toml), a coefficient image (.exr), a basis (.json) or the name of a shipped
+        basis. Default: general-7, or a basis fitted with the given settings.
     size
-        Channels of a basis to fit, 3 to 16: for the scene, or to the library's training set.
+        Channels of a basis to fit, 3 to 16: to the scene, or to the library's training set.
     method
         virtual-sensors, pca-sharpened, pca, reduced-rank; for a scene also materials.
     positive
         Keep the sensors positive (virtual-sensors).
     lights
-        What to fit under: the 26 smooth lights, or all, with the 89 spiky ones (at a small
-        weight for virtual-sensors). Left out: smooth for pca and pca-sharpened, else all.
+        Lights to fit under: the 26 smooth lights, or all, which adds the 89 spiky ones (with a
+        small weight for virtual-sensors). Default: smooth for pca and pca-sharpened, else all.
     observer
-        Colour-matching functions of 2 or 10 degrees; 2 when left out.
+        Colour-matching functions of 2 or 10 degrees; default: 2.
     reflectances
-        What to measure with: test, natural, patches, training, or materials (the scene's).
-        Left out: a scene's materials, else test.
+        Reflectances to measure with: test, natural, patches, training, or materials (the scene's).
+        Default: a scene's materials, else test.
     figure
-        A .png, .pdf or .svg to draw.
+        Figure to write: .png, .pdf or .svg.
     output
-        A .json to write the basis to.
+        File to write the basis to: .json.
     """
     from volspec.basis.report_table import error_table
 
@@ -136,7 +136,7 @@ def _print(table: Any, reason: str) -> None:
     console.print(Text.assemble((basis.name, "bold"), head))
     facts = {
         "trained on": basis.trained_on,
-        "taken because": reason,
+        "chosen because": reason,
         "measured on": f"{table.measured_on}, {basis.observer_deg}° observer",
     }
     for label, words in facts.items():
@@ -153,7 +153,7 @@ def _print(table: Any, reason: str) -> None:
 def _case(
     subject: str | None, asked: dict[str, Any], lights: Lights, observer: int | None, tell: Tell
 ) -> _Case:
-    """The basis meant by a subject and settings, with the lights and materials it comes with."""
+    """Return the basis for a subject and settings, with the subject's lights and materials."""
     from volspec.basis import load_basis
     from volspec.raycast import CoefficientImage
 
@@ -175,7 +175,7 @@ def _case(
     if asked or lights:
         options = [f"--{name}" for name in (*asked, *(["lights"] if lights else []))]
         raise BasisError(
-            f"{subject} is fitted already, and {' and '.join(options)} would fit another; "
+            f"{subject} is already fitted, and {' and '.join(options)} would fit another basis; "
             f"leave out {subject}, or give a scene (.toml)",
             code="duplicate",
         )
@@ -184,7 +184,7 @@ def _case(
     if observer not in (None, loaded.observer_deg):
         raise BasisError(
             f"{name} was made for the {loaded.observer_deg}° observer, not {observer}°; leave out "
-            f"--observer, or fit one: volspec basis --size {loaded.size} --observer {observer}"
+            f"--observer, or fit a basis: volspec basis --size {loaded.size} --observer {observer}"
         )
     return _Case(loaded)
 
@@ -218,7 +218,7 @@ def _of_scene(
 
 
 def _name(light: NamedLight, spectrum: Spectrum) -> str:
-    """Return a scene light's title; with its own name if it is one of several in a setting."""
+    """Return a scene light's name, with its spectrum's if the setting has several lights."""
     return light.name if len(light.rig.lights) == 1 else f"{light.name}: {spectrum.name}"
 
 
@@ -240,7 +240,7 @@ def _require_method(method: str, *, scene: bool) -> None:
 
 
 def _samples(case: _Case, wanted: str | None) -> tuple[Any, list[str] | None, str]:
-    """The reflectances to measure with, their names, and what to call them together."""
+    """Return the reflectances to measure with, their names, and a description of the set."""
     from volspec.basis import MaterialBasis
     from volspec.spectra import reflectance_set
     from volspec.spectra.reflectances import reflectance_set_names

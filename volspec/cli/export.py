@@ -51,8 +51,8 @@ def export(
 ) -> None:
     """Export re-lit frames: each light of a scene, from one camera, a turntable or keyframes.
 
-    A camera is cast once, however many lights there are. What the options leave out is the
-    scene's `[export]`. An export that was interrupted goes on when the command is repeated.
+    Each camera is cast once, however many lights there are. Options override the scene's
+    `[export]`. To resume an interrupted export, repeat the command.
 
     Example: `volspec export engine.toml -o frames`
 
@@ -69,28 +69,28 @@ def export(
     output
         A folder; or a film, `.mp4`, `.webm` or `.gif` (needs `volspec[video]`).
     light
-        A light of the scene by name, in place of all; repeatable.
+        Name of a light of the scene to export; repeatable. Default: all lights.
     turntable
-        Frames of a whole turn of the camera.
+        Number of frames in a full turn of the camera.
     sweep
-        Frames in which one light fades into the next.
+        Number of frames in which one light fades into the next.
     size
-        WIDTHxHEIGHT in pixels, in place of the scene's; cast in parts where it is large.
+        WIDTHxHEIGHT in pixels, instead of the scene's; large pictures are cast in tiles.
     samples
-        n: n × n rays a pixel, 1 to 8.
+        n for n × n rays per pixel, 1 to 8.
     bits
-        Of PNG codes, 8 or 16.
+        Bits per channel of PNG, 8 or 16.
     format
-        Of frames: png, or exr with linear light; or coefficients, one image a camera as
-        `volspec render` writes it, to be relit in a compositor.
+        Frame format: png; exr with linear light; or coefficients, one image per camera as
+        `volspec render` writes it, to relight in a compositor.
     spectral
-        Of exr: a spectrum in every pixel.
+        With exr: write a spectrum for every pixel.
     transparent
-        No backdrop; opacity is kept in the files.
+        Omit the backdrop and store opacity in the files.
     fps
-        Frames a second.
+        Frames per second.
     overwrite
-        Replace what an export of another scene has left in the folder.
+        Replace files that an export of another scene left in the folder.
     """
     from volspec.scene import Scene
     from volspec.settings import plain
@@ -139,7 +139,7 @@ def export(
         )
         return
     there = made.frames - made.made
-    rest = f"; {there} were there" if there else ""
+    rest = f"; {there} already existed" if there else ""
     said = (
         f"{made.output}: {counted(made.frames, 'frame')}, {made.made} made from "
         f"{counted(made.casts, 'cast')}{rest}"
@@ -149,7 +149,7 @@ def export(
 
 @contextmanager
 def _by_option(given: Container[str]) -> Iterator[None]:
-    """Name the option instead of the setting that it has changed."""
+    """Name the option in errors, instead of the setting that the option changes."""
     try:
         yield
     except InputError as error:
@@ -164,7 +164,7 @@ def _by_option(given: Container[str]) -> Iterator[None]:
 
 
 def _check_views(_: object, views: int) -> None:
-    """A cyclopts validator: how many views a page may have."""
+    """Validate the number of views of a page, for cyclopts."""
     from volspec.export.page import MOST_VIEWS
 
     if not 1 <= views <= MOST_VIEWS:
@@ -172,7 +172,7 @@ def _check_views(_: object, views: int) -> None:
 
 
 def _check_bits(_: object, bits: int) -> None:
-    """A cyclopts validator: what a channel can be kept in."""
+    """Validate the bits per channel of a page, for cyclopts."""
     from volspec.export.page import BITS
 
     if not BITS[0] <= bits <= BITS[1]:
@@ -193,10 +193,10 @@ def page(
     caption: str = "",
     device: Device = None,
 ) -> None:
-    """Write a scene as one web page whose light can be changed.
+    """Write a scene as a single web page with switchable lights.
 
-    The page is a single file that asks the network for nothing: open it from a disk, mail it, or
-    frame it in another page. It mixes the lights, adapts the eye and draws with the desktop's own
+    The page is one file that needs no network: open it from disk, mail it, or embed it in another
+    page. It mixes the lights, applies the appearance model and draws with the desktop viewer's
     shaders on WebGL 2.
 
     Example: `volspec page engine.toml -o engine.html`
@@ -210,16 +210,16 @@ def page(
     output
         The HTML file to write.
     views
-        Cameras on a circle around the scene's `up`, the scene's own the first: drag to turn.
+        Cameras on a circle around the scene's `up`, starting at the scene's own: drag to turn.
     light
-        A light besides the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
+        A light to add to the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
         repeatable.
     size
-        WIDTHxHEIGHT in pixels, in place of the scene's.
+        WIDTHxHEIGHT in pixels, instead of the scene's.
     bits
-        Of each channel, 8 to 12: 8 for CIEDE2000 0.3, 12 for 0.03 and more than twice the size.
+        Bits per channel, 8 to 12: 8 is off by CIEDE2000 0.3, 12 by 0.03 at over twice the size.
     title
-        In place of the scene's.
+        Title, instead of the scene's.
     caption
         A few words below the title.
     """
@@ -230,9 +230,7 @@ def page(
 
     require_suffix(output, "pages", ".html", ".htm")
     require_writable(output)
-    require_scene(
-        scene, "a page is made of its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
-    )
+    require_scene(scene, "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT)
     with bar() as tell:
         tell("load the scene", 0)
         loaded = Scene.load(scene)
@@ -242,8 +240,8 @@ def page(
         shares = loaded.raycast.shares()
         if light and loaded.relight.level == "absolute":
             raise InputError(
-                f'--light {light[0]}: has no lux, which [viewing] level = "absolute" of {scene} '
-                "asks of all lights; leave it out, or make it a [[light]] with illuminance_lux",
+                f'--light {light[0]}: has no lux, but [viewing] level = "absolute" of {scene} '
+                "requires it; leave it out, or make it a [[light]] with illuminance_lux",
                 code="conflict",
             )
         for text in light or ():
@@ -277,9 +275,9 @@ def compositing(
     """Relight a stored image in a compositor: Blender, Nuke or another.
 
     `volspec render` writes the lights of the scene into the header of an image, as sums of its
-    channels. From there `-o FILE.py` makes a script that builds them as nodes in Blender
-    (`blender --python FILE.py`), `-o FILE.nk` a group to paste into Nuke, with a knob for each
-    light. `-o FILE.exr` writes the image once more, with other lights.
+    channels. From these, `-o FILE.py` makes a script that builds the lights as nodes in Blender
+    (`blender --python FILE.py`), and `-o FILE.nk` a group to paste into Nuke, with a knob for each
+    light. `-o FILE.exr` writes the image again with other lights.
 
     Example: `volspec compositing engine.exr -o engine.py`
 
@@ -294,9 +292,9 @@ def compositing(
     output
         A `.py`, `.nk` or `.exr` file.
     light
-        Of `-o FILE.exr`: as for `volspec relight`; the first is the preview's. Repeatable.
+        For `-o FILE.exr`: as for `volspec relight`; the first lights the preview. Repeatable.
     mode
-        Of `-o FILE.exr`: componentwise, exact or linear-model. As in the scene when left out.
+        For `-o FILE.exr`: componentwise, exact or linear-model. Default: the scene's.
     """
     from dataclasses import replace
 
@@ -315,13 +313,13 @@ def compositing(
     if suffix in SUFFIXES:
         if light or mode:
             raise ImageError(
-                f"{output}: takes the lights that {image} names; give --light and --mode to "
-                "-o NEW.exr first"
+                f"{output}: has the lights of {image}, so --light and --mode do not apply; make an "
+                "-o NEW.exr with them first"
             )
         write_recipe(output, image)
     else:
         if not light:
-            raise ImageError(f"{output}: which lights shall it name? add --light, such as D65")
+            raise ImageError(f"{output}: no lights for its header; add --light, such as D65")
         if twice := [text for text in dict.fromkeys(light) if light.count(text) > 1]:
             raise InputError(
                 f"--light: {twice[0]!r} is given twice; give it once", code="duplicate"

@@ -1,4 +1,4 @@
-"""``volspec doctor``, ``info`` and ``scene``: devices and files, before anything is cast."""
+"""``volspec doctor``, ``info`` and ``scene``: check devices and files before a cast."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from volspec.volume import Volume
 
 
-# So many values, all whole, are taken for the labels of a segmentation.
+# An integer volume with up to this many distinct values counts as a segmentation.
 _MOST_LABELS = 64
 
 
 @app.command
 def doctor(*, json: Json = False) -> None:
-    """OpenCL and GL devices, versions, which will be used, what is missing.
+    """List OpenCL and GL devices, versions, the device for casts, and missing parts.
 
     Example: `volspec doctor`
     """
@@ -39,7 +39,7 @@ def doctor(*, json: Json = False) -> None:
 
 @app.command
 def info(volume: str, /, *, json: Json = False) -> None:
-    """Size, spacing, orientation, range and histogram of a volume; its labels, where it has such.
+    """Print size, spacing, orientation, range and histogram of a volume, and labels if any.
 
     Example: `volspec info engine.nrrd`
 
@@ -49,16 +49,16 @@ def info(volume: str, /, *, json: Json = False) -> None:
     ----------
     volume
         A volume file (NRRD, MHD/MHA, NIfTI, VTI/VTK, `.npy`, TIFF), a folder (DICOM, TIFF or PNG
-        slices, OME-Zarr), or `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`. What a name
-        leaves open follows a question mark: `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
+        slices, OME-Zarr), or `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`. Details
+        follow a question mark: `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
         `channel=`, `time=`, `level=`.
     """
     from volspec.volume import load_volume
     from volspec.volume.summary import summarise
 
     path = Path(volume)
-    require_scene(path, f"and no volume; {RELIGHT}")
-    require_image(path, "give the file that its [volume] names, or volspec scene check {file}")
+    require_scene(path, f"give a volume, or {RELIGHT}")
+    require_image(path, "give the volume file of its [volume], or run volspec scene check {file}")
     loaded = load_volume(volume)
     summary, labels = summarise(loaded), _labels(loaded)
     if json:
@@ -71,7 +71,7 @@ def info(volume: str, /, *, json: Json = False) -> None:
 
 
 def _labels(volume: Volume) -> list[int]:
-    """The values of a volume that looks like a segmentation, in order; of any other none."""
+    """Return the sorted values of a volume that looks like a segmentation, else an empty list."""
     import numpy as np
 
     if volume.values.dtype.kind not in "ui":
@@ -86,16 +86,16 @@ def _labels(volume: Volume) -> list[int]:
     return sorted(found)
 
 
-scene = App(name="scene", help="Check scene files; their JSON schema.")
+scene = App(name="scene", help="Check scene files; print their JSON schema.")
 app.command(scene)
 
 
 @scene.command
 def check(files: list[Path], /, *, json: Json = False) -> None:
-    """Read scenes and look up all that they name; nothing is cast.
+    """Read scenes and look up everything that they name, without a cast.
 
-    A line for each file that is well, and for each error one that names file, field, value and
-    remedy. Exit code 1 where there is one.
+    Prints a line for each valid file, and for each error a line with file, field, value and
+    remedy. The exit code is 1 if there are errors.
 
     Example: `volspec scene check engine.toml`
 
@@ -119,7 +119,7 @@ def check(files: list[Path], /, *, json: Json = False) -> None:
 
 @scene.command
 def schema() -> None:
-    """Print the JSON schema of scene files, for editors of TOML.
+    """Print the JSON schema of scene files, for TOML editors.
 
     Example: `volspec scene schema > scene.schema.json`
     """

@@ -1,4 +1,4 @@
-"""``volspec light``: a light in figures: colour, temperature, lumens, and a lamp's lux."""
+"""``volspec light``: colour, temperature and lumens of a light, and the lux of a lamp."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from volspec.cli.shell import Json, Row, app, as_written, print_json, print_tabl
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 
-# nm; as lights are counted, and as far as most lamps are measured.
+# nm; the photometric range, and the range over which most lamps are measured.
 RANGE_NM = (380.0, 780.0, 5.0)
 
 
@@ -22,20 +22,20 @@ def light(
     *,
     listed: Annotated[bool, Parameter(name="--list", negative="")] = False,
     power_W: Annotated[
-        float | None, Parameter(name="--power-W", converter=as_written, help="Of a lamp: watts.")
+        float | None, Parameter(name="--power-W", converter=as_written, help="A lamp's power, W.")
     ] = None,
     distance_m: Annotated[
-        float | None, Parameter(converter=as_written, help="How far away it is, metres.")
+        float | None, Parameter(converter=as_written, help="Distance of a lamp, metres.")
     ] = None,
     beam_deg: Annotated[
         float | None,
-        Parameter(converter=as_written, help="Full angle of a spotlight; left out, all around."),
+        Parameter(converter=as_written, help="Full angle of a spotlight; default: everywhere."),
     ] = None,
     json: Json = False,
 ) -> None:
-    """A light's colour, temperature and lumens; of a lamp the lux at a distance.
+    """Print a light's colour, temperature and lumens; for a lamp, also the lux at a distance.
 
-    Figures are of 380 to 780 nm and the 2 degree observer.
+    Computed over 380 to 780 nm for the 2 degree observer.
 
     Example: `volspec light D65*0.7+A*0.3`
 
@@ -46,10 +46,10 @@ def light(
     Parameters
     ----------
     spectrum
-        A LIGHT: D65, planck:3200, lamp:halogen-3000, FILE.csv, a mix, …; with `--list` a part of
-        names.
+        A LIGHT: D65, planck:3200, lamp:halogen-3000, FILE.csv, a mix, …; with `--list`, text to
+        search for.
     listed
-        Print the names that lights have in place of figures: those with the text, or all.
+        Print the names of lights instead: those that contain the text, or all.
     """
     from volspec.spectra import SpectralGrid, light_names
     from volspec.spectra import light as find
@@ -68,13 +68,13 @@ def light(
         ("--distance-m", distance_m, "--power-W", power_W),
     ):
         if value is not None and its is None:
-            raise InputError(f"{name} {value:g} without {other}; give both, to count a lamp's lux")
+            raise InputError(f"{name} {value:g} without {other}; give both for a lamp's lux")
     if listed:
         lamps = [f"{PREFIX}:{name}" for name in LAMPS]
         show_names([*light_names(), *lamps], spectrum or "", "light", json)
         return
     if spectrum is None:
-        raise InputError("no light; give one, such as D65, or --list for the names there are")
+        raise InputError("no light; give one, such as D65, or --list for all names")
     found = find(spectrum, SpectralGrid(*RANGE_NM))
     X, Y, Z = white_XYZ(found).tolist()
     near = correlated_temperature((X, Y, Z))
@@ -104,7 +104,7 @@ def light(
 
 
 def _table(row: Row) -> Table:
-    """The figures, a line each; what is not known has none."""
+    """Return the table of values, with a line for each that is known."""
     table = Table(box=None, show_header=False)
     table.add_column(style="dim", no_wrap=True)
     table.add_column()

@@ -1,4 +1,4 @@
-"""``volspec design`` and ``wizard``: palettes, and the lights and materials of a scene."""
+"""``volspec design`` and ``wizard``: design palettes, and lights and materials for a scene."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def design(
     figure: Path | None = None,
     json: Json = False,
 ) -> None:
-    """Design a palette's open lights and reflectances, so that wanted colours meet.
+    """Design a palette's open lights and reflectances to give the wanted colours.
 
     Example: `volspec design palette.toml -o designed.toml --figure palette.png`
 
-    What was designed is used as `designed.toml#name` wherever a light or a reflectance is:
+    Use the designed spectra as `designed.toml#name` wherever a light or a reflectance is given:
     `volspec relight engine.exr --light "designed.toml#split 1" -o frame.png`.
 
-    JSON: `cells` holds a row for each place: `reflectance`, `light`, `kind`, `wanted` and
+    JSON: `cells` has a row for each cell: `reflectance`, `light`, `kind`, `wanted` and
     `obtained` display codes, `X`, `Y`, `Z`, `delta_E_2000`, `delta_E_1976`, `in_gamut`; besides
     `metamers`, `spectra` (bands at their bounds), `cost`, `mean`, `max` (CIEDE2000) and
     `suggestions`.
@@ -45,9 +45,9 @@ def design(
     palette
         A palette (.toml).
     output
-        A .toml to write: the palette as it is, comments too, with the spectra filled in.
+        The .toml to write: the palette, with its comments, and the spectra filled in.
     figure
-        A .png, .svg or .pdf to draw.
+        Figure to write: .png, .svg or .pdf.
     """
     from volspec.palette import DesignReport, load_palette, save_palette, suggestions
     from volspec.palette import design as solved
@@ -89,7 +89,7 @@ def design(
 
 
 wizard = App(
-    name="wizard", help="Hide, reveal, merge or keep materials: a new scene with its palette."
+    name="wizard", help="Hide, reveal, merge or keep materials; writes a new scene and its palette."
 )
 app.command(wizard)
 
@@ -97,15 +97,15 @@ Output = Annotated[
     Path,
     Parameter(name=["--output", "-o"], help="The new scene; its palette is written next to it."),
 ]
-Under = Annotated[str, Parameter(help="A light of the scene; with --like the name of a new one.")]
+Under = Annotated[str, Parameter(help="A light of the scene; with --like, the name of a new one.")]
 Like = Annotated[
-    str | None, Parameter(help="Design the light, too: other materials look as under this one.")
+    str | None, Parameter(help="Design a new light, under which the others look as under this one.")
 ]
 Lamps = Annotated[
     list[str] | None,
-    Parameter(name="--lamp", negative="", help="The new light is a sum of such; repeatable."),
+    Parameter(name="--lamp", negative="", help="Lamp to mix the new light from; repeatable."),
 ]
-# ΔE that nobody sees, and that an eye notices at a glance.
+# ΔE below which nobody sees a difference, and ΔE that is noticed at a glance.
 _UNSEEN, _AT_A_GLANCE = 1.0, 3.0
 
 
@@ -123,9 +123,9 @@ def hide(
     output: Output,
     json: Json = False,
 ) -> None:
-    """Let a material look like another one, or like nothing, under a light.
+    """Make a material look like another material, or black, under a light.
 
-    Under the scene's other lights it keeps its colour as far as it can.
+    Under the scene's other lights it keeps its colour as far as possible.
 
     Example: `volspec wizard hide engine.toml inserts --under A -o hidden.toml`
 
@@ -136,11 +136,11 @@ def hide(
     scene
         A scene file.
     material
-        The one to be hidden.
+        The material to hide.
     within
-        The material it then looks like; left out, the one it is embedded in.
+        The material to imitate; default: the one it is embedded in.
     black
-        It reflects nothing instead: before a black backdrop it is gone. Wants a new light.
+        Make it reflect nothing: it disappears against a black backdrop. Needs a new light.
     """
     from volspec.wizard import hide
 
@@ -160,7 +160,7 @@ def hide(
     if black and like is None and lost > _AT_A_GLANCE:
         note(
             f"{material!r} changes by ΔE {lost:.1f} under other lights, as {under!r} has no gap in "
-            "its spectrum to be black in; a new light has: --like"
+            "its spectrum to be black in; design a new light: --like"
         )
 
 
@@ -177,9 +177,9 @@ def reveal(
     output: Output,
     json: Json = False,
 ) -> None:
-    """Let a material stand out from all others under a light.
+    """Make a material stand out from all others under a light.
 
-    Under the scene's other lights it keeps its colours as far as that leaves it the distance.
+    Under the scene's other lights it keeps its colour as far as the distance permits.
 
     Example: `volspec wizard reveal engine.toml inserts --under D65 --distance 15 -o seen.toml`
 
@@ -188,9 +188,9 @@ def reveal(
     scene
         A scene file.
     material
-        The one to be revealed.
+        The material to reveal.
     distance
-        CIEDE2000 from every other material that is enough.
+        CIEDE2000 to reach from every other material.
     """
     from volspec.wizard import reveal
     from volspec.wizard.result import evaluate_lights
@@ -208,8 +208,8 @@ def reveal(
     before = next((row for row in rows if row.light == under), None)
     if before is not None and (least := min(before.apart.values())) >= distance:
         note(
-            f"{material!r} was ΔE {least:.1f} or more from every other under {under!r} before, "
-            f"{distance:g} is asked for; ask for more to set it further apart"
+            f"{material!r} was already ΔE {least:.1f} or more from every other under {under!r}, "
+            f"and --distance is {distance:g}; raise it to set it further apart"
         )
 
 
@@ -218,7 +218,7 @@ def merge(
     scene: Path,
     /,
     *materials: str,
-    under: Annotated[str, Parameter(help="The light of the scene under which they are one.")],
+    under: Annotated[str, Parameter(help="The light of the scene under which they match.")],
     split: str | None = None,
     colour: Annotated[list[str] | None, Parameter(negative="")] = None,
     average: Annotated[bool, Parameter(negative="")] = False,
@@ -226,7 +226,7 @@ def merge(
     output: Output,
     json: Json = False,
 ) -> None:
-    """Give materials one colour under a light, and apart they come under a new one.
+    """Give materials the same colour under a light, and different colours under a new one.
 
     Example: `volspec wizard merge engine.toml block inserts --under D65 --split apart -o two.toml`
 
@@ -237,11 +237,11 @@ def merge(
     materials
         Two or more.
     split
-        Name of a new light that parts them.
+        Name of a new light that separates them.
     colour
-        What they show under it, one each: #rrggbb or a CSS name; left out, hues far apart.
+        Colours under the new light, one each: #rrggbb or a CSS name; default: distant hues.
     average
-        The one colour is the mean of theirs; else the solver picks it.
+        Use the mean of their colours as the shared one; by default the solver chooses it.
     """
     from volspec.palette.model import parse_colour
     from volspec.wizard import merge
@@ -260,7 +260,7 @@ def merge(
 
 @wizard.command
 def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -> None:
-    """Let a material have one colour under all lights of the scene.
+    """Give a material the same colour under all lights of the scene.
 
     Example: `volspec wizard keep engine.toml block -o constant.toml`
 
@@ -269,7 +269,7 @@ def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -
     scene
         A scene file.
     material
-        The one that is to stay.
+        The material to keep.
     """
     from volspec.wizard import keep
 
@@ -277,7 +277,7 @@ def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -
 
 
 def _loaded(path: Path, output: Path) -> Scene:
-    """The scene; an output that would destroy something is refused before the work is done."""
+    """Load the scene; refuse an output that would destroy something before the work starts."""
     from volspec.scene import Scene
     from volspec.wizard import require_output
 
@@ -288,7 +288,7 @@ def _loaded(path: Path, output: Path) -> Scene:
 
 
 def _finish(made: Redesigned, output: Path, json: bool) -> None:
-    """Write the new scene and say what was reached."""
+    """Write the new scene and print its colour differences."""
     paths = made.save(output)
     if json:
         files = dict(zip(("scene", "palette"), map(str, paths), strict=True))
@@ -305,7 +305,7 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
                 highlight=False,
             )
     if made.changes.exact:
-        out.print("cast by its materials, as a basis of its size would blur these", highlight=False)
+        out.print("cast by its materials, as a basis of its size would blur them", highlight=False)
     say(f"{paths[0]}, {paths[1]}")
 
 
@@ -315,8 +315,8 @@ def _row(row: LightEvaluation) -> dict[str, object]:
 
 
 def _table(made: Redesigned) -> Table:
-    """A line a light: how far materials lie apart, and how far each is from what it was."""
-    title = f"ΔE00 in the frames; below {_UNSEEN:g} nobody sees it"
+    """Return ΔE for each light: between materials, and of each before and after."""
+    title = f"ΔE00 in the frames; below {_UNSEEN:g} it is invisible"
     table = Table(title=title, title_justify="left", box=None, header_style="dim")
     table.add_column("light", no_wrap=True)
     pairs: Sequence[tuple[str, str]] = list(made.evaluations[0].apart)

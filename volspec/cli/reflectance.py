@@ -1,4 +1,4 @@
-"""``volspec reflectance``: a plausible reflectance for a colour, or for a photograph's."""
+"""``volspec reflectance``: a plausible reflectance for a colour, or for a photograph's pixels."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from volspec.spectra import MadeReflectances, Spectrum
 
 _FIGURES = (".png", ".pdf", ".svg")
-# A share that is 0.0 % when printed.
+# Smaller shares print as 0.0 %.
 _SHOWN = 5e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Asked:
-    """Light, method and observer of the colours given."""
+    """Light, method and observer for the given colours."""
 
     light: str
     method: str
@@ -49,7 +49,7 @@ def reflectance(
     figure: Path | None = None,
     json: Json = False,
 ) -> None:
-    """A plausible reflectance for a colour: measured spectra mixed, and extended beyond.
+    """Construct a plausible reflectance for a colour, from a mixture of measured spectra.
 
     Example: `volspec reflectance "#c08040" -o paint.csv`, and in a scene
     `[[material]] reflectance = "paint.csv"`
@@ -61,31 +61,31 @@ def reflectance(
 
     Example: `volspec reflectance --list copper`
 
-    JSON: `mix` holds the base spectra with their shares; `lights` a row for each light with
-    `X Y Z`, `L a b` (the light as white) and `delta_e`, CIEDE2000 from the colour asked for.
+    JSON: `mix` has the base spectra with their shares; `lights` has a row for each light with
+    `X Y Z`, `L a b` (the light as white) and `delta_e`, CIEDE2000 from the given colour.
 
     Parameters
     ----------
     colour
-        `#rrggbb`, a name of CSS Color 3, or X Y Z with Y = 100 for white; with `--list` a part of
-        names.
+        `#rrggbb`, a name of CSS Color 3, or X Y Z with Y = 100 for white; with `--list`, text to
+        search for.
     listed
-        Print the names that measured reflectances have: those with the text, or all.
+        Print the names of measured reflectances instead: those that contain the text, or all.
     light
-        The light that the colour is meant under.
+        The light under which the surface has the colour.
     method
         delaunay, tetrahedron (Wang, Xu & Sun 2004), smoothest; otsu-2018, jakob-2019,
         meng-2015, mallett-2019, smits-1999.
     under
-        Lights to show the reflectance under besides; D65 and A when left out.
+        Other lights to compute the colour under; default: D65 and A.
     observer
         Colour-matching functions of 2 or 10 degrees.
     image
-        An sRGB picture in place of a colour, every pixel a surface in even light.
+        An sRGB picture instead of a colour; each pixel counts as an evenly lit surface.
     output
-        A .csv for the spectrum; with `--image` an .exr with a spectrum in every pixel.
+        A .csv for the spectrum; with `--image`, an .exr with a spectrum in every pixel.
     figure
-        A .png, .pdf or .svg to draw the spectrum in.
+        Figure of the spectrum to write: .png, .pdf or .svg.
     """
     if listed:
         from volspec.spectra import reflectance_names
@@ -159,7 +159,7 @@ def _construct(
 def _under(
     paint: Spectrum, lamps: list[Spectrum], XYZ: NDArray[np.float64], observer: int
 ) -> list[dict[str, Any]]:
-    """The reflectance's colour under each light, and how far from what was asked for."""
+    """Return the reflectance's colour under each light, and its ΔE from the wanted colour."""
     from volspec.appearance.models.cielab import cielab, delta_E_2000
     from volspec.spectra import XYZ_from_spectra, white_XYZ
 
@@ -181,9 +181,9 @@ def _print(paint: Spectrum, made: MadeReflectances, rows: list[dict[str, Any]]) 
     ways = {
         "tetrahedron": "mixed from the paper's tetrahedron",
         "delaunay": "mixed from the Delaunay tetrahedron",
-        "extended": "extended as smoothly as can be from the mixture at the measured ones' edge",
-        "smoothest": "the smoothest reflectance there is",
-        "nearest": "of the nearest colour that a reflectance has",
+        "extended": "smoothest extension of the mixture at the edge of the measured reflectances",
+        "smoothest": "the smoothest reflectance of this colour",
+        "nearest": "reflectance of the nearest possible colour",
     }
     way = paint.notes["constructed"]
     console.print(Text(ways.get(way, f"recovered by {way}")))
@@ -192,7 +192,7 @@ def _print(paint: Spectrum, made: MadeReflectances, rows: list[dict[str, Any]]) 
             console.print(Text(f"  {100 * share:5.1f} %  {name}"), soft_wrap=True)
     table = Table(box=None, pad_edge=False, show_edge=False)
     table.add_column("under")
-    for name in ("X", "Y", "Z", "L*", "a*", "b*", "ΔE00 from the colour asked"):
+    for name in ("X", "Y", "Z", "L*", "a*", "b*", "ΔE00 from the colour given"):
         table.add_column(name, justify="right", no_wrap=True)
     for row in rows:
         cells = [f"{row[key]:.2f}" for key in "XYZLab"]
@@ -202,7 +202,7 @@ def _print(paint: Spectrum, made: MadeReflectances, rows: list[dict[str, Any]]) 
 
 
 def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
-    """A photograph as a spectral picture of reflectances."""
+    """Convert a photograph to a spectral picture of reflectances."""
     import numpy as np
 
     from volspec.spectra import DEFAULT_GRID, SpectralImage, reflectances_from_colours, white_XYZ
@@ -210,7 +210,7 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
     from volspec.spectra.construct.colours import XYZ_from_sRGB
 
     if output is None or output.suffix.lower() != ".exr":
-        raise ImageError(f"{image}: becomes a spectral picture; give -o FILE.exr")
+        raise ImageError(f"{image}: --image writes a spectral picture; give -o FILE.exr")
     require_writable(output)
     pixels = _pixels(image)
     lamp = named_light(asked.light)
@@ -241,7 +241,7 @@ def _convert(image: Path, output: Path | None, asked: _Asked) -> None:
 
 
 def _pixels(path: Path) -> NDArray[np.uint8]:
-    """(H, W, 3) codes of an sRGB picture, upright."""
+    """Return the (H, W, 3) codes of an sRGB picture, upright."""
     import numpy as np
     from PIL import Image, ImageOps, UnidentifiedImageError
 
@@ -249,17 +249,15 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
         with Image.open(path) as stored:
             upright = ImageOps.exif_transpose(stored)
             if upright.has_transparency_data:
-                _warn(f"{path}: its transparency is left out")
+                _warn(f"{path}: its transparency is ignored")
             if "icc_profile" in stored.info:
-                _warn(f"{path}: its colour profile is left out; it is read as sRGB")
+                _warn(f"{path}: its colour profile is ignored; it is read as sRGB")
             return np.asarray(upright.convert("RGB"))
     except FileNotFoundError:
         raise ImageError(f"{path}: no such file; check the path", code="not-found") from None
     except UnidentifiedImageError:
-        raise ImageError(
-            f"{path}: is no picture that can be read; give PNG, JPEG or TIFF"
-        ) from None
-    # Of a damaged file Pillow raises SyntaxError, struct.error, MemoryError and others.
+        raise ImageError(f"{path}: not a readable picture; give PNG, JPEG or TIFF") from None
+    # For a damaged file Pillow raises SyntaxError, struct.error, MemoryError and others.
     except Exception as error:
         raise ImageError(
             f"{path}: cannot be read ({one_line(error)}); export it again", code="damaged"

@@ -1,4 +1,4 @@
-"""``volspec relight``: a stored image under other lights, in a moment."""
+"""``volspec relight``: relight a stored image in a moment."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from volspec.relight import LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
-# CIEDE2000 that an eye notices at a glance: worth a warning.
+# CIEDE2000 noticed at a glance: worth a warning.
 AT_A_GLANCE = 3.0
-# Rows and columns of a picture that are looked at for that warning, at least.
+# Fewest rows and columns of a picture to sample for that warning.
 _SAMPLED = 64
 _VIEWING = PictureOptions()
 
@@ -55,9 +55,9 @@ def relight(
 ) -> None:
     """Relight a stored coefficient image, or a measured spectral picture.
 
-    Viewing and picture are as in the scene where they are left out. `--L_A`, `--Y_b` and
-    `--surround` are those of the scene; `--preset` is the room of the display. White is as bright
-    under each light.
+    Viewing and picture options default to the scene's values. `--L_A`, `--Y_b` and `--surround`
+    describe the scene; `--preset` describes the display's room. White is equally bright under
+    each light.
 
     Example: `volspec relight engine.exr --light A --light FL2 -o engine.png`
 
@@ -75,7 +75,7 @@ def relight(
         A coefficient image that `volspec render` or `volspec demo` wrote; or, with `--basis`, an
         OpenEXR picture with a spectrum in every pixel (`T.550,000000nm`, …).
     output
-        The PNG file, with `--spectral` OpenEXR; with several lights the name gets the light's:
+        The PNG file, with `--spectral` OpenEXR; with several lights, their names are appended:
         `engine-A.png`.
     errors
         Write a map of the colours' errors next to each frame: `engine-errors.png`.
@@ -83,21 +83,21 @@ def relight(
         MATERIAL=REFLECTANCE: show a material with another reflectance, such as
         `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.
     basis
-        The basis that analyses a spectral picture: a shipped name or a JSON file.
+        The basis to analyse a spectral picture with: a shipped name or a JSON file.
     taken_under
         The light of a spectral picture of radiances (`S0.550,000000nm`, …).
     model
-        What the eye makes of it: CIECAM02, CAM16, RLAB, Hunt, CAT02, none, … As in the scene when
-        left out.
+        Appearance or adaptation model: CIECAM02, CAM16, RLAB, Hunt, CAT02, none, … Default: the
+        scene's.
     mode
-        componentwise, exact (the light matrix) or linear-model. As in the scene when left out;
-        exact with `--spectral`.
+        componentwise, exact (the light matrix) or linear-model. Default: the scene's; exact with
+        `--spectral`.
     backdrop
-        Reflectance of the diffuser behind, 0 to 1. As in the scene when left out.
+        Reflectance of the diffuser behind, 0 to 1. Default: the scene's.
     spectral
-        Write what reaches the eye as a spectrum in every pixel: 31 half-float channels
-        `S0.400,000000nm`, …, and red, green, blue to look at. No eye is asked, so that of the
-        viewing `--exposure` and `--lux` alone count.
+        Write the light that reaches the eye as a spectrum in every pixel: 31 half-float channels
+        `S0.400,000000nm`, …, and red, green, blue as a preview. No appearance model is applied,
+        so of the viewing options only `--exposure` and `--lux` count.
     """
     from volspec.export.frames import BlankFrames, file_stem, write_frame
     from volspec.pipeline import Relighter
@@ -117,7 +117,7 @@ def relight(
     for path in [*paths, *(maps if errors else [])]:
         require_writable(path)
         if path.resolve() == image.resolve():
-            raise ImageError(f"{path}: is the image that is relit; name another file")
+            raise ImageError(f"{path}: is the input image; name another file")
     stored = _picture(image, basis, taken_under)
     scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
@@ -143,7 +143,7 @@ def relight(
             write_frame(path, frame, notes, spec.viewing.display.space)
             blanks.add(str(path), text, frame, stored.alpha)
             say(path)
-            # For the warning alone some of a large picture's pixels are enough.
+            # For the warning alone, some of a large picture's pixels are enough.
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
             off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)
             if errors:
@@ -151,9 +151,9 @@ def relight(
                 say(f"{error_path}: {off}")
             if off.p95 > AT_A_GLANCE:
                 warnings.warn(
-                    f"{text}: {off.p95:.1f} ΔE00 lie between the {spec.mode} colours and those of "
-                    f"the exact light matrix, for which the image's basis {stored.basis.name!r} "
-                    "was not trained; use --mode exact",
+                    f"{text}: {spec.mode} colours differ by ΔE00 {off.p95:.1f} from those of the "
+                    f"exact light matrix, as the image's basis {stored.basis.name!r} was "
+                    "not trained for this light; use --mode exact",
                     VolspecWarning,
                     stacklevel=1,
                 )
@@ -162,21 +162,21 @@ def relight(
 
 
 def _tell_of_lux(image: Path, scene: RelightSpec, given: PictureOptions, spec: RelightSpec) -> None:
-    """Say so where the scene's lights have lux that show, as --light says none."""
+    """Note if the scene's lights have a lux that affects the picture, as --light has none."""
     if given.lux is not None:
         return
     eye = scene.viewing
     if spec.level != scene.level:
         note(
-            f'{image}: its scene has level = "absolute", but --light says no lux: white is as '
-            "bright under each light; for the absolute picture of, say, 500 lx add --lux 500 "
+            f'{image}: its scene has level = "absolute", but --light has no lux: white is '
+            "equally bright under each light; for an absolute picture at 500 lx add --lux 500 "
             f"--exposure {eye.exposure * 500 / eye.illuminance_lux:g}, or volspec export "
             "SCENE.toml --light NAME -o FOLDER"
         )
     elif spec.viewing.L_A is None and (lux := _lux_of(image)):
         named = ", ".join(f"{name} {value:g}" for name, value in lux.items())
         note(
-            f"{image}: its scene's lights have lux of their own ({named}), --light says none and "
+            f"{image}: its scene's lights have their own lux ({named}), but --light has none and "
             f"counts as {spec.viewing.illuminance_lux:g} lx; add --lux"
         )
 
@@ -202,7 +202,7 @@ def _write_spectra(
     spec: RelightSpec,
     paths: Sequence[Path],
 ) -> None:
-    """A spectral frame for each light."""
+    """Write a spectral frame for each light."""
     from volspec.export.spectral import write_spectral_frame
 
     for (text, lamp), path in zip(lights.items(), paths, strict=True):
@@ -214,7 +214,7 @@ def _write_spectra(
 def _check_kind(
     output: Path, spectral: bool, viewing: PictureOptions, model: str | None, errors: bool
 ) -> None:
-    """Refuse an output of another kind than is asked for, and options that it has no use for."""
+    """Refuse an output of the wrong kind, and options that do not apply to it."""
     from volspec.export.frames import require_png
 
     suffix = output.suffix.lower()
@@ -232,13 +232,13 @@ def _check_kind(
         if value is not None and name not in ("exposure", "lux"):
             option = name if name[0].isupper() else name.replace("_", "-")
             raise InputError(
-                f"--{option} with --spectral: no eye looks at spectra; leave it out",
+                f"--{option} with --spectral: does not affect spectra; leave it out",
                 code="conflict",
             )
 
 
 def _picture(path: Path, basis: str | None, taken_under: str | None) -> CoefficientImage:
-    """A coefficient image, or a spectral picture put into a basis."""
+    """Return a coefficient image, or a spectral picture projected onto a basis."""
     from volspec.basis import SpectralBasis
     from volspec.raycast import CoefficientImage
     from volspec.spectra import SpectralImage, light
@@ -251,7 +251,7 @@ def _picture(path: Path, basis: str | None, taken_under: str | None) -> Coeffici
     lamp = None if taken_under is None else light(taken_under, model.grid)
     picture = SpectralImage.load(path, None if lamp is None else "emissive")
     if picture.kind == "emissive" and lamp is None:
-        raise ImageError(f"{path}: holds radiances; say --taken-under which light, such as A")
+        raise ImageError(f"{path}: holds radiances; give their light: --taken-under A, say")
     try:
         return CoefficientImage.from_spectral_image(picture, model, lamp)
     except VolspecError as error:
@@ -259,7 +259,7 @@ def _picture(path: Path, basis: str | None, taken_under: str | None) -> Coeffici
 
 
 def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:
-    """MATERIAL=REFLECTANCE words as spectra."""
+    """Return the spectra of MATERIAL=REFLECTANCE arguments."""
     from volspec.spectra import reflectance
 
     changes = {}

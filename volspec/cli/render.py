@@ -1,4 +1,4 @@
-"""``volspec render``, ``view`` and ``demo``: a scene cast, on disk or in a window."""
+"""``volspec render``, ``view`` and ``demo``: cast a scene, to disk or in a window."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def render(
 ) -> None:
     """Cast a scene once into a coefficient image.
 
-    Compositors open it: a layer of channels a light group, depth, a picture under the first light,
-    and in the header how to relight it (`volspec compositing --help`).
+    Compositors can open the image: it has a layer of channels per light group, depth, a picture
+    under the first light, and relighting data in the header (`volspec compositing --help`).
 
-    Ctrl-C ends a cast within moments; an image that was there before stays as it is.
+    Ctrl-C ends a cast within moments; an existing image stays as it is.
 
     Example: `volspec render engine.toml -o engine.exr --size 1024x768`
 
@@ -41,15 +41,15 @@ def render(
     output
         The OpenEXR file to write.
     size
-        WIDTHxHEIGHT in pixels, in place of the scene's.
+        WIDTHxHEIGHT in pixels, instead of the scene's.
     half
-        Keep the channels as float16: half the memory and file, three digits.
+        Store the channels as float16: half the memory and file size, three digits.
     """
     from volspec.export.compositing import save_for_compositors, scene_recipe
     from volspec.scene import Scene
 
     require_suffix(output, "coefficient images", ".exr")
-    require_scene(scene, f"it is cast already; {RELIGHT}")
+    require_scene(scene, f"it is already cast; {RELIGHT}")
     require_writable(output)
     with bar() as tell:
         tell("load the scene", 0)
@@ -80,7 +80,7 @@ def view(
     trace: Path | None = None,
     device: Device = None,
 ) -> None:
-    """Look at a scene or a volume, and swap its lights; H shows the keys.
+    """View a scene or a volume, and swap its lights; H shows the keys.
 
     Example: `volspec view`
 
@@ -91,19 +91,19 @@ def view(
     Parameters
     ----------
     file
-        A scene file, a volume (file or folder) or a session; the bundled engine when left out.
+        A scene file, a volume (file or folder) or a session; default: the bundled engine.
     size
         WIDTHxHEIGHT of the window.
     screenshot
-        WIDTHxHEIGHT of the pictures that S saves; as shown when left out.
+        WIDTHxHEIGHT of the pictures that S saves; default: as shown.
     restore
-        Go on from the last session; without one FILE is opened, or the file that was open last.
+        Resume the last session; if there is none, open FILE or the file that was open last.
     trace
-        Write what happens to a file of JSON lines: `t`, `event`, `stage`, `ms`.
+        Log events to a file of JSON lines: `t`, `event`, `stage`, `ms`.
     """
     if trace is not None:
         require_writable(trace)
-    # Before a window opens for nothing.
+    # Checked before a window opens for nothing.
     if file is not None and not Path(file.partition("?")[0]).exists():
         raise InputError(
             f"{file.partition('?')[0]}: no such file; check the path", code="not-found"
@@ -120,7 +120,7 @@ def view(
 
 
 def _sides(option: str, given: str) -> tuple[int, int]:
-    """Width and height, as far as there are pictures."""
+    """Return width and height, up to the largest picture size."""
     from volspec.raycast.checks import MAX_SIDE
 
     both = sides(given)
@@ -131,7 +131,7 @@ def _sides(option: str, given: str) -> tuple[int, int]:
 
 @app.command
 def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json = False) -> None:
-    """The bundled engine CT: cast once, relit under five lights.
+    """Cast the bundled engine CT once, and relight it under five lights.
 
     Writes relit frames, a labelled contact sheet, a relightable web page, the coefficient image and
     a report.
@@ -141,7 +141,7 @@ def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json 
     Parameters
     ----------
     out
-        Folder to write to.
+        Output folder.
     """
     from volspec._gpu.sources import asset
     from volspec.export.demo import run_demo

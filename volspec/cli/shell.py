@@ -1,8 +1,8 @@
 """Parts shared by all commands: the app, its options, progress bars, JSON, exit codes.
 
-Exit codes: 0 done; 1 bad input, an option's value among it, or missing device (one line on stderr;
-``--debug`` shows the traceback); 2 usage: an unknown command or option, or something left out; 130
-interrupted; 141 where the reader of a pipe has closed it, as `| head` does.
+Exit codes: 0 done; 1 bad input, such as an option's value, or missing device (one line on stderr;
+``--debug`` shows the traceback); 2 usage: an unknown command or option, or a missing argument; 130
+interrupted; 141 if the reader closed the pipe, as `| head` does.
 """
 
 from __future__ import annotations
@@ -55,18 +55,18 @@ app = App(
     suppress_keyboard_interrupt=False,
 )
 
-# What a shell says of a command that the signal SIGPIPE has ended.
+# The exit code that a shell reports for a command killed by SIGPIPE.
 _CLOSED_PIPE = 128 + 13
-_HALF_LINE = 500  # letters of a message that names something longer
+_HALF_LINE = 500  # characters kept at each end of a longer message
 
 Device = Annotated[str | None, Parameter(help="Part of an OpenCL device's name.")]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures as JSON.")]
 
 
 def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
-    """A cyclopts converter for a number, a whole number or a `Literal`.
+    """Convert a number, a whole number or a `Literal`, for cyclopts.
 
-    Nothing is rounded, and ``none`` is no way to leave an option out.
+    Unlike cyclopts' own converter, it does not round, and rejects ``none``.
     """
     word = tokens[0].value
     if kind in (int, float):
@@ -74,17 +74,17 @@ def as_written(kind: Any, tokens: Sequence[Token]) -> Any:
             return kind(word)
         except ValueError:
             what = "whole number" if kind is int else "number"
-            raise ValueError(f"{word!r} is no {what}; give one") from None
+            raise ValueError(f"{word!r} is not a {what}; give one") from None
     choices = {str(choice): choice for choice in get_args(kind)}
     if word not in choices:
-        raise ValueError(f"{word!r} is none of {', '.join(choices)}")
+        raise ValueError(f"{word!r} is unknown; give one of {', '.join(choices)}")
     return choices[word]
 
 
 class bar:
-    """A progress bar on stderr with one line a step; silent when asked, gone after an error.
+    """A progress bar on stderr, one line per step; hidden if ``quiet``, cleared after an error.
 
-    ``left`` adds the time that is left, for steps that take long.
+    ``left`` adds the remaining time, for long steps.
     """
 
     def __init__(self, quiet: bool = False, left: bool = False) -> None:
@@ -110,41 +110,41 @@ class bar:
             self._progress.live.stop()
 
     def __call__(self, step: str, share: float) -> None:
-        self._progress.start()  # late and again harmless: an empty bar would print a blank line
+        self._progress.start()  # late, as an empty bar would print a blank line; idempotent
         if step not in self._tasks:
             self._tasks[step] = self._progress.add_task(step, total=1.0)
         self._progress.update(self._tasks[step], completed=share)
 
 
 class Terminal(Console):
-    """Terminal that shows control characters and markup in names, and obeys none.
+    """Terminal that prints control characters and markup in names literally.
 
-    With ``markup``, ``[red]`` in texts is a colour: for texts without names, or with escaped ones.
+    With ``markup``, ``[red]`` in texts is a colour: for texts without names, or with escaped names.
     """
 
     def __init__(self, *, markup: bool = False, **options: Any) -> None:
         super().__init__(markup=markup, emoji=False, **options)
 
     def on_broken_pipe(self) -> None:
-        """Leave it to `main`, where rich would exit with 1."""
+        """Leave the error to `main`; rich would exit with 1."""
         raise  # the BrokenPipeError that rich is handling
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None
     ) -> Iterator[Segment]:
-        """The pieces of what is printed."""
+        """Return the segments to print."""
         for segment in super().render(renderable, options):
             lines = [visible(line) for line in segment.text.split("\n")]
             yield segment if segment.control else segment._replace(text="\n".join(lines))
 
 
 def say(text: object) -> None:
-    """Print one line as it is, whatever the names in it, however narrow the terminal is."""
+    """Print one line literally and unwrapped, whatever names it has."""
     Terminal().print(visible(str(text)), highlight=False, soft_wrap=True)
 
 
 def counted(number: int, what: str) -> str:
-    """Count things in words.
+    """Return a number with its noun, singular or plural.
 
     >>> counted(1, "light"), counted(2, "light")
     ('1 light', '2 lights')
@@ -157,7 +157,7 @@ def print_json(data: dict[str, Any] | list[dict[str, Any]]) -> None:
 
 
 def print_table(title: str, table: Table, console: Console | None = None) -> None:
-    """Print a table under its title, which is one line however narrow the table is."""
+    """Print a table under its title, which stays on one line even above a narrow table."""
     console = console or Terminal()
     console.print(Text(visible(title), style="table.title"), soft_wrap=True)
     console.print(table)
@@ -176,14 +176,14 @@ def _show_warning(
 
 
 def _print_what_can_be() -> None:
-    """Let a terminal or file of another encoding than UTF-8 show ? for what it has not."""
+    """Replace characters that a stream's encoding lacks by ``?``."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and codecs.lookup(stream.encoding).name != "utf-8":
             stream.reconfigure(errors="replace")
 
 
 def _miscounted(error: CycloptsError) -> str:
-    """Return a line on a missing argument, or one too many; cyclopts shows a list of Python's."""
+    """Return a message on a missing or extra argument; cyclopts would print a Python list."""
     command = " ".join(error.command_chain or ())
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
         return f"{command}: {error.unused_tokens[0]!r} is one word too many"
@@ -195,7 +195,7 @@ def _miscounted(error: CycloptsError) -> str:
 
 
 def _refused(error: CoercionError | ValidationError) -> str:
-    """Return a line on a bad value, by the option's name: cyclopts begins with "Invalid value"."""
+    """Return a message on a bad value, without cyclopts' "Invalid value for"."""
     if isinstance(error, CoercionError) or error.argument is None:
         return one_line(error).removeprefix("Invalid value for ").rstrip(".")
     token = error.argument.tokens[0]
@@ -203,7 +203,7 @@ def _refused(error: CoercionError | ValidationError) -> str:
 
 
 def _close_pipes() -> None:
-    """Let nothing more be written to whom nobody reads, at exit either."""
+    """Send further output of closed pipes to nowhere, at exit, too."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in filter(None, (sys.stdout, sys.stderr)):
         try:
@@ -213,19 +213,19 @@ def _close_pipes() -> None:
 
 
 def _said(error: Exception) -> str:
-    """Return what went wrong, and for the system's own errors a remedy."""
+    """Return an error's message, with a remedy for the system's own errors."""
     if isinstance(error, VolspecError):
         return str(error)
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror or error}; check the path, its permissions and the disk"
     if isinstance(error, UnicodeEncodeError):
-        return f"{error.object!r:.60} cannot be written as UTF-8; rename the file that is called so"
+        return f"{error.object!r:.60} cannot be written as UTF-8; rename that file"
     return f"out of memory ({one_line(error)}); make the picture or the file smaller"
 
 
 def _failure(said: str, code: int) -> SystemExit:
-    """Print a line of some 1000 letters at most: its start has the name, its end the remedy."""
+    """Print a message, cut in the middle to about 1000 characters: its ends are name and remedy."""
     line = one_line(said)
     if len(line) > 2 * _HALF_LINE:
         line = f"{line[:_HALF_LINE]} … {line[-_HALF_LINE:]}"
@@ -234,7 +234,7 @@ def _failure(said: str, code: int) -> SystemExit:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Entry point of the ``volspec`` command; without ``arguments``, those of the process."""
+    """Run the ``volspec`` command with the given arguments, by default the process's own."""
     code = 0
     try:
         _run(list(sys.argv[1:] if arguments is None else arguments))
@@ -247,10 +247,10 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _exit(code: int) -> NoReturn:
-    """End the process, whatever background threads do.
+    """End the process, even while background threads run.
 
-    Python's own end stops a thread at its next step, and where that step is inside an extension
-    in C++ (a file that is read, a module that is imported), the process aborts.
+    Python's own shutdown stops each thread at its next step, and if that step is inside a C++
+    extension (reading a file, importing a module), the process aborts.
     """
     if any(thread.daemon for thread in threading.enumerate()):
         atexit._run_exitfuncs()
@@ -274,7 +274,7 @@ def _run(words: list[str]) -> None:
     except (CoercionError, ValidationError) as error:
         raise _failure(_refused(error), 1) from error
     except CycloptsError as error:
-        # Of many commands cyclopts lists the first, and ends in "info, ...".
+        # Cyclopts cuts a long list of commands short: "info, ...".
         said = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
         raise _failure(f"{said}; see volspec --help", 2) from error
     except BrokenPipeError as error:
@@ -289,14 +289,14 @@ def _run(words: list[str]) -> None:
 
 
 def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> None:
-    """Print the names of a kind (``what``) that contain a text, in any case, a line each.
+    """Print the names of a kind (``what``) that contain a text in any case, one per line.
 
     Raises `InputError` if no name contains it.
     """
     found = [name for name in names if search.casefold() in name.casefold()]
     if not found:
         raise InputError(
-            f"--list {search!r}: no {what}'s name contains it; {nearest(search, names)}"
+            f"--list {search!r}: no {what} has it in its name; {nearest(search, names)}"
             "leave it out to see all",
             code="unknown",
         )
@@ -311,7 +311,7 @@ Row = dict[str, Any]
 
 
 def show_rows(title: str, rows: list[Row], as_json: bool) -> None:
-    """Print rows as JSON or as a table; what is the same in all of them goes to the title."""
+    """Print rows as JSON or as a table; columns with one value for all rows move to the title."""
     from rich.table import Table
 
     if as_json:
@@ -332,12 +332,12 @@ def show_rows(title: str, rows: list[Row], as_json: bool) -> None:
         table.add_column(name, justify="left" if name == "model" else "right", no_wrap=True)
     for row in rows:
         table.add_row(*(_cell(row.get(name, "")) for name in shown))
-    # A narrow screen wraps lines; digits are never cut.
+    # On a narrow screen lines wrap, but digits are never cut.
     print_table(title, table, Terminal(width=max(Terminal().width, 110)))
 
 
 def tell_undefined(rows: Mapping[str, list[Row]]) -> None:
-    """Say how many colours are not ``defined``, by the name of what does not define them."""
+    """Print a note with the number of colours that are not ``defined``, by model."""
     missed = {name: sum(not row["defined"] for row in each) for name, each in rows.items()}
     missed = {name: count for name, count in missed.items() if count}
     if not missed:
@@ -357,5 +357,5 @@ def _cell(value: Any) -> str:
 
 
 def _finite(value: Any) -> Any:
-    """JSON has no word for what is not finite."""
+    """Replace non-finite numbers, which JSON lacks, by None."""
     return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -1,9 +1,9 @@
 """Viewing options that commands share, each written once.
 
-    words -> [viewing] -> ViewingConditions | RelightSpec -> models, frames
+    options -> [viewing] -> ViewingConditions | RelightSpec -> models, frames
 
-`SceneOptions` are for triples, `PictureOptions` add the display that a picture is made for. A
-command takes either whole: its fields become options of their own. None means left out.
+`SceneOptions` are for triples; `PictureOptions` add the display that a picture is made for. A
+command takes either as a whole: its fields become options. None means that the option is not given.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from volspec.relight import RelightSpec
 
 _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
-# Options with another name than the field that they set.
+# Option names that differ from the fields that they set.
 _OPTIONS = {
     "illuminance_lux": "--lux",
     "fov_deg": "--fov-deg",
@@ -45,32 +45,30 @@ def _number(help: str, name: str | None = None, group: Group = _EYE) -> Paramete
 @Parameter(name="*", group=_EYE)
 @dataclass(frozen=True, kw_only=True)
 class SceneOptions:
-    """Viewing conditions of the scene that the colours are in."""
+    """Viewing conditions of the scene, for colours."""
 
-    lux: Annotated[
-        float | None, _number("Illuminance; L_A is that of the background under it.")
-    ] = None
+    lux: Annotated[float | None, _number("Illuminance, lx; L_A follows from it and Y_b.")] = None
     L_A: Annotated[float | None, _number("Adapting luminance, cd/m².", "--L_A")] = None
-    Y_b: Annotated[float | None, _number("The background, percent of white.", "--Y_b")] = None
+    Y_b: Annotated[float | None, _number("Background luminance, percent of white.", "--Y_b")] = None
     surround: Annotated[
         float | str | None, Parameter(help="average, dim, dark, or its ratio to white, 0 to 1.")
     ] = None
     D: Annotated[float | None, _number("Degree of adaptation, 0 to 1.", "--D")] = None
     discount: Annotated[
-        bool | None, Parameter(help="Take the light's colour off whole: D is 1.")
+        bool | None, Parameter(help="Discount the light's colour fully: D is 1.")
     ] = None
     preset: Annotated[
         str | None,
         Parameter(
-            help="A room by name, as cinema: for numbers L_A, Y_b and surround where these are "
-            "left out; for a picture the room of its display."
+            help="A room by name, such as cinema: for colours, it sets L_A, Y_b and surround if "
+            "not given; for a picture, it is the display's room."
         ),
     ] = None
 
     def conditions(self, white: str) -> ViewingConditions:
         """Return the viewing conditions under a light, or under a white given as ``X,Y,Z``.
 
-        Raises InputError if two options say the same, a name is unknown or a number out of range.
+        Raises InputError if two options conflict, a name is unknown or a number is out of range.
         """
         from volspec.appearance import Viewing, ViewingConditions
         from volspec.appearance.presets import preset
@@ -94,7 +92,7 @@ class SceneOptions:
 
     @property
     def said(self) -> str:
-        """Words for light and room in a title."""
+        """Light and room, as words for a title."""
         from volspec.appearance import Viewing
 
         nothing = self.lux is None and self.L_A is None and self.preset is None
@@ -111,36 +109,38 @@ class SceneOptions:
         """Refuse an adapting luminance that is given twice."""
         if self.lux is not None and self.L_A is not None:
             raise InputError(
-                f"--lux {self.lux:g} with --L_A {self.L_A:g}: both say what the eye is adapted "
-                "to; give one of them"
+                f"--lux {self.lux:g} with --L_A {self.L_A:g}: both set the adapting luminance; "
+                "give one of them"
             )
 
 
 @Parameter(name="*", group=_EYE)
 @dataclass(frozen=True, kw_only=True)
 class PictureOptions(SceneOptions):
-    """The same for a picture, and the display that it is made for."""
+    """Viewing conditions of the scene, for a picture, and the picture's display."""
 
     exposure: Annotated[
         float | None,
-        _number("Factor on the scene's light.", group=_PICTURE),
+        _number("Factor of the scene's light.", group=_PICTURE),
     ] = None
     space: Annotated[
         str | None,
         Parameter(
             group=_PICTURE,
-            help="The display's colours: sRGB, Display P3, DCI-P3, Rec. 709, Rec. 2020, "
-            "Adobe RGB (1998), or its profile FILE.icc.",
+            help="The display's colour space: sRGB, Display P3, DCI-P3, Rec. 709, Rec. 2020, "
+            "Adobe RGB (1998), or a profile FILE.icc.",
         ),
     ] = None
     gamut: Annotated[
         str | None,
         Parameter(
             group=_PICTURE,
-            help="Colours that it cannot show: clip, or reduce (paler, at one lightness and hue).",
+            help="Out-of-gamut colours: clip, or reduce (paler, at equal lightness and hue).",
         ),
     ] = None
-    mark: Annotated[bool | None, Parameter(group=_PICTURE, help="Hatch these colours.")] = None
+    mark: Annotated[bool | None, Parameter(group=_PICTURE, help="Hatch out-of-gamut colours.")] = (
+        None
+    )
     adapting: Annotated[
         str | None,
         Parameter(
@@ -150,16 +150,16 @@ class PictureOptions(SceneOptions):
         ),
     ] = None
     fov_deg: Annotated[
-        float | None, _number("The picture's height as an angle, to measure in.", group=_PICTURE)
+        float | None, _number("The picture's height as an angle, for --adapting.", group=_PICTURE)
     ] = None
 
     def onto(self, spec: RelightSpec, **others: Any) -> RelightSpec:
         """Return a scene's ``[viewing]`` with the options instead of its own settings.
 
-        What says the same in the scene gives way: its L_A to ``--lux``, its ``discount`` to
-        ``--D`` and the other way round, its display's room to ``--preset``. ``others`` are model,
-        mode and backdrop, if the command has them; None is left out. Raises InputError if two
-        options say the same, one does nothing or is out of range.
+        An option also replaces equivalent settings of the scene: ``--lux`` its L_A, ``--D`` its
+        ``discount`` and vice versa, ``--preset`` its display's room. ``others`` are model, mode
+        and backdrop, if the command has them; None is not given. Raises InputError if two
+        options conflict, or one has no effect or is out of range.
         """
         from volspec.appearance.display import ROOM
         from volspec.appearance.presets import preset
@@ -194,16 +194,16 @@ class PictureOptions(SceneOptions):
             return replace(spec, viewing=viewing, **_given(others))
 
     def require_no_picture(self) -> None:
-        """Refuse what only a picture has."""
+        """Refuse options that apply only to pictures."""
         for name in ("exposure", "space", "gamut", "mark", "adapting", "fov_deg"):
             if getattr(self, name) is not None:
                 option = name.replace("_", "-")
-                raise InputError(f"--{option}: only a picture has it; add --image, or leave it out")
+                raise InputError(f"--{option}: only for pictures; add --image, or leave it out")
 
 
 @contextmanager
 def in_options() -> Iterator[None]:
-    """Name options in errors, instead of the fields of models and displays."""
+    """Name the options in errors, instead of fields of models and displays."""
     try:
         yield
     except InputError as error:
@@ -212,7 +212,7 @@ def in_options() -> Iterator[None]:
 
 
 def white_triple(white: str) -> tuple[float, float, float] | None:
-    """A white written as ``X,Y,Z``; None for any other text.
+    """Return a white written as ``X,Y,Z``; None for any other text.
 
     >>> white_triple("95.05,100,108.88"), white_triple("D65")
     ((95.05, 100.0, 108.88), None)
@@ -220,7 +220,7 @@ def white_triple(white: str) -> tuple[float, float, float] | None:
     words = white.split(",")
     try:
         X, Y, Z = (float(word) for word in words)
-    except ValueError:  # no numbers, or not three
+    except ValueError:  # not numbers, or not three
         return None
     return X, Y, Z
 
@@ -237,7 +237,7 @@ def _white_of(white: str) -> tuple[float, float, float]:
         if "," not in white:
             raise
         raise InputError(
-            f"{white!r} is no white; give X,Y,Z, as 95.05,100,108.88, or a light, as D65"
+            f"{white!r} is not a white; give X,Y,Z, as 95.05,100,108.88, or a light, as D65"
         ) from error
     return X, Y, Z
 
