@@ -23,9 +23,9 @@ from volspec.viewer.model.view import ZOOMS, View, clamp, face_normal, orbit_deg
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
-# Voxels sampled along each axis; the error is less than a percent of the picture.
+# The most voxels sampled along each axis; the error is below one percent of the picture.
 _MOST = 64
-# Below this fraction of the greatest opacity is haze.
+# Opacities below this fraction of the greatest count as haze.
 _HAZE = 0.02
 # Fraction of the picture's sides that a fitted view fills.
 _FILLS = 0.85
@@ -35,7 +35,7 @@ _ITERATIONS = 4
 def fit_view(
     view: View, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
 ) -> View:
-    """Fit a view to the visible part of a volume; the aspect is the picture's width by height."""
+    """Fit a view to the visible part of a volume; ``aspect`` is the picture's width / height."""
     axes = np.stack(view.camera(volume).frame())
     points = shown_mm(volume, transfer, shading) @ axes.T
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -54,7 +54,7 @@ def fit_view(
 
 
 def _span_within(along: Array, depth: Array, slope: float) -> tuple[float, float]:
-    """Return the distance at which points lie within ± a slope, and the place then centred."""
+    """Return the distance at which points fit within ± a slope, and the offset to centre them."""
     high, low = float((along - slope * depth).max()), float((-along - slope * depth).max())
     return (high + low) / (2 * slope), (high - low) / 2
 
@@ -70,7 +70,7 @@ def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> f
 
 
 def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
-    """(N, 3) points around the visible voxels; the volume's corners if nothing is."""
+    """(N, 3) points around the visible voxels; the volume's corners if none is visible."""
     steps = [-(-size // _MOST) for size in volume.values.shape]
     k, j, i = steps
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
@@ -120,10 +120,10 @@ def _visible_voxels(
 # A drag over the picture's height turns by this angle, and multiplies the zoom by e to this power.
 _TURN_DEG, _ZOOM_RATE = 180.0, 2.0
 # A notch of the wheel zooms as a drag over this fraction of the picture's height, rolls by these
-# degrees, or multiplies the field of view by e to this.
+# degrees, or multiplies the field of view by e to this power.
 _NOTCH, _NOTCH_DEG, _NOTCH_FOV = 0.06, 5.0, 0.06
 # A key turns by these degrees, pans by this fraction of the picture's height, or changes the
-# field of view by so many notches.
+# field of view by this many notches.
 _KEY_DEG, _KEY_PAN, _KEY_FOV = 15.0, 0.05, 3.0
 _FOVS_DEG = (5.0, 120.0)
 _POLE_DEG = 89.9
@@ -197,7 +197,7 @@ def look_at_face(state: ViewState, face: int) -> ViewState:
     if not 0 <= face < 6:
         return state
     azimuth, elevation = orbit_deg(face_normal(face), state.view.up)
-    # Straight from above or below any azimuth will do: the front stays at the bottom.
+    # Straight from above or below, any azimuth would do; 0 keeps the front at the bottom.
     azimuth = 0.0 if abs(elevation) > _POLE_DEG else azimuth
     return _with_view(state, azimuth_deg=azimuth, elevation_deg=elevation, roll_deg=0.0)
 
@@ -222,7 +222,7 @@ def _fit(state: ViewState) -> ViewState:
 
 
 def _side(title: str, key: str, azimuth_deg: float, elevation_deg: float) -> Command:
-    """Return the command that looks from a side, with F3D's key, or Ctrl and the opposite's."""
+    """Return the command that looks from a side; its key is F3D's, or Ctrl and the opposite's."""
     angles = {"azimuth_deg": azimuth_deg, "elevation_deg": elevation_deg, "roll_deg": 0.0}
     return Command(f"view-{title.lower()}", "View", title, (key,), bind(_with_view, **angles))
 

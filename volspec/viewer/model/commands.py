@@ -23,12 +23,12 @@ from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
 MENUS = ("File", "Edit", "View", "Cut", "Light", "Transfer", "Palette", "Window")
-# Letters of a word are within so many times its length.
+# A word's letters may spread over this many times its length.
 _LOOSE = 3
 
 
 def rank_matches(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -> list[Row]:
-    """Return rows whose text has the letters of every word in order, the best ones first."""
+    """Return the rows whose text contains the letters of every word in order, best match first."""
     words = search.casefold().split()
     if not words:
         return list(rows)
@@ -38,7 +38,7 @@ def rank_matches(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -
 
 
 def _rating(words: Sequence[str], text: str) -> float | None:
-    """Rate how well words match a text, higher is better; None if one does not match."""
+    """Rate how well words match a text, higher is better; None if any word does not match."""
     total = 0.0
     for word in words:
         at = text.find(word)
@@ -54,7 +54,7 @@ def _rating(words: Sequence[str], text: str) -> float | None:
 
 
 def _spread(word: str, text: str) -> int | None:
-    """Return the number of letters over which a word's are spread; None if some are missing."""
+    """Return how many letters of a text a word's letters span; None if some are missing."""
     at, first = -1, -1
     for letter in word:
         at = text.find(letter, at + 1)
@@ -111,7 +111,7 @@ def _switch(name: str, menu: str, title: str, key: str) -> Command:
 
 @edit
 def open_viewing(state: ViewState) -> ViewState:
-    """Open the panel of the viewing's settings."""
+    """Open the Viewing panel."""
     return with_interface(state, panels=state.interface.panels | {"Viewing"})
 
 
@@ -144,7 +144,7 @@ BY_KEY = {key: command for command in COMMANDS for key in command.keys}
 
 
 def format_key(key: str) -> str:
-    """Return a key as it is printed on menus.
+    """Format a key as menus show it.
 
     >>> format_key("ctrl+shift+z"), format_key("enter")
     ('Ctrl+Shift+Z', 'Enter')

@@ -1,8 +1,8 @@
-"""Crop box and clip planes: mathematics, handles, edits and commands.
+"""Crop box and clip planes: geometry, handles, edits and commands.
 
     state, projection -> [cuts] -> outlines, handles -> mouse, keys -> RaycastSpec
 
-The crop box is aligned with the voxels, planes with the world.
+The crop box is aligned with the voxel axes; clip planes are given in world coordinates.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from volspec.volume import Volume
 Array = NDArray[np.float64]
 Bounds = tuple[float, float]
 Crop = tuple[Bounds, Bounds, Bounds]
-# Planes nearer to each other than this fraction of the volume's radius are the same.
+# Planes closer to each other than this fraction of the volume's radius count as the same.
 _SAME = 1e-3
-# Voxels that a crop leaves at least along each axis.
+# The fewest voxels that a crop leaves along each axis.
 LEAST = 1.0
 
 
@@ -46,12 +46,12 @@ def crop_bounds(shading: RaycastSpec, volume: Volume) -> Crop:
 
 
 def world_mm(volume: Volume, index: Array) -> Array:
-    """(…, 3) points in the world of voxel indices (x, y, z)."""
+    """(…, 3) world coordinates of voxel indices (x, y, z)."""
     return np.asarray(index @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3])
 
 
 def box_corners_mm(crop: Crop, volume: Volume) -> Array:
-    """(2, 2, 2, 3) corners, the axes by x, y, z."""
+    """(2, 2, 2, 3) corners, indexed by their sides along x, y and z."""
     return world_mm(volume, np.stack(np.meshgrid(*crop, indexing="ij"), axis=-1))
 
 
@@ -69,7 +69,7 @@ _EDGES = [
 def box_edges(
     crop: Crop, volume: Volume, projection: Projection
 ) -> list[tuple[Place, Place, bool]]:
-    """Return the box's edges in the window, with True if the box itself hides them."""
+    """Return the box's edges in the window, each with True if the box itself hides it."""
     corners = box_corners_mm(crop, volume).reshape(8, 3)
     facing = _facing(crop, volume, projection)
     starts, ends = (corners[[edge[k] for edge in _EDGES]] for k in (0, 1))
@@ -93,7 +93,7 @@ def _facing(crop: Crop, volume: Volume, projection: Projection) -> NDArray[np.bo
 
 
 def anchor_mm(plane: ClipPlane, volume: Volume) -> Array:
-    """Return the point of a plane for its handles: its own, or if that is far off, a nearer one."""
+    """Return the place of a plane's handles: its own point, or a nearer one if that is far off."""
     centre, point = volume.corners_mm.mean(axis=0), np.asarray(plane.point_mm)
     if np.linalg.norm(point - centre) <= radius_mm(volume):
         return point
@@ -107,7 +107,7 @@ def distance_mm(plane: ClipPlane, volume: Volume) -> float:
 
 
 def outline_mm(point: Array, normal: Array, corners: Array) -> Array:
-    """(N, 3) corners of the polygon in which a plane cuts a box; empty if it does not."""
+    """(N, 3) corners of the polygon where a plane cuts a box; empty if it misses the box."""
     flat = corners.reshape(8, 3)
     heights = (flat - point) @ normal
     cuts = []
@@ -133,7 +133,7 @@ ARM, APART, _GRIP = 64.0, 26.0, 11.0
 class Handle:
     """A handle of the crop box or of a clip plane, in the window.
 
-    ``held`` is the projection of the face or axis, unlike ``place`` if handles would overlap.
+    ``held`` is the projection of the face or axis; ``place`` is moved off it if handles overlap.
     ``arm`` is the distance of a tilting handle's end from the plane's middle, in pixels.
     """
 
@@ -147,8 +147,8 @@ class Handle:
 def list_handles(state: ViewState, projection: Projection, scale: float) -> tuple[Handle, ...]:
     """Return the handles of the crop box and the clip planes in front of the camera.
 
-    Only the chosen plane can be tilted, and its handles come first. ``scale`` is the number of the
-    window's pixels for each at 96 dpi.
+    Only the chosen plane can be tilted, and its handles come first. ``scale`` is the window's
+    pixel density relative to 96 dpi.
     """
     overlays, shading, volume = state.interface.overlays, state.shading, state.document.volume
     found: list[Handle] = []
@@ -168,10 +168,10 @@ def list_handles(state: ViewState, projection: Projection, scale: float) -> tupl
 def drag_handle(
     shading: RaycastSpec, volume: Volume, handle: Handle, place: Place, projection: Projection
 ) -> tuple[float, float]:
-    """Return the numbers for `move_handle` that bring a handle to a place of the window.
+    """Return the numbers with which `move_handle` moves a handle to a place in the window.
 
-    They are the voxel of a face; a plane's distance from the volume's middle in mm; or azimuth and
-    elevation of its normal in degrees. ``shading`` and ``handle`` are those at the drag's start.
+    For a face: its voxel. For a plane: its distance from the volume's middle in mm, or its normal's
+    azimuth and elevation in degrees. ``shading`` and ``handle`` are from the start of the drag.
     """
     if handle.name == "crop":
         bounds = crop_bounds(shading, volume)
@@ -209,7 +209,7 @@ def _face_mm(crop: Crop, face: int, volume: Volume) -> Array:
 def _plane_handles(
     index: int, plane: ClipPlane, volume: Volume, projection: Projection, scale: float
 ) -> list[Handle]:
-    """Return a handle at its middle to shift it, and one at the end of its axis to tilt it."""
+    """Return the handle at a plane's middle that shifts it, and one on its axis that tilts it."""
     x, y, depth = (float(v) for v in projection.to_window(anchor_mm(plane, volume)))
     if depth <= 0:
         return []
@@ -224,7 +224,7 @@ def _plane_handles(
 
 
 def nearest_handle(found: tuple[Handle, ...], place: Place, scale: float) -> Handle | None:
-    """Return the handle that a press at a place of the window grips."""
+    """Return the handle that a press at a place in the window grips."""
     handle = min(found, key=lambda each: math.dist(each.place, place), default=None)
     if handle is None or math.dist(handle.place, place) > _GRIP * scale:
         return None
@@ -233,7 +233,7 @@ def nearest_handle(found: tuple[Handle, ...], place: Place, scale: float) -> Han
 
 @edit
 def move_crop(state: ViewState, face: int, at: float) -> ViewState:
-    """Move a face of the crop box to a voxel; a crop of the whole volume is none."""
+    """Move a face of the crop box to a voxel; a box around the whole volume removes the crop."""
     if not 0 <= face < 6:
         return state
     volume, (axis, far) = state.document.volume, divmod(face, 2)
@@ -262,7 +262,7 @@ def add_plane(state: ViewState, normal: Vector) -> ViewState:
                 "A clip plane lies here already; move that one first", code="duplicate"
             )
     if len(planes) >= MAX_PLANES:
-        raise InputError(f"{MAX_PLANES} clip planes are the most; remove one first", code="size")
+        raise InputError(f"The limit is {MAX_PLANES} clip planes; remove one first", code="size")
     chosen = with_overlays(state, plane=len(planes), planes=True)
     return _with_cuts(chosen, clip_planes=(*planes, new))
 
@@ -320,7 +320,7 @@ def choose_plane(state: ViewState, index: int) -> ViewState:
 
 
 def move_handle(state: ViewState, handle: Handle, x: float, y: float) -> ViewState:
-    """Apply a handle's edit; ``x`` and ``y`` as `drag_handle` returns them."""
+    """Apply a handle's edit; ``x`` and ``y`` are the numbers from `drag_handle`."""
     match handle.name:
         case "crop":
             return move_crop(state, handle.index, x)

@@ -35,7 +35,7 @@ from volspec.viewer.model.view import View
 from volspec.volume import Volume
 
 _JOINT_BINS = 128, 64
-# Voxels sampled: two milliseconds.
+# Number of voxels sampled, which takes two milliseconds.
 _SAMPLES = 60_000
 # The fraction of gradients below the axis' end.
 _SHOWN = 0.9995
@@ -51,7 +51,7 @@ class JointHistogram:
 
 
 def joint_histogram(volume: Volume) -> JointHistogram:
-    """Return the histogram of every n-th voxel along each axis, by central differences.
+    """Return the histogram of every n-th voxel along each axis; gradients by central differences.
 
     >>> from volspec.volume import phantom
     >>> joint = joint_histogram(phantom.ball(16))
@@ -79,14 +79,14 @@ def joint_histogram(volume: Volume) -> JointHistogram:
 def _sample_shifted(
     values: NDArray[Any], at: list[NDArray[np.intp]], axis: int, by: int
 ) -> NDArray[np.float64]:
-    """Return the voxels at indices, which are shifted along one axis and clamped to it."""
+    """Return the voxels at indices shifted along one axis and clamped to its ends."""
     shifted = [*at]
     shifted[axis] = np.clip(at[axis] + by, 0, values.shape[axis] - 1)
     return values[np.ix_(*shifted)].astype(np.float64)
 
 
 _BINS = 256
-# For a volume without a scene.
+# Lights for a volume without a scene.
 _LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
 
 
@@ -112,20 +112,20 @@ class Document:
         object.__setattr__(self, "joint", joint_histogram(self.volume))
 
     def saved(self) -> tuple[SceneFile, Path]:
-        """Return the scene's file and where it is; raises SceneError if there is none."""
+        """Return the scene's file and its path; raises SceneError if there is none."""
         if self.file is None or self.path is None:
-            problem = "was not read from a file; save the volume first"
+            problem = "not read from a file; save the volume first"
             raise SceneError(f"{self.title}: {problem}", code="missing")
         return self.file, self.path
 
     @property
     def folder(self) -> str:
-        """Folder that relative names of files start from."""
+        """Folder that relative file names start from."""
         return "." if self.path is None else str(self.path.parent)
 
     @property
     def source(self) -> str | None:
-        """Path that opens it again; None for the bundled demo, or without a file."""
+        """Path that opens the document again; None for the bundled demo or without a file."""
         if self.file is None or self.path is None or self.path == demo():
             return None
         return str(self.path) if self.path.suffix.lower() == ".toml" else self.file.volume.file
@@ -144,7 +144,7 @@ class Document:
         view: View | None = None,
         fault: str = "",
     ) -> Document:
-        """Return a scene with its volume; None takes the view from the file."""
+        """Make a document of a scene and its volume; ``view`` None uses the file's view."""
         return cls(
             title=scene.file.title or scene.path.stem,
             volume=volume,
@@ -190,7 +190,7 @@ def histogram(volume: Volume) -> NDArray[np.float64]:
     every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
     sampled = volume.values[::every, ::every, ::every]
     low, high = volume.range
-    # Shifted to 0: float32 is too coarse far from it to separate the bins' edges.
+    # Shifted to 0: far from 0, float32 is too coarse to separate the bins' edges.
     above = np.subtract(sampled, low, dtype=np.float64)
     return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
 

@@ -37,7 +37,7 @@ def after(change: Change, state: ViewState) -> Edited:
 
 
 def bind(change: Callable[..., ViewState | Edited], *given: Any, **named: Any) -> Change:
-    """Return an edit with all of its arguments but the state."""
+    """Bind all arguments of an edit except the state."""
     return lambda state: change(state, *given, **named)
 
 
@@ -49,7 +49,7 @@ def with_interface(state: ViewState, **changes: Any) -> ViewState:
 def edit(
     function: Callable[Concatenate[ViewState, P], ViewState],
 ) -> Callable[Concatenate[ViewState, P], ViewState]:
-    """Make an edit total: the state stays as it is at NaN and infinities, or if it is refused."""
+    """Make an edit total: NaN, infinities and refusals leave the state as it is."""
 
     @wraps(function)
     def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> ViewState:
@@ -66,7 +66,7 @@ def edit(
 def refusable(
     function: Callable[Concatenate[ViewState, P], ViewState],
 ) -> Callable[Concatenate[ViewState, P], Edited]:
-    """Make an edit return why it is refused instead of raising it."""
+    """Make a refused edit return its message instead of raising an error."""
 
     @wraps(function)
     def total(state: ViewState, /, *given: P.args, **named: P.kwargs) -> Edited:
@@ -89,7 +89,7 @@ def _is_finite(value: object) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Entry of a menu or of the command palette, and what a key does."""
+    """Command of a menu, of the command palette or of a key."""
 
     name: str
     menu: str  # one of `volspec.viewer.model.commands.MENUS`; empty if it is in none

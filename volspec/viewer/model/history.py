@@ -15,7 +15,7 @@ from volspec.viewer.model.state import ViewState
 
 Stage = Literal["cast", "relight", "frame"]
 
-# The first stage that depends on each field of a state; no light casts.
+# The first stage that depends on each field of a state; lights never need a cast.
 STAGES: dict[str, Stage] = {
     "document": "cast",
     "view": "cast",
@@ -36,9 +36,9 @@ STAGES: dict[str, Stage] = {
 }
 MOST_STEPS = 200
 _ORDER: tuple[Stage, ...] = ("cast", "relight", "frame")
-# Names of changes; the first that fits.
+# Names of changes; the first match is used.
 _WORDS = (
-    ("palette", ("palette",)),  # before the spectra that it has designed
+    ("palette", ("palette",)),  # before the spectra that the palette has designed
     ("view", ("view",)),
     ("lights", ("lights", "other", "divide")),
     ("light states", ("saved_lights",)),
@@ -66,12 +66,12 @@ class Difference:
 
     @property
     def stage(self) -> Stage | None:
-        """Return the first stage that must run again; None if nothing need be drawn."""
+        """Return the first stage that must run again; None if nothing needs to be drawn."""
         return self._stage_of(self.fields)
 
     @property
     def relights(self) -> bool:
-        """Return True if the current picture must be relit, also while another is cast.
+        """Return True if the current picture must be relit, even while another is being cast.
 
         Reflectances of materials that are channels are read when the picture is lit.
         """
@@ -81,13 +81,13 @@ class Difference:
 
     @property
     def undoable(self) -> bool:
-        """Return True if it is a step of undo: the window's size and own settings are not."""
+        """Return True if the change is an undo step; the window's size and settings are not."""
         stage = self._stage_of(self.fields - {"size"})
         return stage not in (None, "frame") or "saved_lights" in self.fields
 
     @property
     def name(self) -> str:
-        """Return the user's name of what has changed."""
+        """Return the name of the change for the user."""
         for name, fields in _WORDS:
             if not self.fields.isdisjoint(fields):
                 return name
@@ -105,16 +105,16 @@ class Difference:
 
 @dataclass(frozen=True, slots=True)
 class History:
-    """States before and after the present one; in both rows the nearest is last."""
+    """States before and after the current one; in both tuples the nearest is last."""
 
     present: ViewState
     past: tuple[ViewState, ...] = ()
     future: tuple[ViewState, ...] = ()
-    gesture: int = -1  # number of the one that made the present state
-    difference: Difference | None = None  # from the previous present state
+    gesture: int = -1  # number of the gesture that made the current state
+    difference: Difference | None = None  # from the previous current state
 
     def then(self, state: ViewState, gesture: int) -> History:
-        """Continue with a state; a gesture is one step, whatever number of states it makes."""
+        """Continue with a state; a gesture is one step, however many states it makes."""
         difference = Difference.between(self.present, state)
         if not difference.undoable:
             return replace(self, present=state, difference=difference)
@@ -129,7 +129,7 @@ class History:
         return History(state, past, difference=Difference.between(self.present, state))
 
     def amend(self, state: ViewState) -> History:
-        """Replace the present state by a late result of its step."""
+        """Replace the current state with a late result of its step."""
         return replace(self, present=state, difference=Difference.between(self.present, state))
 
     def undo(self) -> History:
@@ -149,7 +149,7 @@ class History:
     ) -> History:
         now = self.present
         interface = now.interface
-        if state.lights != now.lights:  # which one was chosen goes with them
+        if state.lights != now.lights:  # the chosen light belongs to them
             interface = replace(interface, light=state.interface.light)
         state = replace(state, size=now.size, interface=interface, fade=None)
         return History(state, past, future, difference=Difference.between(now, state))

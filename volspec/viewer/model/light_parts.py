@@ -2,7 +2,7 @@
 
     panels, pen -> [light_parts] -> state
 
-No edit makes a rig that gives no light, whatever its numbers: the row stays as it is.
+An edit that would leave a rig without any light leaves the row unchanged.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def other_names(state: ViewState, index: int) -> set[str]:
 
 @edit
 def set_lux(state: ViewState, index: int, lux: float, part: int = 0) -> ViewState:
-    """Set the illuminance of one of a light's spectra; at 0 or below none of them has lux."""
+    """Set the illuminance of one of a light's spectra; 0 or less removes lux from all of them."""
     row = light_rows.row_at(state.lights, index, part)
     if row is None:
         return state
@@ -68,7 +68,7 @@ def set_part_weight(state: ViewState, index: int, part: int, weight: float) -> V
 
 @edit
 def regroup(state: ViewState, index: int, part: int, group: str) -> ViewState:
-    """Move one of a light's spectra to another light group; ``""`` is all of them."""
+    """Move one of a light's spectra to another light group; ``""`` means all groups."""
     row = light_rows.row_at(state.lights, index, part)
     if row is None:
         return state
@@ -85,7 +85,7 @@ def _change_rig(state: ViewState, index: int, **changes: Any) -> ViewState:
 
 @edit
 def add_part(state: ViewState, index: int, group: str) -> ViewState:
-    """Add a spectrum to a light, for a light group: the first one's, with its weight and lux."""
+    """Copy a light's first spectrum, with its weight and lux, for a light group."""
     row = light_rows.row_at(state.lights, index)
     if row is None:
         return state
@@ -120,7 +120,7 @@ def _parts(row: light_rows.LightRow) -> list[tuple[int, str, float]]:
 
 
 def _set_parts(state: ViewState, index: int, parts: Sequence[tuple[int, str, float]]) -> ViewState:
-    """Make a light of its spectra by their numbers, each with a light group and a weight."""
+    """Rebuild a light from the given (spectrum index, light group, weight) parts."""
     row = state.lights[index]
     lux = row.rig.illuminance_lux
     rig = LightRig(
@@ -138,7 +138,7 @@ def _set_parts(state: ViewState, index: int, parts: Sequence[tuple[int, str, flo
 def draw(
     state: ViewState, index: int, part: int, start: light_rows.Place, end: light_rows.Place
 ) -> ViewState:
-    """Draw on a light's spectrum as `draw_stroke`, unless nothing visible would be left of it."""
+    """Draw on a light's spectrum with `draw_stroke`, unless nothing visible would remain."""
     row = light_rows.row_at(state.lights, index, part)
     if row is None:
         return state
@@ -183,6 +183,6 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
 
 
 def titles_from_text(text: str) -> tuple[str, str, float | None]:
-    """Return name, label and temperature of a light by its notation."""
+    """Return a light's name, label and temperature from its notation."""
     kelvin = light_rows.kelvin_from_text(text)
     return (text, text, None) if kelvin is None else (f"{kelvin:g} K", "Planck radiator", kelvin)

@@ -38,7 +38,7 @@ T = TypeVar("T")
 class LightRow:
     """One light of the list.
 
-    Raises ViewingError if there is not one text for each light of the rig.
+    Raises ViewingError unless there is one text per light of the rig.
     """
 
     name: str
@@ -52,7 +52,7 @@ class LightRow:
     # of files start from the document's folder.
     texts: tuple[str | None, ...] = ()
     before: LightRow | None = None  # this row before its spectrum was drawn
-    named: bool = False  # by the user: the name stays if the spectrum changes
+    named: bool = False  # by the user: the name is kept if the spectrum changes
 
     def __post_init__(self) -> None:
         count = len(self.rig.lights)
@@ -130,7 +130,7 @@ def effective_weights(rows: Rows) -> tuple[float, ...]:
 def light_rig(rows: Rows) -> LightRig | None:
     """Return the mix that lights the picture; None if every light is off.
 
-    It has lux if all lights that shine have them.
+    The mix has lux if every light that shines has lux.
     """
     weights = effective_weights(rows)
     return mixed_rig([row.rig for row in rows], weights) if any(weights) else None
@@ -181,7 +181,7 @@ def without_item(items: tuple[T, ...], index: int) -> tuple[T, ...]:
 
 
 def with_changes(rows: Rows, index: int, **changes: Any) -> Rows:
-    """Change fields of a row; nothing if there is no such row."""
+    """Change fields of a row; do nothing if there is no such row."""
     if not 0 <= index < len(rows):
         return rows
     return with_item(rows, index, replace(rows[index], **changes))
@@ -196,15 +196,15 @@ def only_row(rows: Rows, index: int) -> Rows:
 
 
 def brightest_row(rows: Rows) -> int:
-    """Return the index of the row that shines most; of several, or if none shines, the first."""
+    """Return the index of the brightest row; the first on a tie, or if none shines."""
     weights = effective_weights(rows)
     return weights.index(max(weights)) if weights else 0
 
 
 def unused_name(name: str, taken: Collection[str]) -> str:
-    """Return a name that is not taken, with a number after it if necessary.
+    """Return a name that is not taken, by appending a number if necessary.
 
-    Rows of one name would be one setting of a scene file.
+    Rows with the same name would become one setting of a scene file.
     """
     numbered = (f"{name} ({number})" for number in itertools.count(2))
     return next(each for each in itertools.chain((name,), numbered) if each not in taken)
@@ -241,7 +241,7 @@ def facing_lux(rig: LightRig, shares: Mapping[str, float]) -> float | None:
 
 
 def lux_note(rows: Rows, shares: Mapping[str, float], spec: RelightSpec) -> str:
-    """Return a sentence on the source of the scene's illuminance."""
+    """Return a sentence that explains the source of the scene's illuminance."""
     viewing_lux = spec.viewing.illuminance_lux
     lit = [row for row, weight in zip(rows, effective_weights(rows), strict=True) if weight > 0]
     without = [row.name for row in lit if row.rig.illuminance_lux is None]

@@ -21,20 +21,20 @@ from volspec.viewer.model.view import clamp
 
 MOST_SECONDS = 10.0
 MOST_STATES = 99
-# Settings of the viewing that are interpolated by ratio, and linearly.
+# Settings of the viewing that are interpolated by ratio and linearly, respectively.
 _BY_RATIO = ("illuminance_lux", "exposure")
 _BY_STEP = ("L_A", "Y_b", "surround", "D", "fov_deg")
 
 
 def recalled_rows(now: light_rows.Rows, saved: light_rows.Rows) -> light_rows.Rows:
-    """Return a saved state's lights; present lights that it lacks stay in the list, off."""
+    """Return a saved state's lights; current lights that it lacks stay in the list, off."""
     known = _matching_rows(now, saved)
     rest = [row for i, row in enumerate(now) if i not in known]
     return (*saved, *(replace(row, weight=0.0, solo=False, muted=False) for row in rest))
 
 
 def _matching_rows(start: light_rows.Rows, end: light_rows.Rows) -> list[int | None]:
-    """Return the index at the start of each light of the end; None if it is new.
+    """Return, for each light of ``end``, the index of its match in ``start``; None if it is new.
 
     Lights match by rig and name, else by the name before their spectrum was drawn, else by rig (a
     light that was renamed), else as Planck radiators.
@@ -65,9 +65,9 @@ def interpolate_lights(
 ) -> tuple[light_rows.Rows, RelightSpec]:
     """Interpolate between two settings of lights and viewing.
 
-    Weights, lux, spectra and the viewing's numbers change linearly; temperatures by mireds; lux of
-    the viewing and exposure by ratio; words change at the start. A ``share`` of 0 gives the start
-    itself, of 1 the end.
+    Weights, lux, spectra and the viewing's numbers change linearly, temperatures in mireds, the
+    viewing's lux and exposure by ratio; named options switch at the start. A ``share`` of 0 returns
+    the start itself, 1 the end.
     """
     if not share > 0.0:
         return start
@@ -139,7 +139,7 @@ def _relight_between(old: RelightSpec, new: RelightSpec, share: float) -> Religh
     try:
         viewing = replace(b, **changes) if changes else b
         return replace(new, viewing=viewing, backdrop=backdrop)
-    except VolspecError:  # words of the end contradict interpolated numbers
+    except VolspecError:  # the end's named options contradict interpolated numbers
         return new
 
 
@@ -157,10 +157,10 @@ def _are_numbers(*values: object) -> bool:
 
 @refusable
 def save(state: ViewState) -> ViewState:
-    """Save the present lights and viewing as a state."""
+    """Save the current lights and viewing as a state."""
     saved = state.saved_lights
     if len(saved) >= MOST_STATES:
-        raise InputError(f"{MOST_STATES} saved states are the most; delete one first", code="size")
+        raise InputError(f"The limit is {MOST_STATES} saved states; delete one first", code="size")
     taken = {each.name for each in saved}
     name = next(name for i in itertools.count(1) if (name := f"State {i}") not in taken)
     return replace(
@@ -170,7 +170,7 @@ def save(state: ViewState) -> ViewState:
 
 @edit
 def save_over(state: ViewState, index: int) -> ViewState:
-    """Replace a saved state by the present lights and viewing."""
+    """Overwrite a saved state with the current lights and viewing."""
     return _change(state, index, lights=state.lights, relight=state.relight)
 
 
@@ -210,7 +210,7 @@ def set_fade(state: ViewState, seconds: float) -> ViewState:
 
 
 def _change(state: ViewState, index: int, **changes: Any) -> ViewState:
-    """Change fields of a saved state; nothing if there is no such state."""
+    """Change fields of a saved state; do nothing if there is no such state."""
     saved = state.saved_lights
     if not 0 <= index < len(saved):
         return state
@@ -228,9 +228,9 @@ COMMANDS = (
 
 
 def during_fade(state: ViewState, elapsed_s: float) -> ViewState:
-    """Return the interpolated state at a time after its fade began; itself once that is over.
+    """Return the state interpolated to a time since its fade began; unchanged after the fade.
 
-    The state has the fade's end from its first moment, so that a fade is one step of undo.
+    The state holds the fade's end from the beginning, so that a fade is one undo step.
     """
     fade = state.fade
     if fade is None or elapsed_s >= fade.seconds:
@@ -241,9 +241,9 @@ def during_fade(state: ViewState, elapsed_s: float) -> ViewState:
 
 
 def after_fade(state: ViewState, shown: ViewState, new: ViewState) -> ViewState:
-    """Return the state for the history, after an edit made ``new`` of a state during its fade.
+    """Return the state for the history after an edit turned ``shown`` into ``new`` during a fade.
 
-    An edit of the lights or of the viewing ends the fade as it was ``shown``.
+    An edit of the lights or of the viewing stops the fade where it was ``shown``.
     """
     if new.fade is not shown.fade:
         return new

@@ -40,7 +40,7 @@ _DIGITS = 4
 
 
 def mix_row(rows: Rows, grid: SpectralGrid, folder: str = ".") -> LightRow | None:
-    """Return a light that alone gives the present mix; None if every light is off."""
+    """Return the current mix as a single light; None if every light is off."""
     rig = light_rig(rows)
     if rig is None:
         return None
@@ -60,10 +60,10 @@ def mix_row(rows: Rows, grid: SpectralGrid, folder: str = ".") -> LightRow | Non
 
 
 def _mix_text(rows: Rows, total_lux: float | None, group: str, folder: str) -> str | None:
-    """Return the mix that shines from a group in `volspec.light`'s notation.
+    """Return a light group's mix in `volspec.light`'s notation.
 
-    Weights are fractions of ``total_lux`` if that is given. None if nothing shines, or a
-    spectrum was drawn.
+    Weights are fractions of ``total_lux`` if that is given. None if nothing shines or a
+    spectrum was drawn by hand.
     """
     shares: dict[str, float] = {}
     for row, weight in zip(rows, effective_weights(rows), strict=True):
@@ -95,7 +95,7 @@ def dial_weights(count: int, x: float, y: float) -> tuple[float, ...]:
     """Return the weights of a place on the dial, whose rim has radius 1; they sum to 1.
 
     The polygon of the lights is a fan of triangles around the centre, where all weights are
-    equal; in each triangle weights are linear. Places outside go to its edge.
+    equal; in each triangle weights are linear. Places outside are moved to its edge.
 
     >>> dial_weights(4, 0.0, -1.0)
     (1.0, 0.0, 0.0, 0.0)
@@ -165,7 +165,7 @@ def toggle_mute(state: ViewState, index: int) -> ViewState:
 
 @edit
 def rename(state: ViewState, index: int, name: str) -> ViewState:
-    """Give a light another name, also in the palette; numbered if another light has it."""
+    """Rename a light, also in the palette; a name that is taken gets a number."""
     row, name = row_at(state.lights, index), " ".join(name.split())
     if row is None or name in ("", row.name):
         return state
@@ -176,9 +176,9 @@ def rename(state: ViewState, index: int, name: str) -> ViewState:
 
 @refusable
 def add(state: ViewState, text: str) -> ViewState:
-    """Add a light in `volspec.light`'s notation, alone and chosen.
+    """Add a light from `volspec.light`'s notation, show it alone, and choose it.
 
-    It gets the present total of lux, if all other lights have some.
+    It gets the current total lux if all other lights have lux.
     """
     spectrum, text = light_from_text(text, state.document.grid, state.document.folder)
     name, label, kelvin = light_parts.titles_from_text(text)
@@ -189,7 +189,7 @@ def add(state: ViewState, text: str) -> ViewState:
 
 
 def _present_lux(rows: Rows) -> tuple[float] | None:
-    """Return the present total of lux; None unless all lights have some."""
+    """Return the current total lux; None unless all lights have lux."""
     if any(row.rig.illuminance_lux is None for row in rows):
         return None
     rig = light_rig(rows) or rows[0].rig
@@ -200,24 +200,24 @@ def _present_lux(rows: Rows) -> tuple[float] | None:
 
 @refusable
 def keep_mix(state: ViewState) -> ViewState:
-    """Add the mix of all lights as one more light."""
+    """Add the mix of all lights as another light."""
     row = mix_row(state.lights, state.document.grid, state.document.folder)
     if row is None:
-        raise InputError("No light is on: there is no mix to add", code="missing")
+        raise InputError("No light is on, so there is no mix to add", code="missing")
     return _add_row(state, row)
 
 
 def _add_row(state: ViewState, row: LightRow) -> ViewState:
-    """Add a row at the end, alone, chosen, and under a name of its own."""
+    """Add a row at the end under an unused name, show it alone, and choose it."""
     rows = state.lights
     if len(rows) >= MOST_ROWS:
-        raise SpectrumError(f"{MOST_ROWS} lights are the most; remove one first", code="size")
+        raise SpectrumError(f"The limit is {MOST_ROWS} lights; remove one first", code="size")
     name = unused_name(row.name, {each.name for each in rows})
     return with_last(state, only_row((*rows, replace(row, name=name)), len(rows)))
 
 
 def with_last(state: ViewState, rows: Rows) -> ViewState:
-    """Set lights of which the last is new, and choose it."""
+    """Set the lights, and choose the last, which is new."""
     return choose(replace(state, lights=rows), len(rows) - 1)
 
 
@@ -234,7 +234,7 @@ def remove(state: ViewState, index: int) -> ViewState:
 
 def _remove_chosen(state: ViewState) -> Edited:
     if len(state.lights) < 2:
-        return Edited(state, "The last light stays; add another one first")
+        return Edited(state, "The last light cannot be removed; add another one first")
     return Edited(remove(state, state.interface.light))
 
 
@@ -248,7 +248,7 @@ def choose(state: ViewState, index: int) -> ViewState:
 
 @edit
 def show_alone(state: ViewState, index: int) -> ViewState:
-    """Show one light alone; the chosen one stays."""
+    """Show one light alone without choosing it."""
     if not 0 <= index < len(state.lights):
         return state
     return replace(state, lights=only_row(state.lights, index))
@@ -266,7 +266,7 @@ def _next_light(state: ViewState) -> ViewState:
 
 @edit
 def blend(state: ViewState, x: float, y: float) -> ViewState:
-    """Blend all lights by a place on the dial: the strongest gets weight 1, solo and mute go."""
+    """Blend all lights by a place on the dial; the strongest gets weight 1, solo and mute end."""
     weights = dial_weights(len(state.lights), x, y)
     most = max(weights, default=1.0)
     rows = tuple(
@@ -287,12 +287,12 @@ def _is_comparing(state: ViewState) -> bool:
 
 
 def _compare(state: ViewState) -> ViewState:
-    """Begin to compare with the present lights, at the right of a divide, or end that."""
+    """Start to compare with the current lights, shown to the right of a divide, or stop."""
     return replace(state, other=None if state.other else state.lights, divide=0.5)
 
 
 def _swap(state: ViewState) -> ViewState:
-    """Exchange the lights of both sides of the divide."""
+    """Swap the lights on the two sides of the divide."""
     return replace(state, lights=state.other, other=state.lights) if state.other else state
 
 

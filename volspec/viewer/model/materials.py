@@ -2,8 +2,8 @@
 
     notation -> [materials] -> Transfer -> raycast
 
-Materials become the channels of the cast, as with presets and palettes: a basis trained on others
-may not represent a new one, its own channel is exact.
+Materials become the channels of the cast, as with presets and palettes: a basis trained on other
+materials may not represent a new one, whereas a channel of its own is exact.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts, with_mix
 
 Value = TypeVar("Value")
-# One channel is white's.
+# One channel is for white.
 MOST_MATERIALS = MAX_CHANNELS - 1
 # Names of parts, and how many of them a message lists.
 _PARTS: dict[type, str] = {
@@ -48,7 +48,7 @@ _MOST_NAMED = 6
 
 @lru_cache(maxsize=1)
 def colour_names() -> tuple[str, ...]:
-    """Return the names of CSS Color 3, which `volspec.reflectance_from_colour` takes.
+    """Return the names of CSS Color 3, which `volspec.reflectance_from_colour` accepts.
 
     >>> len(colour_names()), colour_names()[:2]
     (147, ('aliceblue', 'antiquewhite'))
@@ -69,10 +69,10 @@ def is_colour(text: str) -> bool:
 
 
 def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: str) -> Spectrum:
-    """Return a reflectance on a grid from its name or file, as `volspec.reflectance` takes it.
+    """Return a reflectance on a grid from a name or file that `volspec.reflectance` accepts.
 
-    Else from a CSS colour or ``#rrggbb`` under D65: ``gold`` is the metal. Raises SpectrumError if
-    it is none of these.
+    Other text is a CSS colour or ``#rrggbb`` under D65; ``gold`` is the metal, not the colour.
+    Raises SpectrumError if the text is none of these.
     """
     try:
         return reflectance(text, grid, folder=folder)
@@ -86,8 +86,8 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     """Make one part of a single material, which is added if it is new.
 
     Materials become channels, unless filters or their number forbid it. If there are too many,
-    those that no part uses are removed. ``name`` is for a spectrum that has none. Raises
-    TransferError if there is no room for one more.
+    unused ones are removed. ``name`` is used if the spectrum has no name. Raises TransferError if
+    there is no room for another one.
     """
     if not 0 <= index < len(list_parts(transfer)):
         return transfer
@@ -101,7 +101,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
         if len(names) >= MOST_MATERIALS:
             raise TransferError(
                 f"{quoted(name)}: {MOST_MATERIALS} materials are in use, and no more can be cast; "
-                "give parts of one material another first",
+                "give the parts of one of them another material first",
                 code="size",
             )
         materials = {each: materials[each] for each in names}
@@ -131,7 +131,7 @@ def _without(own: Mapping[str, Value], name: str) -> dict[str, Value]:
 
 
 def _with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Transfer:
-    """Replace the materials; the channels too if materials are the channels."""
+    """Replace the materials, and the channels too if they are the materials."""
     basis = transfer.basis
     if isinstance(basis, MaterialBasis):
         basis = replace(basis, materials=materials)
@@ -163,7 +163,7 @@ def uses_of_material(transfer: Transfer, name: str) -> str:
 # Read for every material in every frame while their list is open.
 @lru_cache(maxsize=4)
 def _users(transfer: Transfer) -> Mapping[str, list[str]]:
-    """Return the parts with some of each material: their numbers in panels, or their labels."""
+    """Map each material to the parts that contain it: their numbers in panels, or their labels."""
     labels = isinstance(transfer, LabelFunction)
     users: dict[str, list[str]] = {}
     for number, part in enumerate(list_parts(transfer), 1):
@@ -179,12 +179,12 @@ def material_message(old: Transfer, new: Transfer) -> str:
         return ""
     name, message = added[0], f"Added {added[0]}"
     if not isinstance(new.basis, MaterialBasis):
-        why = "materials are too many" if len(new.materials) > MOST_MATERIALS else "filters need it"
-        message += f": basis {quoted(new.basis.name)} approximates it and stays, as {why}"
+        why = "too many materials" if len(new.materials) > MOST_MATERIALS else "the filters"
+        message += f": basis {quoted(new.basis.name)} stays and approximates it, because of {why}"
     elif not isinstance(old.basis, MaterialBasis):
         message += f": materials are the channels now, instead of basis {quoted(old.basis.name)}"
     if gone := [each for each in old.materials if each not in new.materials]:
-        message += f". Left out, as nothing is made of them: {', '.join(gone)}"
+        message += f". Removed as unused: {', '.join(gone)}"
     if new.materials[name].notes.get("constructed") == "nearest":
         message += ". No surface has this colour; the nearest is used"
     return message
@@ -219,7 +219,7 @@ def differ_in_spectra(old: Transfer, new: Transfer) -> bool:
 
 
 def same_channels(one: object, other: object) -> bool:
-    """Return True if two bases are of the same materials by name, in one order, on one grid."""
+    """Return True if two bases have the same materials by name, in the same order and grid."""
     if not (isinstance(one, MaterialBasis) and isinstance(other, MaterialBasis)):
         return False
     same = one.grid == other.grid and one.observer_deg == other.observer_deg
@@ -227,13 +227,13 @@ def same_channels(one: object, other: object) -> bool:
 
 
 def can_be_exact(transfer: Transfer) -> bool:
-    """Return True if materials can be the channels: they are few, and none has a filter."""
+    """Return True if materials can be the channels: they are few enough, and none has a filter."""
     filtered = isinstance(transfer, TransferFunction) and bool(transfer.filters)
     return not filtered and len(transfer.materials) < MAX_CHANNELS
 
 
 def with_material_basis(transfer: Transfer) -> Transfer:
-    """Make the materials the channels, if they are not and can be."""
+    """Make the materials the channels, if they can be and are not yet."""
     basis = transfer.basis
     if isinstance(basis, MaterialBasis) or not can_be_exact(transfer):
         return transfer
@@ -253,5 +253,5 @@ def with_reflectances(transfer: Transfer, changes: Mapping[str, Spectrum]) -> Tr
 
 
 def clip_spectrum(spectrum: Spectrum, most: float | None = None) -> Spectrum:
-    """Remove what a solver's rounding leaves outside of 0 to ``most``."""
+    """Clip to 0 to ``most`` a spectrum that a solver's rounding left slightly outside."""
     return replace(spectrum, values=np.clip(spectrum.values, 0.0, most))

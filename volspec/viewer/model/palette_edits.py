@@ -36,7 +36,7 @@ from volspec.viewer.model.view import clamp
 
 
 def _with_targets(state: ViewState, targets: palette_targets.DesignTargets) -> ViewState:
-    """Set the targets, and make materials the channels, so that their design needs no cast."""
+    """Set the targets, and make materials the channels, so that designs need no cast."""
     return replace(
         state,
         palette=state.palette.with_targets(targets),
@@ -46,7 +46,7 @@ def _with_targets(state: ViewState, targets: palette_targets.DesignTargets) -> V
 
 @edit
 def choose_cell(state: ViewState, number: int) -> ViewState:
-    """Choose a cell, and light the picture by its light."""
+    """Choose a cell, and light the picture with its light."""
     table = colour_table(state)
     place = table.place(number)
     if place is None:
@@ -97,13 +97,13 @@ def set_target(state: ViewState, number: int, text: str) -> ViewState:
 
 @edit
 def set_target_kind(state: ViewState, number: int, kind: str, other: int = -1) -> ViewState:
-    """Set the kind of a cell's target, compared with another cell or by default the next row's."""
+    """Set the kind of a cell's target, and the cell to compare with (default: in the row above)."""
     table = colour_table(state)
     place = table.place(number)
     reference = table.place(other)
     if place is None or place not in table.cells:
         return state
-    if reference == place or reference is None:  # the row above, or below the first
+    if reference == place or reference is None:  # the row above; for the first, the row below
         row, light = table.rows.index(place[0]), place[1]
         others = [name for name in table.rows if name != place[0]]
         reference = (others[max(row - 1, 0)], light) if others else None
@@ -161,7 +161,7 @@ def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
 
 @edit
 def toggle_constant(state: ViewState, index: int) -> ViewState:
-    """Turn on or off that a material keeps one colour under all lights."""
+    """Toggle whether a material keeps one colour under all lights."""
     names = tuple(state.transfer.materials)
     if not 0 <= index < len(names):
         return state
@@ -177,7 +177,7 @@ def toggle_constant(state: ViewState, index: int) -> ViewState:
 
 @edit
 def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
-    """Add a real lamp to those that a light is a sum of, or remove it."""
+    """Add a real lamp to those that a designed light may be a sum of, or remove it."""
     names = column_names(state.lights)
     if not 0 <= index < len(names) or not lamp:
         return state
@@ -192,7 +192,7 @@ def toggle_lamp(state: ViewState, index: int, lamp: str) -> ViewState:
 
 @edit
 def set_smoothness(state: ViewState, smoothness: float) -> ViewState:
-    """Set the smoothness of designed spectra; 0 if it is below the least of `SMOOTHNESS`."""
+    """Set the smoothness of designed spectra; below the least of `SMOOTHNESS` it is 0."""
     low, high = palette_targets.SMOOTHNESS
     return _with_criteria(state, smoothness=0.0 if smoothness < low else min(smoothness, high))
 
@@ -205,7 +205,7 @@ def set_metric(state: ViewState, name: str) -> ViewState:
 
 @edit
 def set_iterations(state: ViewState, count: float) -> ViewState:
-    """Set the most iterations of a design."""
+    """Set the maximum number of iterations of a design."""
     return _with_criteria(state, rounds=int(clamp(count, 1, palette_targets.MOST_ITERATIONS)))
 
 
@@ -237,7 +237,7 @@ def recast_range(state: ViewState, index: int, material: str) -> ViewState:
 def _design_from_scratch(state: ViewState) -> Edited:
     if not state.palette.targets.free:
         return Edited(state, "No spectrum may change yet; set a target colour in a cell")
-    # A new object: the same targets would not be designed again.
+    # A new object, as the same object of targets would not be designed again.
     board = palette_targets.PaletteState(replace(state.palette.targets), from_scratch=True)
     return Edited(replace(state, palette=board, transfer=with_material_basis(state.transfer)))
 
@@ -265,7 +265,7 @@ def _new_light(state: ViewState) -> Edited:
     wave = initial_spectrum(state.document.grid, len(state.lights))
     rows = with_designed_light(state.lights, name, "designed light", replace(wave, name=name))
     if rows is state.lights:
-        return Edited(state, f"{light_rows.MOST_ROWS} lights are the most; remove one first")
+        return Edited(state, f"The limit is {light_rows.MOST_ROWS} lights; remove one first")
     targets = state.palette.targets
     targets = replace(targets, free=targets.free | {(palette_targets.LIGHT, name)})
     return Edited(with_last(_with_targets(state, targets), rows))
@@ -288,7 +288,7 @@ COMMANDS = (
 
 
 def with_pick(state: ViewState, **changes: Any) -> ViewState:
-    """Change choices of the panel, a `Pick`."""
+    """Change the panel's choices, a `Pick`."""
     return with_interface(state, pick=replace(state.interface.pick, **changes))
 
 

@@ -1,4 +1,4 @@
-"""Wizards' results and palettes of files, brought into a state.
+"""Wizards' results and palette files, applied to a state.
 
 state -> [palette_results] -> Scene -> wizard -> state
 PALETTE.toml -> Palette -> [palette_results] -> state
@@ -42,9 +42,9 @@ from volspec.viewer.model.viewing import with_model
 from volspec.wizard import Redesigned, hide, keep, merge, reveal
 
 WIZARDS = ("hide", "reveal", "keep", "merge")
-# The most weight of a colour rounded to the display's codes, which cannot be met exactly.
+# The greatest weight of a colour rounded to the display's codes, which cannot be met exactly.
 _FIRM = 10.0
-# Spectra are the same if no band differs by more than this fraction of the greatest.
+# Spectra count as the same if no band differs by more than this fraction of the greatest.
 _SAME = 1e-3
 
 
@@ -56,7 +56,7 @@ def run_wizard(state: ViewState, name: str) -> Redesigned:
     if not can_be_exact(state.transfer):
         raise PaletteError(
             "wizards need materials as channels: at most "
-            f"{MAX_CHANNELS - 1}, and none with a filter; remove those in the scene file",
+            f"{MAX_CHANNELS - 1}, and none with a filter; remove the others in the scene file",
             code="unsupported",
         )
     scene, pick = wizard_scene(state), state.interface.pick
@@ -80,7 +80,7 @@ def run_wizard(state: ViewState, name: str) -> Redesigned:
 
 
 def with_wizard_result(state: ViewState, made: Redesigned) -> ViewState:
-    """Return the state with a wizard's spectra; its targets are in the table, to be edited."""
+    """Return the state with a wizard's spectra, and its targets in the table for editing."""
     changes = {name: clip_spectrum(made.design.reflectance(name), 1.0) for name in made.materials}
     transfer = with_reflectances(with_material_basis(state.transfer), changes)
     lights, new = state.lights, made.changes.light
@@ -95,8 +95,8 @@ def with_wizard_result(state: ViewState, made: Redesigned) -> ViewState:
 def _wizard_targets(made: Redesigned) -> DesignTargets:
     """Return a wizard's targets for the table.
 
-    A wizard compares with materials as they were. The table has no rows for these, so their
-    colours become the targets.
+    A wizard compares with materials as they were before. The table has no rows for these, so
+    their colours become the targets.
     """
     names = set(made.scene.materials)
     cells: dict[Place, Cell] = {}
@@ -115,7 +115,7 @@ def _wizard_targets(made: Redesigned) -> DesignTargets:
 
 
 def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:
-    """Return the ΔE reached, a line for each light; the light that it was for comes first."""
+    """Return the ΔE reached, one line per light; the light of the redesign comes first."""
     about = made.changes.light or palette_table.wizard_place(begun)[1]
     lines = []
     for row in sorted(made.evaluations, key=lambda row: row.light != about):
@@ -178,11 +178,11 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
             continue
         if len(lights) >= MOST_ROWS:
             raise PaletteError(
-                f"palette: no room for light {member.name!r}; {MOST_ROWS} lights are the most, "
+                f"palette: no room for light {member.name!r}, as the limit is {MOST_ROWS}; "
                 "remove some first",
                 code="size",
             )
-        lights = palette_table.with_designed_light(lights, member.name, "of the palette", spectrum)
+        lights = palette_table.with_designed_light(lights, member.name, "from a palette", spectrum)
         names[member.name] = palette_table.column_names(lights)[-1]
     reflectances = {
         rows[member.name]: clip_spectrum(member.spectrum.on(grid), 1.0)
@@ -206,7 +206,7 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
 
 
 def unmatched_reflectances(state: ViewState, palette: Palette) -> tuple[str, ...]:
-    """Return the names of a palette's reflectances for which the scene has no material left."""
+    """Return the names of a palette's reflectances that no material of the scene is left for."""
     rows = _match_spectra(palette.reflectances, state.transfer.materials)
     return tuple(row.name for row in palette.reflectances if row.name not in rows)
 
@@ -238,7 +238,7 @@ def _palette_targets(
 def _match_spectra(
     members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]
 ) -> dict[str, str]:
-    """Return the scene's name for each of the palette's, as long as the scene has any left."""
+    """Map the palette's names to the scene's, as long as the scene has any left."""
     found = _match_by_name(members, there)
     free = [name for name in there if name not in found.values()]
     return found | dict(zip((m.name for m in members if m.name not in found), free, strict=False))
@@ -247,7 +247,7 @@ def _match_spectra(
 def _match_by_name(
     members: Sequence[PaletteSpectrum], there: Mapping[str, Spectrum]
 ) -> dict[str, str]:
-    """Return the scene's name for each of the palette's with the same name, or same spectrum."""
+    """Map the palette's names to the scene's where the name or the spectrum is the same."""
     found = {member.name: member.name for member in members if member.name in there}
     for member in members:
         if member.name not in found and member.spectrum is not None:

@@ -41,7 +41,7 @@ from volspec.viewer.model.transfer_parts import MOST_PARTS
 
 @dataclass(frozen=True, slots=True)
 class Range:
-    """Values of consecutive points of one material, or of one mix with its weights."""
+    """Values of consecutive points with the same material, or the same weighted mix."""
 
     low: float
     high: float
@@ -65,7 +65,7 @@ def with_material_range(
 ) -> TransferFunction:
     """Assign a material to all values from ``low`` to ``high``; opacities stay.
 
-    Two points of one value at each end make the change sharp. Nothing changes if the material is
+    Two points of equal value at each end make the change sharp. Nothing changes if the material is
     unknown, the range is empty, or there would be too many points.
     """
     if material not in curve.materials or not low < high:
@@ -74,7 +74,7 @@ def with_material_range(
     before = [point for point in points if point[0] < low]
     after = [point for point in points if point[0] > high]
     inside = [(v, o, material) for v, o, _ in points if low < v < high]
-    # At a step there are several points of one value: the first holds below it, the last above.
+    # At a step, several points have the same value: the first applies below it, the last above.
     start = [point for point in points if point[0] == low] or [_interpolate(points, low)]
     end = [point for point in points if point[0] == high] or [_interpolate(points, high)]
     first, last = (low, start[-1][1], material), (high, end[0][1], material)
@@ -117,8 +117,8 @@ def _interpolate(points: list[Point], value: float) -> Point:
     return value, opacity, {name: weight for name, weight in weights.items() if weight > 0}
 
 
-# Limits of a freely designed light: the band of high visibility, and the most power in a band,
-# relative to its mean.
+# Limits of a freely designed light: the wavelengths of high visibility, and the greatest power
+# of a band relative to the mean.
 _BAND_NM, _MOST_POWER = (420.0, 680.0), 8.0
 _NONE = Cell("black")
 
@@ -148,7 +148,7 @@ class Table:
         return tuple(c.error for c in cells if c.error is not None and c.weight <= STAY)
 
     def place(self, index: int) -> Place | None:
-        """Return a cell by its number, row by row; None if there is none."""
+        """Return the cell with a number, row by row; None if there is none."""
         if not 0 <= index < len(self.rows) * len(self.columns):
             return None
         row, column = divmod(index, len(self.columns))
@@ -196,7 +196,7 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
     spectra = {(REFLECTANCE, name): spectrum for name, spectrum in transfer.materials.items()}
     spectra |= {(LIGHT, name): spectrum for name, spectrum in lights}
     cells = _existing_cells(targets.cells, rows, names)
-    # A palette needs a free row; its state is then the present one.
+    # A palette needs a free row; its starting state is the current one.
     members = tuple(
         PaletteSpectrum(name, transfer.materials[name], free=True, upper=None) for name in rows
     )
@@ -219,7 +219,7 @@ def unmeasured_viewing(viewing: Viewing) -> Viewing:
 def _existing_cells(
     cells: Mapping[Place, Cell], rows: tuple[str, ...], names: tuple[str, ...]
 ) -> dict[Place, Cell]:
-    """Return the cells whose materials and lights exist: a light may be removed or renamed."""
+    """Return the cells whose materials and lights still exist."""
 
     def exists(place: Place) -> bool:
         return place[0] in rows and place[1] in names
@@ -261,7 +261,7 @@ def palette_from_state(state: ViewState) -> Palette:
 
 
 def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:
-    """Return the spectrum that a new light starts from: a wave, another for each number."""
+    """Return the spectrum that a new light starts from: a wave that differs with the number."""
     lights = tuple(PaletteSpectrum(f"{n}", free=True, band_nm=_BAND_NM) for n in range(number + 1))
     grey = PaletteSpectrum("grey", free=True)
     state = State.start(Palette((grey,), lights, {("grey", lights[-1].name): _NONE}, grid=grid))
@@ -270,7 +270,7 @@ def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:
 
 
 def with_free_spectrum(state: ViewState, member: Member) -> DesignTargets:
-    """Return the targets with a spectrum free; its other cells should keep their colours."""
+    """Return the targets with a spectrum freed; its other cells should keep their colours."""
     targets, table = state.palette.targets, colour_table(state)
     if member in targets.free:
         return targets
@@ -300,7 +300,7 @@ def with_design(state: ViewState, made: Design, targets: DesignTargets) -> ViewS
 
 
 def wizard_place(state: ViewState) -> Place:
-    """Return the chosen cell, which wizards redesign; by default the last under the brightest."""
+    """Return the cell for wizards: the chosen one, or the last row under the brightest light."""
     rows, names = tuple(state.transfer.materials), column_names(state.lights)
     row, column = state.interface.pick.place or ("", "")
     lit = names[light_rows.brightest_row(state.lights)]
@@ -322,7 +322,7 @@ def column_names(rows: Rows) -> tuple[str, ...]:
 
 
 def with_lights(rows: Rows, changes: Mapping[str, Spectrum]) -> Rows:
-    """Replace spectra of lights by `column_names`; lux and weights stay."""
+    """Replace the spectra of lights, given by their `column_names`; lux and weights stay."""
     for index, name in enumerate(column_names(rows)):
         if name in changes and len(rows[index].rig.lights) == 1:
             rig = replace(rows[index].rig, lights=(changes[name],))

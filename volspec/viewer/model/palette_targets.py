@@ -21,7 +21,7 @@ REFLECTANCE, LIGHT = "reflectance", "light"
 Member = tuple[str, str]
 """Kind, `REFLECTANCE` or `LIGHT`, and name."""
 
-# Weight of a cell that should keep its colour if it can; a target has 1.
+# Weight of a cell that should keep its colour if possible; a target's weight is 1.
 STAY = 0.05
 WEIGHTS = (0.05, 20.0)
 DISTANCES = (1.0, 100.0)
@@ -36,7 +36,7 @@ class DesignTargets:
     cells: Mapping[Place, Cell] = field(default_factory=dict)  # by material and light
     free: frozenset[Member] = frozenset()  # spectra that are designed; all others are given
     constant: frozenset[str] = frozenset()  # materials that should have one colour in every light
-    # Lamps by open light: the light must be a sum of these.
+    # Real lamps by free light: the light must be a sum of them.
     lamps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     criteria: Criteria = field(default_factory=Criteria)
 
@@ -45,7 +45,7 @@ class DesignTargets:
         object.__setattr__(self, "lamps", MappingProxyType(dict(self.lamps)))
 
     def with_light_renamed(self, old: str, new: str) -> DesignTargets:
-        """Return the targets with a light renamed; themselves if they do not name it."""
+        """Return the targets with a light renamed; unchanged if they do not name it."""
 
         def renamed(place: Place) -> Place:
             return place[0], new if place[1] == old else place[1]
@@ -63,11 +63,11 @@ class DesignTargets:
 
 @dataclass(frozen=True, slots=True)
 class PaletteState:
-    """Targets, and those that the state's spectra were last designed for."""
+    """Targets, and the targets that the state's spectra were last designed for."""
 
     targets: DesignTargets = field(default_factory=DesignTargets)
     designed_for: DesignTargets | None = None
-    # Start the design without the present spectra: it may find another optimum.
+    # Start the design without the current spectra: it may find another optimum.
     from_scratch: bool = False
 
     def with_light_renamed(self, old: str, new: str) -> PaletteState:
@@ -89,7 +89,7 @@ class PaletteState:
 
 @dataclass(frozen=True, slots=True)
 class Pick:
-    """Choices in the panel, for wizards and materials of values; changing them is no undo step."""
+    """Choices in the panel, for wizards and materials of values; changes are not undo steps."""
 
     place: Place | None = None  # the chosen cell, whose material and light wizards redesign
     materials: frozenset[str] = frozenset()  # to merge
@@ -107,14 +107,14 @@ class DesignStatus:
 
     busy: str = ""  # the task in progress; empty if there is none
     complaint: str = ""  # error message of the last design or wizard
-    advice: tuple[str, ...] = ()  # changes that would help targets that are missed
+    advice: tuple[str, ...] = ()  # changes that would help to meet missed targets
     reached: tuple[str, ...] = ()  # results of the last wizard
 
 
 def as_kind(kind: str, own: Cell | None, shown: Triple, other: Place | None) -> Cell | None:
     """Return a cell's target of another kind and the same weight.
 
-    It is about the cell ``other`` if it compares two. A new colour starts from the codes
+    A kind that compares two cells refers to ``other``. A new colour starts from the codes
     ``shown``. Any kind that is not one of `Cell.kind` removes the target.
     """
     weight = own.weight if own else 1.0

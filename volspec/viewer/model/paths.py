@@ -49,7 +49,7 @@ def check_name(path: str | os.PathLike[str]) -> None:
     whole = os.path.abspath(path)
     if not _is_text(whole):
         raise InputError(
-            f"{whole}: this name is not UTF-8, no scene or session could hold it; rename it",
+            f"{whole}: the name is not UTF-8, so no scene or session can store it; rename it",
             code="unsupported",
         )
 
@@ -74,10 +74,10 @@ class Listing:
 def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
     """List folders, and files with one of the endings, that complete a path.
 
-    ``~`` is the user's home folder; no endings, in lower case, list all. Names that are not UTF-8
-    are left out, as `check_name` refuses them.
+    ``~`` is the user's home folder. ``suffixes`` are in lower case; none lists all files. Names
+    that are not UTF-8 are left out, as `check_name` refuses them.
     """
-    start = max(text.rfind("/"), text.rfind(os.sep)) + 1  # Windows takes both
+    start = max(text.rfind("/"), text.rfind(os.sep)) + 1  # Windows accepts both
     folder, typed = text[:start], text[start:]
     rows: list[str] = []
     try:
@@ -108,12 +108,12 @@ class PathRequest:
     kind: str  # identifies the request in the answer
     title: str
     save: bool = False  # the file will be written
-    # Endings of its name; the first is added to a name to be written that has none of them.
+    # Accepted endings; the first is added to a file name for saving that has none of them.
     suffixes: tuple[str, ...] = ()
     start: str = ""  # the proposed path
 
     def complete(self, text: str) -> str:
-        """Return a typed path with ``~`` and the ending filled in; empty if it is empty."""
+        """Return a typed path with ``~`` and the ending filled in; an empty one stays empty."""
         path = os.path.expanduser(text.strip())
         ends = not self.save or path.lower().endswith(self.suffixes)
         return path if not path or ends else path + self.suffixes[0]

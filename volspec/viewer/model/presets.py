@@ -27,7 +27,7 @@ Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 @settings(InputError)
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """A transfer function for one kind of volume, as ``data/presets.toml`` has it."""
+    """A transfer function for one kind of volume, as given in ``data/presets.toml``."""
 
     name: str
     title: str
@@ -57,13 +57,13 @@ DEFAULT = "soft-hard"
 
 # Air, half-way to tissue, tissue, dense bone, the greatest 12-bit value.
 _MARKS_HU = (-1000.0, -450.0, 40.0, 1000.0, 3071.0)
-# Volumes whose range includes these two are taken for Hounsfield units.
+# Volumes whose range includes these two are taken to be in Hounsfield units.
 _HU = (-500.0, 500.0)
-# Opacities hold over the volume's diagonal divided by this, so that finer voxels look the same.
+# Opacities are per volume's diagonal divided by this, so that finer voxels look the same.
 _STEPS = 440.0
-# Quantile of the voxels of matter that is its top.
+# Quantile of the voxels of matter that counts as its top.
 _TOP = 0.998
-# The least distance of two landmarks, as a fraction of the range.
+# The least distance between two landmarks, as a fraction of the range.
 _APART = 1 / 24
 _NAME = "preset "
 
@@ -90,7 +90,7 @@ def value_span(volume: Volume) -> tuple[float, float]:
 def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[float, ...]:
     """Return five rising values: the least, the edge of matter, its middle and top, the greatest.
 
-    Counts are (N,) voxels by value from ``low`` to ``high``. The edge is Otsu's (1979),
+    Counts are (N,) voxels by value from ``low`` to ``high``. The edge is Otsu's threshold (1979),
     "A threshold selection method from gray-level histograms", IEEE Trans. SMC 9(1), 62-66.
 
     >>> landmarks(np.array([90.0, 0, 0, 0, 5, 5, 0, 0, 0, 0]), 0, 100)
@@ -104,7 +104,7 @@ def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[flo
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = below * above * (sums[:-1] / below - (sums[-1] - sums[:-1]) / above) ** 2
     apart = np.nan_to_num(apart)
-    # Empty bins make many thresholds equal; the middle one is far from both sides.
+    # Empty bins make many thresholds equally good; the middle one is far from both sides.
     best = np.flatnonzero(apart >= apart.max() * (1 - 1e-9))
     cut = int((best[0] + best[-1]) // 2) + 1
     matter = np.cumsum(counts[cut:]) / max(counts[cut:].sum(), 1.0)
@@ -155,7 +155,7 @@ def _marks(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:
 
 
 def step_mm(volume: Volume) -> float:
-    """Return the length over which the opacities of presets hold."""
+    """Return the reference step for the opacities of presets."""
     corners = volume.corners_mm
     return float(np.linalg.norm(corners[-1] - corners[0])) / _STEPS
 

@@ -1,8 +1,8 @@
-"""A state as a scene's file.
+"""Export of a state as a scene file.
 
     state -> [scene_file] -> SCENE.toml
 
-The present mix becomes the first light, under which the viewer opens a scene.
+The current mix becomes the first light, under which the viewer opens a scene.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from volspec.viewer.model.transfer_parts import KINDS, list_points
 
 # A folder without files: relative names must not be found in the working directory by chance.
 NOWHERE = "/"
-# Name of a light that several others make together.
+# Name of a light that combines several others.
 _MIX = "mix"
 
 
 def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
-    """Return the present mix first, then the lights as they would be alone."""
+    """Return the current mix first, then each light as it is alone."""
     rows = state.lights
     weights = light_rows.effective_weights(rows)
     lit = [index for index, weight in enumerate(weights) if weight > 0]
@@ -58,7 +58,7 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
         rig = light_rows.light_rig(rows)
         assert rig is not None
         label = " + ".join(rows[index].name for index in lit)
-        if len(set(rig.groups)) < len(rig.groups):  # a file has one light of each in a setting
+        if len(set(rig.groups)) < len(rig.groups):  # a setting in a file has one light per group
             rig = light_rows.merge_groups(rig, rig.lights[0].grid)
         settings.insert(0, (light_rows.LightRow(_MIX, label, rig), 1.0))
     tables: dict[str, list[LightSpec]] = {}
@@ -77,7 +77,7 @@ def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -
     """Return the table of one of a light's spectra."""
     rig, spectrum = row.rig, row.rig.lights[part]
     given = _library_name(row.texts[part], spectrum) or SpectrumNumbers.of(spectrum)
-    # A file's numbers are scaled when they are read; of lights with lux they are shapes.
+    # A file's numbers are normalised when they are read; with lux only their shape counts.
     scaled = isinstance(given, SpectrumNumbers) and rig.illuminance_lux is None
     return LightSpec(
         name=name,
@@ -90,7 +90,7 @@ def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -
 
 
 def _library_name(text: str | None, spectrum: Spectrum) -> str | None:
-    """Return a light's notation if it gives that spectrum wherever a scene's file is."""
+    """Return a light's notation if it yields that spectrum wherever the scene file is."""
     if text is None:
         return None
     try:
@@ -118,11 +118,11 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     """Write a state as a ``.toml``; a basis that the file cannot reproduce is written next to it.
 
     Raises SceneError if the name is not ``.toml``, the document has no file, or no scene file can
-    hold the state; InputError if nothing can be written there.
+    represent the state; InputError if nothing can be written there.
     """
     target = require_suffix(path, "scenes", ".toml", error=SceneError)
     file, (_, opened) = scene_from_state(state), state.document.saved()
-    # The numbers of the file lead to the same basis, or the basis itself is saved.
+    # The basis itself is saved unless the file's numbers lead to the same one.
     like = Scene(file, opened)
     basis = state.transfer.basis
     if like.basis.fingerprint != basis.fingerprint:
@@ -134,17 +134,17 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
 
 
 def scene_from_state(state: ViewState) -> SceneFile:
-    """Return a scene's file that shows the same as the state.
+    """Return a scene file that shows the same picture as the state.
 
-    Names of files start from the open file's folder.
+    Relative file names start from the open file's folder.
 
-    Raises SceneError if the document has no file, or no file can hold the state: no light is on, or
-    the backdrop is a spectrum.
+    Raises SceneError if the document has no file, or no file can represent the state: no light is
+    on, or the backdrop is a spectrum.
     """
     document, (file, _) = state.document, state.document.saved()
     if light_rows.light_rig(state.lights) is None:
         raise SceneError(
-            "No light is on, and a scene opens under its first light, so none shows this; "
+            "No light is on, but a scene opens under its first light, so none can show this; "
             "turn one on",
             code="missing",
         )
@@ -174,7 +174,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
 
 
 def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:
-    """Return materials: by name if unchanged since they were opened, others as numbers."""
+    """Return the materials: as in the file if unchanged since then, otherwise as numbers."""
     old, new = state.document.transfer, state.transfer
     rows = {row.name: row for row in file.material}
 
@@ -220,7 +220,7 @@ def transfer_table(transfer: Transfer) -> TransferSpec:
 
 
 def mix_as_written(mix: Mix) -> str | dict[str, float]:
-    """Return a mix as a file has it: the name of a material that is alone in it."""
+    """Return a mix as written in a file: a single material by its name alone."""
     if isinstance(mix, str):
         return mix
     shares = {name: float(share) for name, share in mix.items()}
@@ -228,13 +228,13 @@ def mix_as_written(mix: Mix) -> str | dict[str, float]:
 
 
 def is_shipped(basis: Basis) -> bool:
-    """Return True if a basis is loaded by its name."""
+    """Return True if a basis is a shipped one, which can be loaded by its name."""
     name = basis.name
     return name in shipped_names() and SpectralBasis.load(name).fingerprint == basis.fingerprint
 
 
 def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
-    """Return the file's table, unless the basis has another source with a name."""
+    """Return the file's table, unless the basis now has another source that can be named."""
     basis = state.transfer.basis
     if basis is state.document.transfer.basis and table.name is not None:
         return table

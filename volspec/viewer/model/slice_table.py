@@ -1,8 +1,8 @@
-"""The coefficient image of all values of a volume, by which slices are lit.
+"""The coefficient image of all values of a volume, with which slices are lit.
 
     volume, transfer -> [slice_table] -> CoefficientImage -> Relighter -> slice_pictures
 
-A slice's colours depend on its voxels' values alone: to relight a table of all values takes
+A slice's colours depend on its voxels' values alone, so relighting a table of all values takes
 the same few milliseconds however large the slices are.
 """
 
@@ -110,11 +110,11 @@ def _look_up(
     table: TransferTable | SurfaceTable, values: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return (N,) opacities and (N, K) material weights of values."""
-    if isinstance(table, SurfaceTable):  # the inside of a surface is made of it
+    if isinstance(table, SurfaceTable):  # the inside of a surface has its material
         inside = np.searchsorted(table.values, values, side="right") - 1
         return np.where(inside < 0, 0.0, table.opacity[inside]), table.material_weights[inside]
     opacity, shares = table.opacity, table.material_weights
-    if opacity.ndim == 2:  # over gradients, of which a slice shows the mean
+    if opacity.ndim == 2:  # varies with the gradient; a slice shows the mean
         weights = np.maximum(opacity, 1e-9)[..., None]
         shares = (shares * weights).sum(axis=0) / weights.sum(axis=0)
         opacity = opacity.max(axis=0)

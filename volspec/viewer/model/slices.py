@@ -21,14 +21,14 @@ from volspec.viewer.model.state import Slices, ViewState
 from volspec.viewer.model.view import clamp
 from volspec.volume import Volume
 
-# Fractions of the voxels between which greys run unless they are set.
+# Quantiles of the voxels' values that are black and white unless these are set.
 _QUANTILES = (0.005, 0.995)
-# The least difference of black and white, as a fraction of the volume's range.
+# The least difference between black and white, as a fraction of the volume's range.
 _NARROWEST = 0.002
 # Directions of the negative and positive world axes in ITK's LPS frame (docs/conventions.md).
 PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
 AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
-# A direction gets a second letter from this component on, about 15 degrees.
+# A direction gets a second letter if that component is at least this (about 15 degrees).
 _LEANS = 0.26
 
 
@@ -52,7 +52,7 @@ PLANES = (
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """A plane by the nearest axes of the voxels; ``flipped`` if its picture runs against them."""
+    """A plane in terms of the nearest voxel axes; ``flipped`` if its picture runs against them."""
 
     normal: int
     across: int
@@ -66,7 +66,7 @@ def slice_layout(volume: Volume, plane: Plane) -> Layout:
 
 
 def _directions(volume: Volume) -> tuple[float, ...]:
-    """Return the matrix of the voxels' axes: a cache by volumes would keep closed ones alive."""
+    """Return the matrix of the voxel axes; a cache keyed by volume would keep closed ones alive."""
     return tuple(volume.world_from_index[:3, :3].ravel().tolist())
 
 
@@ -113,7 +113,7 @@ def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
 
 
 def crossing_place(volume: Volume, layout: Layout, slices: Slices) -> tuple[float, float]:
-    """Return the crossing of the other two slices in this one's picture, 0 to 1 right and down."""
+    """Return where the other two slices cross in this slice's picture, 0 to 1 right and down."""
     x, y = (
         (voxel_number(volume, axis, slices.at[axis]) + 0.5) / volume.shape_xyz[axis]
         for axis in (layout.across, layout.down)
@@ -144,7 +144,7 @@ def is_patient(volume: Volume, chosen: bool | None) -> bool:
     """Return True if directions are a patient's: as chosen, or if the file has an orientation."""
     if chosen is not None:
         return chosen
-    # Without one the first voxel is at the origin, and the axes are along the world's.
+    # Without an orientation, the first voxel is at the origin and the axes are the world's.
     matrix = volume.world_from_index
     return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
 
@@ -194,7 +194,7 @@ def grey_window(slices: Slices, histogram: NDArray[np.float64]) -> tuple[float, 
     """Return the values shown black and white, 0 to 1 of a volume's range, as set or by default."""
     if slices.greys is not None:
         return slices.greys
-    # Without the background, which mostly has the least value and would outweigh the rest.
+    # Without the background, which usually has the least value and would outweigh the rest.
     counts = np.r_[0.0, histogram[1:]]
     if not counts.any():
         return 0.0, 1.0
@@ -234,7 +234,7 @@ def step_slice(state: ViewState, plane: int, steps: float) -> ViewState:
 
 @edit
 def point_at(state: ViewState, plane: int, x: float, y: float) -> ViewState:
-    """Move the other two planes to a place in one's picture, 0 to 1 right and down."""
+    """Move the other two planes to a place in one plane's picture, 0 to 1 right and down."""
     if not 0 <= plane < len(PLANES):
         return state
     volume, at = state.document.volume, list(state.interface.slices.at)
@@ -266,7 +266,7 @@ def _toggle_patient(state: ViewState) -> ViewState:
 
 
 _CENTRE = Slices().at
-# By plane: its name, and for page down and page up the directions that they move it.
+# Each plane's name, and the directions in which page down and page up move it.
 _PAGES = (
     ("Axial", (("down", "pagedown", -1.0), ("up", "pageup", 1.0))),
     ("Coronal", (("forward", "shift+pagedown", -1.0), ("backward", "shift+pageup", 1.0))),

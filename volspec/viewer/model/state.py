@@ -1,4 +1,4 @@
-"""The viewer's state, frozen: every change makes another one, and undo goes back to one.
+"""The viewer's frozen state: every change makes a new one, and undo returns to an earlier one.
 
 inputs, panels -> [state] -> cast, relight, frame
 """
@@ -22,7 +22,7 @@ class Overlays:
 
     cube: bool = True  # the orientation cube
     scale: bool = True  # the scale bar
-    # The crop's box and the clip planes, with handles; they cut also if they are hidden.
+    # The crop box and the clip planes, with handles; they cut even if they are hidden.
     crop: bool = False
     planes: bool = True
     plane: int = 0  # index of the chosen clip plane
@@ -75,12 +75,12 @@ class ViewState:
     divide: float = 0.5  # position of the divide, 0 to 1 of the picture's width
     interface: Interface = field(default_factory=Interface)
     saved_lights: tuple[LightState, ...] = ()
-    fade: Fade | None = None  # start of the fade to this state's lights, as long as it lasts
+    fade: Fade | None = None  # start of the fade to this state's lights, while it lasts
     # Targets only: the designed spectra are in `transfer` and `lights`.
     palette: PaletteState = field(default_factory=PaletteState)
     thickness: float = 1.0  # factor by which the transfer function was thickened
-    # The transfer function before it was thickened, its thickness, and the result: valid as long
-    # as that is `transfer`. Opacities that were rounded to 1 come back from it.
+    # The transfer function before it was thickened, its thickness, and the result: valid while the
+    # result is `transfer`. Opacities that were rounded to 1 are restored from it.
     unthickened: tuple[Transfer, float, Transfer] | None = None
 
     def __post_init__(self) -> None:
@@ -90,7 +90,7 @@ class ViewState:
 
     @classmethod
     def first(cls, document: Document, size: tuple[int, int]) -> ViewState:
-        """Return the state of a scene as its file has it."""
+        """Return the initial state of a scene, as in its file."""
         return cls(
             document,
             document.view,

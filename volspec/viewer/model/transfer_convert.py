@@ -2,8 +2,8 @@
 
     Transfer -> [transfer_convert] -> Transfer
 
-Between them are bands: ranges of values that look alike. A band of a curve is a run of points of
-one main material and of similar opacity.
+The conversion goes through bands: ranges of values that look alike. A band of a curve is a run
+of points with the same main material and similar opacity.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ def transfer_kind(transfer: Transfer) -> Kind:
 
 
 def convert(transfer: Transfer, kind: Kind, span: tuple[float, float]) -> Transfer:
-    """Return the most similar transfer function of another kind, for values of a span.
+    """Return the most similar transfer function of another kind, for values within a span.
 
-    It is returned itself if it is of this kind, or if either is of labels, which are no values.
+    It is returned unchanged if it has this kind, or if either kind is labels, which are not values.
     """
     if not _is_convertible(transfer, kind):
         return transfer
@@ -134,7 +134,7 @@ def _bands_of_curve(curve: TransferFunction, span: tuple[float, float]) -> list[
     if not runs:  # nothing is visible, but a transfer function needs a part
         runs = [range(len(curve.points))]
     reach = _OVER * (span[1] - span[0])
-    # Beyond its ends a curve goes on as it is.
+    # Beyond its ends a curve is constant.
     values = [value for value, _, _ in curve.points]
     before, after = min(values[0], span[0]) - reach, max(values[-1], span[1]) + reach
     bands = []
@@ -162,7 +162,7 @@ def _end(points: Sequence[Point], last: int, following: int, beyond: float) -> f
 
 
 def _runs(points: Sequence[Point]) -> list[range]:
-    """Return runs of visible points of one main material and of similar opacity."""
+    """Return runs of visible points with the same main material and similar opacity."""
     runs: list[range] = []
     for i, (_, opacity, mix) in enumerate(points):
         if opacity <= 0:
@@ -183,7 +183,7 @@ def _main(mix: Mix) -> str:
 
 
 def _mean_mix(weights: Sequence[float], mixes: Iterable[Mix]) -> dict[str, float]:
-    """Return the weighted mean of mixes; its shares sum to at most 1, whatever rounding did."""
+    """Return the weighted mean of mixes; its shares sum to at most 1 despite rounding."""
     mix: dict[str, float] = {}
     for weight, own in zip(weights, mixes, strict=True):
         for name, share in mix_weights(own).items():
@@ -240,14 +240,14 @@ def _points(bands: Sequence[Band]) -> list[Point]:
 
 
 def _simplify(points: list[Point], most: int) -> list[Point]:
-    """Reduce a curve to so many points, with the least change; its ends stay.
+    """Reduce a curve to at most ``most`` points with the least change; its ends stay.
 
     By Visvalingam & Whyatt (1993), "Line generalisation by repeated elimination of points",
     The Cartographic Journal 30(1), 46-51.
     """
 
     def area(i: int) -> float:
-        """Return the area that a point adds, by its opacity: faint bands count as well."""
+        """Return the area that a point adds, relative to opacity, so that faint bands count."""
         (x0, y0, _), (x1, y1, _), (x2, y2, _) = points[i - 1 : i + 2]
         return abs((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) / (max(y0, y1, y2) or 1.0)
 

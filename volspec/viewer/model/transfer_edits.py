@@ -19,17 +19,17 @@ from volspec.viewer.model.view import clamp
 
 THICKNESSES = (0.02, 50.0)
 # A drag over the picture's height shifts values by the volume's range, and multiplies widths and
-# thicknesses by e to these.
+# thicknesses by e to these powers.
 _WIDER, _THICKER = 2.0, 3.0
 # The narrowest region, as a fraction of either axis.
 _NARROWEST = 0.01
 # The greatest fraction of a mix that one material can take.
 _PUREST = 0.999
-# A curve's factors over gradients: their greatest number, and least distance by the axis' length;
-# a table has too few rows for nearer ones.
+# A curve's factors over gradients: their greatest number, and their least distance as a fraction
+# of the axis; a table has too few rows for closer ones.
 MOST_FACTORS = 16
 _FACTOR_GAP = 1 / 128
-# New factors rise from 0 to 1 between these fractions of the axis, so that boundaries stay.
+# New factors rise from 0 to 1 between these fractions of the axis, so that boundaries remain.
 _RISE = 0.05, 0.4
 
 
@@ -126,7 +126,7 @@ def set_material_weight(state: ViewState, index: int, name: str, weight: float) 
     if not rest:  # a part without materials would be black
         return state
     others, total = sum(rest.values()), sum(old.values())
-    # A trace of the others stays, so that their proportions come back.
+    # A trace of the others stays, so that their proportions can be restored.
     weight = clamp(weight, 0.0, _PUREST * total)
     mix = {each: share * (total - weight) / others for each, share in rest.items()}
     if weight > 0:
@@ -145,7 +145,7 @@ def set_region_values(state: ViewState, index: int, low: float, high: float) -> 
 
 @edit
 def set_region_gradients(state: ViewState, index: int, low: float, high: float) -> ViewState:
-    """Set the gradients of a region; an upper one at the end of the axis becomes infinite."""
+    """Set the gradients of a region; an upper limit at the end of the axis becomes infinite."""
     top = state.document.joint.top
     least = _NARROWEST * top
     low, high = sorted((low, high))
@@ -171,7 +171,7 @@ def _with_region(state: ViewState, index: int, **changes: Any) -> ViewState:
 
 @edit
 def toggle_gradient_opacity(state: ViewState) -> ViewState:
-    """Turn opacity by gradient on, as the scene's own if it has that, or off."""
+    """Turn opacity by gradient on, with the scene's own factors if it has any, or off."""
     curve, own = state.transfer, state.document.transfer
     if not isinstance(curve, TransferFunction) or curve.filters:  # these do not go together
         return state
@@ -202,7 +202,7 @@ def move_gradient_point(state: ViewState, index: int, gradient: float, factor: f
 
 @edit
 def add_gradient_point(state: ViewState, gradient: float, factor: float) -> ViewState:
-    """Add a point to a curve's factors over gradients, if others leave room."""
+    """Add a point to a curve's factors over gradients, if there is room between the others."""
     factors, end = _factors(state)
     if not 0 < len(factors) < MOST_FACTORS:
         return state
@@ -270,7 +270,7 @@ def _unthickened(state: ViewState) -> tuple[Transfer, float]:
 
 
 def _with_values(state: ViewState, change: Callable[[Transfer], Transfer]) -> ViewState:
-    """Change the values, also of the transfer function before it was thickened."""
+    """Change the values of the transfer function, and of the one before thickening."""
     (thin, own), new = _unthickened(state), change(state.transfer)
     if new is state.transfer:
         return state
@@ -279,7 +279,7 @@ def _with_values(state: ViewState, change: Callable[[Transfer], Transfer]) -> Vi
 
 @edit
 def window(state: ViewState, across: float, down: float) -> ViewState:
-    """Shift the values by a drag across, and spread them by one upwards."""
+    """Shift the values by a drag sideways, and spread them by a drag upwards."""
     low, high = _span(state)
     shifted = shift(state, state.shift + across * (high - low))
     factor = math.exp(clamp(-_WIDER * down, -10.0, 10.0))

@@ -95,8 +95,8 @@ def with_look(
 def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
     """Scale the density of all parts by a factor: opacity becomes 1 - (1 - opacity)^factor.
 
-    Opacities rounded to 1 cannot be thinned again: a slider starts from the same transfer function
-    each time. A factor of 1 returns it itself.
+    Opacities rounded to 1 cannot be thinned again, so a slider always starts from the same transfer
+    function. A factor of 1 returns the same object.
     """
     if math.isclose(factor, 1.0):
         return transfer
@@ -111,7 +111,7 @@ def thicken_opacities(transfer: Transfer, factor: float) -> Transfer:
 def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor: float) -> Transfer:
     """Undo the thickening from ``thin`` to ``thick`` of a transfer function that was edited since.
 
-    Parts whose opacity the edit left alone get that of ``thin`` back, even if thickening has
+    Parts whose opacity was not edited regain their opacity in ``thin``, even if thickening has
     rounded it to 1; others are thinned by the factor.
     """
     before, after = list_parts(thick), list_parts(transfer)
@@ -197,7 +197,7 @@ def gradient_top(curve: TransferFunction, top: float) -> float:
 
 
 def add_label(labels: LabelFunction, value: float, opacity: float) -> Transfer:
-    """Add a label, of the material of the last."""
+    """Add a label with the material of the last one."""
     label = round(clamp(value, 0, MAX_LABEL))
     if label in labels.labels or len(labels.labels) >= MOST_LABELS:
         return labels
@@ -206,7 +206,7 @@ def add_label(labels: LabelFunction, value: float, opacity: float) -> Transfer:
 
 
 def add_row(transfer: TransferFunction | Isosurfaces, value: float, opacity: float) -> Transfer:
-    """Add a point or a surface, of the material of the nearest."""
+    """Add a point or a surface with the material of the nearest one."""
     rows = list_points(transfer)
     if len(rows) >= MOST_PARTS[type(transfer)]:
         return transfer
@@ -220,7 +220,7 @@ def add_row(transfer: TransferFunction | Isosurfaces, value: float, opacity: flo
 def add_region(
     transfer: TransferFunction2D, place: tuple[float, float], span: tuple[float, float], top: float
 ) -> Transfer:
-    """Add a region around a (value, gradient), of the opacity and material of the last.
+    """Add a region around a (value, gradient), with the opacity and material of the last one.
 
     ``span`` is the range of the volume's values, ``top`` its greatest gradient.
     """

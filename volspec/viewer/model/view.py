@@ -23,11 +23,11 @@ ZOOMS = (0.05, 200.0)
 @settings(CameraError)
 @dataclass(frozen=True, slots=True)
 class View(Orbit):
-    """A camera's orbit, as a state has it."""
+    """Camera orbit of a state."""
 
     @classmethod
     def of(cls, camera: Camera, volume: Volume) -> View:
-        """Return the orbit with a camera's position and target, turning around its up."""
+        """Return the orbit with a camera's position and target, turning around its up vector."""
         away = np.subtract(camera.position_mm, camera.target_mm) / camera.distance_mm
         azimuth_deg, elevation_deg = orbit_deg(away, camera.up)
         sine = math.sin(math.radians(camera.fov_deg) / 2)
@@ -71,7 +71,7 @@ def vector(values: NDArray[np.float64]) -> Vector:
 
 
 def clamp(value: float, low: float, high: float) -> float:
-    """Return the number of a range that is nearest to a value."""
+    """Return the number in a range that is nearest to a value."""
     return min(max(value, low), high)
 
 
@@ -107,13 +107,13 @@ class Projection:
         object.__setattr__(self, "_middle", np.array([x + width / 2, y + height / 2]))
 
     def _homogeneous(self, offsets: NDArray[np.float64], place: float) -> NDArray[np.float64]:
-        """(…, 3) right, down and divisor of offsets from the target; ``place`` 0: of directions."""
+        """(…, 3) right, down, divisor of offsets from the target (directions: ``place`` 0)."""
         at = np.asarray(offsets @ self._window_from_world)
         at[..., 2] += place
         return at
 
     def to_window(self, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(…, 3) x and y in the window, and depth, by the target's; 1 in orthographic pictures."""
+        """(…, 3) x and y in the window, and depth relative to the target's; 1 if orthographic."""
         points = np.asarray(points_mm, dtype=np.float64)
         at = self._homogeneous(points - self.camera.target_mm, 1.0)
         divisor = np.where(np.abs(at[..., 2:]) < NEAR, NEAR, at[..., 2:])
@@ -197,7 +197,7 @@ def cube_middle(projection: Projection, scale: float) -> Place:
 
 
 def face_at(projection: Projection, place: Place, scale: float) -> int | None:
-    """Return the face at a place of the window, or None."""
+    """Return the face at a place in the window, or None."""
     centre = cube_middle(projection, scale)
     at = np.subtract(place, centre) / (HALF * scale)
     if np.abs(at).max() > 2:

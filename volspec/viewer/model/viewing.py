@@ -29,7 +29,7 @@ EXPOSURE_RANGE = (0.1, 10.0)
 
 
 def with_viewing(spec: RelightSpec, **changes: Any) -> RelightSpec:
-    """Change settings of the viewing, unless they do not go together.
+    """Change settings of the viewing, unless they contradict each other.
 
     >>> with_viewing(RelightSpec(), surround="dim").viewing.surround
     'dim'
@@ -51,7 +51,7 @@ def with_model(spec: RelightSpec, model: str) -> RelightSpec:
 def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
     """Return a viewing for single colours, without a picture to measure adaptation in.
 
-    The light's own ``lux`` replace the viewing's. Raises ViewingError if they are out of range.
+    The light's own ``lux`` replaces the viewing's. Raises ViewingError if it is out of range.
 
     >>> given_viewing(Viewing(adapting="picture"), 500.0).illuminance_lux
     500.0
@@ -60,7 +60,7 @@ def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
 
 
 def luminance(rig: LightRig | None, viewing: Viewing) -> float:
-    """Return L_A of the scene, cd/m²: as given, or of the present light."""
+    """Return L_A of the scene, cd/m²: as given, or from the current light."""
     return given_viewing(viewing, rig.total_lux if rig else None).adapting_luminance
 
 
@@ -92,7 +92,7 @@ def _choice(
     return choose
 
 
-# Edits that set a word of the viewing, the display or the spec.
+# Edits that set a named option of the viewing, the display or the spec.
 set_adapting = _choice(_set, "adapting", ADAPTING)
 set_surround = _choice(_set, "surround", SURROUNDS)
 set_space = _choice(_set_display, "space", SPACES)
