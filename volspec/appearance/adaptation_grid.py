@@ -1,15 +1,15 @@
-"""Local adaptation: view transforms of eyes that adapt to the surroundings of each pixel.
+"""Local adaptation: view transforms for an eye that adapts to the surroundings of each pixel.
 
     fov_deg, shape -> [AdaptationGrid] -> Y_b, L_A -> [ViewTransformGrid] -> cpu | cam.glsl
 
-Around each of some lines of sight the background is the part of the picture 1° to 11° from it, and
-the adapting field the part 11° to 90° from it. Both are means over solid angle, so they are linear
-in the picture: one row of weights a line of sight, worked out once for a size and a field of view,
-and a product with the picture whenever its light changes.
+For each of a set of lines of sight, the background is the part of the picture 1° to 11° from it,
+and the adapting field the part 11° to 90° from it. Both are means over solid angle, so they are
+linear in the picture: one row of weights per line of sight, computed once for a size and a field of
+view, and a product with the picture whenever its light changes.
 
-In CIECAM02's and CAM16's transform only the scene's side changes with Y_b and L_A: the matrix to
-linear responses, w, γ and κ, twelve numbers. They are worked out at the nodes of a grid that spans
-the picture from edge to edge, and each is interpolated linearly between them.
+In CIECAM02's and CAM16's transforms only the scene's side depends on Y_b and L_A: the matrix to
+linear responses, w, γ and κ, twelve numbers. These are computed at the nodes of a grid that spans
+the picture from edge to edge, and interpolated linearly between them.
 
 References
 ----------
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 INNER_DEG, OUTER_DEG = 1.0, 11.0
-# Lines of sight at a time: their temporaries then fit a cache.
+# Lines of sight per batch, so that temporaries fit the cache.
 _LINES = 64
 
 
@@ -43,11 +43,11 @@ def field_weights(cos: Array, spans: Array) -> tuple[Array, Array]:
 
     ``cos`` (K, N) are cosines between lines of sight and the parts' centres, ``spans`` (N,) the
     parts' solid angles, sr. Returns (2, K, N) weights of the parts in background and adapting
-    field, and (2, K) those of everything outside of the picture; together they sum to 1.
+    field, and (2, K) weights of everything outside of the picture; together they sum to 1.
     """
 
     def fraction_within(degrees: float) -> Array:
-        # A part on the cone's rim counts by its fraction inside, across its width √dω.
+        # A part on the cone's rim is weighted by its fraction inside, taking its width as √dω.
         edge = math.radians(degrees)
         steep = 1.0 / (math.sin(edge) * np.sqrt(spans))
         fraction = cos * steep
@@ -68,7 +68,7 @@ def field_weights(cos: Array, spans: Array) -> tuple[Array, Array]:
 
 
 def directions_on_sphere(u: Array, v: Array) -> tuple[Array, Array]:
-    """Return unit directions (..., 3), right, down, forward; and the solid angle of du dv = 1."""
+    """Return unit directions (..., 3), right, down, forward; and the solid angle per du dv."""
     directions = np.stack([u, v, np.ones_like(u)], axis=-1)
     length = np.linalg.norm(directions, axis=-1)
     return directions / length[..., None], 1.0 / length**3
@@ -82,19 +82,19 @@ def pixel_pitch(shape: tuple[int, int], fov_deg: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AdaptationGrid:
-    """Lines of sight, and the cells of a picture that their fields are averaged over."""
+    """Lines of sight, and the picture's cells over which their fields are averaged."""
 
     edges: tuple[Indices, Indices]  # first row and column of each cell, and the picture's size
     spans: Array  # (N,) solid angles of the cells, row by row, sr
     parts: Array  # (2, K, N) and
     rest: Array  # (2, K) `field_weights` of the cells around each line of sight
-    nodes: tuple[int, int]  # the K lines of sight are R rows of C
+    nodes: tuple[int, int]  # (R, C): the K lines of sight are R rows of C
 
     @classmethod
     def of(
         cls, shape: tuple[int, int], fov_deg: float, cells: int, *, centre_only: bool = False
     ) -> AdaptationGrid:
-        """Lay a grid of ``cells`` along its longer side over a picture (H, W), ``fov_deg`` high.
+        """Make a grid over a picture (H, W), ``fov_deg`` high, ``cells`` along its longer side.
 
         Lines of sight go to all corners of the (nearly equal) cells, or to the picture's centre
         alone.
@@ -130,7 +130,7 @@ class AdaptationGrid:
         return cls((rows, columns), spans, parts, rest, nodes)
 
     def samples(self, most: int) -> tuple[Indices, Indices]:
-        """Return rows and columns that represent all: ``most`` each way in each cell."""
+        """Return rows and columns that sample the picture: at most ``most`` per cell and axis."""
 
         def spread(edges: Indices) -> Indices:
             sizes = np.diff(edges)
@@ -142,7 +142,7 @@ class AdaptationGrid:
         return spread(rows), spread(columns)
 
     def means_from_samples(self, Y: Array) -> Array:
-        """(N,) mean of each cell of a picture at the rows and columns of `samples`."""
+        """(N,) mean of each cell, from a picture's values at the rows and columns of `samples`."""
         down, across = (len(edges) - 1 for edges in self.edges)
         split = Y.reshape(down, Y.shape[0] // down, across, Y.shape[1] // across)
         return np.asarray(split.mean(axis=(1, 3)).ravel())
@@ -156,16 +156,15 @@ class AdaptationGrid:
     def measure(self, cells: Array, outside: float) -> tuple[Array, Array]:
         """Return the mean Y (R, C) of background and adapting field around each line of sight.
 
-        ``cells`` (N,) is the mean Y of each cell, ``outside`` that of everything beyond the
-        picture.
+        ``cells`` (N,) is the mean Y of each cell, ``outside`` the mean Y outside of the picture.
         """
-        # Not BLAS: its threads would wait for cores that draw, 1 ms against 0.2 to 12.
+        # Not BLAS: its threads would wait for cores busy drawing, 0.2 to 12 ms instead of 1 ms.
         Y_b, Y_A = np.einsum("kln,n->kl", self.parts, cells) + self.rest * outside
         return Y_b.reshape(self.nodes), Y_A.reshape(self.nodes)
 
 
 def pixels_from_nodes(nodes: int, size: int) -> Array:
-    """(size, nodes): linear interpolation from nodes, evenly from edge to edge, to pixels."""
+    """(size, nodes): linear interpolation to pixels from nodes spaced evenly from edge to edge."""
     return _linear_weights((np.arange(size) + 0.5) / size * (nodes - 1), nodes)
 
 
@@ -186,7 +185,7 @@ def _linear_weights(at: Array, nodes: int) -> Array:
 class ViewTransformGrid:
     """`CamTransform`s at the nodes of a grid over a picture."""
 
-    transform: CamTransform  # one node's: the display's side is the same in all
+    transform: CamTransform  # one node's; the display's side is the same at all nodes
     # (R, C, 12), in the order of the texture's layers: a column of `response_from_XYZ` and, fourth,
     # `scene_achromatic`, `lightness_power` and `chroma_gain`.
     numbers: Array
@@ -195,9 +194,9 @@ class ViewTransformGrid:
     def of(cls, viewing: Viewing, white_XYZ: Array, Y_b: Array, L_A: Array) -> ViewTransformGrid:
         """Make the transforms of an eye that is adapted differently at each node.
 
-        ``Y_b`` (percent of the white) and ``L_A`` (cd/m²), both (R, C), replace the viewing's,
-        whose model is CIECAM02 or CAM16. Raises ViewingError if the white has no lightness at some
-        node.
+        ``Y_b`` (percent of the white) and ``L_A`` (cd/m²), both (R, C), replace those of the
+        viewing, with model CIECAM02 or CAM16. Raises ViewingError if the white has no lightness at
+        some node.
         """
         model, L_A, Y_b = viewing.model, np.asarray(L_A), np.asarray(Y_b)
         given = replace(viewing, adapting="given")
@@ -218,7 +217,7 @@ class ViewTransformGrid:
         matrix = at_0 + D[..., None, None] * (at_1 - at_0)
         matrix *= F_L[..., None, None]
         achromatic = cam.compress(matrix @ white) @ k.ACHROMATIC
-        # The node at which the white has the least lightness: it is refused if any is.
+        # The node at which the white has the least lightness is refused if any node is.
         node = np.unravel_index(int(np.argmin(achromatic)), achromatic.shape)
         least = replace(given, L_A=float(L_A[node]), Y_b=float(Y_b[node]))
         transform = CamTransform.for_viewing(

@@ -1,4 +1,4 @@
-"""Numbers of CIECAM02 and CAM16, and cone matrices, typed once: NumPy and GLSL read them here.
+"""Constants of CIECAM02 and CAM16, and cone matrices, defined once for both NumPy and GLSL.
 
     [constants] -> models, adaptation | prelude -> shaders/relight.frag
 
@@ -34,7 +34,7 @@ CAT16_FROM_XYZ = frozen(
     ]
 )
 HPE_FROM_XYZ = frozen([[0.38971, 0.68898, -0.07868], [-0.22981, 1.18340, 0.04641], [0.0, 0.0, 1.0]])
-# The same cones, 1 for the white of D65; the survey prints three and four digits of them [3].
+# The same cones, scaled to 1 for D65's white; the survey prints three or four digits [3].
 D65_CONES_FROM_XYZ = frozen(
     [[0.40024, 0.70760, -0.08081], [-0.22630, 1.16532, 0.04570], [0.0, 0.0, 0.91822]]
 )
@@ -48,18 +48,18 @@ RESPONSE_POLE = 400.0
 RESPONSE_HALF = 27.13
 RESPONSE_POWER = 0.42
 RESPONSE_NOISE = 0.1
-# The inverse has its pole at 400; a response clamped here is 1e5 times any display's white, and its
-# inverse stays finite in float32.
+# The inverse has its pole at 400. A response clamped here is that of 1e5 times any display's white,
+# and its inverse stays finite in float32.
 RESPONSE_LIMIT = 399.0
 
 # Opponent signals from compressed responses: achromatic p2 - 0.305 (eq. 35), a and b
-# (eq. 30-31), and the sum under the fraction of t (eq. 34).
+# (eq. 30-31), and the sum in the denominator of t (eq. 34).
 ACHROMATIC = frozen([2.0, 1.0, 1.0 / 20.0])
 ACHROMATIC_NOISE = 0.305
 OPPONENT_A = frozen([1.0, -12.0 / 11.0, 1.0 / 11.0])
 OPPONENT_B = frozen([1.0 / 9.0, 1.0 / 9.0, -2.0 / 9.0])
 CHROMA_SUM = frozen([1.0, 1.0, 21.0 / 20.0])
-# The share of a and b in the achromatic signal, which the inverse of t needs:
+# The contribution of a and b to the achromatic signal, needed to invert t:
 # ACHROMATIC = CHROMA_SUM + 11/23 OPPONENT_A + 108/23 OPPONENT_B.
 CHROMA_SKEW = frozen([11.0 / 23.0, 108.0 / 23.0])
 RESPONSE_FROM_OPPONENT = frozen(np.linalg.inv([ACHROMATIC, OPPONENT_A, OPPONENT_B]))
@@ -85,5 +85,5 @@ _IN_SHADERS = (
 
 
 def shader_constants() -> dict[str, float | NDArray[np.float64]]:
-    """Return the models' numbers that ``shaders/include`` reads, by GLSL name."""
+    """Return the models' constants that ``shaders/include`` reads, by GLSL name."""
     return {name: globals()[name] for name in _IN_SHADERS}

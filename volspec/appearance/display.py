@@ -24,7 +24,7 @@ from volspec.appearance.surround import Background, Luminance, SurroundOrRatio, 
 from volspec.errors import ViewingError, nearest
 from volspec.settings import Hint, Positive, Unit, plain, settings, table_of, value_or_table
 
-# Fields that a preset gives.
+# Fields that a preset sets.
 ROOM = ("white_cd_m2", "L_A", "Y_b", "surround")
 
 Gamut = Literal["clip", "reduce"]
@@ -56,7 +56,7 @@ def _look_up(space: object) -> object:
         remedy = f"{nearest(str(space), SPACES)}known: {', '.join(SPACES)}; any other as FILE.icc"
         raise ViewingError("", remedy, code="unknown", given=space)
     try:
-        return colour_space(space)  # a profile is read once, now
+        return colour_space(space)  # reads a profile now, once
     except ViewingError as error:
         raise ViewingError(str(error), code=error.code, given=space) from error
 
@@ -73,12 +73,12 @@ class Display:
     """
 
     file_keys: ClassVar = {
-        "preset": Field("sRGB", description="Room and luminance by name, for what is left out.")
+        "preset": Field("sRGB", description="Room and luminance by name, for the keys left out.")
     }
     L_A: Luminance | None = 64.0 / math.pi * 0.2
-    """Luminance of the adapting field. The default is that of sRGB's room: a diffuser of
-    reflectance 0.2 under 64 lx. None is ``Y_b`` percent of ``white_cd_m2``, as if the display alone
-    gives light; so it is in a file that gives ``white_cd_m2`` and leaves ``L_A`` out."""
+    """Luminance of the adapting field. The default is sRGB's room: a diffuser of reflectance 0.2
+    under 64 lx. None means ``Y_b`` percent of ``white_cd_m2``, as if the display were the only
+    light source; so does a file that gives ``white_cd_m2`` but not ``L_A``."""
     Y_b: Background = 20.0
     """Luminance factor of the background, percent of the display's white."""
     surround: SurroundOrRatio = "average"
@@ -87,22 +87,22 @@ class Display:
         Annotated[str | Path, Tag("<value>")] | Annotated[ColourSpace, Tag("<table>")],
         Discriminator(value_or_table),
         BeforeValidator(_look_up),
-        Hint("a name, as sRGB, a profile FILE.icc, or a ColourSpace", whole=True),
+        Hint("a name such as sRGB, a profile FILE.icc, or a ColourSpace", whole=True),
     ] = "sRGB"
     """Primaries, white and curve: a space by name, a display's profile FILE.icc, or its numbers.
-    The picture's colours are converted to it, and its white is what the eye adapts to."""
+    The picture is converted to this space, and the eye adapts to its white."""
     gamut: Gamut = "clip"
-    """Colours outside its gamut: each channel clipped to 0…1, or chroma reduced at constant
-    lightness and hue."""
+    """Colours outside of the display's gamut: each channel clipped to 0…1, or chroma reduced at
+    constant lightness and hue."""
     mark: bool = False
-    """Hatch the pixels whose colours are outside its gamut."""
+    """Hatch the pixels with colours outside of the display's gamut."""
     white_cd_m2: Annotated[Positive, Unit("cd/m²"), Hint("sRGB's is 80")] = 80.0
-    """Luminance of its white. It enters if ``L_A`` is None, and nowhere else: appearance models
-    take luminances relative to the white's."""
+    """Luminance of the display's white. Used only if ``L_A`` is None: appearance models work with
+    luminances relative to the white."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
-        """Complete a file's table by its preset; a profile is relative to a folder."""
+        """Complete a file's table from its preset; a profile's path is relative to ``folder``."""
         from volspec.appearance.presets import preset
 
         given = dict(table)
@@ -118,7 +118,7 @@ class Display:
         return {key: getattr(room, key) for key in ROOM} | given
 
     def to_table(self) -> dict[str, Any]:
-        """Return a file's table: a preset's name, or the numbers."""
+        """Return the table for a file, with a preset's name or the numbers."""
         from volspec.appearance.presets import PRESETS
 
         table = table_of(self)
@@ -140,7 +140,7 @@ class Display:
 
     @property
     def adapting_luminance(self) -> float:
-        """L_A, cd/m²: ``L_A``, or that of a background lit by the display alone."""
+        """L_A, cd/m²: ``L_A``, or the luminance of a background lit by the display alone."""
         return self.white_cd_m2 * self.Y_b / 100.0 if self.L_A is None else self.L_A
 
     @property
@@ -150,6 +150,6 @@ class Display:
 
     @property
     def conditions(self) -> ViewingConditions:
-        """Viewing conditions of an eye before it; Y = 100 for its white."""
+        """Viewing conditions of a viewer in front of the display; its white has Y = 100."""
         X, Y, Z = self.colours.white_XYZ.tolist()
         return ViewingConditions((X, Y, Z), self.adapting_luminance, self.Y_b, self.surround)

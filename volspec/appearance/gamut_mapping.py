@@ -3,22 +3,23 @@
     view transform -> [screen] -> frame | shaders/include/gamut.glsl, display.glsl
 
 Every form of view transform ends here, so all models share one gamut mapping: clipping, or lower
-chroma at constant lightness and hue. These are CIECAM02's, or CAM16's if that is the model, under
-the display's conditions. In both a colour is three opponent signals of its compressed responses,
+chroma at constant lightness and hue. Those correlates are CIECAM02's, or CAM16's if the model is
+CAM16, under the display's conditions. In both a colour is three opponent signals of its compressed
+responses,
 
     x = p2 - 0.305,    J = 100 (x / w)^cz          lightness: a function of x alone
     (a, b),            h = atan2(b, a)             hue: unchanged by (a, b) -> s (a, b), s > 0
     t = p1 r / (x + 0.305 - q r),                  chroma: C ~ t^0.9 √J, r = √(a² + b²),
                                                    q = (11 cos h + 108 sin h) / 23
 
-so that scaling (a, b) by s at constant x keeps J and h exactly, and C falls with s, as
-dt/ds = p1 r p2 / (p2 - q s r)² > 0. No inverse model is needed: a few halvings of s, each a product
-of two matrices and a power, find the point on the surface of the display's cube.
+so scaling (a, b) by s at constant x preserves J and h exactly, and C falls with s, because
+dt/ds = p1 r p2 / (p2 - q s r)² > 0. No inverse model is needed: a few bisections of s, each two
+matrix products and a power, find the point on the surface of the display's cube.
 
-An eye that is not wholly adapted to the display (D < 1) sees its white with some chroma (3.2 at
-sRGB's conditions), and above J = 98 no colour without chroma can be shown. There, colours move
-towards the display's own white: the grey is (x, max(x - x0, 0) (a_w, b_w) / (x_w - x0)), free of
-chroma up to the knee x0 and ending in the white. Up to x0 both J and h are constant, above it J.
+An eye not fully adapted to the display (D < 1) sees its white with some chroma (3.2 under sRGB's
+conditions), and above J = 98 no colour without chroma can be shown. There, colours move towards the
+display's white: grey is (x, max(x - x0, 0) (a_w, b_w) / (x_w - x0)), without chroma up to the knee
+x0 and ending at the white. Up to x0 both J and h are constant; above x0, only J.
 
 References
 ----------
@@ -47,18 +48,18 @@ from volspec.errors import ViewingError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Linear RGB this far outside of 0 to 1 counts as inside: the white's own rounding, far below a
-# 16-bit step (1.5e-5).
+# Linear RGB this far outside of 0 to 1 counts as inside: rounding of the white, far below a 16-bit
+# step (1.5e-5).
 _ROUNDING = 1e-7
-# The same in frames, and clipped: under D65 Nayatani and Guth miss the white by up to 2.3e-4, and
-# software GL's powers are 5e-5 off.
+# The same tolerance in frames, which are then clipped: under D65 Nayatani and Guth miss the white
+# by up to 2.3e-4, and software GL's powers are off by 5e-5.
 GAMUT_SLACK = 2.5e-4
-# Halvings that leave 1e-4 of the chroma, for eight bits; `reduce_chroma` leaves 2e-10.
+# Bisections: to 1e-4 of the chroma for eight bits; in `reduce_chroma`, to 2e-10.
 SHADER_STEPS = 12
 _STEPS = 32
-# Pixels from one band to the next, and of a band, along rows and columns.
+# Period and width of a band, in pixels along rows and columns.
 HATCH_PERIOD, HATCH_WIDTH = 8, 3
-# Magenta: no grey, and as far from saturated green as from skin.
+# Magenta: not a grey, and as far from saturated green as from skin.
 HATCH_CODE = (0.85, 0.10, 0.60)
 
 SHADER_CONSTANTS: Mapping[str, ArrayLike] = MappingProxyType(
@@ -77,14 +78,14 @@ class DisplayGamut:
 
     conditions: CamConditions  # the display's viewing conditions
     RGB_from_XYZ: Array  # (3, 3): XYZ with Y = 100 for white -> linear RGB
-    linear_from_response: Array  # (3, 3): responses as `expand` gives them -> linear RGB
+    linear_from_response: Array  # (3, 3): responses as `expand` returns them -> linear RGB
     top: float  # x_w, the white's x: no lighter colour is shown
-    knee: float  # x0: up to here grey has no chroma
+    knee: float  # x0: grey has no chroma up to here
     knee_slope: tuple[float, float]  # (a_w, b_w) / (x_w - x0)
 
     @classmethod
     def of(cls, conditions: CamConditions, space: ColourSpace) -> DisplayGamut:
-        """Work out the grey axis of a display, under conditions with Y = 100 for its white.
+        """Compute the grey axis of a display, under conditions with Y = 100 for its white.
 
         Raises ViewingError if a colour without chroma cannot be shown at any lightness.
         """
@@ -100,7 +101,7 @@ class DisplayGamut:
                 field="gamut",
             )
         white = opponent_signals(space.white_XYZ, conditions)
-        # Equal responses of size r give linear RGB in proportion to `grey`: the first to reach 1.
+        # Equal responses give linear RGB proportional to `grey`; the largest channel clips first.
         compressed = k.RESPONSE_POLE / (1.0 + grey.max() ** k.RESPONSE_POWER)
         highest = min(float(k.ACHROMATIC.sum() * compressed), float(white[0]))
         low, high = 0.0, highest
@@ -108,7 +109,7 @@ class DisplayGamut:
             knee = 0.5 * (low + high)
             inside = _segment_is_inside(knee, white, linear)
             low, high = (knee, high) if inside else (low, knee)
-        # Half as steep as can be, so that the hue of the lightest colours does not jump.
+        # Half the steepest slope possible, so that the hue of the lightest colours does not jump.
         knee = min(max(2.0 * low - float(white[0]), 0.0), (1.0 - 1e-6) * float(white[0]))
         slope = white[1:] / (white[0] - knee)
         return cls(
@@ -147,9 +148,9 @@ def reduce_chroma(
 ) -> tuple[Array, Mask]:
     """Lower chroma at constant lightness and hue until the display can show the colour.
 
-    J is cut to the white's first; above the knee, J = 96.6 at sRGB's conditions, hue gives way to
-    the display's white (see the module). Returns XYZ, unchanged inside of the gamut, and a mask of
-    the colours that were mapped; Y = 100 for the display's white. Errors as `DisplayGamut.of`.
+    J is first clamped to the white's; above the knee, J = 96.6 under sRGB's conditions, colours
+    move towards the display's white (see the module). Returns XYZ, unchanged inside of the gamut,
+    and a mask of the colours mapped; Y = 100 for the display's white. Errors as `DisplayGamut.of`.
     """
     given = triples("gamut.XYZ", XYZ)
     gamut = DisplayGamut.of(conditions, space)
@@ -176,10 +177,10 @@ def reduce_chroma_opponent(
         x  = clamp(x', 0, top),  (a_g, b_g) = max(x - knee, 0) knee_slope
         R0 = response_from_opponent (x, a_g, b_g)
         R1 = response_from_opponent (0, a' - a_g, b' - b_g)
-        s  : the largest k / 2^steps, by halving, for which linear(R0 + s R1) lies within 0…1
+        s  : the largest k / 2^steps, by bisection, for which linear(R0 + s R1) lies within 0…1
         linear(R) = linear_from_response · sign(R) (|R| / (400 - |R|))^(1/0.42)
 
-    Colours ``slack`` outside of 0…1 count as inside; frames take `GAMUT_SLACK`. Returns linear RGB
+    Colours ``slack`` outside of 0…1 count as inside; frames use `GAMUT_SLACK`. Returns linear RGB
     (..., 3) within -slack to 1 + slack, and a mask of the colours that were mapped.
     """
     given = np.stack(np.broadcast_arrays(*(np.asarray(v, np.float64) for v in (achromatic, a, b))))
@@ -207,14 +208,14 @@ class Screen:
 
     space: ColourSpace
     RGB_from_XYZ: Array
-    gamut: DisplayGamut | None  # to reduce chroma into; None clips
+    gamut: DisplayGamut | None  # reduces chroma; None clips
     mark: bool  # hatch the pixels with colours outside of the gamut
 
     @classmethod
     def of(cls, display: Display, model: str = "CIECAM02") -> Screen:
         """Make the screen of a display; chroma is CAM16's if that is the model, else CIECAM02's.
 
-        Errors as `DisplayGamut.of`, if chroma shall be reduced.
+        Errors as `DisplayGamut.of`, if the display reduces chroma.
         """
         space = display.colours
         gamut = None
@@ -226,7 +227,7 @@ class Screen:
     def linear(self, XYZ: ArrayLike) -> tuple[Array, Mask]:
         """Return linear RGB, not clipped, and a mask of the colours out of gamut.
 
-        Y = 100 for the display's white; chroma is reduced if so set.
+        Y = 100 for the display's white; chroma is reduced if the screen has a gamut.
         """
         given = triples("screen.XYZ", XYZ)
         linear = given @ self.RGB_from_XYZ.T
@@ -239,7 +240,7 @@ class Screen:
     def codes(self, XYZ: ArrayLike, first_row: int = 0) -> Array:
         """Return the codes, 0 to 1, of rows of a picture (H, W, 3).
 
-        ``first_row`` is the index of the first of them in the picture; the hatch depends on it.
+        ``first_row`` is the first row's index in the picture; the hatch depends on it.
         """
         linear, outside = self.linear(XYZ)
         codes = self.space.encode(np.clip(linear, 0.0, 1.0))
@@ -247,7 +248,7 @@ class Screen:
 
 
 def hatch(codes: Array, outside: ArrayLike, first_row: int = 0) -> Array:
-    """Hatch the pixels of a mask (H, W): diagonal bands over the pixel's own grey."""
+    """Hatch the pixels of a mask (H, W): diagonal bands on each pixel's grey level."""
     height, width = codes.shape[:2]
     diagonal = (np.arange(height) + first_row)[:, None] + np.arange(width)
     band = diagonal % HATCH_PERIOD < HATCH_WIDTH

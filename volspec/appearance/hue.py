@@ -25,7 +25,7 @@ LETTERS = "RYGB"
 
 
 class UniqueHues(NamedTuple):
-    """A model's unique hues: increasing angles, their eccentricity e and their H."""
+    """A model's unique hues: increasing angles, with eccentricity e and H."""
 
     degrees: tuple[float, ...]
     eccentricity: tuple[float, ...]
@@ -39,16 +39,16 @@ def _equal_eccentricity(*degrees: float) -> UniqueHues:
 CIE_HUES = UniqueHues(
     tuple(k.UNIQUE_HUES_DEG[:4].tolist()), tuple(k.UNIQUE_HUES_ECCENTRICITY[:4].tolist())
 )
-"""CIECAM02's and CAM16's."""
+"""Unique hues of CIECAM02 and CAM16."""
 HUNT_HUES = UniqueHues(
     (*CIE_HUES.degrees, 360.0), (*CIE_HUES.eccentricity, 0.856), (*CIE_HUES.H, 385.9)
 )
 """Hunt's own computation has a knot at h = 0 between blue and red [2]; the survey omits it."""
 CIELAB_HUES = _equal_eccentricity(24.0, 90.0, 162.0, 246.0)
-"""CIELAB's and RLAB's. Table 1's other rows are linear between these, from which its R83B is at
-270 degrees and not at the printed 276."""
+"""Unique hues of CIELAB and RLAB. Table 1's other rows are linear between these, so its R83B is at
+270 degrees, not at the printed 276."""
 NAYATANI_HUES = _equal_eccentricity(20.14, 90.0, 164.25, 231.0)
-"""The Nayatani model's."""
+"""Unique hues of Nayatani's model."""
 
 
 def quadrature(h: ArrayLike, hues: UniqueHues = CIE_HUES) -> Array:

@@ -1,14 +1,14 @@
-"""3-D LUTs of view transforms, for those without a closed form or with a slow one.
+"""3-D LUTs of view transforms that have no closed form or a slow one.
 
     ViewTransform -> [lut3d] -> cpu | shaders/include/lut3d.glsl
 
-Axes are the signed 5/16th powers of linear RGB in the display's primaries, adapted to the scene's
-white; values are the display's codes, which go on below 0 and above 1. An adapted eye sees nearly
-those colours, so a LUT is nearly linear; black is a node; and its output needs no further
+Axes are the signed 5/16th powers of linear RGB in the display's primaries, adapted from the scene's
+white; values are the display's codes, which continue below 0 and above 1. An adapted eye sees
+nearly those colours, so a LUT is nearly linear; black is a node; and the output needs no further
 arithmetic (docs/decisions/0011-tables-in-the-displays-own-codes.md).
 
-A LUT baked on the host takes some tenths of a second to seconds, and a frame cannot be drawn before
-it. Callers that must not wait ask `Relighter.missing_lut` and have it baked on another thread.
+Baking a LUT on the host takes tenths of a second to seconds, and no frame can be drawn before.
+Callers that must not wait check `Relighter.missing_lut` and bake the LUT on another thread.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ Array = NDArray[np.float64]
 NODES, NODES_BELOW, TOP = 41, 15, 1.3
 # A fourth root has too many nodes near black, 3/8 too few.
 AXIS_POWER = 5.0 / 16.0
-# Between nodes, of the power.
+# Distance between nodes, of the 5/16th power.
 STEP = TOP**AXIS_POWER / (NODES - 1 - NODES_BELOW)
 # A cell is valid if the interpolation at its centre is off by no more than this, in clipped codes.
 TOLERANCE = 0.006
-# Validity interpolated between nodes: less means that a neighbouring cell is not valid.
+# Validity is interpolated between nodes: less means that a neighbouring cell is not valid.
 ALL_VALID = 0.999
 SHADER_CONSTANTS = {
     "NODES": NODES,
@@ -50,14 +50,14 @@ SHADER_CONSTANTS = {
     "LUT_ALL_VALID": ALL_VALID,
 }
 
-# From this ratio of CAT16's gains on a light is narrow: high-pressure sodium has 8, low-pressure
-# sodium 28.
+# A light is narrow if the ratio of CAT16's gains exceeds this: high-pressure sodium has 8,
+# low-pressure sodium 28.
 _NARROW = 15.0
-# Slabs that a LUT without a closed form is baked in: more of them cost time.
+# A LUT without a closed form is baked in this many slabs; more cost time.
 _SLABS = 8
-# Lower bound of a response to the white, relative to its Y: narrow lights lack some.
+# Lower bound of a response to the white, relative to its Y: narrow lights leave some near 0.
 _LEAST_RESPONSE = 1e-6
-# LUTs in a cache, of 1.1 MB each: for a handful of lights that a user alternates between.
+# LUTs per cache, 1.1 MB each: for a handful of lights that a user alternates between.
 MOST_LUTS = 12
 
 
@@ -68,10 +68,10 @@ def _relative_responses(cones: Array, white_XYZ: ArrayLike) -> Array:
 
 
 def is_narrow(scene_white_XYZ: ArrayLike, space: ColourSpace) -> bool:
-    """Return True if CAT16's responses adapt badly, as a light is so far from the display's white.
+    """Return True if a light is so far from the display's white that CAT16 adapts badly.
 
-    LUT axes are then made of cone responses, as Hunt and Nayatani adapt, and closed forms are
-    better drawn directly: under single bands LUTs are off by up to CIEDE2000 3.
+    LUT axes then use cone responses, in which Hunt and Nayatani adapt, and closed forms are better
+    drawn directly: under single-band lights LUTs are off by up to CIEDE2000 3.
     """
     scene, display = (
         _relative_responses(k.CAT16_FROM_XYZ, white) for white in (scene_white_XYZ, space.white_XYZ)
@@ -83,7 +83,7 @@ def is_narrow(scene_white_XYZ: ArrayLike, space: ColourSpace) -> bool:
 def lut_nodes(offset: float = 0.0) -> Array:
     """Return (NODES, NODES, NODES, 3) adapted linear RGB of the nodes; red varies fastest.
 
-    ``offset`` is in steps: 0.5 gives the centres of the cells.
+    ``offset`` is in steps: 0.5 returns the centres of the cells.
     """
     roots = (np.arange(-NODES_BELOW, NODES - NODES_BELOW) + offset) * STEP
     axis = signed_power(roots, 1.0 / AXIS_POWER)
@@ -114,8 +114,8 @@ class Lut3D:
 
     Cells with an interpolation error above `TOLERANCE`, as at a model's cliffs and poles, fall back
     to the closed form if there is one; so do colours outside of the LUT. Without a closed form,
-    colours brighter than its top are scaled down to it at their chromaticity, and colours below its
-    first node clamped.
+    colours brighter than the LUT's top are scaled down to it at constant chromaticity, and colours
+    below its first node are clamped.
     """
 
     space: LutSpace
@@ -129,9 +129,8 @@ class Lut3D:
     ) -> Lut3D:
         """Bake a view transform.
 
-        Without a closed form, which takes seconds, ``cancel`` is called before each eighth:
-        LutCancelled if it returns True. Raises ViewingError if the transform is not finite at a
-        node.
+        Without a closed form, which takes seconds, ``cancel`` is called before each eighth. Raises
+        LutCancelled if it returns True, ViewingError if the transform is not finite at a node.
         """
         if not isinstance(transform, ClosedTransform):
             slabs = []
@@ -170,15 +169,15 @@ def _bake(transform: ViewTransform, space: LutSpace, adapted: Array) -> NDArray[
     codes = space.space.encode(XYZ @ space.space.RGB_from_XYZ.T)
     if not np.isfinite(codes).all():
         raise ViewingError(
-            "appearance LUT: the model gives no colour at some node", code="impossible"
+            "appearance LUT: the model has no colour at some node", code="impossible"
         )
     return codes.astype(np.float32)
 
 
 def _check_cells(codes: NDArray[np.float32], centres: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Compare the mean of each cell's corners with the transform at its centre.
+    """Return 1 for cells in which the corners' mean is close to the centre's code, else 0.
 
-    Cells at the LUT's edges are invalid: colours outside of it are looked up there.
+    Cells at the LUT's edges are invalid: colours outside of the LUT are looked up there.
     """
     last = NODES - 1
     corners = [codes[k : last + k, j : last + j, i : last + i] for k, j, i in np.ndindex(2, 2, 2)]
@@ -201,14 +200,14 @@ def needs_host_lut(model: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LutKey:
-    """The inputs of a LUT: viewing under a light, gamut and mark at their defaults, and white."""
+    """The inputs of a LUT: a viewing, gamut and mark at their defaults, and a light's white."""
 
     viewing: Viewing
     white_XYZ: tuple[float, ...]
 
     @classmethod
     def of(cls, viewing: Viewing, white_XYZ: Array) -> LutKey:
-        """Make the key of a viewing under a light; nothing in it is to be measured."""
+        """Make the key of a viewing, without conditions yet to be measured, under a light."""
         # Transforms do not depend on gamut mapping.
         display = replace(viewing.display, gamut="clip", mark=False)
         white = tuple(float(value) for value in white_XYZ)
@@ -220,7 +219,7 @@ class LutCache:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        # The latest last; a viewing's parts need not be hashable.
+        # Latest last; a list because a viewing's parts need not be hashable.
         self._cached: list[tuple[LutKey, NDArray[np.float32]]] = []
 
     def __contains__(self, key: LutKey) -> bool:
@@ -228,7 +227,7 @@ class LutCache:
             return any(own == key for own, _ in self._cached)
 
     def texels(self, key: LutKey, cancel: Callable[[], bool] | None = None) -> NDArray[np.float32]:
-        """Return (NODES, NODES, NODES, 4): a LUT's codes, and 1; baked if it is not cached.
+        """Return (NODES, NODES, NODES, 4): a LUT's codes and validity; baked if not cached.
 
         See `Lut3D.of` for ``cancel`` and errors; a cancelled LUT is not cached.
         """

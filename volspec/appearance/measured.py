@@ -4,13 +4,13 @@
 
 `Viewing.adapting` does this for frames (`volspec.relight.measured_viewing`).
 
-As means over the solid angle around the line of sight (`volspec.appearance.adaptation_grid`),
+Means over the solid angle around the line of sight (`volspec.appearance.adaptation_grid`):
 
     Y_b = ∫ Y dω / ∫ dω      1° to 11°,         L_A = L_w / Y_w · ∫ Y dω / ∫ dω      11° to 90°
 
-A picture fills only a part of them: everything outside of it has one luminance factor, the
-picture's own mean unless another is given (the backdrop's, or 0 for a dark room). A pixel at
-(u, v) = tan of its angles spans du dv / (1 + u² + v²)^(3/2).
+A picture fills only part of these fields: everything outside of it has one luminance factor, the
+picture's mean unless another is given (the backdrop's, or 0 for a dark room). A pixel at (u, v),
+the tangents of its angles, spans the solid angle du dv / (1 + u² + v²)^(3/2).
 
 References
 ----------
@@ -37,7 +37,7 @@ from volspec.errors import ShapeError, ViewingError
 
 Array = NDArray[np.float64]
 
-# Cells along a picture's longer side, for the maps.
+# Cells along a picture's longer side, for `adapting_fields`.
 _CELLS = 48
 _LUMINANCE = "cd/m² above 0, E_v/π of the light"
 
@@ -52,7 +52,7 @@ def measured_conditions(
     outside: float | None = None,
     surround: SurroundOrRatio | None = "average",
 ) -> ViewingConditions:
-    """Return the conditions of an eye that looks at one place of a picture.
+    """Return the conditions of an eye that looks at one point of a picture.
 
     Parameters
     ----------
@@ -65,11 +65,11 @@ def measured_conditions(
     luminance_of_white : float
         Luminance of a perfect diffuser, cd/m²: E_v/π.
     at : (x, y), optional
-        The pixel looked at, (0, 0) the middle of the top left one; None is the picture's middle.
+        The pixel looked at, (0, 0) the centre of the top left one; None is the picture's centre.
     outside : float, optional
         Y of everything outside of the picture; None is the picture's mean.
     surround : str or float or None
-        As `surround_at`; None is the measured ratio L_A / luminance_of_white, 1 at most [1].
+        As in `surround_at`; None is the measured ratio L_A / luminance_of_white, at most 1 [1].
 
     Raises
     ------
@@ -113,14 +113,14 @@ def adapting_fields(
 ) -> tuple[Array, Array]:
     """Return Y_b, on Y's scale, and L_A, cd/m², of every pixel, (H, W) each.
 
-    Averages over cones of 11° change slowly: they are worked out for a grid of lines of sight over
-    cells of the picture, 48 along its longer side, and interpolated between. Cones and solid angles
-    are those of the sphere, at edges too; cells above 2° (a picture of 90°) blur the rim.
+    Averages over cones of 11° change slowly: they are computed for a grid of lines of sight over
+    cells of the picture, 48 along its longer side, and interpolated in between. Cones and solid
+    angles are spherical, also at the edges; cells above 2° (in a picture of 90°) blur the rim.
     Parameters and errors are those of `measured_conditions`; ``Y_w`` is the white's Y.
     """
     picture = _factors(Y)
     _require_above_0("luminance_of_white", luminance_of_white, _LUMINANCE)
-    _require_above_0("Y_w", Y_w, "the white's Y, as 100")
+    _require_above_0("Y_w", Y_w, "the white's Y, such as 100")
     height, width = picture.shape
     grid = AdaptationGrid.of((height, width), fov_deg, _CELLS)
     cells = grid.means(picture)
@@ -137,7 +137,7 @@ def _factors(Y: ArrayLike) -> Array:
         raise ShapeError(f"has shape {picture.shape}", "expected (H, W)", field="measured.Y")
     if not np.all(np.isfinite(picture)):
         raise ViewingError(
-            "holds values that are not finite (NaN or infinity)", code="range", field="measured.Y"
+            "has values that are not finite (NaN or infinity)", code="range", field="measured.Y"
         )
     return np.maximum(picture, 0.0)
 

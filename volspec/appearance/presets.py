@@ -2,8 +2,8 @@
 
     standards -> [presets] -> Display, ViewingConditions
 
-If a source gives no adapting luminance, L_A is a fifth of the white's, that of a grey background
-of Y_b = 20.
+If a source gives no adapting luminance, L_A is a fifth of the white's, the luminance of a grey
+background of Y_b = 20.
 
 References
 ----------
@@ -55,11 +55,11 @@ class Preset:
     white_luminance: float
     """Luminance of the display's white or of a perfect diffuser, cd/m²."""
     space: str
-    """The usual display, a name of `SPACES`; ``""`` without one."""
+    """The usual display, a name in `SPACES`; ``""`` if there is none."""
     sources: Sources
 
     def display(self, space: str | Path | ColourSpace = "sRGB", gamut: Gamut = "clip") -> Display:
-        """Make a display under these conditions; ``space`` is the picture's, not the preset's."""
+        """Make a display under these conditions, with the picture's ``space``, not the preset's."""
         return Display(
             L_A=self.L_A,
             Y_b=self.Y_b,
@@ -86,7 +86,7 @@ _PRINT_LIGHT = "lit as the print is: S_R = 1 [2]"
 def _preset(
     name: str, white: float, surround: SurroundOrRatio, space: str, L_A: float | None, *sources: str
 ) -> Preset:
-    """Make a preset; sources are those of the white, the surround, L_A and Y_b."""
+    """Make a preset; sources are for the white, the surround, L_A and Y_b, in this order."""
     luminance = 0.2 * white if L_A is None else L_A
     every = (*sources, *(_FIFTH, _GREY)[len(sources) - 2 :])
     return Preset(name, luminance, 20.0, surround, white, space, Sources(*every))
@@ -121,7 +121,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType({preset.name: preset for preset
 
 
 def preset(name: str) -> Preset:
-    """Return viewing conditions by name; raise ViewingError if there are none."""
+    """Return a preset by name; raise ViewingError if the name is unknown."""
     if name in PRESETS:
         return PRESETS[name]
     raise ViewingError(

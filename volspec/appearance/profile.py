@@ -1,4 +1,4 @@
-"""ICC profiles of displays: the colour space of a file with a matrix and curves.
+"""ICC display profiles: the colour space of a profile with a matrix and curves.
 
     FILE.icc -> [profile] -> ColourSpace
 
@@ -22,24 +22,24 @@ from volspec.errors import ViewingError
 
 Array = NDArray[np.float64]
 
-# Two curves that differ by less, in codes of 0 to 1, are equal: half an 8-bit step.
+# Curves that differ by less, in codes from 0 to 1, count as equal: half an 8-bit step.
 _ALIKE = 0.002
 # A sampled curve may start and end this far from 0 and 1.
 _ENDS = 0.01
 D50_XYZ = np.array([0.9642, 1.0, 0.8249])
-"""The profile connection space's white."""
+"""White of the profile connection space."""
 # Fields of a display's matrix profile by their offset in the header: ICC.1:2022, 7.2.5 to 7.2.7.
 _HEADER = {
     12: ("device class", b"mntr"),
     16: ("colour space", b"RGB "),
     20: ("connection space", b"XYZ "),
 }
-# Count of numbers of a parametric curve by type.
+# Number of parameters of a parametric curve, by type.
 _PARAMETERS = (1, 3, 4, 5, 7)
 
 
 def is_profile(name: str) -> bool:
-    """Return True for the name of an ICC profile's file."""
+    """Return True for the file name of an ICC profile."""
     return name.lower().endswith((".icc", ".icm"))
 
 
@@ -53,8 +53,8 @@ def read_profile(path: str | Path) -> ColourSpace:
     """Read the space of a display's matrix profile, ``.icc`` or ``.icm``, named after the file.
 
     Sampled curves become the power, or sRGB's curve, that they sample. Raises ViewingError, with
-    the file as its field, if it is no such file, no display's, has tables instead of a matrix, or
-    curves of another kind.
+    the file as its field, if the file is not an ICC display profile, or has tables instead of a
+    matrix or other kinds of curve.
     """
     field = f"colour space {str(path)!r}"
     try:
@@ -72,7 +72,7 @@ def read_profile(path: str | Path) -> ColourSpace:
 
 
 def _read(path: Path) -> bytes:
-    """Read the bytes of a display's profile; `read_profile` adds the file to all errors below."""
+    """Read a profile's bytes; `read_profile` adds the file to errors from here on down."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -87,7 +87,7 @@ def _read(path: Path) -> bytes:
             code="damaged",
         ) from None
     if len(data) < 132 or data[36:40] != b"acsp":
-        raise ViewingError("no ICC profile; give a display's .icc file", code="damaged")
+        raise ViewingError("not an ICC profile; give a display's .icc file", code="damaged")
     for start, (name, expected) in _HEADER.items():
         found = data[start : start + 4]
         if found != expected:
@@ -110,7 +110,7 @@ def _colour_space(name: str, tags: dict[str, bytes]) -> ColourSpace:
     columns = np.stack([_fixed(tags[f"{c}XYZ"], 3) for c in "rgb"], axis=1)
     if "chad" in tags:
         adapted = _fixed(tags["chad"], 9).reshape(3, 3)
-    else:  # version 2: the media's white, from which Bradford's adaptation leads to D50
+    else:  # version 2: Bradford's adaptation from the media's white to D50
         with np.errstate(all="ignore"):  # `ColourSpace` refuses a white of 0
             adapted = D50_from_white(_fixed(tags["wtpt"], 3))
     XYZ = np.linalg.solve(adapted, columns)
@@ -121,7 +121,7 @@ def _colour_space(name: str, tags: dict[str, bytes]) -> ColourSpace:
     if spread > 2.0 * _ALIKE:
         raise ViewingError(
             f"its channels' curves differ by {spread:.3f}",
-            "expected one for all, as a calibrated display's",
+            "expected one curve for all three, as of a calibrated display",
             code="unsupported",
         )
     return ColourSpace(name, (red, green, blue), white_xy, curves[1])
@@ -134,7 +134,7 @@ def _xy(XYZ: Array) -> tuple[float, float]:
 
 
 def _numbers(tag: bytes, start: int, kind: str, count: int) -> Array:
-    """Return numbers of a tag; ValueError if it ends before them."""
+    """Return numbers of a tag; raise ValueError if it is too short."""
     return np.frombuffer(tag, dtype=kind, count=count, offset=start).astype(np.float64)
 
 
@@ -148,7 +148,7 @@ def _curve(tag: bytes) -> Transfer:
     if kind == b"para":
         (number,) = struct.unpack_from(">H", tag, 8)
         values = _fixed(tag, _PARAMETERS[number], start=12).tolist()
-        if number in (1, 2):  # (g, a, b[, c]): black below -b/a, of no use to a display
+        if number in (1, 2):  # (g, a, b[, c]): black below -b/a, useless for a display
             raise ViewingError(
                 f"its curves lift black (parametric type {number})",
                 "expected type 0 or 3",
@@ -171,17 +171,17 @@ def _fit_curve(linear: Array) -> Transfer:
     if not (linear[0] <= _ENDS and linear[-1] >= 1.0 - _ENDS):
         raise ViewingError(
             f"its curves go from {linear[0]:.3f} to {linear[-1]:.3f}",
-            "expected 0 to 1, a display's own profile",
+            "expected 0 to 1, as in a display's own profile",
             code="unsupported",
         )
-    if linear.size == 2:  # its ends alone: linear between them
+    if linear.size == 2:  # only the ends: linear in between
         return Transfer.gamma(1.0)
     codes = np.linspace(0.0, 1.0, linear.size)
     inside = (codes > 0.05) & (codes < 1.0) & (linear > 0.0)
     logs = np.log(codes[inside])
     slope = float(np.log(linear[inside]) @ logs / (logs @ logs)) if inside.any() else 1.0
     power = Transfer.gamma(max(slope, 0.1))
-    # Near black a table of 16 bits has too few steps to compare.
+    # Near black a 16-bit table has too few steps to compare.
     compared = codes > 0.02
     fits = [
         (float(np.abs(curve.encode(linear) - codes)[compared].max()), curve)

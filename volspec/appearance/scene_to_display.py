@@ -30,7 +30,7 @@ class ModelTransform:
     display: ViewingConditions
 
     def apply(self, XYZ: ArrayLike) -> Array:
-        """Return the (..., 3) XYZ of equal J, C and h; the nearest if there are none."""
+        """Return the (..., 3) XYZ of equal J, C and h; if there are none, the nearest."""
         look = self.model.forward(XYZ, self.scene)
         return nearest_inverse(self.model, look.J, look.C, look.h, self.display)
 
@@ -52,7 +52,7 @@ def view_transform(viewing: Viewing, white_XYZ: ArrayLike) -> ViewTransform:
     """
     scene, display = viewing.conditions(white_XYZ), viewing.display.conditions
     if viewing.model in ADAPTATIONS:
-        # The white moves, tones stay: adaptations that depend on the level get one for both sides.
+        # The white moves, tones stay: adaptations get the same light level on both sides.
         level = {name: getattr(scene, name) for name in ("L_A", "Y_b", "surround")}
         return ADAPTATIONS[viewing.model](scene, replace(display, **level))
     if closed := CLOSED.get(viewing.model):

@@ -2,8 +2,8 @@
 
     appearance -> [spaces] -> frame | shaders/include/display.glsl
 
-The luminances of a display's white and black are the `Display`'s business; a space has 1 for white
-and 0 for black.
+The luminances of a display's white and black belong to `Display`; in a space white is 1 and black
+is 0.
 
 References
 ----------
@@ -37,9 +37,9 @@ from volspec.spectra.grid import SpectralGrid
 Array = NDArray[np.float64]
 XY = tuple[float, float]
 
-# Jumps up to this are rounding in a profile's fixed-point numbers: a quarter of an 8-bit step.
+# Jumps up to this count as rounding of a profile's fixed-point numbers: a quarter of an 8-bit step.
 _ROUNDING = 1e-3
-# A triangle of primaries with less area than this spans no colours (sRGB's has 0.112).
+# Smallest area of a primaries' triangle (sRGB's has 0.112).
 _LEAST_AREA = 1e-6
 
 
@@ -55,7 +55,7 @@ class Transfer:
     power: Annotated[Positive, Field(examples=[0.4545])]
     """1/γ."""
     gain: Positive = 1.0
-    """Factor of the power, 1 and more; 1 without a toe."""
+    """Factor of the power, at least 1; 1 without a toe."""
     slope: Positive = 1.0
     """Factor of linear light up to the toe."""
     toe: Annotated[float, Field(ge=0, lt=1)] = 0.0
@@ -73,10 +73,10 @@ class Transfer:
 
     @classmethod
     def gamma(cls, exponent: float) -> Transfer:
-        """Make L = V^γ."""
+        """Make the curve L = V^γ."""
         if not (is_finite(exponent) and exponent > 0.0):
             raise ViewingError.refused(
-                "Transfer.gamma", exponent, "expected a number above 0, as 2.2", "range"
+                "Transfer.gamma", exponent, "expected a number above 0, such as 2.2", "range"
             )
         return cls(power=1.0 / exponent)
 
@@ -93,9 +93,9 @@ class Transfer:
     ) -> Transfer:
         """Make an ICC profile's parametricCurveType: L = (aV + b)^g + e for V >= d, else cV + f.
 
-        Types 0 (g), 3 (g, a, b, c, d) and 4 with e = f = 0; types 1 and 2 lift black, which no
-        space does here. Raises ViewingError if g <= 0, white is not 1, black is not 0 or the
-        segments do not meet.
+        Types 0 (g), 3 (g, a, b, c, d) and 4 with e = f = 0; types 1 and 2 lift black, which is not
+        supported. Raises ViewingError if g <= 0, white is not 1, black is not 0 or the segments do
+        not meet.
         """
         curve = "Transfer.icc"
         for name, value in {"g": g, "a": a, "b": b, "c": c, "d": d, "e": e, "f": f}.items():
@@ -104,11 +104,11 @@ class Transfer:
                     f"{curve}.{name}", value, "expected a finite number", "type"
                 )
         if not g > 0.0:
-            raise ViewingError.refused(f"{curve}.g", g, "expected above 0, as 2.2", "range")
+            raise ViewingError.refused(f"{curve}.g", g, "expected above 0, such as 2.2", "range")
         if e or f:
             raise ViewingError(
                 f"the curve adds e = {e:g}, f = {f:g} to linear light",
-                "expected 0, as a space's black is 0",
+                "expected 0, because a space's black is 0",
                 code="unsupported",
                 field=curve,
             )
@@ -150,7 +150,7 @@ def _numbers(name: str, values: ArrayLike) -> Array:
 
 sRGB_CURVE = Transfer(power=1.0 / 2.4, gain=1.055, slope=12.92, toe=0.0031308)
 BT_1886 = Transfer.gamma(2.4)
-"""A television's, with black at 0; its inverse is no camera's OETF."""
+"""A television's curve, with black at 0; its inverse is not a camera's OETF."""
 
 
 def _XYZ_from_xy(xy: XY) -> Array:
@@ -176,23 +176,23 @@ class ColourSpace:
     """
 
     name: Name
-    """Name in pictures' profiles."""
+    """Name in the profiles of pictures."""
     primaries_xy: Annotated[
         tuple[Chromaticity, Chromaticity, Chromaticity],
         Field(strict=False, examples=[[[0.64, 0.33], [0.30, 0.60], [0.15, 0.06]]]),
-        Hint("three pairs of numbers: x, y of red, green and blue", whole=True),
+        Hint("three pairs of numbers: x, y for red, green and blue", whole=True),
     ]
     """CIE 1931 chromaticities of red, green and blue."""
     white_xy: Annotated[Chromaticity, Field(examples=[[0.313, 0.329]])]
     """CIE 1931 chromaticity of all three together."""
     transfer: Annotated[
-        Transfer, Field(examples=[2.2]), Hint("a gamma, as 2.2, or a Transfer", whole=True)
+        Transfer, Field(examples=[2.2]), Hint("a gamma such as 2.2, or a Transfer", whole=True)
     ]
-    """Its gamma, or a table of its curve."""
+    """A gamma, or a table of the curve."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
-        """Complete a file's table; a number for the curve is a gamma."""
+        """Complete a file's table; a curve given as a number is a gamma."""
         gamma = table.get("transfer")
         if isinstance(gamma, int | float) and not isinstance(gamma, bool):
             try:
@@ -278,14 +278,14 @@ SPACES: Mapping[str, ColourSpace] = MappingProxyType(
 )
 
 
-# XYZ here have Y = 100 for the display's white, linear sRGB is 0 to 1.
+# From here on XYZ have Y = 100 for the display's white; linear sRGB is 0 to 1.
 XYZ_FROM_sRGB = frozen(SPACES["sRGB"].XYZ_from_RGB)
 sRGB_FROM_XYZ = frozen(SPACES["sRGB"].RGB_from_XYZ)
 sRGB_WHITE_XYZ = frozen(SPACES["sRGB"].white_XYZ)
 
 
 def linear_sRGB_from_XYZ(XYZ: ArrayLike) -> Array:
-    """Return linear sRGB, 1 for the display's white; out of gamut beyond 0 to 1."""
+    """Return linear sRGB, 1 for the display's white; outside of 0 to 1 if out of gamut."""
     return np.asarray(XYZ, dtype=np.float64) @ sRGB_FROM_XYZ.T
 
 
@@ -310,14 +310,14 @@ _VISIBLE = SpectralGrid(360.0, 830.0, 2.0)
 def spectrum_colours(wavelengths_nm: ArrayLike) -> Array:
     """Return sRGB codes (N, 3) of monochromatic lights for axes, desaturated and dimmed to fit.
 
-    As bright as the eye sees equal power; black outside 360-830 nm.
+    Brightness is the eye's for equal power; black outside of 360-830 nm.
 
     >>> spectrum_colours([540, 620]).argmax(axis=1).tolist()
     [1, 0]
     """
     XYZ = colour_matching_functions(_VISIBLE).T
     linear = linear_sRGB_from_XYZ(100 * XYZ)
-    # A little grey on top, so that no channel starts from black with a visible edge.
+    # Add a little grey, so that no channel starts from black with a visible edge.
     linear = linear - linear.min(axis=-1, keepdims=True).clip(max=0) + 0.12 * XYZ[:, 1:2]
     at = np.asarray(wavelengths_nm, dtype=np.float64)
     columns = [np.interp(at, _VISIBLE.wavelengths_nm, column, 0, 0) for column in linear.T]

@@ -1,9 +1,9 @@
-"""Viewing of a scene: model, viewing conditions and the display.
+"""Settings for viewing a scene: model, viewing conditions and display.
 
     raycast -> relight -> [appearance] -> frame
 
 Surrounds and conditions are in `volspec.appearance.surround`, displays in
-`volspec.appearance.display`; both can be had from here.
+`volspec.appearance.display`; both can be imported from here.
 """
 
 from __future__ import annotations
@@ -68,12 +68,12 @@ Model = Literal[
     "Fairchild 1990",
 ]
 MODELS: tuple[Model, ...] = get_args(Model)
-# Y_b and L_A as given, or measured in the picture, at its middle or per pixel.
+# Y_b and L_A: as given, or measured in the picture, at its centre or per pixel.
 Adapting = Literal["given", "picture", "pixel"]
 ADAPTING: tuple[Adapting, ...] = get_args(Adapting)
 # Models whose conditions may change from pixel to pixel.
 PER_PIXEL: tuple[Model, ...] = ("CIECAM02", "CAM16")
-# Twenty stops either way; and degrees that cones of 1° and 11° can be measured in.
+# Twenty stops either way; and the range of angles in which cones of 1° and 11° can be measured.
 EXPOSURES = (1e-6, 1e6)
 FIELDS_OF_VIEW_DEG = (0.1, 170.0)
 FieldOfView = Annotated[
@@ -93,41 +93,41 @@ class Viewing:
     """
 
     model: Model = "CIECAM02"
-    """An appearance model, such as CIECAM02, shows the scene as an eye adapted to its light sees
-    it; a chromatic adaptation, such as CAT02, moves the white and leaves tones as they are; none
-    shows scene XYZ relative to the display's white, so tungsten looks orange."""
+    """An appearance model such as CIECAM02 shows the scene as an eye adapted to its light sees it;
+    a chromatic adaptation such as CAT02 moves the white and leaves tones as they are; none shows
+    scene XYZ relative to the display's white, so tungsten looks orange."""
     illuminance_lux: Illuminance = 1000.0
-    """Illuminance of the scene's light, if the light itself carries none. Also the level that
-    ``level = "absolute"`` compares lights with."""
+    """Illuminance of the scene's light, if the light itself has none. Also the level with which
+    ``level = "absolute"`` compares lights."""
     L_A: Luminance | None = None
-    """Luminance of the scene's adapting field; left out, E_v/π · Y_b/100, with the light's own
+    """Luminance of the scene's adapting field; if left out, E_v/π · Y_b/100, with the light's own
     illuminance E_v or else ``illuminance_lux``."""
     Y_b: Background = 20.0
     """Luminance factor of the scene's background, percent of a perfect diffuser."""
     surround: SurroundOrRatio = "average"
     """average, dim, dark, or its ratio to white, 0 to 1."""
     D: Fraction | None = None
-    """Degree of adaptation to the scene's white, 0 (none) to 1; left out, the model's."""
+    """Degree of adaptation to the scene's white, 0 (none) to 1; if left out, the model's."""
     discount: bool = False
-    """The eye discounts the light's colour completely: ``D`` is 1, and is not given besides."""
+    """The eye discounts the light's colour completely: ``D`` is 1 and must be left out."""
     exposure: Annotated[
         float, Field(ge=EXPOSURES[0], le=EXPOSURES[1]), Hint("1 changes nothing")
     ] = 1.0
-    """Linear factor on scene XYZ, as a camera's."""
+    """Linear factor on scene XYZ, like a camera's exposure."""
     display: Display = field(default_factory=Display)
-    """Display and room that the picture is made for."""
+    """Display and room for which the picture is made."""
     adapting: Adapting = "given"
-    """given: Y_b and L_A are those above; picture: both are measured in each relit picture, by an
-    eye that looks at its middle; pixel: by one that looks at each pixel in turn (CIECAM02 and
-    CAM16). The measured background replaces ``Y_b``; an ``L_A`` that is given stays."""
+    """given: use Y_b and L_A above; picture: measure both in each relit picture, for an eye that
+    looks at its centre; pixel: for an eye that looks at each pixel in turn (CIECAM02 and CAM16).
+    The measured background replaces ``Y_b``; an ``L_A`` that is given is kept."""
     fov_deg: FieldOfView | None = None
-    """The picture's height as an angle, to measure with; left out, the camera's."""
+    """The picture's height as an angle, for measuring; if left out, the camera's."""
 
     def __post_init__(self) -> None:
         refuse_two_degrees(self.D, self.discount)
         if self.adapting == "pixel" and self.model not in PER_PIXEL:
             raise ViewingError(
-                f"'pixel' is not possible with model {self.model!r}",
+                f"'pixel' is not available for model {self.model!r}",
                 f'give {" or ".join(PER_PIXEL)}, or adapting "picture"',
                 code="conflict",
                 field="adapting",
@@ -136,9 +136,9 @@ class Viewing:
 
     @property
     def adapting_luminance(self) -> float:
-        """L_A of the scene, cd/m²: ``L_A``, or that of a background under ``illuminance_lux``.
+        """L_A of the scene, cd/m²: ``L_A``, or a background's luminance under ``illuminance_lux``.
 
-        ViewingError if it is to be measured.
+        Raises ViewingError if L_A is to be measured.
         """
         if self.L_A is not None:
             return self.L_A
@@ -146,14 +146,14 @@ class Viewing:
         return self.illuminance_lux / math.pi * self.Y_b / 100.0
 
     def lit_by(self, lux: float | None) -> Viewing:
-        """Return the viewing under a light of E_v lux; itself if the light carries none."""
+        """Return the viewing under a light of ``lux``; unchanged if the light has none."""
         return self if lux is None else replace(self, illuminance_lux=lux)
 
     def conditions(self, white_XYZ: ArrayLike) -> ViewingConditions:
-        """Return the conditions of an eye in the scene, under a light of a white (3,), Y = 100.
+        """Return the conditions of an eye in the scene, under a light with a white (3,), Y = 100.
 
-        A channel that a narrow light leaves without power counts as 1e-6 of Y. ViewingError if the
-        conditions are to be measured.
+        A channel in which a narrow light has no power counts as 1e-6 of Y. Raises ViewingError if
+        the conditions are to be measured.
         """
         self._require_given()
         X, Y, Z = np.maximum(white_XYZ, 1e-6 * np.asarray(white_XYZ)[1]).tolist()
@@ -166,7 +166,7 @@ class Viewing:
         if self.adapting != "given":
             raise ViewingError(
                 f"{self.adapting!r}, so there are no conditions without a picture",
-                'relight one, or give adapting "given"',
+                'relight one, or set adapting = "given"',
                 code="conflict",
                 field="Viewing.adapting",
                 given=self.adapting,
@@ -174,7 +174,7 @@ class Viewing:
 
 
 def require_angle(name: str, value: object) -> None:
-    """Refuse what is no field of view."""
+    """Raise ViewingError unless the value is a field of view."""
     least, most = FIELDS_OF_VIEW_DEG
     if not (is_finite(value) and least <= value <= most):  # type: ignore[operator]
         raise ViewingError.refused(name, value, f"give {expected(FieldOfView)}", "range")

@@ -1,4 +1,4 @@
-"""Viewing conditions: a surround's factors, and all that an eye is adapted to.
+"""Viewing conditions: a surround's factors, and everything to which an eye is adapted.
 
     [surround] -> display, spec -> transforms, models
 
@@ -24,9 +24,9 @@ from volspec.settings import Fraction, Hint, NotNegative, Positive, Unit, Vector
 
 Triple = tuple[float, float, float]
 
-# A background's limit, relative to the white: a window behind a sheet of paper.
+# A background's upper limit, relative to the white: a window behind a sheet of paper.
 MOST_BACKGROUND = 20.0
-# Of whites: Y is 100, or thereabouts, and not 1; the others may be next to nothing.
+# Limits of a white: Y is about 100, not 1; X and Z may be close to 0.
 _WHITE_Y, _WHITE_XYZ = (2.0, 1e5), (1e-30, 1e8)
 
 
@@ -58,19 +58,19 @@ SurroundOrRatio = Annotated[
 Background = Annotated[float, Field(ge=0, le=100 * MOST_BACKGROUND), Hint("white is 100, grey 20")]
 Luminance = Annotated[NotNegative, Unit("cd/m²")]
 Illuminance = Annotated[
-    Positive, Unit("lux"), Hint("an office has 500; for an eye in the dark L_A = 0")
+    Positive, Unit("lux"), Hint("an office has 500; for an eye in the dark set L_A = 0")
 ]
 _SURROUND: TypeAdapter[Any] = TypeAdapter(SurroundOrRatio, config=ConfigDict(strict=True))
 
 
 def surround_at(surround: SurroundOrRatio) -> Surround:
-    """Return a surround by name or by its ratio, linear between dark, dim and average.
+    """Return a surround by name or by ratio, interpolated between dark, dim and average.
 
     Parameters
     ----------
     surround : str or float
         One of `SURROUNDS`, or S_R = L_surround / L_white, 0 to 1: dark at 0, dim at 0.1,
-        average from 0.2 on [1, section 7.1; CIE 159].
+        average from 0.2 up [1, section 7.1; CIE 159].
 
     Raises
     ------
@@ -109,17 +109,17 @@ def require_conditions(name: str, value: object) -> None:
         raise ViewingError.refused(
             name,
             value,
-            "expected viewing conditions, as ViewingConditions((95.05, 100, 108.88))",
+            "expected viewing conditions, such as ViewingConditions((95.05, 100, 108.88))",
             "type",
         )
 
 
 def refuse_two_degrees(D: float | None, discount: bool) -> None:
-    """Refuse a degree of adaptation with ``discount``."""
+    """Refuse a degree of adaptation given together with ``discount``."""
     if discount and D is not None:
         raise ViewingError(
-            f"{D!r} contradicts discount, which is D = 1",
-            "give one of them",
+            f"{D!r} contradicts discount, which means D = 1",
+            "give only one of them",
             code="conflict",
             field="D",
             given=D,
@@ -130,9 +130,9 @@ def _white(white_XYZ: Vector) -> Vector:
     X, Y, Z = white_XYZ
     low, high = _WHITE_XYZ
     if min(white_XYZ) <= 0.0:
-        remedy = "give three finite numbers above 0, as (95.05, 100, 108.88)"
+        remedy = "give three finite numbers above 0, such as (95.05, 100, 108.88)"
     elif not (_WHITE_Y[0] <= Y <= _WHITE_Y[1] and low <= min(X, Z) and max(X, Z) <= high):
-        remedy = "give Y = 100 for white, as (95.05, 100, 108.88); scale white and colours to that"
+        remedy = "scale white and colours to Y = 100 for white, as in (95.05, 100, 108.88)"
     else:
         return white_XYZ
     raise ViewingError("", remedy, code="range", given=white_XYZ)
@@ -141,13 +141,13 @@ def _white(white_XYZ: Vector) -> Vector:
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class ViewingConditions:
-    """All that an eye is adapted to, as an adaptation or an appearance model needs it.
+    """Everything to which an eye is adapted, as an adaptation or an appearance model needs it.
 
     Raises
     ------
     ViewingError
-        If the white has a channel that is not above 0 or is on another scale, as 0 to 1, or a
-        number is out of range.
+        If the white has a channel that is not above 0 or is on another scale, such as 0 to 1, or
+        a number is out of range.
 
     Examples
     --------
@@ -158,27 +158,27 @@ class ViewingConditions:
     white_XYZ: Annotated[Vector, AfterValidator(_white)]
     """The adopted white; Y = 100 for a perfect diffuser."""
     L_A: Luminance = 64.0 / math.pi * 0.2
-    """Luminance of the adapting field. At 0 models take the limit from above."""
+    """Luminance of the adapting field. At 0, models use the limit from above."""
     Y_b: NotNegative = 20.0
-    """Luminance factor of the background, on the white's scale: to 20 times the white."""
+    """Luminance factor of the background, on the white's scale: up to 20 times the white."""
     surround: SurroundOrRatio = "average"
     """Name or ratio, see `surround_at`."""
     D: Fraction | None = None
-    """Degree of adaptation; left out, the model's own."""
+    """Degree of adaptation; if left out, the model's own."""
     discount: bool = False
-    """The eye discounts the light's colour, as of things it knows to be lit: D is 1, and is not
-    given besides."""
+    """The eye discounts the light's colour, as it does for objects that it knows to be lit: D is 1
+    and must be left out."""
 
     def __post_init__(self) -> None:
         white = self.white_XYZ[1]
         if self.Y_b > MOST_BACKGROUND * white:
-            remedy = f"give 0 to {MOST_BACKGROUND * white:g}, where white is {white:g}"
+            remedy = f"give 0 to {MOST_BACKGROUND * white:g}, on a scale where white is {white:g}"
             raise ViewingError.refused("Y_b", self.Y_b, remedy, "range")
         refuse_two_degrees(self.D, self.discount)
 
     @classmethod
     def of_lux(cls, white_XYZ: Triple, illuminance_lux: float, **others: Any) -> ViewingConditions:
-        """Conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w."""
+        """Make the conditions under a light of E_v lux: L_A = E_v/π · Y_b/Y_w."""
         if not (is_finite(illuminance_lux) and illuminance_lux > 0.0):
             remedy = f"give {expected(Illuminance)}"
             raise ViewingError.refused("illuminance_lux", illuminance_lux, remedy, "range")

@@ -2,9 +2,9 @@
 
     adaptation, models -> [transforms] -> cpu | shaders/relight.frag
 
-Whatever a model consists of, a pixel's arithmetic has one of few forms, and the shader draws each
-of them: a matrix, or a curve per response between two matrices. (The opponent models, CIECAM02
-and CAM16, have a form of their own, `volspec.appearance.models.cam.CamTransform`.)
+In any model a pixel's arithmetic has one of a few forms, each of which the shader implements: a
+matrix, or a curve per response between two matrices. (The opponent models, CIECAM02 and CAM16,
+have a form of their own, `volspec.appearance.models.cam.CamTransform`.)
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ Array = NDArray[np.float64]
 
 @runtime_checkable
 class ViewTransform(Protocol):
-    """Takes colours from one viewing condition to another."""
+    """A map of colours from one viewing condition to another."""
 
     def apply(self, XYZ: ArrayLike) -> Array:
-        """Return the (..., 3) XYZ of equal appearance; total on finite input."""
+        """Return the (..., 3) XYZ of equal appearance; defined for all finite input."""
 
 
 @runtime_checkable
 class ClosedTransform(ViewTransform, Protocol):
-    """A view transform in closed form: shaders draw it, and it can be undone."""
+    """A view transform in closed form, which shaders can evaluate and which has an inverse."""
 
     def undo(self, XYZ: ArrayLike) -> Array:
-        """Return the (..., 3) XYZ that `apply` takes to these."""
+        """Return the (..., 3) XYZ that `apply` maps to the given XYZ."""
 
 
 def triples(name: str, values: ArrayLike) -> Array:
-    """Return values as float64 triples (..., 3); raise ShapeError if they are none."""
+    """Return values as float64 triples (..., 3); raise ShapeError if they are not."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
@@ -67,7 +67,7 @@ def _inverted(matrix: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearTransform:
-    """XYZ' = matrix · XYZ, the form of all adaptations of the von Kries kind."""
+    """XYZ' = matrix · XYZ, the form of all von Kries adaptations."""
 
     matrix: Array
 
@@ -76,7 +76,7 @@ class LinearTransform:
         return triples("adaptation.XYZ", XYZ) @ self.matrix.T
 
     def undo(self, XYZ: ArrayLike) -> Array:
-        """Return the (..., 3) XYZ that `apply` takes to these."""
+        """Return the (..., 3) XYZ that `apply` maps to the given XYZ."""
         return triples("adaptation.XYZ", XYZ) @ _inverted(self.matrix).T
 
 
@@ -85,7 +85,7 @@ class CurveTransform:
     """A curve per response, between two matrices.
 
     r   = response_from_XYZ · XYZ
-    r'  = (gain · (r + shift)^power + offset)^outer        powers with the sign of their base
+    r'  = (gain · (r + shift)^power + offset)^outer        powers keep the sign of their base
     XYZ' = XYZ_from_response · r'
     """
 
@@ -104,7 +104,7 @@ class CurveTransform:
         return signed_power(inner, self.outer) @ self.XYZ_from_response.T
 
     def undo(self, XYZ: ArrayLike) -> Array:
-        """Return the (..., 3) XYZ that `apply` takes to these."""
+        """Return the (..., 3) XYZ that `apply` maps to the given XYZ."""
         r = triples("adaptation.XYZ", XYZ) @ _inverted(self.XYZ_from_response).T
         inner = (signed_power(r, 1.0 / self.outer) - self.offset) / self.gain
         r = signed_power(inner, 1.0 / self.power) - self.shift

@@ -3,11 +3,10 @@
     ViewingConditions × 2 -> [adaptation] -> ViewTransform -> cpu | shaders/relight.frag
 
 An adaptation is a function of source and target conditions that returns a `ViewTransform`:
-``apply`` goes from source to target, ``undo`` comes back, and the shader draws it as it is.
+``apply`` goes from source to target, ``undo`` goes back, and the shader evaluates it directly.
 Equations and measured errors: docs/adaptation.md.
 
-Colours are taken on their white's scale, so that all is in percent of Y_w: a white of Y = 50
-plays the part of one of Y = 100.
+Colours are relative to their white, in percent of Y_w: a white of Y = 50 acts like one of Y = 100.
 """
 
 from __future__ import annotations
@@ -58,8 +57,7 @@ def adaptation(name: str) -> Adaptation:
     Returns
     -------
     function
-        Takes source and target `ViewingConditions`, refuses anything else; returns a
-        `ViewTransform`.
+        Maps source and target `ViewingConditions` to a `ViewTransform`; refuses anything else.
 
     Raises
     ------
@@ -97,9 +95,9 @@ def adapt(
     Raises
     ------
     ViewingError
-        If the method is unknown, or these are no `ViewingConditions`.
+        If the method is unknown, or ``source`` or ``target`` is not a `ViewingConditions`.
     ShapeError
-        If they are no numbers, or the last axis is not 3.
+        If XYZ are not numbers, or the last axis is not 3.
 
     Examples
     --------
@@ -116,7 +114,7 @@ def adapt(
 def outside(XYZ: ArrayLike, transform: ViewTransform) -> NDArray[np.bool_]:
     """Mark colours outside of a transform's domain: powers of negative numbers.
 
-    `ViewTransform.apply` goes on there with |x|^p and the sign of x, so no picture has a NaN.
+    There `ViewTransform.apply` uses |x|^p with the sign of x, so pictures never contain NaN.
 
     Parameters
     ----------
@@ -133,13 +131,13 @@ def outside(XYZ: ArrayLike, transform: ViewTransform) -> NDArray[np.bool_]:
     Raises
     ------
     ShapeError, ViewingError
-        If they are no numbers, the last axis is not 3, or ``transform`` is none.
+        If XYZ are not numbers, the last axis is not 3, or ``transform`` is not a `ViewTransform`.
     """
     if not isinstance(transform, ViewTransform):
         raise ViewingError.refused(
             "adaptation.transform",
             transform,
-            "expected one of `adaptation`, as adaptation('CAT02')(source, target)",
+            "expected a view transform, such as adaptation('CAT02')(source, target)",
             "type",
         )
     colours = triples("adaptation.XYZ", XYZ)

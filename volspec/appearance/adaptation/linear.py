@@ -3,11 +3,11 @@
 Von Kries divides each response by the white's:
 
     R   = M · XYZ · 100/Y_w
-    R_c = (D · 100/R_w + 1 − D) · R         R_w of the white in percent, D of the side
+    R_c = (D · 100/R_w + 1 − D) · R         R_w: the white's response in percent; D: the side's
     XYZ' : the inverse under the target, with the target's white and the target's D
 
-The two sides meet in R_c, each with its own D, as CIECAM02's do (and Zhai and Luo's two steps by
-way of equal energy). At D = 1 on both this is M⁻¹ · diag(R_w'/R_w) · M, and swapping source and
+The two sides meet in R_c, each with its own D, as in CIECAM02 (and in Zhai and Luo's two steps via
+equal energy). At D = 1 on both sides this is M⁻¹ · diag(R_w'/R_w) · M, and swapping source and
 target is the exact inverse at any D.
 
 ====================  ====================================================  ================
@@ -20,9 +20,9 @@ name                  M                                                     D = 
 ``"CAT16"``           CAM16's [5]                                           the same
 ====================  ====================================================  ================
 
-``discount`` is D = 1 in all of them.
+``discount`` means D = 1 in all of them.
 
-Fairchild's adaptation is incomplete, and its cones mix:
+Fairchild's adaptation is incomplete and mixes the cone responses:
 
     a_M = p_M / M_n,     p_M = (1 + Y_n^v + m_E) / (1 + Y_n^v + 1/m_E),     v = 1/3
     m_E = 3 (M_n/M_E) / (L_n/L_E + M_n/M_E + S_n/S_E)           L and S alike
@@ -30,9 +30,9 @@ Fairchild's adaptation is incomplete, and its cones mix:
     XYZ_2 = M⁻¹ A_2⁻¹ C_2⁻¹ C_1 A_1 M · XYZ_1
 
 with n for the white, E for equal energy, and Y_n the white's luminance, L_A Y_w/Y_b, in cd/m². Each
-side has its own p and C. ``discount`` is p = 1; D is not the model's. colour-science 0.4.7 takes
-one p for both sides, and a C with c on the diagonal and 0 off it: both cancel, and plain von Kries
-is left.
+side has its own p and C. ``discount`` means p = 1; the model has no D. colour-science 0.4.7 uses
+one p for both sides, and a C with c on the diagonal and 0 off it: both cancel, which leaves plain
+von Kries.
 
 References
 ----------
@@ -64,9 +64,9 @@ Adaptation = Callable[[ViewingConditions, ViewingConditions], ViewTransform]
 SHARP_FROM_XYZ = np.array(
     [[1.2694, -0.0988, -0.1706], [-0.8364, 1.8006, 0.0357], [0.0297, -0.0315, 1.0018]]
 )
-# Bounds on responses to a white over its luminance. Real lights' reach 164 (violet of 380 nm).
+# Bounds on responses to a white over its luminance. Real lights reach 164 (violet of 380 nm).
 _LEAST, _MOST = 1e-6, 1e6
-# cd/m²: bounds on the models' input. C of Fairchild's is singular outside of 1e-10 to 1e9;
+# cd/m²: bounds on the models' input. Fairchild's C is singular outside of 1e-10 to 1e9;
 # starlight on paper is 1e-4, and the sun's disc 1e9.
 LUMINANCES = (1e-4, 1e6)
 _LEAST_N = 1e-4
@@ -94,21 +94,21 @@ def relative_white(matrix: Array, conditions: ViewingConditions) -> Array:
 
 
 def cones_of_white(conditions: ViewingConditions) -> Array:
-    """Return (3,) cone responses to the white over its Y, clamped above 0; D65 has ones."""
+    """Return (3,) cone responses to the white over its Y, clamped above 0; all 1 for D65."""
     return np.maximum(relative_white(k.D65_CONES_FROM_XYZ, conditions), _LEAST)
 
 
 def white_luminance(conditions: ViewingConditions) -> float:
     """Return Y_n = L_A Y_w / Y_b in cd/m², within `LUMINANCES`.
 
-    A background darker than 1e-4 of the white counts as that, as in CIECAM02.
+    A background darker than 1e-4 of the white counts as 1e-4, as in CIECAM02.
     """
     Y_n = conditions.L_A / max(conditions.Y_b / conditions.white_XYZ[1], _LEAST_N)
     return float(np.clip(Y_n, *LUMINANCES))
 
 
 def complete(conditions: ViewingConditions) -> float:
-    """Return D of the bare matrices: 1 unless given."""
+    """Return D of von Kries, Bradford and Sharp: 1 unless given."""
     return 1.0 if conditions.D is None or conditions.discount else conditions.D
 
 
@@ -132,7 +132,7 @@ def adapted_from_XYZ(name: str, conditions: ViewingConditions) -> Array:
     """Return (3, 3): XYZ to R_c, in the space of that name."""
     matrix, degree = VON_KRIES[name]
     D = degree(conditions)
-    # Gains vanish at one D for a light with a negative response; they are clamped off 0 too.
+    # A light with a negative response has one D at which a gain vanishes; clamped off 0, too.
     gains = clamp_magnitude(D / relative_white(matrix, conditions) + 1.0 - D)
     return percent_scale(conditions) * gains[:, None] * matrix
 
@@ -161,7 +161,7 @@ def fairchild_from_XYZ(conditions: ViewingConditions) -> Array:
 
 
 def identity(source: ViewingConditions, target: ViewingConditions) -> LinearTransform:
-    """Make no adaptation: XYZ' = XYZ, so that tungsten light looks orange."""
+    """Make the identity, XYZ' = XYZ: no adaptation, so tungsten light looks orange."""
     return LinearTransform(np.eye(3))
 
 
@@ -170,7 +170,7 @@ def linear_transform(
     source: ViewingConditions,
     target: ViewingConditions,
 ) -> LinearTransform:
-    """Make the transform by way of adapted responses, given as a matrix of conditions."""
+    """Make the transform via adapted responses; ``adapted`` returns their matrix."""
     return LinearTransform(inverse(adapted(target)) @ adapted(source))
 
 

@@ -1,23 +1,23 @@
-"""Nonlinear adaptations: Nayatani's with CIE 109's, and Guth's.
+"""Nonlinear adaptations: Nayatani's, CIE 109's variant of it, and Guth's.
 
 Nayatani's powers grow with the adapting luminance, and responses have noise:
 
-    L_a = a_L ((L + n) / (Y_o ξ + n))^β_L(L_o)          M and S alike; n = 1
+    L_a = a_L ((L + n) / (Y_o ξ + n))^β_L(L_o)          likewise M and S; n = 1
     ξ, η, ζ = M · XYZ_w / Y_w,      L_o = L_A ξ         (L_A = Y_o E_o / 100π)
     β_L, β_M (x) = (6.469 + 6.362 x^0.4495) / (6.469 + x^0.4495)
     β_S (x) = 0.7844 (8.414 + 8.091 x^0.5128) / (8.414 + x^0.5128)
 
-XYZ are in percent of the white, Y_o is the background's. Equal L_a, M_a, S_a on both sides give
+XYZ are in percent of the white, Y_o is the background's Y. Equal L_a, M_a, S_a on both sides give
 
     L' = (Y_o' ξ' + n) K^(1/β_L') ((L + n) / (Y_o ξ + n))^(β_L/β_L') − n
 
 ``"Nayatani"`` [1, 2] has one a for both sides, K = 1: a colour that equals the background in
-luminance factor and hue does so after. ``"CIE 1994"`` [3] sets
+luminance factor and hue still does afterwards. ``"CIE 1994"`` [3] sets
 
     K = k/k',   k = ((Y_o ξ + n) / (20 ξ + n))^(2β_L/3) · ((Y_o η + n) / (20 η + n))^(β_M/3)
 
-which preserves about the grey of 20 %, whatever the background; at Y_o = 20 the two are one. CIE
-109 knows one Y_o for both fields; here each side has its own, k and all, so that swapping source
+which roughly preserves a grey of 20 %, whatever the background; at Y_o = 20 the two are the same.
+CIE 109 has one Y_o for both fields; here each side has its own, also in k, so that swapping source
 and target is still the exact inverse.
 
 Guth's gains saturate with the adapting light:
@@ -29,18 +29,18 @@ Equal L_a on both sides, with κ = (σ + L_r0') / (σ + L_r0):
 
     L' = (κ L^0.7 + (κ − 1) 0.002/0.66)^(1/0.7)
 
-The survey leaves three things open. Taken here, with the source:
+The survey leaves three things open. The choices made here, with their sources:
 
 - σ = 300 [5].
 - L, M, S are in trolands, 18 Y_n^0.8 for the white [5], Y_n its luminance in cd/m². The pupil
-  follows the white, one factor for the picture; ATD95 puts the power on every colour.
-- The adapting light, L_r0, is k_2 = 50 times the white, and nothing of the sample: k_1 = 0 and
-  k_2 of 15 to 50 are the values of [5] for related colours. With the white alone (k_2 = 1) the
-  gains would hardly follow it, against the survey's finding that the model does about as von Kries.
+  follows the white, so one factor applies to the picture; ATD95 applies the power to every colour.
+- The adapting light, L_r0, is k_2 = 50 times the white, without the sample: k_1 = 0 and k_2 of 15
+  to 50 are the values of [5] for related colours. With the white alone (k_2 = 1) the gains would
+  hardly follow it, but the survey finds that the model performs about as well as von Kries.
 
-Cones are the survey's, M before all models, not those of ATD95. Equal L_a carry brightness, not
-lightness: from bright to dim a white comes out above the dim white's. Feed both sides one L_A and
-Y_b to preserve the picture's tones.
+The cones are the survey's M for all models, not those of ATD95. Equal L_a preserve brightness, not
+lightness: from bright to dim, a white comes out brighter than the dim white. Give both sides the
+same L_A and Y_b to preserve the picture's tones.
 
 References
 ----------
@@ -83,7 +83,7 @@ GUTH_ADAPTING = 50.0
 
 
 def nayatani_exponent(responses: ArrayLike, knee: float, top: float, power: float) -> Array:
-    """Return β: from 1 in the dark towards ``top``."""
+    """Return β, which rises from 1 in the dark towards ``top``."""
     x = np.asarray(responses, dtype=np.float64) ** power
     return np.asarray((knee + top * x) / (knee + x))
 
@@ -107,7 +107,7 @@ def background_responses(conditions: ViewingConditions, Y_o: float | None = None
 
 
 def level_factor(conditions: ViewingConditions) -> float:
-    """Return k of one side."""
+    """Return k of the source or the target."""
     lift = background_responses(conditions) / background_responses(conditions, 20.0)
     exponents = own_exponents(conditions)[:2] * (2.0 / 3.0, 1.0 / 3.0)
     return float(np.prod(lift[:2] ** exponents))
@@ -116,8 +116,8 @@ def level_factor(conditions: ViewingConditions) -> float:
 def nayatani_transform(
     use_level: bool, source: ViewingConditions, target: ViewingConditions
 ) -> CurveTransform:
-    """Make Nayatani's transform, with K of CIE 109 or without."""
-    # The background's responses are divided off first: powers of numbers near 1 suit float32.
+    """Make Nayatani's transform, with or without CIE 109's K."""
+    # Dividing by the background's responses first leaves powers of numbers near 1, for float32.
     near, beta = background_responses(source), own_exponents(target)
     K = level_factor(source) / level_factor(target) if use_level else 1.0
     ones = np.ones(3)
@@ -149,7 +149,7 @@ def trolands_from_XYZ(conditions: ViewingConditions) -> Array:
 
 
 def guth_transform(source: ViewingConditions, target: ViewingConditions) -> CurveTransform:
-    """Make Guth's transform; D and ``discount`` are not the model's."""
+    """Make Guth's transform; the model has no D and no ``discount``."""
     kappa = saturation(target) / saturation(source)
     ones = np.ones(3)
     return CurveTransform(

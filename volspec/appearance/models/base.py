@@ -1,7 +1,6 @@
 """The contract of an appearance model, and the parts that several models share.
 
-A model has a ``NAME``, ``forward``, ``inverse`` and ``continued``; most are modules. Learn one,
-know all.
+A model has a ``NAME``, ``forward``, ``inverse`` and ``continued``; most models are modules.
 
 References
 ----------
@@ -24,9 +23,9 @@ from volspec.errors import ShapeError, ViewingError, quoted
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
-"""A response this far below 0, the white being 1, still counts as 0: the last digits of sums."""
-# The inverse must return to J and the two parts of C within this, relative to the greatest. At the
-# edge of a model's domain the last digit of XYZ is this much; elsewhere 1e-9 is reached.
+"""Responses down to this far below 0 (relative to the white) are rounding error and count as 0."""
+# Round-trip tolerance for J and the two parts of C, relative to the largest of them. At the edge of
+# a model's domain, the last digit of XYZ changes them this much; elsewhere 1e-9 is reached.
 _ROUND_TRIP = 1e-6
 
 
@@ -41,7 +40,7 @@ class Appearance:
     h: Array
     """Hue angle, degrees within [0, 360)."""
     defined: NDArray[np.bool_]
-    """True where the model is defined; exactly there ``inverse(forward(x)) == x``."""
+    """True if the model is defined for the colour; only then ``inverse(forward(x)) == x``."""
     H: Array | None = None
     """Hue quadrature, 0 to 400: red 0, yellow 100, green 200, blue 300."""
     Q: Array | None = None
@@ -71,17 +70,17 @@ class Model(Protocol):
     ) -> Array:
         """Return the (..., 3) XYZ of a lightness, chroma and hue, each (...).
 
-        NaN if no XYZ that is `defined` looks so.
+        NaN if no `defined` XYZ has this appearance.
         """
 
     def continued(
         self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
     ) -> Array:
-        """Return `inverse`, continued smoothly beyond its domain for pictures; NaN at its end."""
+        """Return `inverse`, extended smoothly beyond its domain for pictures; NaN past that."""
 
 
 def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Array, Array, Array]:
-    """Return J, C and h as float64 of one shape; raise ShapeError if that cannot be."""
+    """Return J, C and h as float64, broadcast to one shape; raise ShapeError if they cannot be."""
     try:
         values = [np.asarray(each, dtype=np.float64) for each in (J, C, h)]
     except (TypeError, ValueError):
@@ -93,14 +92,14 @@ def broadcast(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> tuple[Arra
         J, C, h = np.broadcast_arrays(*values)
     except ValueError as error:
         shapes = ", ".join(str(each.shape) for each in values)
-        raise ShapeError(f"J, C, h have shapes {shapes}", "expected equal ones", field=name) from (
+        raise ShapeError(f"J, C, h have shapes {shapes}", "make them equal", field=name) from (
             error
         )
     return J, C, h
 
 
 def opponents(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
-    """Return J, C cos h and C sin h, (..., 3), which have no seam; chroma below 0 counts as 0."""
+    """Return J, C cos h and C sin h, (..., 3), without hue's seam; negative chroma counts as 0."""
     J, C, h = broadcast(name, J, C, h)
     C, angle = np.maximum(C, 0.0), np.radians(h)
     return np.stack([J, C * np.cos(angle), C * np.sin(angle)], axis=-1)
@@ -109,7 +108,7 @@ def opponents(name: str, J: ArrayLike, C: ArrayLike, h: ArrayLike) -> Array:
 def only_defined(
     XYZ: Array, J: ArrayLike, C: ArrayLike, h: ArrayLike, forward: Callable[[Array], Appearance]
 ) -> Array:
-    """Return an inverse's XYZ if its forward is `defined` and returns to J, C and h, else NaN."""
+    """Return an inverse's XYZ, or NaN unless ``forward`` is `defined` and returns J, C and h."""
     with np.errstate(all="ignore"):
         target, look = opponents("inverse", J, C, h), forward(XYZ)
         off = np.abs(opponents("inverse", look.J, look.C, look.h) - target).max(axis=-1)
@@ -129,7 +128,7 @@ def require_real_white(name: str, conditions: ViewingConditions, cones: Array) -
         raise ViewingError(
             f"the white XYZ = {conditions.white_XYZ} has the cone responses "
             f"{cones.round(4).tolist()}",
-            "expected all above 0. Is it a real light's?",
+            "expected all above 0. Is it the white of a real light?",
             code="range",
             field=f"{name}.white_XYZ",
             given=conditions.white_XYZ,
@@ -145,9 +144,9 @@ def degree_of_discounting(conditions: ViewingConditions) -> float:
 
 
 def cone_adaptation(white_cones: Array, luminance: float, D: float) -> Array:
-    """Return (3,) how far the cones follow a coloured white (eq. 18-23, 73-81); all 1 at D = 1.
+    """Return (3,) degrees of cone adaptation to a white (eq. 18-23, 73-81); all 1 at D = 1.
 
-    ``luminance`` is that of the adapting field, cd/m².
+    ``luminance`` is the adapting field's, cd/m².
     """
     fraction = 3.0 * white_cones / white_cones.sum()
     level = 1.0 + np.cbrt(luminance)
@@ -156,7 +155,7 @@ def cone_adaptation(white_cones: Array, luminance: float, D: float) -> Array:
 
 
 def interpolate_surround(surround: str | float, dark: float, dim: float, average: float) -> float:
-    """Interpolate a number known for three surrounds linearly between their ratios."""
+    """Interpolate a number given for three surrounds, linearly in the surround's ratio."""
     ratio = SURROUND_RATIOS[surround] if isinstance(surround, str) else float(surround)
     ratios = [SURROUND_RATIOS[name] for name in ("dark", "dim", "average")]
     return float(np.interp(ratio, ratios, (dark, dim, average)))

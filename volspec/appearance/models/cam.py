@@ -1,16 +1,16 @@
-"""CIECAM02 and CAM16: forward, inverse, and the transform between two conditions, as the shader.
+"""CIECAM02 and CAM16: forward, inverse, and the shader's transform between two conditions.
 
     ViewingConditions -> [CamConditions] -> [CamTransform] -> uniforms of shaders/relight.frag
     XYZ -> [forward] -> J, C, h -> [inverse] -> XYZ
 
-The models differ in the responses that are adapted and compressed, which `CamConditions` knows:
-CIECAM02 adapts CAT02's and compresses cones, CAM16 has one space for both, in which real colours
-never turn negative. A light change moves the white, so the scalars are computed for every new
+The models differ in the responses that are adapted and compressed (see `CamConditions`): CIECAM02
+adapts CAT02's and compresses those of cones; CAM16 uses one space for both, in which real colours
+are never negative. A change of light moves the white, so the scalars are computed for every new
 light, in float64 on the host; a pixel then costs three matrix products and ten powers.
 
-Forward gives numbers for all finite input: compression carries the sign of its argument, nothing
-is divided by t or by the sine or cosine of the hue, and a negative achromatic response is black.
-``defined`` marks the domain of the published model, and there the inverse is exact.
+Forward is finite for all finite input: compression preserves the sign of its argument, nothing is
+divided by t or by the sine or cosine of the hue, and a negative achromatic response becomes black.
+``defined`` marks the domain of the published model, in which the inverse is exact.
 
 References
 ----------
@@ -47,10 +47,10 @@ _RESPONSES = {
     "CIECAM02": (k.CAT02_FROM_XYZ, k.HPE_FROM_CAT02),
     "CAM16": (k.CAT16_FROM_XYZ, np.eye(3)),
 }
-# Below these the limits are reached to float32's digits; above is brighter than the sun's disc.
+# Below these the results equal their limits in float32; above is brighter than the sun's disc.
 _LEAST_L_A, _LEAST_N = 1e-6, 1e-4
 _MOST_L_A = 1e9
-# The inverse is defined as far as `forward`: a little is left for rounding.
+# The inverse is defined as far as `forward`, with a little slack for rounding.
 _LEAST_UNDER = k.CHROMA_FLOOR * (1.0 - 1e-9)
 _MOST = k.RESPONSE_LIMIT * (1.0 + 1e-12)
 
@@ -96,14 +96,14 @@ def compress(responses: Array) -> Array:
     """Return 400 f / (27.13 + f), f = |x|^0.42, with the sign of x (eq. 27-29 without noise).
 
     x is F_L / 100 times the cone responses. The 0.1 of eq. 28 cancels in a and b and is exactly the
-    0.305 taken off in eq. 35, so it is added only where it stays: in p2 and in the sum under t.
+    0.305 subtracted in eq. 35, so it is added only where it remains: in p2 and in t's denominator.
     """
     f = np.abs(responses) ** k.RESPONSE_POWER
     return np.copysign(k.RESPONSE_POLE * f / (k.RESPONSE_HALF + f), responses)
 
 
 def expand(compressed: Array) -> Array:
-    """Invert `compress` but for 27.13^(1/0.42): (x / (400 - x))^(1/0.42), cut short of the pole."""
+    """Invert `compress` up to 27.13^(1/0.42): (x / (400 - x))^(1/0.42), clamped below the pole."""
     x = np.minimum(np.abs(compressed), k.RESPONSE_LIMIT)
     return np.copysign((x / (k.RESPONSE_POLE - x)) ** (1.0 / k.RESPONSE_POWER), compressed)
 
@@ -145,10 +145,9 @@ class CamConditions:
         D: float | None = None,
         model: str = "CIECAM02",
     ) -> CamConditions:
-        """Compute the scalars (eq. 18-26); a ``D`` of None is eq. 24.
+        """Compute the scalars (eq. 18-26); if ``D`` is None, with eq. 24.
 
-        At an L_A or Y_b of 0 they are those of 1e-6 cd/m² and of a background of 1e-4 Y_w; above
-        1e9 cd/m² those of 1e9.
+        ``L_A`` is clamped to 1e-6…1e9 cd/m², ``Y_b`` to at least 1e-4 Y_w.
         """
         field = "viewing conditions.white_XYZ"
         white = triples(field, white_XYZ)
@@ -168,7 +167,7 @@ class CamConditions:
             D = float(degree_of_adaptation(surround.F, L_A))
         adapted_from_XYZ, compressed_from_adapted = _RESPONSES[model]
         RGB_w = adapted_from_XYZ @ white
-        # A spectral light can have a zero response: its gain must be finite.
+        # A spectral light can have a response of 0; its gain must be finite.
         floor = 1e-6 * white[1]
         RGB_w = np.where(np.abs(RGB_w) < floor, np.copysign(floor, RGB_w), RGB_w)
         D_RGB = white[1] * D / RGB_w + 1.0 - D
@@ -190,7 +189,7 @@ class CamConditions:
 
     @classmethod
     def of_viewing(cls, viewing: ViewingConditions, model: str = "CIECAM02") -> CamConditions:
-        """Compute the scalars of viewing conditions; discounting the illuminant is D = 1."""
+        """Compute the scalars of viewing conditions; discounting the illuminant means D = 1."""
         require_conditions(f"{model}.conditions", viewing)
         D = 1.0 if viewing.discount else viewing.D
         return cls.of(viewing.white_XYZ, viewing.L_A, viewing.Y_b, viewing.factors, D, model)
@@ -229,15 +228,15 @@ def _triple(values: ArrayLike) -> Triple:
 
 @dataclass(frozen=True, slots=True)
 class CamTransform:
-    """Takes colours to those of equal J, C and h under another viewing condition.
+    """The transform to colours of equal J, C and h under another viewing condition.
 
-    Forward and inverse model cancel but for these numbers: at constant J, C and h, t scales by a
-    constant, e_t and the hue fall out, and
+    Forward and inverse model cancel except for these numbers: at constant J, C and h, t scales by a
+    constant, e_t and the hue drop out, and
 
         p2' - 0.305 = w' ((p2 - 0.305) / w)^γ
         (a', b')    = κ p2' (a, b) / (p2 + (κ - 1) (11 a + 108 b) / 23)
 
-    with the whites' p2 - 0.305 in w, w'. The second line is the inverse model's
+    where w, w' are the whites' p2 - 0.305. The second line is the inverse model's
     23 t p2' (cos h, sin h) / (23 p1' + 11 t cos h + 108 t sin h) multiplied out with
     t = p1 √(a² + b²) / (R + G + 21/20 B) and 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2.
     """
@@ -248,7 +247,7 @@ class CamTransform:
     """(3, 3): scene XYZ -> linear responses; (..., 3, 3) if each colour has its own scene."""
     XYZ_from_response: Array  # (3, 3): x / (400 - x) raised to 1/0.42 -> display XYZ
     scene_achromatic: float | Array
-    """w: p2 - 0.305 of the scene's white; an array (...), as the two below, if each has its own."""
+    """w: p2 - 0.305 of the scene's white; here and in γ and κ an array (...) if colours differ."""
     display_achromatic: float  # w': p2 - 0.305 of the display's white
     lightness_power: float | Array  # γ = cz / (c'z')
     chroma_gain: float | Array
@@ -282,7 +281,7 @@ class CamTransform:
     def for_viewing(
         cls, model: str, source: ViewingConditions, target: ViewingConditions
     ) -> CamTransform:
-        """Make the transform between viewing conditions, by ``"CIECAM02"`` or ``"CAM16"``."""
+        """Make the transform between viewing conditions; model ``"CIECAM02"`` or ``"CAM16"``."""
         scene, display = (CamConditions.of_viewing(each, model) for each in (source, target))
         return cls.between(scene, display)
 
@@ -316,7 +315,7 @@ class CamTransform:
 
 
 def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
-    """Return cos(h + 2) + 3.8 without an angle (eq. 33)."""
+    """Return cos(h + 2) + 3.8 (eq. 33) without computing an angle."""
     cos_2, sin_2 = np.cos(k.ECCENTRICITY_PHASE), np.sin(k.ECCENTRICITY_PHASE)
     return cos_h * cos_2 - sin_h * sin_2 + k.ECCENTRICITY_OFFSET
 
@@ -324,10 +323,10 @@ def _eccentricity(cos_h: Array, sin_h: Array) -> Array:
 def forward(XYZ: ArrayLike, conditions: CamConditions) -> Appearance:
     """Return the appearance of XYZ (eq. 23-37).
 
-    Not `defined` where the published formulas take a power of a negative number, which is NaN: the
-    achromatic response A (eq. 35-36) or the sum under t (eq. 34); where either has fallen to a
-    hundredth of the other, and floors hold; and where a response nears its pole. Black is defined.
-    A negative R', G' or B' by itself is not outside: eq. 29 takes its sign along.
+    Not `defined` where the published formulas take a power of a negative number (NaN): the
+    achromatic response A (eq. 35-36) or t's denominator (eq. 34); where either is below a hundredth
+    of the other, so that floors apply; and where a response is near its pole. Black is defined. A
+    negative R', G' or B' alone is within the domain: eq. 29 preserves its sign.
     """
     responses = compress(triples(f"{conditions.model}.XYZ", XYZ) @ conditions.response_from_XYZ().T)
     signal = responses @ k.ACHROMATIC
@@ -335,7 +334,7 @@ def forward(XYZ: ArrayLike, conditions: CamConditions) -> Appearance:
     a, b = responses @ k.OPPONENT_A, responses @ k.OPPONENT_B
     radius = np.hypot(a, b)
     h = np.degrees(np.arctan2(b, a)) % 360.0
-    # Without chroma any hue will do; cos h = 1 divides by nothing.
+    # Without chroma any hue will do; cos h = 1 avoids a division by 0.
     safe = np.where(radius > 0.0, radius, 1.0)
     cos_h, sin_h = np.where(radius > 0.0, a, 1.0) / safe, b / safe
     J = 100.0 * (achromatic / conditions.white_achromatic) ** conditions.lightness_power
@@ -357,8 +356,8 @@ def forward(XYZ: ArrayLike, conditions: CamConditions) -> Appearance:
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions) -> Array:
     """Return the XYZ of a lightness, chroma and hue; exact where `forward` is defined.
 
-    NaN if no XYZ that is `defined` looks so: J below 0, chroma at J = 0, and anything brighter or
-    more chromatic than the responses reach.
+    NaN if no `defined` XYZ has this appearance: J below 0, chroma at J = 0, and anything brighter
+    or more chromatic than the responses can represent.
     """
     J, C, h = broadcast(conditions.model, J, C, h)
     lit = J > 0.0
@@ -370,7 +369,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions)
     achromatic = conditions.white_achromatic * level ** (1.0 / conditions.lightness_power)
     p2 = achromatic + k.ACHROMATIC_NOISE
     skew = k.CHROMA_SKEW[0] * cos_h + k.CHROMA_SKEW[1] * sin_h
-    # p1 p2 over the sum under t: at or below 0 nothing has that chroma at that hue.
+    # p1 p2 over t's denominator: at or below 0, no colour has that chroma at that hue.
     under = p1 + t * skew
     chroma = t * p2 / np.maximum(under, k.CHROMA_FLOOR * p1)
     opponent = np.stack([achromatic, chroma * cos_h, chroma * sin_h], axis=-1)
@@ -403,7 +402,7 @@ class CamModel:
     def continued(
         self, J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions
     ) -> Array:
-        """Return `inverse`: there is nothing beyond the domain."""
+        """Return `inverse`, which has no continuation beyond its domain."""
         return self.inverse(J, C, h, conditions)
 
     def view_transform(self, source: ViewingConditions, target: ViewingConditions) -> CamTransform:
@@ -412,6 +411,6 @@ class CamModel:
 
 
 ciecam02 = CamModel("CIECAM02")
-"""The CIE's model of 2002 and the default."""
+"""The CIE's model of 2002, the default."""
 cam16 = CamModel("CAM16")
-"""CIECAM02 with one space for adaptation and compression."""
+"""CIECAM02's successor, with one space for adaptation and compression."""

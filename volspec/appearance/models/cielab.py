@@ -52,17 +52,17 @@ def _white(white_XYZ: ArrayLike) -> Array:
 
 
 def cielab(XYZ: ArrayLike, white_XYZ: ArrayLike) -> Array:
-    """Return (..., 3) L*, a*, b* of XYZ; the linear toe takes negative predictions too."""
+    """Return (..., 3) L*, a*, b* of XYZ; negative XYZ are on the linear toe."""
     ratio = triples("CIELAB.XYZ", XYZ) / _white(white_XYZ)
     return _f(ratio) @ _LAB_FROM_F.T + _LAB_AT_0
 
 
 def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
-    """Return (...) CIEDE2000 of pairs (..., 3) of CIELAB colours [2]; 1 is just noticeable."""
+    """Return (...) CIEDE2000 between (..., 3) CIELAB colours [2]; 1 is just noticeable."""
     (L_1, a_1, b_1), (L_2, a_2, b_2) = (
         np.moveaxis(np.asarray(Lab, dtype=np.float64), -1, 0) for Lab in (Lab_1, Lab_2)
     )
-    # Greys are moved apart: a is stretched where chroma is low.
+    # Near-greys are spread apart: a is stretched where chroma is low.
     stretch = 1.0 + 0.5 * (1.0 - _saturated((np.hypot(a_1, b_1) + np.hypot(a_2, b_2)) / 2.0))
     (C_1, h_1), (C_2, h_2) = _polar(stretch * a_1, b_1), _polar(stretch * a_2, b_2)
     dL, dC, dh = L_2 - L_1, C_2 - C_1, h_2 - h_1
@@ -76,12 +76,12 @@ def delta_E_2000(Lab_1: ArrayLike, Lab_2: ArrayLike) -> Array:
     blue = 30.0 * np.exp(-(((h - 275.0) / 25.0) ** 2))
     R_T = -2.0 * _saturated(C) * np.sin(np.radians(2.0 * blue))
     lightness, chroma, hue = dL / S_L, dC / S_C, dH / S_H
-    # Rounding can leave the square of equal colours below 0.
+    # Rounding can make the square for equal colours negative.
     square = lightness**2 + chroma**2 + hue**2 + R_T * chroma * hue
     return np.asarray(np.sqrt(np.maximum(square, 0.0)), dtype=np.float64)
 
 
-# Terms of T: amplitude, multiple of the hue, turn in degrees.
+# Terms of T: amplitude, multiple of the hue, phase in degrees.
 _HUE_TERMS = ((-0.17, 1, -30.0), (0.24, 2, 0.0), (0.32, 3, 6.0), (-0.20, 4, -63.0))
 
 
@@ -95,7 +95,7 @@ def _polar(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _mean_hue(h_1: Array, h_2: Array, grey: NDArray[np.bool_]) -> Array:
-    """Return the middle of the shorter arc; the other's hue if one of the two has none."""
+    """Return the middle of the shorter arc; if one colour is grey, the hue of the other."""
     total = h_1 + h_2
     across = np.abs(h_1 - h_2) > 180.0
     mean = np.where(across, total + np.where(total < 360.0, 360.0, -360.0), total) / 2.0
@@ -103,7 +103,7 @@ def _mean_hue(h_1: Array, h_2: Array, grey: NDArray[np.bool_]) -> Array:
 
 
 def cielab_derivative(ratio: ArrayLike) -> Array:
-    """Return the derivative of CIELAB by XYZ / white: the metric of small colour differences.
+    """Return the derivative of CIELAB by XYZ / white, the metric of small colour differences.
 
     (..., 3) ratios to (..., 3, 3): row L*, a* or b*, column X, Y or Z.
     """
@@ -114,7 +114,7 @@ def cielab_derivative(ratio: ArrayLike) -> Array:
 def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:
     """Return the slope of the chord of two colours: Lab(one) - Lab(other) = chord · (one - other).
 
-    (..., 3) ratios XYZ / white to (..., 3, 3); of equal ones the tangent.
+    (..., 3) ratios XYZ / white to (..., 3, 3); the tangent if both colours are equal.
 
     >>> one, other = np.array([0.3, 0.4, 0.5]), np.array([0.001, 0.2, 0.6])
     >>> difference = cielab(one, [1, 1, 1]) - cielab(other, [1, 1, 1])
@@ -123,7 +123,7 @@ def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:
     """
     a, b = np.broadcast_arrays(np.asarray(one, np.float64), np.asarray(other, np.float64))
     rise, run = _f(a) - _f(b), a - b
-    # So short a chord would lose digits.
+    # A chord this short would lose digits.
     short = np.abs(run) < 1e-7
     slope = np.where(short, _f_slope((a + b) / 2.0), rise / np.where(short, 1.0, run))
     return _LAB_FROM_F * slope[..., None, :]
@@ -139,9 +139,9 @@ def XYZ_from_cielab(Lab: ArrayLike, white_XYZ: ArrayLike) -> Array:
 
 
 def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
-    """Return L*, C* and h as J, C and h; of the conditions only the white matters.
+    """Return L*, C* and h as J, C and h; only the white of the conditions matters.
 
-    H lies between the unique hues of daylight. XYZ below 0 are on the linear toe, not `defined`.
+    H is based on the unique hues in daylight. XYZ below 0 are on the linear toe, not `defined`.
     """
     require_conditions("CIELAB.conditions", conditions)
     XYZ = triples("CIELAB.XYZ", XYZ)
@@ -163,7 +163,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditi
 
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """Return `inverse`, continued on the linear toe below 0; never NaN."""
+    """Return `inverse`, extended below 0 on the linear toe; never NaN."""
     require_conditions("CIELAB.conditions", conditions)
     return XYZ_from_cielab(opponents(NAME, J, C, h), conditions.white_XYZ)
 
@@ -171,6 +171,6 @@ def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingCondi
 def view_transform(source: ViewingConditions, target: ViewingConditions) -> LinearTransform:
     """Make the transform to colours of equal J, C and h under another condition.
 
-    CIELAB divides by the white, and the rest is the same on both sides.
+    CIELAB divides by the white; everything else is the same on both sides.
     """
     return LinearTransform(np.diag(np.divide(target.white_XYZ, source.white_XYZ)))

@@ -1,12 +1,12 @@
-"""Hunt's model of 1994: cones and rods, bleaching, induction, from starlight to snow.
+"""Hunt's model of 1994: cones and rods, bleaching and induction, from starlight to snow.
 
     XYZ -> cones, adapted, compressed -> hue, chromatic response M -> with rods: Q -> J, C
 
 ``M`` of an `Appearance` is the colourfulness M_94, not the chromatic response M of eq. 45.
 
-The responses are odd here, f_n(-I) = -f_n(I): eq. 15 has a pole at a negative I. The inverse
-is one unknown: at a hue and saturation the adapted cones go with A_c = 2 ρ_a + γ_a + β_a / 20,
-and brightness rises with it.
+Responses are odd here, f_n(-I) = -f_n(I), because eq. 15 has a pole at a negative I. The inverse
+has one unknown: at a given hue and saturation the adapted cone responses are proportional to
+A_c = 2 ρ_a + γ_a + β_a / 20, and brightness increases with A_c.
 
 References
 ----------
@@ -51,7 +51,7 @@ __all__ = ["NAME", "HuntSettings", "forward", "inverse"]
 
 NAME = "Hunt"
 POLE, HALF, POWER = 40.0, 2.0, 0.73
-# 2 ρ_a + γ_a + β_a / 20 of three noises of 1, and the rods' noise.
+# A_c of the cones' noise, 1 in each of the three, and the rods' noise.
 NOISE_SUM, ROD_NOISE = 3.05, 0.3
 _LEAST_L_A, _LEAST_N = 1e-6, 1e-4
 
@@ -63,7 +63,7 @@ def compress(I: Array) -> Array:  # noqa: E741
 
 
 def expand(response: Array) -> Array:
-    """Invert `compress`; cut short of the pole."""
+    """Invert `compress`, clamped below the pole."""
     y = np.minimum(np.abs(response), POLE * (1.0 - 1e-12))
     return np.asarray(np.copysign((HALF * y / (POLE - y)) ** (1.0 / POWER), response))
 
@@ -80,27 +80,27 @@ NearField = Annotated[Vector, AfterValidator(_excites)] | None
 @checked(ViewingError)
 @dataclass(frozen=True, slots=True)
 class HuntSettings:
-    """Inputs of Hunt's model beyond `ViewingConditions`; None is derived from these."""
+    """Inputs of Hunt's model beyond `ViewingConditions`; None derives an input from those."""
 
     N_c: Positive | None = None
-    """Chromatic surround induction. None, for this and the next: those of projected transparencies
-    (0.7, 10) in the dark, television (1, 25) dim, normal scenes (1, 75) average, on straight lines
-    between. Small areas on uniform fields have 1 and 300, large transparencies on light boxes 0.7
-    and 25."""
+    """Chromatic surround induction. If None, N_c and N_b are those of projected transparencies
+    (0.7, 10) in a dark surround, television (1, 25) in a dim one, normal scenes (1, 75) in an
+    average one, interpolated linearly in between. Small areas on uniform fields have 1 and 300,
+    large transparencies on light boxes 0.7 and 25."""
     N_b: Positive | None = None
     """Brightness surround induction."""
     L_AS: Positive | None = None
     """Scotopic luminance of the adapting field, scotopic cd/m². None: eq. 8."""
     CCT_kelvin: Positive | None = None
-    """Correlated colour temperature of the light, for eq. 8. None: McCamy's of the white."""
+    """Correlated colour temperature of the light, for eq. 8. None: the white's, by McCamy."""
     p: Annotated[float, Field(ge=-1, le=1)] = 0.0
-    """Chromatic induction by the proximal field: contrast from -1, assimilation to 1."""
+    """Chromatic induction by the proximal field: from -1 (contrast) to 1 (assimilation)."""
     proximal_XYZ: NearField = None
     """The field around the colour, for eq. 30-35. None: the background."""
     background_XYZ: NearField = None
-    """The field around that. None: the white's colour at Y_b."""
+    """The background around the proximal field. None: the white's colour at Y_b."""
     helson_judd: bool = False
-    """Light greys take on the light's hue, dark ones its complement (eq. 24-26)."""
+    """Light greys take on the light's hue, dark greys its complement (eq. 24-26)."""
 
 
 def cct_mccamy(white_XYZ: Triple) -> float:
@@ -135,7 +135,7 @@ class HuntConditions:
 
     @classmethod
     def of(cls, conditions: ViewingConditions, settings: HuntSettings) -> HuntConditions:
-        """Compute the scalars; at an L_A or Y_b of 0 those of 1e-6 cd/m² and of 1e-4 Y_w."""
+        """Compute the scalars, with L_A and Y_b clamped to at least 1e-6 cd/m² and 1e-4 Y_w."""
         if not isinstance(settings, HuntSettings):
             raise ViewingError.refused("Hunt.settings", settings, "expected HuntSettings", "type")
         white = cones_of_white("Hunt", conditions)
@@ -146,7 +146,7 @@ class HuntConditions:
         F = cone_adaptation(white, L_A, degree_of_discounting(conditions))
         grey = compress(n * F_L * F)
         T = settings.CCT_kelvin or cct_mccamy(conditions.white_XYZ)
-        # Eq. 8 ends at 1600 K.
+        # Eq. 8 is limited to above 1600 K.
         L_AS = settings.L_AS or 2.26 * L_A * float(np.cbrt(max(T / 4000.0 - 0.4, 1e-3)))
         N_c, N_b, surround = settings.N_c, settings.N_b, conditions.surround
         return cls(
@@ -201,8 +201,8 @@ class HuntConditions:
     def largest_A_c(self, direction: Array) -> Array:
         """Return the largest A_c along a direction of the adapted cones, (..., 3) to (...).
 
-        NaN if a cone has no response on its side: glare leaves it so little pigment that its
-        least response is above 0.
+        NaN if no response of a cone has the required sign: glare bleaches so much pigment that the
+        smallest response is above 0.
         """
         end = np.where(direction < 0.0, -POLE, POLE) * (1.0 - 1e-9)
         ends = 1.0 + self.bleaching * (end + self.helson_judd)
@@ -213,7 +213,7 @@ class HuntConditions:
 
 
 def _induction(background: Array, settings: HuntSettings) -> Array:
-    """Return ρ'_w / ρ_w (eq. 30-35); the bracket has the ratio p_ρ, not ρ_p as printed."""
+    """Return ρ'_w / ρ_w (eq. 30-35); the bracket contains the ratio p_ρ, not ρ_p as printed."""
     if settings.background_XYZ is not None:
         background = k.HPE_FROM_XYZ @ np.asarray(settings.background_XYZ)
     proximal = background
@@ -226,10 +226,10 @@ def _induction(background: Array, settings: HuntSettings) -> Array:
 
 NORMAL = HuntSettings()
 
-# e_s is interpolated linearly; at h = 0 it is that of 360.
+# e_s is interpolated linearly; its value at h = 0 is the one at 360.
 _HUES_DEG = np.array([0.0, *HUNT_HUES.degrees])
 _ECCENTRICITY = np.array([HUNT_HUES.eccentricity[-1], *HUNT_HUES.eccentricity])
-# ρ_a + γ_a + β_a of black is 3; imaginary colours may sum to nothing.
+# ρ_a + γ_a + β_a of black is 3; for imaginary colours it may be 0 or less.
 _LEAST_SUM = 0.03
 
 
@@ -242,7 +242,7 @@ def _chromatic(h: Array, eye: HuntConditions) -> Array:
 
 
 def _achromatic(A_c: Array, S: Array, eye: HuntConditions) -> Array:
-    """Return A of 2 ρ_a + γ_a + β_a / 20 and S / S_w (eq. 36, 47-51)."""
+    """Return A from A_c = 2 ρ_a + γ_a + β_a / 20 and S / S_w (eq. 36, 47-51)."""
     noise = np.hypot(1.0, ROD_NOISE) - NOISE_SUM
     return np.asarray(eye.N_bb * (A_c + eye.rods(S) + noise))
 
@@ -258,19 +258,19 @@ def _signals(XYZ: Array, S: Array, eye: HuntConditions) -> tuple[Array, Array, A
 
 
 def _brightness(response: Array, A_w: Array, eye: HuntConditions) -> Array:
-    """Return Q of A + M / 100 (eq. 52-54)."""
+    """Return Q from A + M / 100 (eq. 52-54)."""
     N_1, N_2 = eye.surround_terms(A_w)
     return signed_power(7.0 * response, 0.6) * N_1 - N_2
 
 
 def _white(eye: HuntConditions) -> tuple[Array, Array]:
-    """Return A_w and Q_w: the white goes through the whole model with its own hue."""
+    """Return A_w and Q_w; the white passes through the whole model with its own hue."""
     _, _, M_w, A_w = _signals(np.asarray(eye.white_XYZ), np.ones(()), eye)
     return A_w, eye.require_brightness(_brightness(A_w + M_w / 100.0, A_w, eye))
 
 
 def _background(A_w: Array, eye: HuntConditions, settings: HuntSettings) -> Array:
-    """Return Q_b: the background goes through the whole model, too."""
+    """Return Q_b; the background, too, passes through the whole model."""
     given = settings.background_XYZ
     XYZ = np.asarray(eye.white_XYZ) * eye.n if given is None else np.asarray(given, np.float64)
     _, _, M_b, A_b = _signals(XYZ, XYZ[1] / eye.Y_w, eye)
@@ -283,7 +283,7 @@ def _scotopic(S: ArrayLike, like: Array) -> Array:
         return np.broadcast_to(np.asarray(S, dtype=np.float64), like.shape)
     except (TypeError, ValueError):
         raise ShapeError.refused(
-            "Hunt.S", S, f"expected numbers, one or for each of the colours {like.shape}"
+            "Hunt.S", S, f"expected one number, or one for each of the colours {like.shape}"
         ) from None
 
 
@@ -296,12 +296,12 @@ def forward(
     """Return the appearance of XYZ (eq. 8-59).
 
     ``S`` (...) is the scotopic response of each colour over the white's; None is Y / Y_w.
-    Discounting, or D = 1, makes adaptation complete; D below 1 does so in part, as in RLAB.
+    Discounting, or D = 1, makes adaptation complete; a smaller D, partly so, as in RLAB.
 
-    Not `defined` where a cone's response, S or the brightness falls below 0, as that of black does
-    in bright light; J keeps the sign of Q there, and C goes with its size. Q_WB is eq. 55, with the
-    sign of Q and Q_b in the powers. Raises ViewingError if the white excites a cone by nothing or
-    less, or has no brightness.
+    Not `defined` where a cone's response, S or the brightness falls below 0, as for black in bright
+    light; there J keeps the sign of Q, and C uses its magnitude. Q_WB is eq. 55, with the signs of
+    Q and Q_b preserved by the powers. Raises ViewingError if a cone's response to the white is not
+    above 0, or the white has no brightness.
     """
     XYZ = triples("Hunt.XYZ", XYZ)
     eye = HuntConditions.of(conditions, settings)
@@ -335,9 +335,9 @@ def inverse(
     settings: HuntSettings = NORMAL,
     S: ArrayLike | None = None,
 ) -> Array:
-    """Return the XYZ of a lightness, chroma and hue; ``S`` as in `forward`, whatever the XYZ.
+    """Return the XYZ of a lightness, chroma and hue; ``S`` as in `forward`, independent of XYZ.
 
-    NaN if no XYZ that is `defined` looks so. (Black has some lightness.)
+    NaN if no `defined` XYZ has this appearance. (Black has some lightness.)
     """
     XYZ = continued(J, C, h, conditions, settings, S)
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings, S))
@@ -351,7 +351,7 @@ def continued(
     settings: HuntSettings = NORMAL,
     S: ArrayLike | None = None,
 ) -> Array:
-    """Return `inverse`, continued to cones and brightness below 0; NaN if no XYZ looks so."""
+    """Return `inverse`, extended to cones and brightness below 0; NaN if there is no such XYZ."""
     J, C, h = broadcast(NAME, J, C, h)
     rod_response = None if S is None else _scotopic(S, J)
     eye = HuntConditions.of(conditions, settings)
@@ -385,7 +385,7 @@ def continued(
         )
         return np.asarray(A + m * kappa * A_c / 100.0 - response)
 
-    # The rods add to brightness: without them it takes more of the cones. (Rounded up for black.)
+    # Upper bound: without the rods the cones alone make the brightness. (Rounded up for black.)
     cones_alone = response - _achromatic(np.zeros_like(h), np.zeros_like(h), eye)
     cones_alone = np.maximum(cones_alone / (eye.N_bb + m * kappa / 100.0), 0.0) * (1.0 + 1e-9)
     most = np.minimum(cones_alone, eye.largest_A_c(direction))

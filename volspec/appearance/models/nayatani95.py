@@ -1,9 +1,9 @@
-"""Nayatani's model of 1995: logarithms of cone responses on a grey background.
+"""Nayatani's model of 1995: logarithms of cone responses, on a grey background.
 
     XYZ -> cones -> log over the background's -> Q, t, p -> L*_P, C, theta
 
-Its ``J, C, h, H, Q, M, s, Q_WB, L_N`` are L*_P, C, θ, H, B_r, M, S, Q, L*_N. Chroma is defined by
-L*_P, so lightness is L*_P too and not L*_N, from which it hardly differs. The surround, D and
+``J, C, h, H, Q, M, s, Q_WB, L_N`` are L*_P, C, θ, H, B_r, M, S, Q, L*_N. Chroma is defined from
+L*_P, so lightness, too, is L*_P and not L*_N, which hardly differs. The surround, D and
 discounting have no influence.
 
 References
@@ -46,7 +46,7 @@ _ACHROMATIC, _CHROMATIC, _MIDDLE = 41.69, 488.93, 50.0
 _STRENGTH = 0.9394
 _SINES = np.array([-0.2478, -0.0743, 0.0666, -0.0186])
 _COSINES = np.array([-0.0055, -0.0521, -0.0573, -0.0061])
-# The logarithm's argument stops short of 0, at this fraction of the noise.
+# The logarithm's argument is clamped to at least this fraction of the noise.
 _LEAST = 1e-3
 
 
@@ -65,7 +65,7 @@ NORMAL = NayataniSettings()
 
 
 def _weight(x: Array) -> Array:
-    """Return e(R) x; x = β_1 log (R + n) / (20 ξ + n) has its sign."""
+    """Return e(R) x; the sign of x = β_1 log (R + n) / (20 ξ + n) selects e(R)."""
     return np.where(x >= 0.0, _BRIGHT, 1.0) * x
 
 
@@ -88,7 +88,7 @@ class _Scalars:
         cones = k.D65_CONES_FROM_XYZ @ (white / white[1])
         grey = require_real_white(NAME, conditions, cones)
         self.n = settings.n
-        # Y_o E_o / (100 π) is the adapting luminance L_A itself (eq. 90).
+        # Y_o E_o / (100 π) is just the adapting luminance L_A (eq. 90).
         adapting = conditions.L_A * grey
         self.beta = nayatani_exponents(adapting)
         L_or = conditions.Y_b * settings.E_or / (100.0 * np.pi)
@@ -109,9 +109,9 @@ def forward(
 ) -> Appearance:
     """Return the appearance of XYZ (eq. 90-124); Y = 100 for a perfect diffuser.
 
-    The illuminance is the one that gives the background Y_b the luminance L_A. Not `defined` where
-    a cone's response falls to the noise below 0, or lightness below 0, as near black; C goes with
-    |J|^0.7 there. Raises ViewingError if the white excites a cone by nothing or less.
+    The illuminance follows from the background's Y_b and luminance L_A. Not `defined` where a
+    cone's response falls to -n, or lightness below 0, as near black; there C scales with |J|^0.7.
+    Raises ViewingError if a cone's response to the white is not above 0.
     """
     eye = _Scalars(conditions, settings)
     noisy = triples("Nayatani95.XYZ", XYZ) @ k.D65_CONES_FROM_XYZ.T + eye.n
@@ -146,10 +146,10 @@ def inverse(
     conditions: ViewingConditions,
     settings: NayataniSettings = NORMAL,
 ) -> Array:
-    """Return the XYZ of a lightness, chroma and hue, in closed form; NaN if none looks so.
+    """Return the XYZ of a lightness, chroma and hue, in closed form; NaN if there is none.
 
-    t and p give x_R - x_G, x the three logarithms times their exponents; then Q is a rising line of
-    x_G in three pieces, which end where x_R or x_G is 0.
+    t and p determine x_R - x_G, where x are the logarithms times their exponents; Q then increases
+    with x_G piecewise linearly, in three pieces that meet where x_R or x_G is 0.
     """
     XYZ = continued(J, C, h, conditions, settings)
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions, settings))
@@ -162,7 +162,7 @@ def continued(
     conditions: ViewingConditions,
     settings: NayataniSettings = NORMAL,
 ) -> Array:
-    """Return `inverse`, continued to lightness below 0 and cones near the noise's end.
+    """Return `inverse`, extended to lightness below 0 and cone responses near -n.
 
     NaN for chroma at lightness 0, and beyond float64's range.
     """

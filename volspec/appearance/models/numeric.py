@@ -1,4 +1,4 @@
-"""Numeric inverses: a root in one unknown, and the inverse of any model in three.
+"""Numeric inverses: a root finder in one unknown, and the inverse of any model, in three.
 
     model.forward; J, C, h -> [invert] -> XYZ
     model.continued; J, C, h -> [nearest_inverse] -> XYZ
@@ -22,11 +22,11 @@ from volspec.appearance.models.cam import ciecam02
 from volspec.appearance.surround import ViewingConditions
 
 _EPSILON = float(np.finfo(np.float64).eps)
-# Near the end of a model's responses XYZ grow without bounds; a display shows 1.
+# Near the limits of a model's responses XYZ grow without bound; a display's white is 1.
 _WITHIN_WHITES = 1000.0
-# 2^-12 of the way in lightness, and likewise in chroma, is not noticeable.
+# An error of 2^-12 of the way, in lightness or chroma, is not noticeable.
 _HALVINGS = 12
-# In glare Hunt's eye bleaches until no light grey is without colour: then a darker one has to do.
+# In glare, bleaching in Hunt's model leaves no light grey without chroma: try darker ones.
 _GREYS = (0.2, 0.05, 0.01, 0.0)
 
 
@@ -35,7 +35,7 @@ def find_root(
 ) -> Array:
     """Find the zero of an elementwise function between two ends, for all elements at once [1].
 
-    Some ten evaluations suffice for smooth functions. NaN if the ends' values have one sign.
+    About ten evaluations suffice for smooth functions. NaN if both ends have the same sign.
     """
     a, b = np.array(high, dtype=np.float64), np.array(low, dtype=np.float64)
     f_a, f_b = function(a), function(b)
@@ -71,16 +71,16 @@ def nearest_inverse(
 ) -> Array:
     """Invert a model; colours without an inverse are moved towards grey until one exists.
 
-    Hue is constant: lightness goes towards that of a grey of 20 % until a colourless XYZ has it,
-    then chroma towards 0 until there is an inverse within 1000 times the white. So the colours of a
-    display continue without a jump, which 3-D LUTs need. NaN only for numbers that are not finite.
+    At constant hue, lightness moves towards a 20 % grey's until an achromatic XYZ has it, then
+    chroma towards 0 until there is an inverse within 1000 times the white. The colours of a display
+    thus continue without a jump, as 3-D LUTs need. NaN only for numbers that are not finite.
     """
     look = broadcast(model.NAME, J, C, h)
     white = np.asarray(conditions.white_XYZ)
 
     def known(j: Array, c: Array, hue: Array) -> NDArray[np.bool_]:
         XYZ = model.continued(j, c, hue, conditions)
-        # NaN compares as False.
+        # Comparisons with NaN are False.
         return np.asarray(np.all(np.abs(XYZ) <= _WITHIN_WHITES * white, axis=-1))
 
     XYZ = model.continued(*look, conditions)
@@ -97,7 +97,7 @@ def nearest_inverse(
 
 
 def _longest(known: Callable[[Array, NDArray[np.intp]], NDArray[np.bool_]], count: int) -> Array:
-    """Return the largest known fraction of each way, (N,) from 0 to 1; by halving."""
+    """Return the largest ``known`` fraction of each way, (N,) from 0 to 1, by bisection."""
     fraction = np.ones(count)
     rows = np.flatnonzero(~known(fraction, np.arange(count)))
     low, high = np.zeros(len(rows)), np.ones(len(rows))
@@ -120,9 +120,9 @@ def invert(
 ) -> Array:
     """Invert any model from its forward alone.
 
-    Levenberg-Marquardt [2] on the cube root of XYZ over the white, every pixel with its own
-    damping, from CIECAM02's inverse; pixels that fail start again nearer to grey. NaN if no step
-    came within ``tolerance``, the largest error of J and of the two parts of C.
+    Levenberg-Marquardt [2] on the cube root of XYZ over the white, with damping per pixel, starting
+    from CIECAM02's inverse; pixels that fail restart nearer to grey. NaN if the largest error of J
+    and the two parts of C never falls below ``tolerance``.
     """
     target = opponents("numeric inverse", J, C, h).reshape(-1, 3)
     J, C, h = broadcast("numeric inverse", J, C, h)
@@ -144,7 +144,7 @@ def invert(
 
 
 def _starts(J: Array, C: Array, h: Array, conditions: ViewingConditions) -> Iterator[Array]:
-    """Yield cube roots of XYZ / white to start at: CIECAM02's, halfway to grey, grey."""
+    """Yield cube roots of XYZ / white to start from: CIECAM02's, halfway to grey, greys."""
     J = np.clip(J, 1.0, 120.0)
     XYZ = ciecam02.inverse(J, np.minimum(C, 120.0), h, conditions)
     neutral = ciecam02.inverse(J, np.zeros_like(J), h, conditions)
@@ -169,8 +169,8 @@ def _solve(
     damping = np.full(len(u), 1e-3)
     left = np.arange(len(u))
     for _ in range(iterations):
-        # Steps go on below the tolerance: they double the digits. A pixel that no damping moves is
-        # as near as it can be.
+        # Steps continue below the tolerance, since each doubles the digits. A pixel that improves
+        # with no damping is as near as it can be.
         near = np.abs(r[left]).max(axis=-1, initial=0.0) <= 1e-4 * tolerance
         left = left[~near & (damping[left] < 1e12)]
         if len(left) == 0:

@@ -2,9 +2,8 @@
 
     XYZ -> cones, partly adapted -> XYZ under D65 -> power sigma -> L, a, b -> J, C, h
 
-Its ``J, C, h, H, s`` are L^R, C^R, h^R, H^R, s^R. D of the conditions is the fraction of the
-light's colour that is discounted: 1 for prints in a lit room, 0 for self-luminous pictures (and
-None).
+``J, C, h, H, s`` are L^R, C^R, h^R, H^R, s^R. The conditions' D is the fraction of the light's
+colour that is discounted: 1 for prints in a lit room, 0 for self-luminous pictures (and None).
 
 References
 ----------
@@ -35,7 +34,7 @@ from volspec.appearance.transforms import CurveTransform, signed_power, triples
 
 NAME = "RLAB"
 
-# Eq. 83. It is (A M)⁻¹ under D65 at D = 1, rows divided by the white.
+# Eq. 83: (A M)⁻¹ under D65 at D = 1, rows divided by the white.
 REFERENCE_FROM_ADAPTED = np.array(
     [[1.9569, -1.1882, 0.2313], [0.3612, 0.6388, 0.0], [0.0, 0.0, 1.0]]
 )
@@ -44,19 +43,19 @@ LAB_FROM_POWERS = np.array([[0.0, 100.0, 0.0], [430.0, -430.0, 0.0], [0.0, 170.0
 
 
 def exponent(surround: str | float) -> float:
-    """Return σ: 1/3.5 in the dark, 1/2.9 dim, 1/2.3 average, linear between their ratios."""
+    """Return σ: dark 1/3.5, dim 1/2.9, average 1/2.3, linear between the surrounds' ratios."""
     return interpolate_surround(surround, dark=1.0 / 3.5, dim=1.0 / 2.9, average=1.0 / 2.3)
 
 
 def reference_from_XYZ(conditions: ViewingConditions) -> Array:
-    """Return (3, 3) R A M: XYZ to those of equal appearance under D65 (eq. 70-83)."""
+    """Return (3, 3) R A M: XYZ to the XYZ of equal appearance under D65 (eq. 70-83)."""
     white = cones_of_white(NAME, conditions)
     gains = cone_adaptation(white, conditions.L_A, degree_of_discounting(conditions)) / white
     return np.asarray(REFERENCE_FROM_ADAPTED @ (gains[:, None] * k.HPE_FROM_XYZ))
 
 
 def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
-    """Return L^R, C^R, h^R, H^R and s^R; there is no brightness and no colourfulness.
+    """Return L^R, C^R, h^R, H^R and s^R; the model has no brightness and no colourfulness.
 
     Y_b has no influence. A value that is negative under D65 keeps its sign and is not `defined`.
     """
@@ -75,13 +74,13 @@ def forward(XYZ: ArrayLike, conditions: ViewingConditions) -> Appearance:
 
 
 def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """Return the XYZ of a lightness, chroma and hue; NaN if one is below 0 under D65."""
+    """Return the XYZ of a lightness, chroma and hue; NaN if a channel is below 0 under D65."""
     XYZ = continued(J, C, h, conditions)
     return only_defined(XYZ, J, C, h, lambda each: forward(each, conditions))
 
 
 def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingConditions) -> Array:
-    """Return `inverse`, continued below 0 by powers with the sign of their base; never NaN."""
+    """Return `inverse`, extended below 0 by sign-preserving powers; never NaN."""
     powers = opponents(NAME, J, C, h) @ np.linalg.inv(LAB_FROM_POWERS).T
     reference = signed_power(powers, 1.0 / exponent(conditions.surround))
     return np.asarray(reference @ np.linalg.inv(reference_from_XYZ(conditions)).T)
@@ -90,7 +89,7 @@ def continued(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: ViewingCondi
 def view_transform(source: ViewingConditions, target: ViewingConditions) -> CurveTransform:
     """Make inverse after forward in one step: a power per response between two matrices.
 
-    Equal J, C and h are equal X_ref^σ, Y_ref^σ, Z_ref^σ, so X_ref' = X_ref^(σ/σ').
+    Equal J, C and h mean equal X_ref^σ, Y_ref^σ, Z_ref^σ, so X_ref' = X_ref^(σ/σ').
     """
     ones = np.ones(3)
     return CurveTransform(
