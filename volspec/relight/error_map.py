@@ -1,9 +1,9 @@
-"""Colour errors of a picture: CIEDE2000 pixel by pixel.
+"""Colour errors of a picture: CIEDE2000 per pixel.
 
     coefficient image + light -> [error map] -> numbers, heat map
 
-The picture of m channels against the one of the exact light matrix. The eye is adapted to the
-light, so 1 is just noticeable.
+Compares the picture from m channels with one from the exact light matrix. The eye is adapted to
+the light, so 1 is just noticeable.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from volspec.spectra.spectrum import Spectrum
 if TYPE_CHECKING:
     from volspec.raycast.image import CoefficientImage
 
-_COVERED = 0.05  # opacity from which a pixel counts in the figures
-_ROWS = 64  # rows at a time: CIEDE2000 takes some forty temporaries
-_BAR, _MARGIN, _TEXT = 18, 14, 62  # pixels of the scale at the map's right
-_LEAST, _CAPTION = (540, 148), 58  # so that five numbers and two lines are legible
+_COVERED = 0.05  # opacity from which a pixel counts in the statistics
+_ROWS = 64  # rows at a time: CIEDE2000 needs about forty temporaries
+_BAR, _MARGIN, _TEXT = 18, 14, 62  # width of the scale's parts right of the map, pixels
+_LEAST, _CAPTION = (540, 148), 58  # make five numbers and two lines legible
 _PAPER, _INK = (24, 24, 26), (236, 236, 236)
 _TOPS = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100)
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorMap:
-    """CIEDE2000 of a picture's pixels; the figures count those with opacity above 0.05."""
+    """CIEDE2000 of a picture's pixels; statistics use pixels with opacity above 0.05."""
 
     delta_e: NDArray[np.float32]
     """(H, W), row 0 at the top."""
@@ -66,29 +66,29 @@ class ErrorMap:
 
     @property
     def max(self) -> float:
-        """Largest value of a covered pixel."""
+        """Largest value among the covered pixels."""
         return float(self._counted.max())
 
     @property
     def top(self) -> float:
-        """The scale's end: a round number above 99.5 % of the covered pixels."""
+        """Upper end of the scale: a round number above 99.5 % of the covered pixels."""
         wanted = float(np.percentile(self._counted, 99.5))
         return float(next((top for top in _TOPS if top >= wanted), _TOPS[-1]))
 
     def heat(self, top: float | None = None) -> NDArray[np.uint8]:
-        """Return (H, W, 3), the map alone: black for 0 to pale yellow for ``top`` and beyond."""
+        """Return only the map, (H, W, 3): black for 0 to pale yellow for ``top`` and above."""
         from matplotlib import colormaps
 
         top = self._checked_top(top)
-        # Gamma: half of the colours for the first quarter, which has most errors.
+        # Gamma: half of the colours go to the first quarter, where most errors are.
         fraction = np.sqrt(np.clip(self.delta_e / top, 0, 1))
         return (colormaps["inferno"](fraction)[..., :3] * 255).round().astype(np.uint8)
 
     def image(self, top: float | None = None) -> NDArray[np.uint8]:
-        """Draw the map with its scale at the right and its figures below: (H + 58, W + 108, 3).
+        """Draw the map with its scale on the right and statistics below: (H + 58, W + 108, 3).
 
-        ``top`` is the CIEDE2000 at the scale's upper end, `top` when left out; give one to compare
-        maps. Larger if the map is too small for its text.
+        ``top`` is the CIEDE2000 at the scale's upper end, by default `top`; set one to compare
+        maps. The image is larger if the map is too small for its text.
         """
         from matplotlib import colormaps, get_data_path
         from PIL import Image, ImageDraw, ImageFont
@@ -118,7 +118,7 @@ class ErrorMap:
         return np.asarray(sheet)
 
     def _caption(self) -> tuple[str, str]:
-        """Return the title and the figures."""
+        """Return the title and the statistics."""
         title = f"{self.light or 'the light'}: {self.compared}"
         if not self.delta_e.any():
             return title, "no difference"
@@ -144,9 +144,9 @@ def error_map(
     backdrop: float | Spectrum = 0.2,
     every: int = 1,
 ) -> ErrorMap:
-    """Return CIEDE2000 between a picture and the one of the exact light matrix, pixel by pixel.
+    """Return CIEDE2000 between a picture and one from the exact light matrix, pixel by pixel.
 
-    The light matrix has an error of its own, of how well m channels hold a reflectance:
+    The light matrix has an error of its own, because m channels only approximate a reflectance:
     `volspec.basis.report` measures both against full spectra.
 
     Parameters
@@ -156,7 +156,7 @@ def error_map(
     mode, backdrop
         As `RelightSpec`.
     every : int
-        Sample every n-th row and column only, for the figures without the map.
+        Use only every n-th row and column, for the statistics without the map.
 
     Raises
     ------
@@ -175,15 +175,15 @@ def difference_map(
     mode: Mode = "componentwise",
     backdrop: float | Spectrum = 0.2,
 ) -> ErrorMap:
-    """Return CIEDE2000 between a picture and another cast of the scene, by its light matrix.
+    """Return CIEDE2000 between a picture and another cast of the scene with its light matrix.
 
-    ``image`` and ``truth`` have one size, else ShapeError, and the same light groups; their bases
-    may differ. The others are as `error_map`.
+    ``image`` and ``truth`` must have the same size, else ShapeError, and the same light groups;
+    their bases may differ. The other arguments are as in `error_map`.
     """
     if image.size != truth.size:
         raise ShapeError(
             f"the pictures are {image.size} and {truth.size}",
-            "cast both alike",
+            "cast both at one size",
             field="difference map",
         )
     spec = RelightSpec(mode=mode, backdrop=backdrop)

@@ -2,7 +2,7 @@
 
     illumination -> [gpu] -> frame
 
-The coefficients are uploaded once. A light change sends three numbers a channel and draws.
+The coefficients are uploaded once. A light change sends three numbers per channel and draws.
 """
 
 from __future__ import annotations
@@ -52,23 +52,23 @@ from volspec.relight.spec import Pixels
 if TYPE_CHECKING:
     import moderngl
 
-# x, y, width and height of pixels, from the picture's first row.
+# x, y, width and height in pixels, from the picture's first row.
 Box = tuple[int, int, int, int]
-# Components of textures.
+# Component types of textures.
 _COMPONENTS: dict[type, str] = {np.uint8: "f1", np.float32: "f4"}
 # Renderers that draw on the CPU.
 SOFTWARE = ("llvmpipe", "softpipe", "SwiftShader")
-# Pixels from which a LUT pays there although it must be baked for the frame: 1024² gain 5 to 10 %,
-# 2048² a quarter, read back; a third if the light's white is unchanged.
+# Pixels from which a LUT pays on them, including its baking: frames that are read back gain 5 to
+# 10 % at 1024², a quarter at 2048²; a third if the light's white is unchanged.
 LUT_PIXELS = 2**20
-# Components of uniforms: a mat4x3 takes four vectors of four, and all the others this many.
+# Uniform components: a layer's mat4x3 uses four vectors of four; all others together, this many.
 _COMPONENTS_PER_LAYER, _OTHER_COMPONENTS = 16, 64
 
 
 class GLEngine:
-    """Draws frames of one coefficient image with OpenGL.
+    """OpenGL engine that draws frames of one coefficient image.
 
-    ``coefficients`` (H, W, L·M) hold the channels of L light groups, premultiplied by ``alpha`` (H,
+    ``coefficients`` (H, W, L·M) are the channels of L light groups, premultiplied by ``alpha`` (H,
     W). For the other arguments see `Relighter`. Raises OpenGLError if no context can be made, the
     image or its channels do not fit the device, or the driver refuses the shader.
     """
@@ -90,7 +90,7 @@ class GLEngine:
             with context:
                 self._handle = egl_handle()
         self._resources: list[Any] = []
-        # The latest viewing and white, their transform, and its LUT once that is baked.
+        # The latest viewing and white, their transform, and its LUT once baked.
         self._latest: tuple[LutKey, ViewTransform, LutTransform | None] | None = None
         self._by_lut = lut3d
         self._lut_cache = LutCache() if lut_cache is None else lut_cache
@@ -111,7 +111,7 @@ class GLEngine:
             raise
 
     def _prepare(self) -> None:
-        """Make the resources of every frame, so that a driver refuses here."""
+        """Create the resources that every frame needs, so that driver errors occur here."""
         import moderngl
 
         device = describe(self._context)
@@ -120,8 +120,8 @@ class GLEngine:
         size = (self._width, self._height, layer_count(self._channels))
         if max(size) > device["max_size"]:
             raise OpenGLError(
-                f"the image is {self._width} x {self._height}, the largest texture of {self.name} "
-                f"{device['max_size']}",
+                f"the image is {self._width} x {self._height}, but {self.name} has textures of at "
+                f"most {device['max_size']}",
                 "cast a smaller image",
                 code="size",
                 field="OpenGL",
@@ -130,9 +130,9 @@ class GLEngine:
         layers = min(device["max_layers"], room // _COMPONENTS_PER_LAYER)
         if size[2] > layers:
             raise OpenGLError(
-                f"the image has {self._channels} channels in all light groups, {self.name} takes "
-                f"{4 * layers - 1}",
-                "cast fewer groups or with a smaller basis",
+                f"the image has {self._channels} channels in all light groups, but {self.name} "
+                f"supports {4 * layers - 1}",
+                "cast fewer groups or use a smaller basis",
                 code="size",
                 field="OpenGL",
             )
@@ -154,7 +154,7 @@ class GLEngine:
             "FIELD": 0,
             "CHECKED": 0,
         }
-        # Height matters to canvases alone: at 0 all sizes share one source, and the driver's cache.
+        # Only canvases use the height: at 0, all sizes share one source and the driver's cache.
         constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": 0, "EVERY": 1}
         self._programs = Programs(self._context, constants, self._own)
         self._lookups = LookupTextures(self._context, self._own)
@@ -169,22 +169,22 @@ class GLEngine:
         return made_current(self._context, self._handle)
 
     def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
-        """Take another image of the first one's shape; (H, W, L·M) and (H, W)."""
+        """Upload another image of the same shape; (H, W, L·M) and (H, W)."""
         self.take(PackedLayers(pack_layers(coefficients, alpha)))
 
     def place(self, sharing: Sharing) -> SharedLayers:
-        """Return a buffer for OpenCL to pack a picture into; frames do not change until `take`.
+        """Return a buffer into which OpenCL packs a picture; frames do not change until `take`.
 
         Raises
         ------
         OpenCLError
-            If OpenCL shares another context.
+            If OpenCL shares another context than this engine's.
         """
         with self._current():
             here = current()
             if here is None or here.handle != sharing.handle:
                 raise OpenCLError(
-                    f"the Raycaster shares {sharing.name}, the Relighter draws in "
+                    f"the Raycaster shares {sharing.name}, but the Relighter draws in "
                     f"{context_name(self._context, here)}",
                     "give both the same context",
                     code="conflict",
@@ -196,7 +196,7 @@ class GLEngine:
         return SharedLayers(sharing, self._shared, (self._height, self._width, self._channels))
 
     def take(self, layers: SharedLayers | PackedLayers) -> None:
-        """Draw from now on the picture that a finished cast packed."""
+        """Draw the picture that a finished cast packed from now on."""
         texels = layers.layers if isinstance(layers, PackedLayers) else layers.buffer
         with self._current():
             self._texture.write(texels)
@@ -206,7 +206,7 @@ class GLEngine:
         program, triangle = self._programs.program(name, form, screen)
         for uniform, value in values.items():
             program[uniform].write(value.tobytes())
-        # An owner's context may come with blending or a depth test switched on.
+        # A lent context may have blending or a depth test enabled.
         self._context.enable_only(self._context.NOTHING)
         triangle.render(self._context.TRIANGLES, vertices=3)
 
@@ -230,7 +230,7 @@ class GLEngine:
         """
         with self._current():
             target = self._draw_frame(light, viewing, dtype, grid)
-            # The driver drops alpha while copying, five times faster than NumPy would.
+            # The driver drops alpha while copying, five times faster than NumPy.
             pixels = np.empty((self._height, self._width, 3), dtype=dtype)
             target.read_into(pixels, components=3, dtype=_COMPONENTS[dtype])
         return pixels
@@ -243,10 +243,10 @@ class GLEngine:
         grid: ViewTransformGrid | None = None,
         within: Box | None = None,
     ) -> moderngl.Framebuffer:
-        """Draw a frame, which stays on the device, in its context.
+        """Draw a frame and leave it on the device, in the engine's context.
 
-        Pixels outside of a box do not change. Raises ShapeError if the light is for another number
-        of channels, ContextLost if another library ended the context.
+        Pixels outside of ``within`` do not change. Raises ShapeError if the light is for another
+        number of channels, ContextLost if another library ended the context.
         """
         with self._current():
             return self._draw_frame(light, viewing, dtype, grid, within)
@@ -273,7 +273,7 @@ class GLEngine:
         else:
             drawn = grid
             self._lookups.load_grid(grid)
-        # By moderngl's stubs a scissor cannot be taken off again.
+        # In moderngl's stubs a scissor cannot be reset.
         target: Any = self._target(_COMPONENTS[dtype])
         target.scissor = within
         target.use()
@@ -283,7 +283,7 @@ class GLEngine:
             with self._sample_query:
                 self._relight(light, drawn, screen)
             if self._sample_query.samples != width * height:
-                # Some pixel's colour is in an invalid cell: draw this picture by the closed form.
+                # Some pixel's colour is in an invalid cell: draw this picture in closed form.
                 self._lut_rejected = LutKey.of(viewing, light.white_XYZ).viewing
                 self._relight(light, self._closed, screen)
         else:
@@ -293,7 +293,7 @@ class GLEngine:
 
     @property
     def _closed(self) -> Closed:
-        """The closed form that the LUT was baked from."""
+        """The closed form from which the LUT was baked."""
         assert self._latest is not None and isinstance(self._latest[1], Closed)
         return self._latest[1]
 
@@ -306,9 +306,9 @@ class GLEngine:
     ) -> DrawnTransform:
         """Choose how to draw: the closed-form view transform, or its baked 3-D LUT.
 
-        A LUT is for transforms without a closed form. On software GL it is also faster if a
-        picture has many more pixels than the LUT nodes; frames of floats, which are measured,
-        those under narrow lights, and pictures with colours in invalid cells stay exact.
+        Transforms without a closed form need a LUT. On software GL it is also faster if a picture
+        has many more pixels than the LUT has nodes; float frames, which are measured, frames under
+        narrow lights, and pictures with colours in invalid cells stay exact.
         """
         key = LutKey.of(viewing, light.white_XYZ)
         colours = key.viewing.display.colours
@@ -339,13 +339,13 @@ class GLEngine:
         return None if key in self._lut_cache else key
 
     def close(self) -> None:
-        """Release everything made here; a second call does nothing."""
+        """Release all resources; a second call does nothing."""
         try:
             with self._current():
                 for resource in reversed(self._resources):
                     resource.release()
         except ContextLost:
-            pass  # gone with the context; the names now mean another library's objects
+            pass  # lost with the context; the names may now be another library's objects
         else:
             if self._owned:
                 give_back_context(self._context, self._handle)

@@ -6,8 +6,8 @@
     XYZ = Σ_g P_E_g C_g        + (1 - alpha) XYZ_backdrop        exact
     XYZ = Σ_g D_g R(e_g) C_g   + (1 - alpha) XYZ_backdrop        linear-model
 
-All are one matrix product: the basis gives D diag(e), P_E or D R(e) for each of L light groups,
-concatenated. Every renderer takes the matrix from here; they differ only in the arithmetic on XYZ.
+All are one matrix product: the basis makes D diag(e), P_E or D R(e) for each of L light groups, and
+they are concatenated. All engines use this matrix; they differ only in the arithmetic on XYZ.
 
 References
 ----------
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Times a coefficient of 1e9 and some hundred channels this stays far inside float32.
+# Times a coefficient of 1e9 and hundreds of channels, this stays well within float32.
 _LARGEST = 1e20
 
 
@@ -47,22 +47,22 @@ class Illumination:
     Raises
     ------
     ShapeError, ViewingError
-        If the arrays are not (3, L·M), (3,) and (3,), or a number is not finite or beyond 1e20.
+        If the arrays are not (3, L·M), (3,) and (3,), or a number is not finite or exceeds 1e20.
     """
 
     XYZ_from_channels: Array
     """(3, L·M): D diag(e) or P_E group by group, times the level's and exposure's gain."""
     white_XYZ: Array
-    """(3,): the adopted white, which faces every source; Y = 100 whatever the gain."""
+    """(3,): the adopted white, which faces every source; Y = 100 at any gain."""
     backdrop_XYZ: Array
-    """(3,): the lit backdrop, gain included."""
+    """(3,): the lit backdrop, including the gain."""
     illuminance_lux: float | None = None
-    """E_v on a surface that faces every source, lux; None if the light carries none."""
+    """E_v on a surface that faces every source, lux; None if the light has no illuminance."""
     viewing: Viewing = field(default_factory=Viewing)
-    """The spec's viewing under this light: an E_v that the light carries replaces the viewing's,
+    """The spec's viewing under this light: the light's E_v, if it has one, replaces the viewing's,
     so that L_A = E_v/π · Y_b/100 unless `Viewing.L_A` is given."""
     gain: float = 1.0
-    """Factor of level and exposure in matrix and backdrop."""
+    """Factor on matrix and backdrop due to level and exposure."""
 
     def __post_init__(self) -> None:
         for name in ("XYZ_from_channels", "white_XYZ", "backdrop_XYZ"):
@@ -75,7 +75,7 @@ class Illumination:
                 )
             if not np.all(np.abs(array) <= _LARGEST):
                 raise ViewingError(
-                    f"is not finite or beyond {_LARGEST:g}",
+                    f"is not finite or exceeds {_LARGEST:g}",
                     "check the light's values, its lux and the exposure",
                     code="range",
                     field=f"illumination.{name}",
@@ -89,7 +89,7 @@ class Illumination:
         spec: RelightSpec,
         groups: Mapping[str, float] = ONE_GROUP,
     ) -> Illumination:
-        """Work out the effect of a light on the coefficients of a basis.
+        """Compute the effect of a light on the coefficients of a basis.
 
         Parameters
         ----------
@@ -98,13 +98,13 @@ class Illumination:
         light : Spectrum or LightRig
         spec : RelightSpec
         groups : {str: float}
-            The image's light groups in the order of their channels, and their fractions.
+            The image's light groups, in the order of their channels, with their fractions.
 
         Raises
         ------
         ViewingError
-            If ``light`` is neither, shines from an unknown group or only from groups without light
-            in the cast, or ``level="absolute"`` lacks lux.
+            If ``light`` is of another type, shines from an unknown group or only from groups
+            without light in the cast, or has no lux although ``level="absolute"`` needs it.
         SpectrumError
             If a light does not cover the basis' grid, has negative power or is black.
         """
@@ -150,7 +150,7 @@ class Illumination:
         opacity = np.asarray(alpha, dtype=np.float64)
         if C.shape != opacity.shape + (self.XYZ_from_channels.shape[1],):
             raise ShapeError(
-                f"coefficients have shape {C.shape}, alpha {opacity.shape}, the light "
+                f"coefficients have shape {C.shape}, alpha {opacity.shape}, and the light has "
                 f"{self.XYZ_from_channels.shape[1]} channels",
                 "expected (..., L·M), (...) and L·M. Were they made with the same basis and light "
                 "groups?",
@@ -168,7 +168,7 @@ class Illumination:
 def _groups_matrix(
     basis: Basis, rig: LightRig, mode: str, groups: Mapping[str, float], mixed: Spectrum
 ) -> Array:
-    """Return (3, L·M): each group's colour matrix, scaled by its part of ``mixed``."""
+    """Return (3, L·M): each group's colour matrix, scaled by the group's part of ``mixed``."""
     V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
     columns = []
     for group in groups:
@@ -177,7 +177,7 @@ def _groups_matrix(
             columns.append(np.zeros((3, basis.size)))
             continue
         E = own.mixed(basis.grid)
-        # The basis scales to Y = 100 for the group alone; the white is that of the groups together.
+        # The basis scales Y to 100 for the group alone; the white belongs to all groups together.
         brightness = float(V @ E.values) / float(V @ mixed.values)
         columns.append(basis.colour_matrix(E, mode) * brightness)
     return np.hstack(columns)

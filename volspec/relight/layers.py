@@ -1,10 +1,10 @@
-"""Coefficients as the engines hold them: checked, finite, four channels to a texture's layer.
+"""Coefficients in the engines' layout: checked, finite, four channels per texture layer.
 
     coefficient image -> [layers] -> cpu | gpu
     kernel -> [SharedLayers] -> gpu
 
-`pack_layers` packs on the host, its twin ``kernels/layers.cl`` on an OpenCL device, where a cast
-can write into OpenGL's memory without a copy on the host.
+`pack_layers` packs on the host; its twin ``kernels/layers.cl`` packs on an OpenCL device, where a
+cast can write into OpenGL's memory without a copy on the host.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 Pixels32 = NDArray[np.float32]
 Shape = tuple[int, ...]
 
-# Far beyond any light; three channels of it, times a matrix, still fit the shader's float32.
+# Far beyond any light; three such channels, times a matrix, still fit the shader's float32.
 LIMIT = 1e9
 _WORK_GROUP = (64, 1, 1)
 
 
 def coefficient_shape(image: CoefficientImage) -> Shape:
-    """Return (H, W, L·M) of an image; ShapeError if its parts do not fit."""
+    """Return (H, W, L·M) of an image; raise ShapeError if its parts do not fit together."""
     if not hasattr(image, "coefficients"):
         raise RelightError.refused(
             "Relighter.image",
@@ -48,8 +48,8 @@ def coefficient_shape(image: CoefficientImage) -> Shape:
     size = image.basis.size * len(image.groups)
     if len(coefficients) != 3 or coefficients != alpha + (size,) or not math.prod(alpha):
         raise ShapeError(
-            f"coefficients have shape {coefficients}, alpha {alpha}, the basis and groups {size} "
-            "channels",
+            f"coefficients have shape {coefficients}, alpha {alpha}, but the basis and groups have "
+            f"{size} channels",
             "expected (H, W, L·M), (H, W) and L·M",
             field="relight",
         )
@@ -57,17 +57,17 @@ def coefficient_shape(image: CoefficientImage) -> Shape:
 
 
 def require_fit(shape: Shape, groups: Sized, old: CoefficientImage) -> None:
-    """Raise ShapeError for another shape or number of groups than a Relighter was made for."""
+    """Raise ShapeError unless shape and number of groups are those of a Relighter's image."""
     if shape != old.coefficients.shape:
         raise ShapeError(
-            f"the image has shape {shape}, this Relighter was made for {old.coefficients.shape}",
+            f"the image has shape {shape}, but this Relighter is for {old.coefficients.shape}",
             "make another Relighter",
             field="relight",
             given=shape,
         )
     if len(groups) != len(old.groups):
         raise ShapeError(
-            f"the image has {len(groups)} light groups, this Relighter was made for "
+            f"the image has {len(groups)} light groups, but this Relighter is for "
             f"{len(old.groups)}",
             "make another Relighter",
             field="relight.groups",
@@ -83,7 +83,7 @@ def float32_arrays(image: CoefficientImage) -> tuple[Pixels32, Pixels32]:
 
 
 def clamp_finite(values: Pixels32) -> Pixels32:
-    """Copy values, clamped to ±1e9 and NaN as 0, so that no frame can hold a NaN; any shape."""
+    """Copy values of any shape, clamped to ±1e9 and with NaN as 0, so that no frame has NaN."""
     return _zero_nan(np.clip(values, -LIMIT, LIMIT))
 
 
@@ -93,18 +93,18 @@ def layer_count(channels: int) -> int:
 
 
 def pack_layers(coefficients: Pixels32, alpha: Pixels32) -> Pixels32:
-    """Pack channels, alpha and zeros, four to a layer: (layers, H, W, 4), as `clamp_finite`."""
+    """Pack channels, alpha and zeros, four per layer: (layers, H, W, 4), as `clamp_finite`."""
     height, width, channels = coefficients.shape
     layers = np.zeros((layer_count(channels), height, width, 4), dtype=np.float32)
     for i in range(channels):
-        # Channel by channel: NumPy moves single numbers at a stride faster than short rows.
+        # Channel by channel: NumPy copies strided single numbers faster than short rows.
         np.clip(coefficients[..., i], -LIMIT, LIMIT, out=layers[i // 4, ..., i % 4])
     np.clip(alpha, -LIMIT, LIMIT, out=layers[channels // 4, ..., channels % 4])
     return _zero_nan(layers)
 
 
 def _zero_nan(values: Pixels32) -> Pixels32:
-    # The minimum is NaN if anything is, and ten times quicker than looking at each.
+    # The minimum is NaN if any value is, and ten times faster than testing each.
     if np.isnan(values.min()):
         np.nan_to_num(values, copy=False, nan=0.0)
     return values
@@ -112,21 +112,21 @@ def _zero_nan(values: Pixels32) -> Pixels32:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PackedLayers:
-    """An image's channels by `pack_layers`: packed on one thread, uploaded on another."""
+    """An image's channels from `pack_layers`: packed on one thread, uploaded on another."""
 
     layers: Pixels32
 
     @classmethod
     def of(cls, image: CoefficientImage) -> Self:
-        """Pack an image: most of the work of its `Relighter.update`."""
+        """Pack an image, which is most of the work of `Relighter.update`."""
         return cls(pack_layers(*float32_arrays(image)))
 
     def require(self, height: int, width: int, channels: int) -> None:
-        """Raise ShapeError if the layers are not those of an image (H, W, L·M)."""
+        """Raise ShapeError unless the layers are for an image (H, W, L·M)."""
         expected = layer_count(channels), height, width, 4
         if self.layers.shape != expected:
             raise ShapeError(
-                f"the packed layers have shape {self.layers.shape}, the image needs {expected}",
+                f"the packed layers have shape {self.layers.shape}, but the image needs {expected}",
                 "give PackedLayers.of(image)",
                 field="relight.packed",
             )
@@ -135,11 +135,11 @@ class PackedLayers:
 def band_packer(
     compute: Compute, shape: tuple[int, int, int], layers: Any, *, half: bool
 ) -> Callable[[Any, Any, slice], Any]:
-    """Make the function that packs a band of a picture (H, W, L·M) with ``kernels/layers.cl``.
+    """Return a function that packs a band of a picture (H, W, L·M) with ``kernels/layers.cl``.
 
-    It takes the band's coefficients (h, W, L·M) and alpha (h, W), both float32 on the device, and
-    its lines of the picture; queues a launch that writes ``layers`` and returns its event. ``half``
-    rounds channels as half-float pictures are.
+    Its arguments are the band's coefficients (h, W, L·M) and alpha (h, W), both float32 on the
+    device, and the band's lines in the picture; it enqueues a launch that writes ``layers`` and
+    returns the event. ``half`` rounds channels as for half-float pictures.
     """
     height, width, channels = shape
     constants = {
@@ -162,9 +162,9 @@ def band_packer(
 
 @dataclass(frozen=True, slots=True)
 class SharedLayers:
-    """An OpenGL buffer for one picture's channels, which OpenCL writes.
+    """An OpenGL buffer for one picture's channels, written by OpenCL.
 
-    The picture on display does not change until `Relighter.update` takes the buffer.
+    The displayed picture does not change until `Relighter.update` receives the buffer.
     """
 
     sharing: Sharing
@@ -173,7 +173,7 @@ class SharedLayers:
 
     @contextmanager
     def receiving(self, compute: Compute, half: bool) -> Iterator[Callable[[Any, Any, slice], Any]]:
-        """Lend the buffer to a cast: the `band_packer` for its bands.
+        """Lend the buffer to a cast; yield the `band_packer` for the cast's bands.
 
         Raises OpenCLError if the driver does not share the buffer, or the kernel does not build.
         """

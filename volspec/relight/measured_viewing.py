@@ -2,9 +2,9 @@
 
     coefficient image, illumination -> [measured_viewing] -> cpu | gpu
 
-`Viewing.adapting` turns it on. Measured is the luminance factor Y of the lit scene, before exposure
-and level, which are the camera's: Y = 100 is a perfect diffuser that faces every source, of E_v/π
-cd/m². Everything outside of the picture counts as the lit backdrop.
+`Viewing.adapting` enables this. It measures the luminance factor Y of the lit scene before exposure
+and level, which belong to the camera: Y = 100 is a perfect diffuser that faces every source, with
+E_v/π cd/m². Everything outside of the picture counts as the lit backdrop.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-# Cells along the picture's longer side, and samples across each. One line of sight can have many; a
-# grid's cost grows with the fourth power.
+# Cells along the picture's longer side, and samples across each. One line of sight can afford many
+# cells; the cost of a grid of them grows with the fourth power.
 _CELLS = {"picture": 128, "pixel": 32}
 _SAMPLES = {"picture": 2, "pixel": 4}
-# Transforms per cell of that grid: in the dark they bend more than the conditions do. Against
-# conditions of every pixel CIEDE2000 0.12 at most with 2, 0.32 with 1 (test_relight_field).
+# Transforms per cell and axis: in the dark they vary less linearly than the conditions. Against
+# conditions for every pixel, CIEDE2000 is at most 0.12 with 2, 0.32 with 1 (test_relight_field).
 _SUBDIVISIONS = 2
-# A pixel counts as ten white diffusers at most, as a glint does not blind; and the models'
-# powers stay finite.
+# A pixel counts as at most ten white diffusers: a glint does not blind, and the models' powers stay
+# finite.
 _BRIGHTEST = 1000.0
 
 
 class ViewingMeter:
-    """Measures pictures; caches the latest geometry, as lights change more often than it."""
+    """Measurement of pictures; caches the latest geometry, because lights change more often."""
 
     def __init__(self) -> None:
         self._cached: tuple[object, AdaptationGrid] | None = None
@@ -52,11 +52,11 @@ class ViewingMeter:
     def measure_viewing(
         self, image: CoefficientImage, light: Illumination
     ) -> tuple[Viewing, ViewTransformGrid | None]:
-        """Return the light's viewing with all conditions given, and transforms of pixels or None.
+        """Return the light's viewing with all conditions given, and the pixels' transforms or None.
 
-        The viewing itself, if nothing is to be measured or conditions are measured for each pixel.
-        Raises ViewingError if neither viewing nor image knows the picture's field of view, or a
-        white has no lightness.
+        The viewing is unchanged if nothing is measured or conditions are measured for each pixel.
+        Raises ViewingError if neither viewing nor image has the picture's field of view, or a white
+        has no lightness.
         """
         viewing = light.viewing
         if viewing.adapting == "given":
@@ -68,9 +68,9 @@ class ViewingMeter:
         return replace(viewing, adapting="given", Y_b=Y_b.item(), L_A=L_A.item()), None
 
     def maps(self, image: CoefficientImage, light: Illumination) -> tuple[Array, Array]:
-        """Return Y_b, percent of the white, and L_A, cd/m², of every pixel: (H, W) each.
+        """Return Y_b, percent of the white, and L_A, cd/m², for every pixel: (H, W) each.
 
-        Parameters and errors are those of `measure_viewing`.
+        Parameters and errors are as in `measure_viewing`.
         """
         height, width = image.alpha.shape
         Y_b, L_A = (
@@ -101,8 +101,8 @@ class ViewingMeter:
         fov_deg = image.fov_deg if viewing.fov_deg is None else viewing.fov_deg
         if fov_deg is None:
             raise ViewingError(
-                f"Viewing.adapting is {viewing.adapting!r}, and the image has no field of view to "
-                "measure with, as a camera with perspective leaves",
+                f"Viewing.adapting is {viewing.adapting!r}, but the image has no field of view, "
+                "because its camera has no perspective",
                 "give Viewing.fov_deg, the picture's height as an angle",
                 code="missing",
                 field="Viewing.fov_deg",

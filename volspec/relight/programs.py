@@ -2,8 +2,8 @@
 
     illumination, view transform, screen -> [programs] -> gpu -> shaders/relight.frag
 
-The form of a view transform and of a display are compiled in, so that a pixel pays for nothing
-else; programs are compiled at first use.
+The forms of the view transform and the display are compiled in, so that pixels pay only for what
+they use; programs are compiled at first use.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from volspec.relight.illumination import Illumination
 from volspec.relight.layers import layer_count
 
 _GLSL = "330 core"
-# Texture units by the names of samplers.
+# Texture units by sampler name.
 UNITS = {"coefficients": 0, "lut": 1, "field": 2, "nodes": 3, "centres": 4}
 # The shader's constants for the forms of a view transform.
 FORM_NUMBERS = {"LINEAR": 0, "CURVE": 1, "CAM": 2, "LUT": 3}
-# Forms that the shader evaluates colour by colour, and can bake into a LUT.
+# Forms that the shader can evaluate per colour, and bake into a LUT.
 Closed = CurveTransform | CamTransform
 Uniforms = dict[str, NDArray[np.float32]]
 
@@ -44,11 +44,11 @@ class LutTransform:
     """A view transform that is looked up in a LUT."""
 
     space: LutSpace
-    closed: Closed | None  # the closed form from adapted linear RGB on, to bake
+    closed: Closed | None  # the closed form, from adapted linear RGB, to bake
 
     @classmethod
     def of(cls, transform: ViewTransform, space: LutSpace) -> LutTransform:
-        """Make the lookup, in a space, of a transform from a scene's XYZ."""
+        """Make the lookup of a transform from a scene's XYZ, in the LUT's ``space``."""
         if not isinstance(transform, Closed):
             return cls(space, None)
         XYZ_from_adapted = np.linalg.inv(space.adapted_from_XYZ)
@@ -85,13 +85,12 @@ def shader_form(transform: DrawnTransform) -> dict[str, int]:
 def light_uniforms(light: Illumination, transform: DrawnTransform) -> Uniforms:
     """Return the uniforms of a light by GLSL name: flat float32 arrays, matrices column by column.
 
-    The first matrix of the transform from the scene to the display costs a pixel nothing: it is
-    multiplied in here.
+    The transform's first matrix is multiplied in here, so it costs pixels nothing.
     """
     channels = light.XYZ_from_channels.shape[1]
     columns = np.zeros((layer_count(channels) * 4, 3))
     columns[:channels] = light.XYZ_from_channels.T
-    # Opacity takes away what the backdrop gives: (1 - alpha) XYZ_backdrop without a branch.
+    # Alpha subtracts the backdrop: (1 - alpha) XYZ_backdrop without a branch.
     columns[channels] = -light.backdrop_XYZ
     first = np.eye(3)
     if isinstance(transform, LinearTransform):
@@ -102,11 +101,11 @@ def light_uniforms(light: Illumination, transform: DrawnTransform) -> Uniforms:
 
 
 def transform_uniforms(transform: DrawnTransform, target: Screen) -> Uniforms:
-    """Return the uniforms of a view transform: those of ``view_transform.*`` that its form has."""
+    """Return the uniforms ``view_transform.*`` of a view transform, as far as its form has them."""
     if isinstance(transform, LinearTransform | LutTransform):
         return {}
     form = shader_form(transform)
-    if isinstance(transform, ViewTransformGrid):  # its scenes are in the texture
+    if isinstance(transform, ViewTransformGrid):  # the scene's side is in the texture
         transform = transform.transform
     values: dict[str, ArrayLike] = {
         "linear_from_response": (target.RGB_from_XYZ @ transform.XYZ_from_response).T
@@ -125,16 +124,16 @@ def transform_uniforms(transform: DrawnTransform, target: Screen) -> Uniforms:
 
 
 def screen_form(target: Screen) -> dict[str, int]:
-    """Return the constants that ``shaders/include/gamut.glsl`` is compiled with."""
+    """Return the constants with which ``shaders/include/gamut.glsl`` is compiled."""
     return {"REDUCE": int(target.gamut is not None), "MARK": int(target.mark)}
 
 
 def screen_uniforms(target: Screen) -> Uniforms:
-    """Return the uniforms of a display: those of ``gamut.*`` if it reduces chroma."""
+    """Return the uniforms of a display: ``gamut.*`` if it reduces chroma, else nothing."""
     gamut = target.gamut
     if gamut is None:
         return {}
-    # XYZ cancel: the shader has the display's linear RGB.
+    # XYZ cancel out: the shader starts from the display's linear RGB.
     response_from_linear = gamut.conditions.response_from_XYZ() @ np.linalg.inv(gamut.RGB_from_XYZ)
     return _flat(
         {
@@ -153,7 +152,7 @@ def _flat(values: Mapping[str, ArrayLike]) -> Uniforms:
 
 
 def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
-    """Return the numbers of ``shaders/relight.frag`` that all pictures for a space share."""
+    """Return the constants of ``shaders/relight.frag`` that all pictures in a space share."""
     return {
         **FORM_NUMBERS,
         **shader_constants(),
@@ -166,8 +165,8 @@ def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
 class Programs:
     """Programs by the constants compiled into them, each with the triangle that it draws.
 
-    ``constants`` are those of all: LAYERS, IMAGE_HEIGHT and EVERY. ``own`` registers a resource for
-    the engine to release, and returns it.
+    ``constants`` are common to all: LAYERS, IMAGE_HEIGHT and EVERY. ``own`` registers a resource
+    for the engine to release, and returns the resource.
     """
 
     def __init__(
@@ -179,8 +178,8 @@ class Programs:
     def program(self, name: str, form: Mapping[str, int], target: Screen) -> tuple[Any, Any]:
         """Return a fragment shader's program and its vertex array; compile it at first use.
 
-        ``form`` is as `shader_form`. The target's matrix and curve are compiled in, and whether it
-        reduces or marks. Raises OpenGLError if the driver refuses the shader.
+        ``form`` is from `shader_form`. The target's matrix, curve, gamut mapping and marking are
+        compiled in. Raises OpenGLError if the driver refuses the shader.
         """
         ends = screen_form(target)
         key = (name, *form.values(), *ends.values(), target.space)
@@ -204,7 +203,7 @@ class Programs:
 
 
 class LookupTextures:
-    """One engine's textures of a LUT and of a transform grid, made at first use; see `Programs`."""
+    """One engine's textures for a LUT and a transform grid, made at first use; see `Programs`."""
 
     def __init__(self, context: Any, own: Callable[[Any], Any]) -> None:
         self._context, self._own = context, own
@@ -233,7 +232,7 @@ class LookupTextures:
         self._lut_texture().write(texels)
 
     def bake_lut(self, closed: Closed, target: Screen, draw: Callable[..., None]) -> None:
-        """Bake the LUT of a transform from adapted linear RGB on the device.
+        """Bake the LUT of a transform, from adapted linear RGB, on the device.
 
         ``draw`` is the engine's: (name of the fragment shader, form, uniforms, screen).
         """
@@ -258,7 +257,7 @@ class LookupTextures:
         return self._lut
 
     def _bake_targets(self) -> list[Any]:
-        """Return framebuffers for the nodes, for the cells' centres, and for both compared."""
+        """Return framebuffers for the nodes, for the cells' centres, and for their comparison."""
         if not self._framebuffers:
             size = (NODES, NODES * NODES)
             textures = [self._own(self._context.texture(size, 4, dtype="f4")) for _ in range(3)]

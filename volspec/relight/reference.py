@@ -2,7 +2,7 @@
 
     illumination -> [reference] -> frame
 
-The fallback if no OpenGL context can be made; the twin of ``shaders/relight.frag``.
+A fallback if no OpenGL context can be made, and the twin of ``shaders/relight.frag``.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from volspec.relight.illumination import Illumination
 from volspec.relight.layers import clamp_finite
 from volspec.relight.spec import Pixels
 
-# Rows at a time: a 512-pixel block of temporaries then fits the second-level cache.
+# Rows at a time, so that temporaries for a block of 512 pixels fit the L2 cache.
 _ROWS = 16
 
 
 class CpuEngine:
-    """Draws frames of one coefficient image with NumPy."""
+    """NumPy engine that draws frames of one coefficient image."""
 
     name = "numpy"
 
@@ -33,7 +33,7 @@ class CpuEngine:
         self.upload(coefficients, alpha)
 
     def upload(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
-        """Take another image, as `clamp_finite`; (H, W, L·M) and (H, W)."""
+        """Store another image, as `clamp_finite`; (H, W, L·M) and (H, W)."""
         self._coefficients, self._alpha = clamp_finite(coefficients), clamp_finite(alpha)
 
     def render(
@@ -62,4 +62,4 @@ class CpuEngine:
         return frame
 
     def close(self) -> None:
-        """Do nothing: there is nothing to release."""
+        """Do nothing; there is nothing to release."""

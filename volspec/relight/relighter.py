@@ -2,7 +2,7 @@
 
     coefficient image + light -> [relighter] -> frame
 
-OpenGL if a context can be made, else NumPy with a warning.
+Uses OpenGL if a context can be made, else NumPy with a warning.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ BACKENDS = ("gl", "numpy")
 
 
 def pixel_type(dtype: Any) -> type:
-    """Return numpy.uint8 or numpy.float32, the types of frames; RelightError if it is another."""
+    """Return numpy.uint8 or numpy.float32, the types of frames; raise RelightError for others."""
     try:
         kind = np.dtype(dtype).type
     except TypeError:
@@ -60,21 +60,21 @@ def pixel_type(dtype: Any) -> type:
 
 
 class Relighter:
-    """Turns lights into frames of one coefficient image; a context manager.
+    """Relighting of one coefficient image: frames for any lights; a context manager.
 
     Parameters
     ----------
     image : CoefficientImage
         Cast once; its coefficients are uploaded here.
     backend : {"gl", "numpy"}, optional
-        None takes GL and falls back to NumPy with a `VolspecWarning`.
+        None uses GL, or NumPy with a `VolspecWarning` if there is no GL.
     context : moderngl.Context, optional
-        A current context to draw in, as a viewer's; None makes a headless one.
+        A current context to draw in, such as a viewer's; None makes a headless one.
     lut3d : bool, optional
-        Draw appearance by a 3-D LUT (`volspec.appearance.lut3d`) on GL, if all of a picture's
-        colours are in its valid cells; CIEDE2000 .03 from the closed forms under tungsten. None:
-        for models without a closed form, and for 8-bit frames of 1024² pixels and more on software
-        GL, where it is faster.
+        Draw appearance with a 3-D LUT (`volspec.appearance.lut3d`) on GL, if all of a picture's
+        colours are in its valid cells; CIEDE2000 .03 from the closed forms under tungsten. None
+        uses it for models without a closed form, and for 8-bit frames of 1024² pixels and more on
+        software GL, where it is faster.
     lut_cache : LutCache, optional
         Cache of LUTs baked on the host, for several Relighters or threads to share.
     packed : PackedLayers, optional
@@ -85,11 +85,11 @@ class Relighter:
     OpenGLError
         If ``backend="gl"`` and no context can be made.
     RelightError, ShapeError
-        If an argument is of another kind, or the image's arrays do not fit together.
+        If an argument has another type, or the image's arrays do not fit together.
 
     Examples
     --------
-    Grey under tungsten, to an eye that adapts and as bare XYZ:
+    Grey under tungsten, for an eye that adapts and as plain XYZ:
 
     >>> from volspec.basis import SpectralBasis
     >>> from volspec.raycast.image import CoefficientImage
@@ -162,11 +162,11 @@ class Relighter:
         return width, height
 
     def place(self, shape: Shape, groups: Sized, sharing: Sharing | None) -> SharedLayers | None:
-        """Return a place for the picture of a cast that is about to begin, for `update` to take.
+        """Return the buffer for a cast that is about to begin, to be given to `update` afterwards.
 
         A ``shape`` (H, W, L·M) or number of light groups that `update` would refuse is refused now.
-        None without `Raycaster.sharing`; OpenCLError if the caster shares another OpenGL context
-        than this draws in.
+        None without `Raycaster.sharing`. Raises OpenCLError if the Raycaster shares another OpenGL
+        context than the Relighter's.
         """
         self._require_open()
         require_fit(shape, groups, self._image)
@@ -174,8 +174,8 @@ class Relighter:
             return None
         if isinstance(self._engine, CpuEngine):
             raise OpenCLError(
-                f"the Raycaster shares {sharing.name}, the Relighter draws with NumPy",
-                "give the Relighter the Raycaster's context, or the Raycaster none",
+                f"the Raycaster shares {sharing.name}, but the Relighter draws with NumPy",
+                "give both the same context, or the Raycaster none",
                 code="conflict",
                 field="raycast",
             )
@@ -184,22 +184,22 @@ class Relighter:
     def update(
         self, image: CoefficientImage, place: SharedLayers | PackedLayers | None = None
     ) -> None:
-        """Take another cast of the same size, basis size and number of light groups.
+        """Replace the image with a cast of the same size, basis size and number of light groups.
 
-        The groups may have other names and shares. Reflectances that were edited stay so, where
-        the new image has such materials.
+        The groups may have other names and shares. Edited reflectances are kept if the new image
+        has their materials.
 
         Parameters
         ----------
         image : CoefficientImage
         place : SharedLayers or PackedLayers, optional
-            From `place`, filled by the image's cast: nothing is then uploaded. Or the image packed
-            beforehand: nothing else is then done here.
+            From `place`, filled by the image's cast, so that nothing is uploaded here; or the image
+            packed beforehand, so that it is only uploaded.
 
         Raises
         ------
         RelightError, ShapeError
-            If it is closed; or size, channel count or number of groups differ.
+            If the Relighter is closed, or size, channel count or number of groups differ.
         """
         self._require_open()
         shape = coefficient_shape(image)
@@ -245,10 +245,10 @@ class Relighter:
         Raises
         ------
         RelightError
-            If it is closed or the dtype is another.
+            If the Relighter is closed, or the dtype is not one of these.
         ViewingError
-            If an argument is out of range, a light shines from a group the image lacks, or the
-            field of view to measure with is not known.
+            If an argument is out of range, a light shines from a group that the image lacks, or the
+            field of view for measuring is unknown.
         SpectrumError
             If a light is black, has negative power or does not cover the grid.
         """
@@ -268,25 +268,25 @@ class Relighter:
         Parameters
         ----------
         light, spec
-            As `frame`.
+            As in `frame`.
         within : (x, y, width, height), optional
-            The pixels to draw, y from the picture's first row; the others stay as they were.
+            The pixels to draw, y from the picture's first row; the others do not change.
 
         Returns
         -------
         moderngl.Framebuffer
-            8-bit codes, the picture's first row first; good until the next call.
+            8-bit codes, the picture's first row first; valid until the next call.
 
         Raises
         ------
         RelightError, ViewingError, SpectrumError
-            As `frame`; also if it draws with NumPy.
+            As in `frame`; also if the Relighter draws with NumPy.
         """
         self._require_open()
         if isinstance(self._engine, CpuEngine):
             raise RelightError(
-                "NumPy has no device to leave a picture on",
-                "take frame()",
+                "NumPy has no device on which to leave a picture",
+                "use frame()",
                 code="unsupported",
                 field="relight",
             )
@@ -298,11 +298,11 @@ class Relighter:
     def missing_lut(
         self, light: Spectrum | LightRig, spec: RelightSpec | Viewing | None = None
     ) -> LutKey | None:
-        """Return the key of a LUT that the next frame would wait for, as the host must bake it.
+        """Return the key of the LUT that the host must bake before the next frame, or None.
 
-        Hunt and Nayatani 95 have such LUTs, one for each light and viewing. The key is for
-        `LutCache.texels` of the ``lut_cache`` given to the Relighter, on any thread. Arguments and
-        errors as `frame`.
+        Hunt and Nayatani 95 have such LUTs, one for each light and viewing. Pass the key to
+        `LutCache.texels` of the Relighter's ``lut_cache``, on any thread. Arguments and errors are
+        as in `frame`.
         """
         self._require_open()
         settings = RelightSpec.of(spec)
@@ -318,14 +318,14 @@ class Relighter:
         backdrop: float | Spectrum = 0.2,
         every: int = 1,
     ) -> ErrorMap:
-        """Return CIEDE2000 from the picture of the exact light matrix, as `error_map`."""
+        """Return CIEDE2000 from the picture with the exact light matrix, as `error_map` does."""
         self._require_open()
         return error_map(self._image, light, mode, backdrop, every)
 
     def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
-        """Give materials other reflectances without a new cast; the next frame shows them.
+        """Set materials' reflectances without a new cast; the next frame shows them.
 
-        Errors as `CoefficientImage.with_reflectances`; RelightError if it is closed.
+        Errors as `CoefficientImage.with_reflectances`; RelightError if the Relighter is closed.
         """
         self._require_open()
         self._image = self._image.with_reflectances(reflectances)
@@ -334,16 +334,16 @@ class Relighter:
     def _lit(
         self, light: Spectrum | LightRig, spec: RelightSpec
     ) -> tuple[Illumination, Viewing, ViewTransformGrid | None]:
-        """Return the illumination, the measured viewing, and the grid of its transforms."""
+        """Return the illumination, the measured viewing, and the grid of view transforms."""
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
         return lit, *self._meter.measure_viewing(self._image, lit)
 
     def _on_engine(self, call: Callable[[GLEngine | CpuEngine], Any]) -> Any:
-        """Call the engine; make it again once if another library ended its context."""
+        """Call the engine; recreate it once if another library ended its context."""
         try:
             return call(self._engine)
         except ContextLost:
-            if self._lent:  # the viewer repairs a context that it lent
+            if self._lent:  # the viewer recreates a context that it lent
                 raise
             self._engine.close()
             self._engine = GLEngine(
@@ -382,7 +382,7 @@ def relight(
 ) -> Pixels:
     """Relight a coefficient image once; for several lights, a `Relighter` uploads only once.
 
-    Parameters and errors are `Relighter`'s and `Relighter.frame`'s.
+    Parameters and errors are those of `Relighter` and `Relighter.frame`.
 
     Returns
     -------

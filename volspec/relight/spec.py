@@ -1,4 +1,4 @@
-"""Lights of a coefficient image and settings of its picture: frozen data.
+"""Lights for a coefficient image and settings of its picture: frozen data.
 
     raycast -> [relight] -> appearance -> frame
 
@@ -37,15 +37,15 @@ LEVELS: tuple[Level, ...] = get_args(Level)
 class LightRig:
     """Lights that add up, in each of an image's light groups: e_g = Σ_j w_j A E_j.
 
-    The sum for group g runs over the lights that shine from it or from all groups. A surface
-    that faces every source gets Σ_g share_g e_g, where share_g is the group's share of the light
-    in the cast (`CoefficientImage.groups`). A perfect diffuser there is the adopted white.
+    The sum for group g runs over the lights that shine from this group or from all groups. A
+    surface that faces every source gets Σ_g share_g e_g, where share_g is the group's share of the
+    light in the cast (`CoefficientImage.groups`). A perfect diffuser there is the adopted white.
 
     Raises
     ------
     ViewingError
-        If there is no light, counts differ, a number is negative, a group is no name, or
-        everything is off.
+        If there is no light, the sequences differ in length, a number is negative, a group is not
+        a name, or every light is off.
 
     Examples
     --------
@@ -59,14 +59,14 @@ class LightRig:
     lights: Annotated[tuple[Spectrum, ...], Field(strict=False, min_length=1)]
     """Relative or absolute spectral power E_j."""
     weights: Annotated[tuple[NotNegative, ...], Field(strict=False)] = ()
-    """w_j; empty is all 1."""
+    """w_j; all 1 if empty."""
     illuminance_lux: Annotated[tuple[NotNegative, ...], Field(strict=False)] | None = None
-    """Illuminance that each light gives a surface that faces every source, at weight 1 and shining
-    from all groups, lux; from one group it gives that group's fraction of it. The spectra are then
-    only shapes. The sum is the E_v from which the scene's L_A follows (unless `Viewing.L_A` is
-    given): dim light looks dim at ``level="relative"`` too. Needed for ``level="absolute"``."""
+    """Illuminance, in lux, of each light at weight 1 on a surface that faces every source, if it
+    shines from all groups; from one group, that group's fraction of it. The spectra then give only
+    their shape. The sum is the E_v from which L_A of the scene follows (if `Viewing.L_A` is None),
+    so dim light looks dim even at ``level="relative"``. Needed for ``level="absolute"``."""
     groups: Annotated[tuple[str, ...], Field(strict=False)] = ()
-    """Light group that each light shines from; ``""`` is all of them, and so is empty."""
+    """Light group from which each light shines; ``""`` means all groups, as does an empty tuple."""
 
     def __post_init__(self) -> None:
         count = len(self.lights)
@@ -75,7 +75,7 @@ class LightRig:
         for name in ("weights", "illuminance_lux", "groups"):
             given = getattr(self, name)
             if given is not None and len(given) != count:
-                remedy = f"give one for each of the {count} lights"
+                remedy = f"give one value for each of the {count} lights"
                 raise ViewingError.refused(name, given, remedy, "shape")
         if not any(self.weights):
             raise _no_light("weights", self.weights)
@@ -85,7 +85,7 @@ class LightRig:
 
     @classmethod
     def of(cls, light: Spectrum | LightRig) -> LightRig:
-        """Return a light as a rig; a rig as it is."""
+        """Return a light as a rig; a rig unchanged."""
         if isinstance(light, LightRig):
             return light
         if isinstance(light, Spectrum):
@@ -103,17 +103,17 @@ class LightRig:
         Parameters
         ----------
         shares : {str: float}
-            An image's light groups, as `CoefficientImage.groups`.
+            An image's light groups, as in `CoefficientImage.groups`.
 
         Returns
         -------
         LightRig
-            Without groups; `mixed` is its spectrum and `total_lux` its E_v.
+            A rig without groups; `mixed` is its spectrum and `total_lux` its E_v.
 
         Raises
         ------
         ViewingError
-            If a light's group is not the image's, or none of the lights' groups lit the cast.
+            If the image does not have a light's group, or none of the lights' groups lit the cast.
         """
         for j, group in enumerate(self.groups):
             if group and group not in shares:
@@ -129,13 +129,13 @@ class LightRig:
         if not any(weights):
             used = (f"{g!r}" for w, g in zip(self.weights, self.groups, strict=True) if w)
             raise ViewingError(
-                f"LightRig: there is no light, as group {', '.join(dict.fromkeys(used))} gave none "
-                "to the cast; light another"
+                f"LightRig: no light, because group {', '.join(dict.fromkeys(used))} had none in "
+                "the cast; use another group"
             )
         return replace(self, weights=weights, groups=())
 
     def shining_from(self, group: str) -> LightRig | None:
-        """Return the lights of a group as a rig without groups; None if it is dark."""
+        """Return the lights of a group as a rig without groups; None if the group is dark."""
         own = [j for j, name in enumerate(self.groups) if name in ("", group)]
         lux = None if self.illuminance_lux is None else tuple(self.illuminance_lux[j] for j in own)
         weights = tuple(self.weights[j] for j in own)
@@ -146,12 +146,12 @@ class LightRig:
     def mixed(self, grid: SpectralGrid) -> Spectrum:
         """Return the sum of the lights as one Spectrum on a grid, regardless of groups.
 
-        Its scale is the lights' own, or W / (m² nm) where the rig has `illuminance_lux`.
+        The scale is the lights' own, or W / (m² nm) if the rig has `illuminance_lux`.
 
         Raises
         ------
         SpectrumError
-            If a light does not cover the grid, has negative power or no luminous energy.
+            If a light does not cover the grid, has negative power or has no luminous energy.
         """
         total = np.zeros(grid.size)
         for j, (light, weight) in enumerate(zip(self.lights, self.weights, strict=True)):
@@ -165,19 +165,19 @@ class LightRig:
 
     @property
     def total_lux(self) -> float | None:
-        """Illuminance of the sum, regardless of groups, lux; None if they carry none."""
+        """Illuminance of the sum, regardless of groups, lux; None if the lights have no lux."""
         if self.illuminance_lux is None:
             return None
         return sum(w * v for w, v in zip(self.weights, self.illuminance_lux, strict=True))
 
 
 def _no_light(field: str, given: object) -> ViewingError:
-    problem = "the lights give no light together"
+    problem = "all lights are off"
     return ViewingError(problem, "raise one", code="impossible", field=field, given=given)
 
 
 def mixed_rig(rigs: Sequence[LightRig], weights: Sequence[float]) -> LightRig:
-    """Mix several rigs into one, each times its weight; lux count if all that shine have them.
+    """Mix several rigs into one, each times its weight; lux is kept if all that shine have it.
 
     >>> from volspec.spectra import light
     >>> day, lamp = LightRig((light("D65"),)), LightRig((light("A"),), (0.5,))
@@ -206,10 +206,10 @@ def _reflects(backdrop: Spectrum) -> Spectrum:
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True, eq=False)
 class RelightSpec:
-    """Settings of a picture from coefficients and a light."""
+    """Settings for making a picture from coefficients and a light."""
 
     viewing: Annotated[Viewing, FLAT] = field(default_factory=Viewing)
-    """The eye's and the display's conditions."""
+    """Conditions of the eye and the display."""
     mode: Mode = "componentwise"
     """Product of a light group's light with the coefficients: componentwise, D (e ∘ C), the factor
     model; exact, P_E C, the light matrix; linear-model, D R(e) C, the papers' linear model."""
@@ -218,16 +218,16 @@ class RelightSpec:
         Hint("a reflectance from 0 to 1, or a Spectrum", whole=True),
     ] = 0.2
     """Reflectance of the diffuser behind the volume, 0 (black) to 1; it faces every source. The
-    default is the grey that appearance models take for the surround."""
+    default is the grey that appearance models assume for the surround."""
     level: Level = "relative"
-    """relative: the light's white, on a surface that faces every source, has Y = 100, so that a
-    swap of lights, or a group switched off, never darkens the picture. absolute: Y = 100 is the
+    """relative: the light's white, on a surface that faces every source, has Y = 100, so that
+    swapping lights or switching a group off never darkens the picture. absolute: Y = 100 is the
     viewing's ``illuminance_lux``, and lights add. At both levels the eye adapts to the light's lux
-    if it carries them, else to the viewing's."""
+    if it has any, else to the viewing's."""
 
     @classmethod
     def of(cls, spec: RelightSpec | Viewing | None) -> RelightSpec:
-        """Return settings as a spec; with a `Viewing` alone the others are as by default."""
+        """Return settings as a spec; a `Viewing` leaves the others at their defaults."""
         if spec is None:
             return cls()
         if isinstance(spec, RelightSpec):
@@ -239,7 +239,7 @@ class RelightSpec:
         )
 
     def for_lights(self, lights: Iterable[Spectrum | LightRig]) -> RelightSpec:
-        """Return the settings for lights shown in turn: relative if one of them carries no lux."""
+        """Return the settings for lights shown in turn: relative if one of them has no lux."""
         if all(LightRig.of(light).illuminance_lux is not None for light in lights):
             return self
         return replace(self, level="relative")

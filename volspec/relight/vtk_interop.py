@@ -1,4 +1,4 @@
-"""A relit frame in pyvista: as a texture, and the rectangle that fills a plotter's view.
+"""A relit frame in pyvista: a texture, and a rectangle that fills a plotter's view.
 
 frame -> [adapt] -> pyvista's plotter
 """
@@ -27,12 +27,12 @@ def to_texture(frame: Pixels) -> pyvista.Texture:
     Parameters
     ----------
     frame : (H, W, 3) uint8 or float32
-        As `Relighter.frame` gives it; floating-point codes are rounded to 8 bits.
+        As `Relighter.frame` returns it; floating-point codes are rounded to 8 bits.
 
     Raises
     ------
     RelightError
-        If it is no such picture.
+        If ``frame`` has another shape or type, or NaN.
     """
     import pyvista
 
@@ -45,7 +45,7 @@ def to_texture(frame: Pixels) -> pyvista.Texture:
         )
     if codes.dtype == np.float32:
         if np.isnan(codes).any():
-            raise RelightError("to_texture: the frame holds NaN; give codes of 0 to 1")
+            raise RelightError("to_texture: the frame has NaN; give codes from 0 to 1")
         codes = np.rint(codes.clip(0, 1) * 255).astype(np.uint8)
     return pyvista.Texture(codes)
 
@@ -54,19 +54,19 @@ def picture_plane(plotter: pyvista.Plotter, distance: float | None = None) -> py
     """Make the rectangle that fills a plotter's picture, with texture coordinates.
 
     ``plotter.add_mesh(plane, texture=to_texture(frame), lighting=False)`` puts a frame of the
-    plotter's size over the picture, pixel on pixel; closer objects remain in front.
+    plotter's size over the picture, pixel for pixel; closer objects remain in front.
 
     Parameters
     ----------
     plotter : pyvista.Plotter
-        The camera is the current one of its active subplot.
+        Its active subplot's current camera is used.
     distance : float, optional
         Distance from the camera, in the plotter's units; by default the focal point's.
 
     Raises
     ------
     RaycastError
-        If it is no plotter or closed, or the distance is not above 0.
+        If ``plotter`` is not a plotter or is closed, or the distance is not above 0.
     CameraError
         If the camera shears or shifts its picture.
     """
@@ -83,7 +83,7 @@ def picture_plane(plotter: pyvista.Plotter, distance: float | None = None) -> py
     across, up = rays.across * (width / 2 * grows), rays.down * (-height / 2 * grows)
     middle = np.asarray(camera.position_mm) + away * rays.forward
     corners = [middle + a * across + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    # The plotter stretches what is added to it.
+    # The plotter scales everything that is added to it.
     plane = pyvista.PolyData(np.array(corners) / plotter.renderer.scale, faces=[4, 0, 1, 2, 3])
     plane.active_texture_coordinates = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
     return plane
