@@ -1,1 +1,1 @@
-"""GPU machinery that knows no stage: devices, contexts, sources, the shared prelude."""
+"""GPU code shared by all stages: devices, contexts, sources, the shared prelude."""

@@ -1,13 +1,13 @@
 """OpenCL devices of this machine, and the choice of one that works.
 
-Drivers are those of the system, PoCL from its wheel, which makes any CPU a device, and Intel's CPU
-runtime from ``volspec[intel]``. The environment variable ``VOLSPEC_DEVICE`` chooses one for every
+Drivers are the system's, PoCL from its wheel, which makes any CPU a device, and Intel's CPU runtime
+from ``volspec[intel]``. The environment variable ``VOLSPEC_DEVICE`` chooses the device for every
 run.
 
 A device is chosen only after a trial: a one-line kernel, compiled and run once in a child process.
-Drivers list devices for which they cannot compile (PoCL 3.0 of PyPI knows no CPU younger than its
-LLVM 14), and some end the process when they try. The answer is cached in the user's cache folder by
-device, driver and version; a failure for a day, since what was missing may have been installed.
+Drivers list devices that they cannot compile for (PyPI's PoCL 3.0 supports no CPU newer than its
+LLVM 14), and some crash the process when they try. The result is cached in the user's cache folder
+by device, driver and version; a failure for a day only, as the user may fix its cause.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 DEVICE_VARIABLE = "VOLSPEC_DEVICE"
 _INTEL_WHEEL, _INTEL_LIBRARIES = "intel-opencl-rt", ("libintelocl.so", "intelocl64.dll")
-# Folders of drivers, as pyopencl's loader looks for them.
+# Where pyopencl's loader looks for drivers.
 _VENDOR_VARIABLES, _VENDORS = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"), "/etc/OpenCL/vendors"
 
 
@@ -49,8 +49,8 @@ POCL = "Portable Computing Language"
 _TIMEOUT_S = 60.0
 _FAILURE_CACHED_S = 86400.0
 _MOST_CACHED, _LARGEST_CACHE = 50, 1 << 20
-_WRONG_NUMBER = "the kernel ran but did not write its number"
-# Prints the error and exits with 1; a driver may end it at any line.
+_WRONG_NUMBER = "the kernel ran but wrote a wrong number"
+# Prints the error and exits with 1; a driver may crash it at any line.
 _TRIAL = f"""
 import os, warnings
 index, expected, number = int(sys.argv[2]), sys.argv[3], int(sys.argv[4])
@@ -99,7 +99,7 @@ def cache_folder() -> Path:
 
 
 def no_device_error() -> OpenCLError:
-    """Return the error for a machine without any device: nothing installed, or PoCL gave up."""
+    """Return the error for a machine without a device: nothing is installed, or PoCL failed."""
     folder, way = cache_folder(), remedy([])
     existing = next((path for path in (folder, *folder.parents) if path.exists()), folder)
     if not (existing.is_dir() and os.access(existing, os.W_OK)):
@@ -111,16 +111,16 @@ def no_device_error() -> OpenCLError:
 
 
 def devices() -> list[DeviceInfo]:
-    """Return every device of every driver, best first; empty if OpenCL is missing."""
+    """Return every device of every driver, best first; an empty list if OpenCL is missing."""
     return [describe(device) for device in all_devices()]
 
 
 def choose_device(name: str | None = None) -> int:
-    """Return the index in `devices` of the first device that works and has the name.
+    """Return the index in `devices` of the first working device that the name matches.
 
-    The name is part of a device's, its platform's or its driver's, in any case; a whole number is
-    an index. By default the value of ``VOLSPEC_DEVICE`` counts, else any device. Raises OpenCLError
-    if none has the name, or none works; the message lists the devices, or their faults.
+    It is part of the name of a device, platform or driver, in any case; a whole number is an index.
+    The default is the value of ``VOLSPEC_DEVICE``, else any device. Raises OpenCLError if no device
+    matches, or none works; the message lists the devices, or their faults.
     """
     if name is not None and not isinstance(name, str):
         raise OpenCLError.refused(
@@ -133,7 +133,7 @@ def choose_device(name: str | None = None) -> int:
     if name is None:
         wanted, source = os.environ.get(DEVICE_VARIABLE, "").strip(), f" ({DEVICE_VARIABLE})"
     meant = [i for i, device in enumerate(found) if not wanted or _is_meant(wanted, i, device)]
-    # Part of one device's name may be another's whole name.
+    # The whole name of one device may be part of another's.
     meant = [i for i in meant if found[i].name == wanted] or meant
     if wanted and not meant:
         known = [n for device in found for n in (device.name, device.platform)]
@@ -174,7 +174,7 @@ def unusable_error(meant: list[int], found: list[DeviceInfo]) -> OpenCLError:
 def all_devices() -> list[cl.Device]:
     """Return pyopencl's devices: GPUs, then CPUs, the newest driver first.
 
-    The loader itself orders them as the files in its folder.
+    The loader's own order is that of the files in its folder.
     """
     try:
         import pyopencl as cl
@@ -189,7 +189,7 @@ def all_devices() -> list[cl.Device]:
     def preference(device: cl.Device) -> tuple[bool, bool, list[int], str]:
         numbers = [-int(n) for n in re.findall(r"\d+", device.driver_version)]
         is_gpu = bool(device.type & cl.device_type.GPU)
-        # PoCL last: another driver of the CPU was installed on purpose.
+        # PoCL last: any other CPU driver was installed on purpose.
         return not is_gpu, device.platform.name == POCL, numbers, device.driver_version
 
     return sorted(found, key=preference)
@@ -199,15 +199,15 @@ def all_devices() -> list[cl.Device]:
 def _intel_registered() -> Iterator[None]:
     """Let the loader find Intel's CPU runtime if its wheel is installed.
 
-    The wheel registers a path of the machine that built it. The loader reads one folder of drivers,
-    at the process's first call, so that the folder need not stay.
+    The wheel registers a path on the machine that built it. The loader reads one folder of drivers,
+    at the process's first call only, so a temporary folder will do.
     """
     library = _intel_library()
     vendors = Path(next(filter(None, map(os.environ.get, _VENDOR_VARIABLES)), _VENDORS))
     registered = list(vendors.glob("*.icd"))
     if library is None or vendors.is_file():  # a file means that driver alone
         yield
-    elif sys.platform == "win32":  # Khronos' loader adds these to the registry's
+    elif sys.platform == "win32":  # Khronos' loader adds these to the registry's drivers
         with _variable("OCL_ICD_FILENAMES", str(library)):
             yield
     elif any(library.name in icd.read_text(errors="replace") for icd in registered):
@@ -262,9 +262,9 @@ def describe(device: cl.Device) -> DeviceInfo:
 
 
 def fault(index: int, devices: Sequence[DeviceInfo], *, again: bool = False) -> str:
-    """Return why one of all devices does not work; empty if it does.
+    """Return the reason why a device does not work; empty if it works.
 
-    ``again`` tries the device now, whatever the cache says.
+    ``again`` tries the device now, whatever the cache contains.
     """
     key = _key(index, devices)
     if not again:
@@ -289,7 +289,7 @@ def _key(index: int, devices: Sequence[DeviceInfo]) -> str:
     info = devices[index]
     same = devices[:index].count(info)
     words = [*map(str, astuple(info)[:4]), str(same)]
-    if info.platform == POCL:  # it links each kernel
+    if info.platform == POCL:  # PoCL links each kernel
         words.append("no linker" if _missing_linker() else str(_linker()))
     return " | ".join(words)
 
@@ -304,7 +304,7 @@ def _try(index: int, info: DeviceInfo) -> str:
             timeout=_TIMEOUT_S,
         )
     except subprocess.TimeoutExpired:
-        return f"a one-line kernel is not done after {_TIMEOUT_S:.0f} s"
+        return f"a one-line kernel has not finished after {_TIMEOUT_S:.0f} s"
     except (OSError, TypeError) as error:  # the latter if the interpreter's path is unknown
         return f"no process can be started to try it ({one_line(error)})"
     if done.returncode == 0:
@@ -316,7 +316,7 @@ def _try(index: int, info: DeviceInfo) -> str:
     lines = [line for line in output.splitlines() if line.strip()]
     text = found[1] if found else lines[-1] if lines else ""
     if done.returncode < 0 or not text:
-        text = f"it ends the process ({exit_cause(done.returncode)}) {text}".rstrip()
+        text = f"it crashes the process ({exit_cause(done.returncode)}) {text}".rstrip()
     return one_line(text)[:200]
 
 
@@ -331,7 +331,7 @@ def _missing_linker() -> bool:
 
 
 def _linker() -> str | None:
-    """Return the path of ``ld`` as a driver finds it; None without a PATH."""
+    """Return the path at which a driver finds ``ld``; None without a PATH."""
     return shutil.which("ld", path=os.environ.get("PATH", ""))
 
 

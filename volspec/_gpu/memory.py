@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def host_free_bytes(root: Path = Path("/")) -> int:
-    """Return the memory this process can still allocate: the machine's, or its container's."""
+    """Return the memory this process can still allocate, on the machine or in its container."""
     import psutil
 
     try:
@@ -21,5 +21,5 @@ def host_free_bytes(root: Path = Path("/")) -> int:
         stat = dict(line.split() for line in (group / "memory.stat").read_text().splitlines())
     except (OSError, ValueError):
         return free
-    # Files read once count as used, but are dropped when memory runs short.
+    # Cached files count as used, but are dropped when memory runs short.
     return min(free, max(limit - used + int(stat.get("inactive_file", 0)), 0))

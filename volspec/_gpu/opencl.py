@@ -1,7 +1,7 @@
-"""OpenCL devices, programs and buffers; knows no stage.
+"""OpenCL devices, programs and buffers, independent of the stages.
 
-Compiled programs are cached by PoCL and the GPU drivers on disk, and here per context. Which device
-is chosen: `volspec._gpu.devices`.
+Compiled programs are cached on disk by PoCL and the GPU drivers, and here per context.
+`volspec._gpu.devices` chooses the device.
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 
-# Kernels cached by a context, last used. PoCL takes 2 to 3 MB for each, and a day's work with
-# varied settings needs many; a cast needs at most 5, and building one again takes 0.1 s.
+# Number of last-used kernels that a context caches. PoCL uses 2 to 3 MB for each, and a day's work
+# with varied settings builds many; a cast needs at most 5, and rebuilding one takes 0.1 s.
 MOST_KERNELS = 16
-# Sums may be fused, zeros lose their sign; infinities and NaN keep their meaning.
+# Products and sums may be fused, zeros lose their sign; infinities and NaN keep their meaning.
 OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
 
 
@@ -52,16 +52,16 @@ class Compute:
     transfers: cl.CommandQueue
     info: DeviceInfo
     sharing: Sharing | None = None
-    # The last used comes last.
+    # The most recently used comes last.
     _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
-    # Bytes of each live buffer.
+    # Size in bytes of each live buffer.
     _allocated: WeakKeyDictionary[cl.Buffer, int] = field(default_factory=WeakKeyDictionary)
 
     @classmethod
     def open(cls, name: str | None = None, gl: Any = None) -> Compute:
-        """Open the device of a name (`choose_device`), which shares a moderngl.Context ``gl``.
+        """Open the device with a name (`choose_device`), sharing the moderngl.Context ``gl``.
 
-        Raises OpenCLError if none has that name, its driver refuses a context, or does not share.
+        Raises OpenCLError if no device matches, or its driver refuses a context or cannot share it.
         """
         index = choose_device(name)
         device = all_devices()[index]
@@ -76,16 +76,16 @@ class Compute:
             queue, transfers = cl.CommandQueue(context), cl.CommandQueue(context)
         except cl.Error as error:
             raise OpenCLError(
-                f"{device.name.strip()}: its driver makes no context ({one_line(error)})",
+                f"{device.name.strip()}: its driver creates no context ({one_line(error)})",
                 f"choose another device with {DEVICE_VARIABLE}, `volspec doctor` lists them",
                 code="unsupported",
             ) from error
         return cls(context, queue, transfers, describe(device), sharing)
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
-        """Return a program's kernel, one of the last `MOST_KERNELS` or built now.
+        """Return a program's kernel, cached (the last `MOST_KERNELS`) or built now.
 
-        Raises OpenCLError if it does not build, with the compiler's first error and its line.
+        Raises OpenCLError, with the compiler's first error and its line, if the build fails.
         """
         key = (source.text, name, tuple(options))
         kernel = self._kernels.pop(key, None) or self._build(source, name, options)
@@ -101,8 +101,8 @@ class Compute:
             with warnings.catch_warnings():
                 # Build logs are shown if the build fails.
                 warnings.simplefilter("ignore")
-                # A binary in pyopencl's cache may be of another CPU of the same name (Intel's
-                # runtime): pyopencl then builds again, but reads this without a default.
+                # A binary in pyopencl's cache may be for another CPU of the same name (Intel's
+                # runtime): pyopencl then builds again, but reads this variable without a default.
                 os.environ.setdefault("PYOPENCL_CACHE_FAILURE_FATAL", "")
                 program = cl.Program(self.context, source.text).build(options=list(options))
         except cl.RuntimeError as error:
@@ -123,15 +123,15 @@ class Compute:
             ) from error
 
     def _check_device(self) -> None:
-        """Repeat the device's trial, which may be long ago, and raise its error."""
+        """Repeat the device's trial, whose cached result may be old, and raise its error."""
         found = devices()
         if self.info in found and fault(index := found.index(self.info), found, again=True):
             raise unusable_error([index], found)
 
     def upload(self, array: NDArray[Any], *, share: bool = False) -> cl.Buffer:
-        """Make a buffer that kernels read, with a C-contiguous array's values.
+        """Make a buffer for kernels to read, with a C-contiguous array's values.
 
-        ``share`` on a CPU uses the array's own memory instead of a copy: the buffer keeps the array
+        On a CPU, ``share`` uses the array's own memory instead of a copy: the buffer keeps it
         alive; do not write to it meanwhile. Raises OpenCLError if the device has no room for it.
         """
         import pyopencl as cl
@@ -149,7 +149,7 @@ class Compute:
         )
 
     def output(self, nbytes: int, into: NDArray[Any] | None = None) -> cl.Buffer:
-        """Make a buffer that kernels write and the host reads.
+        """Make a buffer for kernels to write and the host to read.
 
         ``into`` is the C-contiguous destination of `download`; on a CPU kernels then write there.
         Raises OpenCLError if the device has no room for it.
@@ -162,7 +162,7 @@ class Compute:
         return self._buffer(cl.mem_flags.READ_WRITE, nbytes)
 
     def require(self, nbytes: int, field: str, remedy: str) -> None:
-        """Raise OpenCLError unless memory suffices for all that is about to be allocated.
+        """Raise OpenCLError unless there is enough memory for what is about to be allocated.
 
         ``field`` is the subject of the message: ``"engine.nrrd at 4096x4096"``. On a CPU the host's
         free memory counts as well.
@@ -192,7 +192,7 @@ class Compute:
             raise OpenCLError(
                 f"{self.info.name} has no room for {_size(nbytes)} (its largest buffer is "
                 f"{_size(limit)})",
-                "cast a smaller picture or a down-sampled volume",
+                "cast a smaller picture or a downsampled volume",
                 code="size",
             ) from error
         if counted:
@@ -202,9 +202,9 @@ class Compute:
     def download(
         self, buffer: cl.Buffer, into: NDArray[Any], after: cl.Event | None = None
     ) -> None:
-        """Copy a buffer of `output` into a contiguous array, and wait for it.
+        """Copy a buffer made by `output` into a contiguous array, and wait for the copy.
 
-        ``after`` is the launch that fills it; later ones go on meanwhile. Default: all launches.
+        ``after`` is the launch that fills it; later launches continue. Default: all launches.
         """
         import pyopencl as cl
 
@@ -228,7 +228,7 @@ class Compute:
 
 @cache
 def _buffer_type() -> type[cl.Buffer]:
-    """Return a buffer class with weak references, which pyopencl's own lacks."""
+    """Return a buffer class that supports weak references, unlike pyopencl's own."""
     import pyopencl as cl
 
     class CountedBuffer(cl.Buffer):

@@ -1,7 +1,7 @@
 """Headless OpenGL: a context without a window, programs whose errors name real files.
 
-On Linux EGL needs no display server, and Mesa's llvmpipe draws if there is no GPU; GLX on the
-display is tried if EGL fails. macOS (CGL, at most 4.1) and Windows (WGL) have one way each.
+On Linux, EGL needs no display server, and Mesa's llvmpipe draws if there is no GPU; GLX on the
+display is tried if EGL fails. macOS (CGL, at most 4.1) and Windows (WGL) offer one API each.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     import moderngl
 
 MINIMUM_VERSION = 330
-# glcontext's settings for each way to a context, by the names of the runtime libraries: the names
-# that it looks for itself belong to development packages.
+# glcontext's settings for each kind of context, with the names of the runtime libraries: the names
+# that glcontext looks for by default belong to development packages.
 _EGL = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
 _GLX = {"libgl": "libGL.so.1", "libx11": "libX11.so.6"}
 _REMEDIES = {
@@ -31,19 +31,19 @@ _REMEDIES = {
     "linux": "install EGL and a driver, on Debian or Ubuntu: "
     "apt-get install libegl1 libgl1 libgl1-mesa-dri",
 }
-# Most contexts that `give_back_context` caches.
+# Maximum number of contexts that `give_back_context` caches.
 _MOST_IDLE = 4
 
 
 class ContextLost(OpenGLError):
-    """Another library on this thread ended the context; what was in it is gone."""
+    """Another library on this thread ended the context; its objects are lost."""
 
 
 def headless_context() -> moderngl.Context:
     """Make an OpenGL 3.3 core context without a window, current on this thread.
 
-    The caller releases it. Raises OpenGLError with the remedy if moderngl, the system's OpenGL or a
-    driver is missing.
+    The caller must release it. Raises OpenGLError with the remedy if moderngl, the system's OpenGL
+    or a driver is missing.
     """
     library = _moderngl()
     failures = []
@@ -68,7 +68,7 @@ def _ways() -> list[dict[str, Any]]:
 
 
 def _moderngl() -> Any:
-    """Import moderngl, which Linux machines other than x86-64 have to build."""
+    """Import moderngl, which has to be built on Linux machines other than x86-64."""
     try:
         import moderngl
     except ImportError as error:
@@ -85,8 +85,8 @@ def _moderngl() -> Any:
 def _idle_contexts() -> list[tuple[moderngl.Context, int]]:
     """Return the cache of contexts to lend, 2.4 MB each.
 
-    moderngl 5.13 leaks 40 kB per context. One is enough for pictures made one after the other,
-    four for a page of them.
+    moderngl 5.13 leaks 40 kB per context. One is enough for pictures made one after another, four
+    for a page of pictures.
     """
     return []
 
@@ -125,7 +125,7 @@ def window_context() -> moderngl.Context:
 
 @cache
 def pointer_function(library: str, name: str) -> Any:
-    """Return a function of a library that returns a pointer; without either, one that gives 0."""
+    """Return a library's pointer-valued function; if either is missing, one that returns 0."""
     try:
         found = getattr(ctypes.CDLL(library), name)
     except (OSError, AttributeError):
@@ -135,7 +135,7 @@ def pointer_function(library: str, name: str) -> Any:
 
 
 def egl_handle() -> int:
-    """Return the EGL context current on this thread; 0 without one or without EGL."""
+    """Return the EGL context current on this thread; 0 if there is none, or no EGL."""
     return int(pointer_function("libEGL.so.1", "eglGetCurrentContext")() or 0)
 
 
@@ -146,7 +146,7 @@ def made_current(context: moderngl.Context, handle: int) -> Iterator[None]:
     VTK terminates the process's shared EGL display when it opens its first window. Making an older
     context current then fails without an error, and every call would go to VTK's own context.
     """
-    if handle and egl_handle() == handle:  # current already: leaving it would flush
+    if handle and egl_handle() == handle:  # already current: leaving it would flush
         yield
         return
     with context:

@@ -1,8 +1,8 @@
-"""Turn Python numbers into ``#define`` lines that OpenCL C and GLSL both read, and structs.
+"""Turn Python numbers into ``#define`` lines for both OpenCL C and GLSL, and into structs.
 
-A constant is typed once, in Python; kernels and shaders receive it by name. Scalars become
-float or int literals, vectors and matrices become constructor calls of the language. So is a
-struct that the host fills: its one description gives the NumPy dtype and the declaration in C.
+A constant is written once, in Python; kernels and shaders receive it by name. Scalars become float
+or int literals, vectors and matrices constructor calls in the language. A struct that the host
+fills is also described once, for the NumPy dtype and the declaration in C.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 Language = Literal["opencl", "glsl"]
 
-# OpenCL C's names of the types of voxels, by NumPy's.
+# OpenCL C's names of voxel types, by NumPy's names.
 C_TYPES = {"uint8": "uchar", "uint16": "ushort", "int16": "short", "float32": "float"}
 
 
@@ -78,8 +78,8 @@ class Struct:
     """
 
     name: str
-    # Type (float, int, float4 or int4), names and meaning. Names are separated by commas, an
-    # array's is followed by its length in brackets. Vectors come first, where they are aligned.
+    # Type (float, int, float4 or int4), names and meaning. Names are separated by commas; an
+    # array's length follows its name in brackets. Vectors come first, where they are aligned.
     members: tuple[tuple[str, str, str], ...]
     dtype: np.dtype[np.void] = field(init=False)
 

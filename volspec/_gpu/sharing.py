@@ -1,6 +1,6 @@
 """Memory shared by OpenCL and OpenGL (cl_khr_gl_sharing), if the device supports it.
 
-Optional: without it pictures go from one to the other through the host, which works everywhere
+Optional: without it pictures pass from one to the other through the host, which works everywhere
 (docs/decisions/0010).
 """
 
@@ -24,7 +24,7 @@ BUILD = (
     "PYOPENCL_ENABLE_GL=ON pip install --force-reinstall --no-deps --no-cache-dir "
     "--no-binary pyopencl pyopencl"
 )
-_HOST = "leave context out, and pictures go through the host"
+_HOST = "leave context out, so that pictures go through the host"
 # Library, functions for the current context and display, the display's context property.
 _APIS = (
     ("libEGL.so.1", "eglGetCurrentContext", "eglGetCurrentDisplay", "EGL_DISPLAY_KHR"),
@@ -34,7 +34,7 @@ _APIS = (
 
 @dataclass(frozen=True, slots=True)
 class Current:
-    """The OpenGL context current on this thread, as EGL or GLX knows it."""
+    """The OpenGL context current on this thread, as EGL or GLX identifies it."""
 
     handle: int
     display: int
@@ -42,7 +42,7 @@ class Current:
 
 
 def current() -> Current | None:
-    """Return the OpenGL context current on this thread; None if EGL and GLX have none."""
+    """Return the OpenGL context current on this thread; None if neither EGL nor GLX has one."""
     for library, context, display, name in _APIS:
         if handle := pointer_function(library, context)():
             return Current(handle, pointer_function(library, display)() or 0, name)
@@ -50,15 +50,15 @@ def current() -> Current | None:
 
 
 def refusal(device: cl.Device) -> str | None:
-    """Return why a device cannot share, with the remedy; None if it has the extension.
+    """Return the reason why a device cannot share, and the remedy; None if it has the extension.
 
-    Only the extension's name is reliable: PoCL 3.0 makes a shared context without an error, and
-    ends the process at the first buffer.
+    Only the extension's name is reliable: PoCL 3.0 makes a shared context without an error, but
+    crashes the process at the first buffer.
     """
     import pyopencl as cl
 
     if sys.platform in ("darwin", "win32"):
-        return f"sharing with OpenGL is for EGL and GLX, which {sys.platform} has not; {_HOST}"
+        return f"sharing with OpenGL needs EGL or GLX, which {sys.platform} lacks; {_HOST}"
     if not cl.have_gl():
         return (
             "sharing with OpenGL: this pyopencl was built without it; build it with OpenCL's and "
@@ -83,7 +83,7 @@ class Sharing:
 
     @classmethod
     def open(cls, device: cl.Device, context: Any) -> tuple[cl.Context, Sharing]:
-        """Make an OpenCL context that shares a moderngl.Context; raise OpenCLError if it cannot."""
+        """Make an OpenCL context that shares a moderngl.Context, or raise OpenCLError."""
         import pyopencl as cl
 
         if reason := refusal(device):
@@ -92,7 +92,7 @@ class Sharing:
             here = current()
             if here is None:
                 raise OpenCLError(
-                    "sharing with OpenGL: the context given is none of EGL or GLX, or has ended",
+                    "sharing with OpenGL: the context is not an EGL or GLX one, or has ended",
                     "give moderngl.create_standalone_context(backend='egl') or a window's",
                     code="unsupported",
                 )
@@ -110,7 +110,7 @@ class Sharing:
 
     @contextmanager
     def acquired(self, queue: cl.CommandQueue, buffer: Any) -> Iterator[cl.GLBuffer]:
-        """Give kernels a moderngl.Buffer, which OpenGL must not use meanwhile.
+        """Lend kernels a moderngl.Buffer, which OpenGL must not use meanwhile.
 
         Without events shared by both APIs, each must finish before the other begins
         (cl_khr_gl_sharing, "Synchronizing OpenCL and OpenGL access").
@@ -161,7 +161,7 @@ def _properties(device: cl.Device, here: Current) -> list[tuple[Any, Any]]:
 
 
 def sharing_fault(device: cl.Device, context: Any) -> str | None:
-    """Try to share a context with a device, and return why it fails; None if it works."""
+    """Try to share a context with a device; return the reason why it fails, or None."""
     try:
         Sharing.open(device, context)
     except VolspecError as error:

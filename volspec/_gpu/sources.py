@@ -1,10 +1,10 @@
 """Find and assemble the kernels, shaders and data that ship with the Python code.
 
-In a checkout they are ``kernels/``, ``shaders/`` and ``data/`` at the root; in a wheel the
-same folders are in ``volspec/_assets/``. Paths are relative to either.
+In a checkout they are in ``kernels/``, ``shaders/`` and ``data/`` at the root; in a wheel the same
+folders are in ``volspec/_assets/``. Paths are relative to that root or folder.
 
 ``#include "file"`` lines are expanded here for both languages, so that OpenCL C and GLSL
-share one mechanism and compiler messages name the real file and line: OpenCL by its
+share one mechanism and compiler messages name the real file and line: OpenCL C by its
 standard ``#line N "file"``, GLSL by ``#line N k`` where k is a file number (`Source.files`).
 """
 
@@ -22,7 +22,7 @@ _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 
 @cache
 def asset_root() -> Path:
-    """Return the folder that holds ``kernels``, ``shaders`` and ``data``."""
+    """Return the folder of ``kernels``, ``shaders`` and ``data``."""
     package = Path(__file__).resolve().parent.parent
     for root in (package / "_assets", package.parent):
         if (root / "kernels").is_dir() and (root / "shaders").is_dir():
@@ -68,7 +68,7 @@ def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
     """Read a kernel or shader, prepend the prelude and expand its includes.
 
     Includes are looked up in the ``include`` folder next to the file, each at most once. The GLSL
-    version is ``"330 core"`` or ``"300 es"``; empty for OpenCL C.
+    version is ``"330 core"`` or ``"300 es"``; an empty string for OpenCL C.
     """
     path = asset(relative)
     files: list[str] = ["<prelude>"]
@@ -115,7 +115,7 @@ def first_error(log: str, source: Source) -> str:
     found = next((m for m in _ERROR.finditer(log) if "error: " in m[0]), None)
     if found is None:
         return one_line(log)
-    # The compiler has its own name for the lines before the first mark.
+    # The compiler uses its own file name for the lines before the first mark.
     file = found[1] if found[1] in source.files else source.files[0]
     name, number = source.files[0], 0
     for line in source.text.splitlines():

@@ -1,9 +1,9 @@
-"""Range of every brick of a volume, and the codes by which kernels skip bricks.
+"""Value ranges of a volume's bricks, and the codes by which kernels skip bricks.
 
 A brick covers n³ cells, n = `BRICK`: positions [nb, nb + n) along each axis, so its bounds include
-the first voxel of the next brick and no trilinear sample inside can leave them. Codes depend
-on the transfer function only and are rebuilt in milliseconds; the kernel skips by the chessboard
-distance to the nearest visible brick [1].
+the first voxel of the next brick and no trilinear sample inside can leave them. For a given volume,
+codes depend only on the transfer function and are rebuilt in milliseconds; the kernel skips ahead
+by the chessboard distance to the nearest visible brick [1].
 
 References
 ----------
@@ -27,7 +27,7 @@ STRIDES = 248
 
 
 def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return least and greatest value of each brick, (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉) of (Z, Y, X) values."""
+    """Return each brick's least and greatest value, (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉), of (Z, Y, X) values."""
     return _reduce(values, np.minimum), _reduce(values, np.maximum)
 
 
@@ -59,9 +59,9 @@ def visible_bricks(
     """Return the bricks (z, y, x) in which a table's opacity can be above 0.
 
     ``low`` and ``high`` are from `brick_ranges`, ``domain`` the values of the table's first and
-    last entry, ``opacity`` (N,) or (G, N): of rows by gradient the greatest counts. With
-    ``labels`` any visible entry between the least and the greatest of a brick counts, and values
-    beyond the table are transparent; else these take its nearest end.
+    last entry, ``opacity`` (N,) or (G, N): of G rows by gradient the greatest counts. With
+    ``labels`` any visible entry between a brick's least and greatest value counts, and values
+    beyond the table are transparent; otherwise they use its nearest end.
     """
     domain, rows = _rows(domain, opacity, labels)
     visible = rows.max(axis=0) > 0
@@ -75,7 +75,7 @@ def straddled_bricks(
 ) -> NDArray[np.bool_]:
     """Return the bricks (z, y, x) that an isosurface of one of the levels can cross.
 
-    Levels come in any order; they are taken as float32, as kernels compare them.
+    Levels may be in any order; they are rounded to float32, in which kernels compare them.
     """
     ordered = np.sort(np.asarray(levels, np.float32))
     below = np.searchsorted(ordered, low.astype(np.float32), side="left")
@@ -91,7 +91,7 @@ def opacity_spread(
 ) -> NDArray[np.float32]:
     """Return how much a table's opacity varies in each brick, 0 if it is homogeneous.
 
-    Arguments as of `visible_bricks`.
+    Arguments are those of `visible_bricks`.
     """
     domain, rows = _rows(domain, opacity, labels)
     rows = rows.astype(np.float32)
@@ -103,7 +103,7 @@ def opacity_spread(
 def _rows(
     domain: tuple[float, float], opacity: NDArray[np.floating], labels: bool
 ) -> tuple[tuple[float, float], NDArray[np.floating]]:
-    """Return the domain and (G, N) opacities; for labels with a transparent entry at each end."""
+    """Return the domain and (G, N) opacities; for labels, add a transparent entry at each end."""
     rows = np.atleast_2d(opacity)
     if not labels:
         return domain, rows
@@ -136,7 +136,7 @@ def _entries(
 
 def chessboard_distance(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Return the chessboard distance, in bricks up to 255, to the nearest visible brick."""
-    # scipy.ndimage has this too, about as quick, and takes a quarter of a second to import.
+    # scipy.ndimage has this, too, but is no faster and takes a quarter of a second to import.
     distances = np.where(visible, 0, 255).astype(np.uint8)
     reached = visible
     for distance in range(1, 255):
@@ -150,7 +150,7 @@ def chessboard_distance(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 def _grown(bricks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the bricks and all that touch them, by a face, an edge or a corner."""
+    """Return the bricks and all bricks that touch them at a face, an edge or a corner."""
     for axis in range(bricks.ndim):
         before = np.moveaxis(bricks, axis, 0)
         bricks = bricks.copy()
@@ -167,9 +167,9 @@ def brick_codes(
     spec: RaycastSpec,
     step_mm: float,
 ) -> NDArray[Any]:
-    """Return the code of each brick for the kernels: see rays.clh; for projections its maximum.
+    """Return each brick's code for the kernels (see rays.clh); for projections, its maximum.
 
-    Opacity of a step of ``step_mm`` may vary by less than ``spec.adaptive`` in a brick of strides.
+    In a brick of strides, opacity per ``step_mm`` varies by less than ``spec.adaptive``.
     """
     if spec.mode != "composite":
         return high

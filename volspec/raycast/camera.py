@@ -18,7 +18,7 @@ from volspec.raycast.checks import Direction, unit
 from volspec.settings import Finite, Positive, Unit, Vector, settings
 from volspec.volume import Volume
 
-# Components of a direction so near to 0 or ±1 are rounding.
+# Components of a direction this near to 0 or ±1 are rounding errors.
 _ASKEW = 1e-15
 
 
@@ -31,21 +31,21 @@ class Orbit:
     """A camera around a volume, or around a target."""
 
     azimuth_deg: Annotated[Finite, Unit("degrees")] = 30.0
-    """0 is at −y, 90 at +x, around ``up``."""
+    """Angle around ``up``: 0 at −y, 90 at +x."""
     elevation_deg: Annotated[Finite, Unit("degrees")] = 20.0
-    """Towards ``up``; at ±90 the direction of azimuth is the picture's top."""
+    """Angle towards ``up``; at ±90 the direction of azimuth is the picture's top."""
     zoom: Positive = 1.0
-    """1 fits the sphere around the volume into the picture's height."""
+    """At 1 the sphere around the volume just fills the picture's height."""
     fov_deg: FieldOfView = 30.0
-    """The picture's height as an angle."""
+    """Vertical field of view."""
     orthographic: bool = False
     """Parallel rays."""
     roll_deg: Annotated[Finite, Unit("degrees")] = 0.0
     """Turns the picture clockwise."""
     target_mm: Annotated[Vector, Unit("mm")] | None = None
-    """Point that it looks at; left out, the volume's centre."""
+    """Point that the camera looks at; the volume's centre if left out."""
     up: Direction = (0.0, 0.0, 1.0)
-    """Direction that is above in the picture."""
+    """Direction that points up in the picture."""
 
 
 @settings(CameraError)
@@ -62,9 +62,9 @@ class Camera:
     position_mm: Annotated[Vector, Unit("mm")]
     """Its position."""
     target_mm: Annotated[Vector, Unit("mm")]
-    """Point that it looks at."""
+    """Point that the camera looks at."""
     up: Direction = (0.0, 0.0, 1.0)
-    """A direction that shall point upwards in the picture; stored as a unit vector."""
+    """Direction that points up in the picture; stored as a unit vector."""
     fov_deg: FieldOfView = 30.0
     """Vertical field of view of the pinhole."""
     height_mm: Annotated[Positive, Unit("mm")] | None = None
@@ -123,7 +123,7 @@ class Camera:
         target = centre if orbit.target_mm is None else orbit.target_mm
         target = np.array(target)
         axis = np.array(orbit.up)
-        # The front: −y, made perpendicular to up; where up is ±y, −x.
+        # The front: −y made perpendicular to up, or −x if up is ±y.
         front = np.array([0.0, -1.0, 0.0])
         front -= front.dot(axis) * axis
         if np.linalg.norm(front) < 1e-6:
@@ -166,7 +166,7 @@ class Camera:
 
     @property
     def distance_mm(self) -> float:
-        """Distance of camera and target."""
+        """Distance from the camera to its target."""
         return math.dist(self.target_mm, self.position_mm)
 
     @property
@@ -174,27 +174,27 @@ class Camera:
         return np.array(unit(np.subtract(self.target_mm, self.position_mm)))
 
     def frame(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Unit vectors (right, up, forward) of the picture in the world."""
+        """Return the picture's unit vectors (right, up, forward) in the world."""
         forward = self._forward
         right = np.cross(forward, self.up)
         right /= np.linalg.norm(right)
         return right, np.cross(right, forward), forward
 
     def to_world(self, direction: Vector, frame: str = "camera") -> NDArray[np.float64]:
-        """A direction in (right, up, back) of the camera, or the world's already, in the world."""
+        """Return a direction in world axes, from camera axes (right, up, back) or the world's."""
         if frame == "world":
             return np.asarray(direction)
         right, up, forward = self.frame()
         return np.asarray(direction) @ np.stack([right, up, -forward])
 
     def place_mm(self, position: Vector, frame: str = "camera") -> NDArray[np.float64]:
-        """A place counted from the camera's, or the world's already, in the world."""
+        """Return in the world a position relative to the camera, or already in the world."""
         if frame == "world":
             return np.asarray(position)
         return np.asarray(self.position_mm) + self.to_world(position)
 
     def ray_field(self, width: int, height: int) -> RayField:
-        """The rays of a picture of so many pixels."""
+        """Return the rays of a picture of ``width`` by ``height`` pixels."""
         right, up, forward = self.frame()
         tall = self.height_mm or 2 * self.distance_mm * math.tan(math.radians(self.fov_deg) / 2)
         return RayField(
@@ -209,9 +209,9 @@ class Camera:
 
 
 def _snapped(direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A unit vector without the 6e-17 that π/2 leaves of a cosine.
+    """Return a unit vector without the 6e-17 that rounding leaves of cos(π/2).
 
-    A ray askew by so little leaves a face that one along it would see whole.
+    A ray tilted by that little leaves a face that an exactly parallel ray follows to its end.
     """
     near = np.rint(direction)
     return np.where(np.abs(direction - near) < _ASKEW, near, direction)
@@ -219,11 +219,11 @@ def _snapped(direction: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RayField:
-    """Rays as offsets in the plane through the camera's target, square to its view.
+    """Rays as offsets in the plane through the camera's target, perpendicular to its view.
 
     Pixel (x, y) passes the plane at ``target + r``, r = (x − x₀) across + (y − y₀) down, with
     direction ``forward * distance + r`` (perspective) or ``forward``. Anchoring rays at the
-    target keeps single-precision coordinates as small as the volume, however far the camera.
+    target keeps float32 coordinates as small as the volume, however far away the camera is.
     """
 
     target: NDArray[np.float64]

@@ -13,14 +13,14 @@ from volspec import settings
 from volspec.errors import Code, InputError, RaycastError
 
 Vector = tuple[float, float, float]
-# Products of weights and intensities stay far within float32.
+# Keeps products of weights and intensities far within float32.
 MAX_WEIGHT = 1e6
 MAX_SIDE = 16384
 Weight = Annotated[float, Field(ge=0, le=MAX_WEIGHT, allow_inf_nan=False)]
 
 
 def number(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
-    """A finite number.
+    """Return a finite number.
 
     >>> number("raycast: jitter", "much")
     Traceback (most recent call last):
@@ -34,7 +34,7 @@ def number(what: str, given: Any, error: type[InputError] = RaycastError) -> flo
 
 
 def whole(what: str, given: Any, low: int, high: int) -> int:
-    """A whole number of low to high."""
+    """Return a whole number from ``low`` to ``high``."""
     is_whole = isinstance(given, int | np.integer) and not isinstance(given, bool)
     if not (is_whole and low <= given <= high):
         code: Code = "range" if is_whole else "type"
@@ -44,7 +44,7 @@ def whole(what: str, given: Any, low: int, high: int) -> int:
 
 
 def positive(what: str, given: Any, error: type[InputError] = RaycastError) -> float:
-    """A number above 0."""
+    """Return a number above 0."""
     if not number(what, given, error) > 0:
         raise error.refused(what, given, "give a number above 0", "range")
     return float(given)
@@ -52,18 +52,18 @@ def positive(what: str, given: Any, error: type[InputError] = RaycastError) -> f
 
 def _direction(towards: Vector) -> Vector:
     if not any(towards):
-        raise InputError("", "give a direction, which has a length", code="range", given=towards)
+        raise InputError("", "give a vector of a length above 0", code="range", given=towards)
     return unit(towards)
 
 
 Direction = Annotated[settings.Vector, AfterValidator(_direction)]
-"""Three numbers as a unit vector, of any length but 0."""
+"""Three numbers, of any length but 0, stored as a unit vector."""
 
 
 def unit(towards: Any) -> Vector:
-    """A vector's direction; where the length is 1 already, the vector to the last bit.
+    """Return a vector's direction; a vector of length 1 is returned unchanged to the last bit.
 
-    So what is written to a file and read again is equal.
+    A direction that is written to a file and read again is therefore equal.
 
     >>> unit((3e200, 0, 4e200))
     (0.6, 0.0, 0.8)
@@ -71,7 +71,7 @@ def unit(towards: Any) -> Vector:
     x, y, z = (float(v) for v in towards)
     if abs(math.hypot(x, y, z) - 1) < 1e-15:
         return x, y, z
-    # Scaled first: the length of tiny or huge vectors is no number.
+    # Scaled first: the squares of tiny or huge components underflow or overflow.
     most = max(abs(x), abs(y), abs(z))
     x, y, z = x / most, y / most, z / most
     length = math.hypot(x, y, z)
@@ -79,13 +79,13 @@ def unit(towards: Any) -> Vector:
 
 
 def check_callable(what: str, given: Any) -> None:
-    """Refuse what cannot be called; None, for nothing to call, may stay."""
+    """Refuse anything but a callable or None."""
     if given is not None and not callable(given):
         raise RaycastError.refused(what, given, "give a function, or leave it out", "type")
 
 
 def checked_size(size: Any, who: str = "raycast") -> tuple[int, int]:
-    """A picture's width and height in pixels, 1 to `MAX_SIDE`."""
+    """Return a picture's width and height in pixels, 1 to `MAX_SIDE`."""
     try:
         width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):

@@ -33,19 +33,19 @@ from volspec.volume import Volume
 
 # Packet's (width, height) in pixels by LANES; lanes.clh numbers the lanes row by row.
 TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}
-# Work-items per group: a packet forms one by itself, as a loop over several takes two fifths longer
-# to compile and runs no faster.
+# Work-items per group: a packet is a group by itself, as a loop over several takes two fifths
+# longer to compile and runs no faster.
 GROUPS = {1: (8, 8), 4: (1, 1), 8: (1, 1)}
 
 
 class Raycaster:
-    """A volume on an OpenCL device, ready to be cast; safe for several threads, one at a time.
+    """A volume on an OpenCL device, ready to be cast; threads may share it and cast in turn.
 
     Parameters
     ----------
     volume : Volume
     device : str, optional
-        Part of a device's name; the first GPU, else the first CPU, when left out.
+        Part of a device's name; the first GPU, else the first CPU, if left out.
     lanes : int, optional
         Rays marched together by a work-item: 1, 4 or 8. Default 8 on CPUs, 1 on GPUs.
     context : moderngl.Context, optional
@@ -55,8 +55,8 @@ class Raycaster:
     Raises
     ------
     RaycastError, OpenCLError
-        If an argument is of another type; if there is no device, the volume does not fit it, or it
-        does not share the context.
+        If an argument has a wrong type; if there is no device, the volume does not fit on it, or it
+        cannot share the context.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Raycaster:
             raise RaycastError.refused(
                 "Raycaster: context", context, "give a moderngl.Context", "type"
             )
-        # True and 8.0 equal valid numbers, but are none.
+        # True and 8.0 equal valid numbers, but are not integers.
         if lanes is not None and (type(lanes) is not int or lanes not in TILES):
             raise RaycastError.refused(
                 "Raycaster: lanes", lanes, f"give one of {sorted(TILES)}", "range"
@@ -117,7 +117,7 @@ class Raycaster:
     def bake(self, transfer: Transfer) -> TransferTable | SurfaceTable:
         """Bake a transfer function into a table for the volume; the last one is cached.
 
-        The light volume compares tables by identity to see that nothing has changed.
+        The light volume compares tables by identity to detect changes.
         """
         baked = self._baked
         if baked is None or baked[0] is not transfer:
@@ -151,13 +151,13 @@ class Raycaster:
         cancel : callable, optional
             Called between bands, about every `RaycastSpec.tile_ms`; True ends the cast.
         receiver : Receiver, optional
-            Receives each band, on the device; incomplete if the cast fails.
+            Receives each band on the device; its picture is incomplete if the cast fails.
 
         Raises
         ------
         RaycastError, OpenCLError
             If the size is not positive, progress or cancel cannot be called, or the crop leaves
-            nothing; if memory does not suffice.
+            nothing; if there is not enough memory.
         CastCancelled
             If ``cancel`` returned True.
         """
@@ -254,7 +254,7 @@ class Raycaster:
         spec: RaycastSpec,
         camera: Camera,
     ) -> tuple[Any, list[int]]:
-        """Return the light volume's buffer, and each source's layer in it (-1: none)."""
+        """Return the light volume's buffer, and each source's layer in the buffer (-1: none)."""
         buffer, grid, layers = self._lights.layers(table, spec, camera)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index

@@ -22,7 +22,7 @@ from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, wr
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
-# Reflectances in a spectral picture: camera noise goes below 0, highlights above 1.
+# Accepted reflectances in a spectral picture: camera noise falls below 0, highlights exceed 1.
 _NOISE, _LARGEST_REFLECTANCE = 0.1, 10.0
 
 
@@ -44,12 +44,12 @@ class CoefficientImage:
     notes : {str: str}
         Free text for the file's header (scene, camera, software).
     groups : {str: float}
-        The L light groups in the order of their channels, and each one's fraction of the light on
-        a surface that faces every source (`RaycastSpec.shares`): 0 or more, together 1.
+        The L light groups in the order of their channels, with each group's fraction of the light
+        on a surface that faces every source (`RaycastSpec.shares`): 0 or more, together 1.
     first_mm : (H, W) float32, optional
         Distance at which the opacity passes a threshold, the first hit; inf in empty pixels.
     fov_deg : float, optional
-        The picture's height as an angle, `Camera.fov_deg`; None if it was cast without
+        The vertical field of view, `Camera.fov_deg`; None if it was cast without
         perspective or the angle is unknown.
 
     Raises
@@ -57,8 +57,8 @@ class CoefficientImage:
     ShapeError
         If the arrays do not belong together.
     ImageError
-        If the coefficients are of another type, the groups have no names or wrong fractions, or
-        the field of view is no angle above 0 and below 180.
+        If the coefficients are of another type, the groups have no names or wrong fractions, or the
+        field of view is not above 0 and below 180 degrees.
 
     Examples
     --------
@@ -143,8 +143,8 @@ class CoefficientImage:
         Raises
         ------
         ImageError, BasisError
-            If the image was not cast with a `MaterialBasis`; if a name is unknown or a value is no
-            reflectance.
+            If the image was not cast with a `MaterialBasis`; if a name is unknown or a value is not
+            a reflectance.
         """
         if not isinstance(self.basis, MaterialBasis):
             raise ImageError(
@@ -156,7 +156,7 @@ class CoefficientImage:
         return replace(self, basis=self.basis.with_reflectances(reflectances))
 
     def _ipython_display_(self) -> None:
-        """Display as `volspec.notebook` in a notebook's cell, or as text if that is missing."""
+        """Display with `volspec.notebook` in a notebook cell, or as text if it is missing."""
         from IPython.display import display
 
         import volspec
@@ -184,8 +184,8 @@ class CoefficientImage:
             Reflectances; or radiances, which are divided by the light they were taken under.
         basis : SpectralBasis
         taken_under : Spectrum, optional
-            The light of radiances. Their scale is unknown: the 99.9th percentile of the pixels'
-            mean reflectances counts as white.
+            The light that radiances were taken under. Their scale is unknown: the 99.9th percentile
+            of the pixels' mean reflectances counts as white.
 
         Raises
         ------
@@ -214,7 +214,7 @@ class CoefficientImage:
             E = light_power(taken_under, grid)
             if E.min() < 1e-3 * E.max():
                 raise ImageError(
-                    f"light {taken_under.name!r} has next to nothing at "
+                    f"light {taken_under.name!r} has almost no power at "
                     f"{grid.wavelengths_nm[int(E.argmin())]:g} nm: reflectances there are unknown",
                     code="impossible",
                 )
@@ -256,8 +256,8 @@ class CoefficientImage:
         Raises
         ------
         ImageError
-            If the file is missing, damaged, no coefficient image, of a format or basis version that
-            this volspec does not know, or holds values that no cast makes.
+            If the file is missing, damaged or not a coefficient image, has a format or basis
+            version that this volspec cannot read, or contains values that no cast produces.
         """
         fields = read_image(path)
         try:
@@ -277,6 +277,6 @@ def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
             raise ImageError(
                 f"spectral picture: pixel ({x}, {y}) reflects {spectra[y, x, k]:g} at "
                 f"{grid.wavelengths_nm[k]:g} nm, expected 0…1",
-                "per cent? divide by 100",
+                "if these are per cent, divide by 100",
                 code="range",
             )

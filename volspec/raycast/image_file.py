@@ -7,8 +7,8 @@ group is the layer. ``A`` is the opacity, ``Z`` the depth and ``first.Z`` the fi
 millimetres from the camera and infinite in empty pixels. ``R``, ``G``, ``B`` are a preview for
 viewers. The header's ``volspec:groups`` holds each group's fraction of the light and
 ``volspec:basis`` the whole basis (JSON), so that an image can be relit without the scene that made
-it, and one of another basis version is refused; ``volspec:fov_deg`` the camera's vertical field of
-view, if it has one.
+it, and an image of another basis version is refused; ``volspec:fov_deg`` the camera's vertical
+field of view, if it has one.
 
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 ONE_GROUP: Mapping[str, float] = MappingProxyType({"light": 1.0})
 """The light groups of an image whose lights are not controlled separately."""
 _SUM_ERROR = 1e-6
-# Blender truncates names longer than 63, the channel's included.
+# Blender truncates names longer than 63 characters, channel included.
 _LONGEST_NAME = 40
 
 
@@ -57,7 +57,7 @@ def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
     for name, fraction in groups.items():
         if not (isinstance(name, str) and name.strip()):
             raise ImageError.refused(
-                "coefficient image: name of a group", name, "give a word", "type"
+                "coefficient image: name of a group", name, "give text", "type"
             )
         if isinstance(fraction, bool) or not isinstance(fraction, int | float | np.number):
             fraction = math.nan
@@ -81,10 +81,10 @@ def checked_groups(groups: Mapping[str, float]) -> dict[str, float]:
 
 
 def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
-    """Return names in the file, in the order of the channels: ``key.c00.V``, ``key.c01.V``, ….
+    """Return the channels' names in the file, in their order: ``key.c00.V``, ``key.c01.V``, ….
 
-    Nuke reads them as ``key_c00.V``; to Blender ``key`` is a layer, ``c00`` a pass of it and ``V``
-    means one number per pixel.
+    Nuke reads them as ``key_c00.V``; in Blender ``key`` is a layer, ``c00`` one of its passes, and
+    ``V`` means one number per pixel.
 
     >>> channel_names({"light": 1.0}, 2), channel_names({"3 é.": 0.5, "3_e": 0.5}, 1)
     (['light.c00.V', 'light.c01.V'], ['g3_e.c00.V', 'g3_e_2.c00.V'])
@@ -102,7 +102,7 @@ def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
 
 
 def old_channel_names(groups: Mapping[str, float], size: int) -> list[str]:
-    """Return the names in files of format 1 and 2."""
+    """Return the channels' names in files of format 1 and 2."""
     layers = [f"{_encoded_name(group)}." for group in groups] if len(groups) > 1 else [""]
     return [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(size)]
 
@@ -132,7 +132,7 @@ def write_image(
     preview: ArrayLike | None,
     texts: Mapping[str, str],
 ) -> None:
-    """Write an image; as `CoefficientImage.save`."""
+    """Write an image; see `CoefficientImage.save`."""
     name = os.fspath(path)
     if Path(path).suffix.lower() != ".exr":
         raise ImageError(
@@ -168,7 +168,7 @@ def write_image(
                 f"expected {image.alpha.shape} and 3 colours",
                 code="shape",
             )
-        # float32 as A: OpenEXR joins the four, which must be of one type.
+        # float32 like A: OpenEXR groups the four, which must have one type.
         finite = np.nan_to_num(colours.astype(np.float32), nan=0.0)
         channels |= {key: finite[..., k] for k, key in enumerate("RGB")}
         rec709 = SPACES["Rec. 709"]
@@ -218,7 +218,7 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 @contextmanager
 def _refusing(problem: str) -> Iterator[None]:
-    """Turn a fault of a field of the header into an ImageError."""
+    """Turn a fault in a header field into an ImageError."""
     try:
         yield
     except (BasisError, ImageError, ValueError, KeyError, TypeError) as error:
@@ -235,7 +235,7 @@ def _checked_pixels(name: str, pixels: Channels, wanted: list[str]) -> tuple[Any
     coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
     if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
         raise ImageError(
-            f"{name}: holds NaN or infinite values", "render the scene again", code="damaged"
+            f"{name}: contains NaN or infinite values", "render the scene again", code="damaged"
         )
     alpha = pixels["A"].astype(np.float32)
     low, high = float(alpha.min()), float(alpha.max())

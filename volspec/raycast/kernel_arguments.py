@@ -24,8 +24,8 @@ from volspec.raycast.spec import MAX_PLANES, RaycastSpec, diagonal_mm
 from volspec.transfer import NEAREST_POSITIONS, SurfaceTable, TransferTable, integral_rows
 from volspec.volume import Volume
 
-# Settings of a cast. Lengths are in the volume's smallest spacing, so that no unit of the user's is
-# too large or too small for float32. Rays start in the plane through the target, as RayField.
+# Settings of a cast. Lengths are in units of the volume's smallest spacing, so that no choice of
+# units overflows or underflows float32. Rays start in the plane through the target, as in RayField.
 CAST = Struct(
     "Cast",
     (
@@ -62,9 +62,9 @@ CAST = Struct(
         ("int", "seed", "of the jitter"),
     ),
 )
-# Bits of the exponent: one program for exponents to 63, one for those to 1024.
+# Bits of the exponent: one program for exponents up to 63, another up to 1024.
 SHININESS_BITS = 6, 11
-# Kinds of sources; shade.clh has them by these names in capitals.
+# Kinds of sources; shade.clh has these names in capitals.
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 # Log of an opaque step's transmittance; finite, so that a step of no length is transparent.
 LOG_OPAQUE = -1e30
@@ -79,7 +79,7 @@ def cast_struct(
     size: tuple[int, int],
     spec: RaycastSpec,
 ) -> NDArray[np.void]:
-    """Return the struct `CAST`, except members about buffers (rows, bricks, light volume)."""
+    """Return the struct `CAST` without its members for buffers (rows, bricks, light volume)."""
     step = spec.step_of(volume)
     unit = min(volume.spacing_mm)
     matrix = volume.index_from_world
@@ -127,13 +127,13 @@ def _set_table(
     if table.gradient_top is not None:
         rows = len(table.opacity) - 1
         cast["last_row"] = rows
-        # The kernel's gradients are fractions of the range per smallest spacing.
+        # Gradients in the kernel are fractions of the range per smallest spacing.
         per_mm = spec.gradient_scale(volume) * min(volume.spacing_mm)
         cast["row_scale"] = rows / (table.gradient_top * per_mm) if per_mm else 0.0
 
 
 def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: RaycastSpec) -> float:
-    """Return the factor from value (labels: opacity of a step) to fraction of the range."""
+    """Return the factor from values (labels: opacities of a step) to fractions of the range."""
     if isinstance(table, TransferTable) and table.labels:
         most = table.step_opacity(spec.step_of(volume)).max()
         return 1 / float(most) if most > 0 else 0.0
@@ -142,12 +142,12 @@ def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: Ra
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Program:
-    """The kernel that casts a table, its compile-time constants and its tables."""
+    """The kernel for a transfer table, with its compile-time constants and its tables."""
 
     name: str  # the kernel's, and its file's in kernels/
     constants: Mapping[str, float]
-    # Opacity, material weights, channels, and for the kernel ``raycast`` filters: in the order of
-    # the kernel's arguments, with the layouts that its header describes.
+    # Opacity, material weights, channels and, for the kernel ``raycast``, filters: in the order of
+    # the kernel's arguments, in the layouts that its header describes.
     tables: tuple[NDArray[np.float32], ...]
 
     @classmethod
@@ -224,16 +224,16 @@ def _check_compatible(table: TransferTable | SurfaceTable, spec: RaycastSpec) ->
         )
     if spec.preintegrated:
         raise RaycastError(
-            f"raycast: preintegrated cannot be had with {kind}", "leave it out", code="conflict"
+            f"raycast: preintegrated does not work with {kind}", "leave it out", code="conflict"
         )
     if spec.adaptive > 0 and kind in ("isosurfaces", "spectral absorption"):
         raise RaycastError(
-            f"raycast: adaptive steps cannot be had with {kind}", "give adaptive=0", code="conflict"
+            f"raycast: adaptive steps do not work with {kind}", "give adaptive=0", code="conflict"
         )
 
 
 def with_rises(entries: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (…, N + 1, 2, K) entries and differences to the next, of (…, N, K); then zeros."""
+    """Return (…, N, K) entries with differences to the next, then zeros: (…, N + 1, 2, K)."""
     *others, count, width = entries.shape
     rows = np.zeros((*others, count + 1, 2, width))
     rows[..., :-1, 0, :] = entries
@@ -242,12 +242,12 @@ def with_rises(entries: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _rising(entries: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (…, N + 1, 2) entries and differences of (…, N), as `with_rises`."""
+    """Return (…, N) entries with differences, as `with_rises`: (…, N + 1, 2)."""
     return with_rises(entries[..., None])[..., 0]
 
 
 def _log_transmittances(table: TransferTable, step_mm: float) -> NDArray[np.float64]:
-    """Return (…, N + 1, 2) log of a step's transmittance, of an entry and the next; then zeros."""
+    """Return (…, N + 1, 2) logs of a step's transmittance at an entry and the next; then zeros."""
     with np.errstate(divide="ignore"):
         logs = np.log1p(-table.opacity) * (step_mm / table.reference_step_mm)
     logs = np.maximum(logs, LOG_OPAQUE)
@@ -280,7 +280,7 @@ def source_rows(volume: Volume, camera: Camera, spec: RaycastSpec) -> NDArray[np
     unit = min(volume.spacing_mm)
     sources = numbered_sources(spec)
     rows = np.zeros((3 + 2 * len(sources), 4))
-    # Positions are relative to the camera's target, so that they are small.
+    # Positions are relative to the camera's target, to keep them small.
     world = volume.world_from_index[:3].copy()
     world[:, 3] -= camera.target_mm
     rows[:3] = world / unit
@@ -296,12 +296,12 @@ def source_rows(volume: Volume, camera: Camera, spec: RaycastSpec) -> NDArray[np
 
 
 def _initialiser(numbers: list[int]) -> str:
-    """Return an array initialiser of C."""
+    """Return a C array initialiser."""
     return "{" + ", ".join(map(str, numbers)) + "}"
 
 
 def light_constants(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
-    """Return the constants for lights and cuts; ``layers`` is each source's in the light volume."""
+    """Return the constants for lights and cuts; ``layers`` are the sources' in the light volume."""
     sources = numbered_sources(spec)
     kinds = [KINDS[type(source)] for _, source in sources]
     shaded, lit = spec.shaded and spec.mode == "composite", max(layers) >= 0
@@ -323,7 +323,7 @@ def light_constants(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
     }
 
 
-# In diagonals of the volume: squares of much longer distances overflow float32.
+# In diagonals of the volume: the squares of much longer distances overflow float32.
 MAX_REACH = 1e9
 
 
@@ -335,9 +335,9 @@ def check_reach(volume: Volume, camera: Camera, spec: RaycastSpec) -> None:
     middle = volume.corners_mm.mean(axis=0)
     check = partial(_check_length, volume)
     from_target = math.dist(camera.target_mm, middle)
-    check("camera: position_mm to target_mm", camera.distance_mm, "come nearer", CameraError)
+    check("camera: position_mm to target_mm", camera.distance_mm, "move nearer", CameraError)
     check("camera: target_mm to the volume", from_target, "look at the volume", CameraError)
-    check("camera: height_mm", camera.height_mm or 0.0, "give less", CameraError)
+    check("camera: height_mm", camera.height_mm or 0.0, "give a smaller one", CameraError)
     for group in spec.groups:
         for source in group.sources:
             if not isinstance(source, Point):
@@ -345,7 +345,7 @@ def check_reach(volume: Volume, camera: Camera, spec: RaycastSpec) -> None:
             origin = middle if source.frame == "world" else (0.0, 0.0, 0.0)
             light, falloff = f"point light of {group.name!r}", source.falloff_mm
             distance = math.dist(source.position_mm, origin)
-            check(f"{light}: its distance", distance, "take Directional")
+            check(f"{light}: its distance", distance, "use Directional")
             if falloff is None:
                 continue
             check(f"{light}: falloff_mm", falloff, "leave it out")
@@ -365,8 +365,7 @@ def _check_length(
     across = diagonal_mm(volume)
     if mm > MAX_REACH * across:
         raise error(
-            f"{mm:g} mm is more than {MAX_REACH:g} times as far as {volume.name} is across, "
-            f"{across:g} mm",
+            f"{mm:g} mm is more than {MAX_REACH:g} times the size of {volume.name}, {across:g} mm",
             remedy,
             code="range",
             field=field,

@@ -1,10 +1,10 @@
-"""The light volume: the part of each source's light that arrives, on a coarse grid of nodes.
+"""The light volume: the fraction of each source's light that arrives, on a coarse grid of nodes.
 
     volume -> transfer -> [light volume] -> raycast -> relight
 
 Extinction is averaged onto the nodes of a coarse grid [1]; from every node a ray towards the light
-is marched through it [2]. Ambient occlusion does so along directions over the whole sphere [3], up
-to the source's radius. Lookups are offset along surface normals against self-shadowing [4].
+is marched through it [2]. Ambient occlusion marches rays in all directions of the sphere [3], up to
+the source's radius. Lookups are offset along surface normals to avoid self-shadowing [4].
 Absorption is grey, so that the result needs no spectrum and pictures can be relit.
 
 The kernel is ``kernels/light_volume.cl``, its twin `volspec.raycast.reference`.
@@ -42,10 +42,10 @@ from volspec.volume import Volume
 MIN_CELLS = 4
 # −log(1 − opacity) is infinite at 1.
 OPAQUE = 1 - 1e-4
-# In cells: distance from the node at which rays begin, against self-shadowing.
+# In cells: distance from the node at which rays begin, to avoid self-shadowing.
 SHADOW_BIAS, OCCLUSION_BIAS = 1.0, 0.5
 DIRECTIONS = 24
-# A point on a flat wall sees half of the sphere: that counts as all light.
+# A point on a flat wall sees half of the sphere, which counts as all of the light.
 OCCLUSION_GAIN = 2.0
 # In cells: distance in front of surfaces, along the normal, at which light is read; nodes within
 # and behind them are dark. Without a gradient (in homogeneous media) the distance falls to 0.
@@ -56,10 +56,10 @@ CUT_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LightGrid:
-    """Nodes spread from a volume's first to its last voxel along each axis."""
+    """Nodes spaced evenly from a volume's first to its last voxel along each axis."""
 
     shape_xyz: tuple[int, int, int]  # nodes, two or more
-    cell_mm: float  # length of a step of the light: a cell along the longest axis
+    cell_mm: float  # length of a light ray's step: a cell along the longest axis
     per_index: Vector  # nodes per voxel: a grid position is index * per_index
     grid_from_world: NDArray[np.float64]  # (4, 4)
 
@@ -87,7 +87,7 @@ class LightGrid:
 
     @property
     def diagonal_steps(self) -> int:
-        """Steps of a cell after which a ray in any direction has left the grid."""
+        """Number of one-cell steps after which a ray in any direction has left the grid."""
         world_from_grid = np.linalg.inv(self.grid_from_world[:3, :3])
         corners = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
         across = world_from_grid @ (corners * (np.array(self.shape_xyz) + 1)).T
@@ -111,12 +111,12 @@ class LightLayer:
     kind: Literal["directional", "point", "occlusion"]
     # In the world: unit direction towards a directional light, or a point light's position in mm.
     vector: Vector = (0.0, 0.0, 0.0)
-    radius_mm: float = 0.0  # up to which matter occludes
+    radius_mm: float = 0.0  # matter occludes up to this distance
 
     def steps(self, grid: LightGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return middles and lengths of the steps of its rays from a node, in cells.
+        """Return midpoints and lengths, in cells, of the steps along a ray from a node.
 
-        They end at the radius of occlusion, but not beyond the grid, which has no matter.
+        They end at the occlusion radius, or at the grid's border, beyond which there is no matter.
         """
         if self.kind != "occlusion":
             return steps(SHADOW_BIAS, SHADOW_BIAS + grid.diagonal_steps)
@@ -125,14 +125,14 @@ class LightLayer:
 
     @property
     def key(self) -> tuple[str, Vector, float]:
-        """All that the layer's content depends on besides the extinction."""
+        """Everything except the extinction that the layer's content depends on."""
         return self.kind, self.vector, self.radius_mm
 
 
 def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[LightLayer, ...]:
-    """Return the layers of all sources that cast shadows or have occlusion, in their order.
+    """Return the layers of all sources with shadows or occlusion, in the sources' order.
 
-    Projections have none: nothing is shaded.
+    Projections have no layers, since nothing is shaded.
     """
     if spec.mode != "composite":
         return ()
@@ -161,7 +161,7 @@ def sphere_directions() -> NDArray[np.float64]:
 
 
 def steps(begin: float, end: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return middles and lengths of steps of one cell from ``begin`` to ``end``; the last is cut.
+    """Return midpoints and lengths of one-cell steps from ``begin`` to ``end``; the last is cut.
 
     >>> [a.tolist() for a in steps(0.5, 3.0)]
     [[1.0, 2.0, 2.75], [1.0, 1.0, 0.5]]
@@ -177,7 +177,7 @@ def extinction_per_mm(opacity: NDArray[np.float64], length_mm: float) -> NDArray
 
 _BY_VALUE, _BY_GRADIENT, _BY_LABEL, _BY_SURFACE = range(4)
 _LOCAL = 64
-# The voxels of a node along one axis.
+# A node's voxels along one axis.
 _SPAN = Struct(
     "Span",
     (("int", "first, count", ""), ("float", "weight, slope", "voxel n weighs weight + n slope")),
@@ -207,7 +207,7 @@ STRUCTS = _SPAN, _STEP, _GRID
 
 
 class LightVolume:
-    """The light volume of a volume that is on an OpenCL device as ``voxels``.
+    """The light volume of a volume whose ``voxels`` are on an OpenCL device.
 
     ``lanes`` are the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs.
     """
@@ -217,7 +217,7 @@ class LightVolume:
     ) -> None:
         self._compute, self._volume, self._voxels = compute, volume, voxels
         self._lanes = lanes or (8 if compute.info.is_cpu else 1)
-        # The table that the extinction was computed of, the cells and the cuts.
+        # The table that the extinction was computed from, the cells and the cuts.
         self._extinction: tuple[Any, ...] = (None,)
         self._sigma: Any = None
         self._layers: Any = compute.output(4)
@@ -227,12 +227,12 @@ class LightVolume:
     def layers(
         self, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
     ) -> tuple[Any, LightGrid, tuple[LightLayer, ...]]:
-        """Bring the layers up to date; return their buffer, the grid and what they are.
+        """Update the layers; return their buffer, the grid and their descriptions.
 
         The extinction is reused while the table (by identity, not equality), the cuts and the grid
-        stay the same; a layer while its light does, too. The buffer is ushort[layer][nz][ny][nx] in
-        order of `light_layers`, 65535 if all light arrives, valid until the next call. Raises
-        OpenCLError if the device has no room for the grid.
+        are the same; a layer, while its light is the same, too. The buffer is
+        ushort[layer][nz][ny][nx] in order of `light_layers`, 65535 if all light arrives, valid
+        until the next call. Raises OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.of(self._volume, spec.light_cells)
         wanted = light_layers(spec, self._volume, camera)
@@ -287,7 +287,7 @@ class LightVolume:
             self._launch("parallel", packets, (self._sigma, *light, *end))
 
     def _parallel(self, layer: LightLayer, grid: LightGrid) -> tuple[Any, ...]:
-        """Return the steps of all directions, where each one's end, their number, the gain."""
+        """Return the steps of all directions, the end of each, their number and the gain."""
         if layer.kind == "directional":
             directions, gain = np.array([layer.vector]), 1.0
         else:
@@ -316,9 +316,9 @@ def _float4s(*threes: NDArray[np.float64]) -> list[NDArray[np.float32]]:
 
 
 def _spans(voxels: int, nodes: int) -> NDArray[np.void]:
-    """Return the voxels along an axis of each node: those nearest to it, or the two around."""
+    """Return each node's voxels along an axis: the nearest ones, or the two around the node."""
     spans = np.zeros(nodes, _SPAN.dtype)
-    # In integers: halves must round equally everywhere.
+    # In integers, so that halves round the same way everywhere.
     nearest = (2 * np.arange(voxels) * (nodes - 1) + voxels - 1) // (2 * (voxels - 1))
     spans["first"] = np.searchsorted(nearest, np.arange(nodes))
     spans["count"] = np.bincount(nearest, minlength=nodes)
@@ -373,7 +373,7 @@ def _constants(
         row[3] += CUT_TOLERANCE - normal @ plane.point_mm
     constants["plane_count"] = len(spec.clip_planes)
     if isinstance(table, SurfaceTable):
-        # Differences of values are only compared with each other: any scale will do.
+        # Differences of values are only compared with each other, so any scale will do.
         span = volume.range[1] - volume.range[0]
         constants["domain_scale"] = 1 / max(span, float(np.finfo(np.float32).tiny))
         constants["last_entry"] = len(table.values) - 1

@@ -1,9 +1,9 @@
 """Light sources without a spectrum, in groups that are controlled separately.
 
-    [light groups] -> raycast -> one layer of channels a group -> relight
+    [light groups] -> raycast -> one layer of channels per group -> relight
 
-A cast knows directions, never spectra: each group leaves its own layer of channels, and gets
-its spectrum and weight when the picture is relit.
+A cast uses directions, never spectra: each group fills its own layer of channels, and gets its
+spectrum and weight when the picture is relit.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from volspec.raycast.checks import Direction, Weight
 from volspec.settings import Hint, Positive, Unit, Vector, kind_of, settings
 
 Frame = Literal["world", "camera"]
-# Nearer than this fraction of its falloff a lamp shines no brighter.
+# Within this fraction of its falloff distance, a lamp gets no brighter.
 NEAR_LAMP = 0.1
 MAX_GROUPS = 8
 MAX_SOURCES = 16
@@ -28,15 +28,15 @@ MAX_NAME = 64
 @settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class Ambient:
-    """Light from everywhere, which `RaycastSpec.ambient` reflects."""
+    """Light from all directions, weighted by `RaycastSpec.ambient`."""
 
     kind: ClassVar = "ambient"
     intensity: Weight = 1.0
     """Factor of its light."""
     occlusion: bool = False
-    """Ambient occlusion: what is near takes light away."""
+    """Ambient occlusion: nearby matter blocks light."""
     radius_mm: Annotated[Positive, Unit("mm")] | None = None
-    """How far occluders reach; left out, a tenth of the volume's diagonal."""
+    """Distance up to which matter occludes; a tenth of the volume's diagonal if left out."""
 
 
 @settings(RaycastError)
@@ -52,14 +52,14 @@ class Headlight:
 @settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class Directional:
-    """A light far away."""
+    """A distant light with parallel rays."""
 
     kind: ClassVar = "directional"
     towards: Annotated[Direction, Field(examples=[[1, 0.75, 0.6]])]
-    """From the volume to the light; of any length but 0, stored as a unit vector."""
+    """Direction from the volume to the light; of any length but 0, stored as a unit vector."""
     frame: Frame = "world"
-    """Axes of ``towards``: the world's, or (right, up, back) of the camera, for a light that moves
-    with it."""
+    """Axes of ``towards``: the world's, or the camera's (right, up, back), for a light that moves
+    with the camera."""
     intensity: Weight = 1.0
     """Factor of its light."""
     shadows: bool = False
@@ -69,11 +69,11 @@ class Directional:
 @settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A light near by, which shines alike in all directions."""
+    """A nearby light that shines equally in all directions."""
 
     kind: ClassVar = "point"
     position_mm: Annotated[Vector, Field(examples=[[0, 0, -500]]), Unit("mm")]
-    """Its position; with frame camera counted from the camera."""
+    """Position of the light; relative to the camera if frame is camera."""
     frame: Frame = "world"
     """The world's axes, or (right, up, back) from the camera's position."""
     intensity: Weight = 1.0
@@ -81,8 +81,8 @@ class Point:
     shadows: bool = False
     """The volume casts shadows into itself."""
     falloff_mm: Annotated[Positive, Unit("mm")] | None = None
-    """Distance at which the light has its intensity, which falls with the distance squared; left
-    out, it does not fall. Nearer than a tenth of it the light stays as it is."""
+    """Distance at which the light has its intensity, which falls with the square of the distance;
+    constant if left out. Within a tenth of this distance the light gets no brighter."""
 
 
 Source = Annotated[
@@ -96,17 +96,17 @@ Source = Annotated[
 
 
 def as_tuple(given: object) -> object:
-    """Return a single thing as a tuple of one."""
+    """Return a single value as a tuple of one."""
     return tuple(given) if isinstance(given, list | tuple) else (given,)
 
 
 def _group_name(name: str) -> str:
     if not name.strip():
-        raise InputError("", "give a word", code="missing", given=name)
+        raise InputError("", "give a name", code="missing", given=name)
     if not name.isprintable() or {"=", ";"} & {*name} or name != name.strip():
         raise InputError(
             "",
-            "leave out =, ;, control characters, marks of direction and blanks around it",
+            "leave out =, ;, control characters, direction marks and surrounding blanks",
             code="syntax",
             given=name,
         )
@@ -121,7 +121,7 @@ class LightGroup:
     Raises
     ------
     RaycastError
-        If there is no name or too long a one, no source or something else among them.
+        If the name is missing or too long, there is no source, or one is of another type.
 
     Examples
     --------
@@ -136,14 +136,14 @@ class LightGroup:
         AfterValidator(_group_name),
         Hint(f"up to {MAX_NAME} characters"),
     ]
-    """What a light is assigned to; any characters but = and ;, up to 64."""
+    """Name to which a spectrum is assigned; any characters but = and ;, up to 64."""
     sources: Annotated[
         tuple[Source, ...],
         BeforeValidator(as_tuple),
         Field(strict=False, min_length=1, examples=[[{"kind": "headlight"}]]),
     ]
-    """What shines: ambient, headlight, directional or point."""
+    """Light sources: ambient, headlight, directional or point."""
 
 
-# One layer, as a viewer without lights of its own has it.
+# One layer, as in a viewer without lights of its own.
 HEADLIT = (LightGroup("light", (Ambient(), Headlight())),)

@@ -70,7 +70,7 @@ def cast(
     """Cast every pixel of a picture of (width, height).
 
     Returns coefficients (H, W, L·M), premultiplied by opacity; alpha; depth_mm, the expected
-    distance from the camera, and first_mm, that of the first hit, both inf in empty pixels.
+    distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
     width, height = size
@@ -94,7 +94,7 @@ def cast(
 
 
 class _March:
-    """Compositing of all rays, step by step; other casts override parts of it."""
+    """Compositing of all rays, step by step; subclasses for other casts override parts."""
 
     def __init__(
         self, volume: Volume, table: Any, camera: Camera, spec: RaycastSpec, rays: Rays
@@ -243,7 +243,7 @@ class _Surfaces(_March):
     def _find_crossing(
         self, rays: Index, near: Array, far: Array, front: Array, back: Array, level: Array
     ) -> Array:
-        """Find where the value is the level, by `ITERATIONS` of false position."""
+        """Find the point at which the value equals the level, by `ITERATIONS` of false position."""
         along = near + (level - front) / (back - front) * (far - near)
         for _ in range(ITERATIONS):
             value = self.sampler.value(self.point(rays, along))
@@ -257,7 +257,7 @@ class _Surfaces(_March):
 
 
 class _Projection(_March):
-    """The greatest or the mean value of a ray; twin: projection.cl."""
+    """The greatest or the mean value along a ray; twin: projection.cl."""
 
     def march(self) -> None:
         count = len(self.rays.near)
@@ -290,7 +290,7 @@ class _Projection(_March):
 def layers(
     volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
 ) -> Array:
-    """Return (L, nz, ny, nx) the part of light that arrives, 0…1, for each of `light_layers`."""
+    """Return (L, nz, ny, nx), the fraction of light that arrives, for each of `light_layers`."""
     grid = LightGrid.of(volume, spec.light_cells)
     sigma = extinction(volume, table, spec, grid)
     found = []
@@ -361,7 +361,7 @@ def _table_extinction(volume: Volume, table: TransferTable) -> Array:
 
 
 def _gradient(volume: Volume) -> Array:
-    """Return (Z, Y, X) gradient magnitudes at voxels, value per mm, equal to those of rays."""
+    """Return (Z, Y, X) gradient magnitudes at voxels, value per mm, equal to those along rays."""
     padded = np.pad(volume.values.astype(np.float64), 1, mode="edge")
     inner = slice(1, -1)
     z = (padded[2:, inner, inner] - padded[:-2, inner, inner]) / 2
@@ -374,8 +374,8 @@ def _gradient(volume: Volume) -> Array:
 def _surface_extinction(volume: Volume, table: SurfaceTable) -> Array:
     """Return (Z, Y, X) σ of voxels: −log(1 − opacity) times surface area per volume.
 
-    If a level lies between a voxel and the next along an axis, a surface crosses the edge, and
-    counts by the axis' component of its normal: the sum over all edges is its area.
+    If a level lies between a voxel and the next along an axis, a surface crosses the edge, weighted
+    by its normal's component along the axis: the sum over all edges is its area.
     """
     values = volume.values.astype(np.float64)
     sigma = np.zeros(values.shape)
@@ -410,7 +410,7 @@ def _visible_mask(volume: Volume, spec: RaycastSpec) -> NDArray[np.bool_]:
 
 
 def _weights(voxels: int, nodes: int) -> Array:
-    """Return (nodes, voxels) the weight of each voxel along an axis for each node."""
+    """Return (nodes, voxels), the weight of each voxel along an axis for each node."""
     nearest = np.floor(np.arange(voxels) * (nodes - 1) / (voxels - 1) + 0.5).astype(int)
     weights = np.zeros((nodes, voxels))
     weights[nearest, np.arange(voxels)] = 1 / np.bincount(nearest)[nearest]

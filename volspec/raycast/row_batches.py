@@ -1,8 +1,8 @@
-"""Launch a cast in batches of rows: no launch takes long, and between two it can end.
+"""Launch a cast in batches of rows: no launch takes long, and the cast can end between two.
 
     kernel -> [row_batches] -> result
 
-A graphics driver kills what takes it too long, and a viewer must be able to give up a picture.
+A graphics driver kills launches that take too long, and a viewer must be able to drop a picture.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from volspec.errors import CastCancelled, VolspecWarning
 
 Progress = Callable[[float], object]
 Cancel = Callable[[], bool]
-# Of a band's coefficients and alpha on the device, and its lines; gives the launch's event.
+# Takes a band's coefficients and alpha on the device, and its lines; returns the event.
 Pack = Callable[[Any, Any, slice], Any]
 
 _LARGEST_HALF = float(np.finfo(np.float16).max)
@@ -52,7 +52,7 @@ class Result(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """Rows of work-groups first…last in progress, which are lines of the picture."""
+    """A range of rows of work-groups in progress, and the lines of the picture that they cover."""
 
     first: int
     last: int
@@ -64,7 +64,7 @@ class Band:
 class RowBatches:
     """Caster of a picture band by band: no launch takes long, and none waits for the host.
 
-    Two batches are in progress at any time; each one's height follows from the time of the last.
+    Two batches are in progress at any time; a batch's height follows from recent times.
     """
 
     def __init__(
@@ -115,14 +115,14 @@ class RowBatches:
             self._compute.queue.finish()  # batches in progress write into the result
         if self._clipped:
             warnings.warn(
-                f"raycast: channels beyond {_LARGEST_HALF:g} do not fit half-float and were cut; "
+                f"raycast: channels beyond {_LARGEST_HALF:g} overflow half-float and were clipped; "
                 "lower the lights' intensity, or give half=False",
                 VolspecWarning,
                 stacklevel=4,
             )
 
     def _next_rows(self, rows: int, band: Band, took_ms: float) -> int:
-        """Return the rows that the costliest of the last batches allows, at most twice as many."""
+        """Return the rows that the costliest recent batch allows, at most twice ``rows``."""
         self._costs.append(took_ms / (band.last - band.first))
         wanted = self._tile_ms / max(*self._costs, 1e-3)
         return int(np.clip(wanted, 1, 2 * rows))

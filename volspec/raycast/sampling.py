@@ -20,7 +20,7 @@ from volspec.volume import Volume
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-# (R, 3) index -> (R,) part of a source's light that arrives there.
+# (R, 3) index -> (R,) fraction of a source's light that arrives there.
 Arrives = Callable[[Array], Array]
 
 
@@ -91,7 +91,7 @@ def _clip(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, A
 
 
 def _hash(x: NDArray[np.int64], y: NDArray[np.int64], seed: int) -> Array:
-    """Return a hash of pixel and seed, 0…1; bit for bit that of rays.clh."""
+    """Return a hash of pixel and seed, 0…1; bit for bit the same as in rays.clh."""
     with np.errstate(over="ignore"):
         h = x.astype(np.uint32) * np.uint32(0x8DA6B343) ^ y.astype(np.uint32) * np.uint32(
             0xD8163841
@@ -112,7 +112,7 @@ class Sampler:
         values = volume.values.astype(np.float64)
         self.labels: NDArray[np.int64] | None = None
         if isinstance(table, TransferTable) and table.labels:
-            # One entry more, transparent, for labels that the table lacks.
+            # One more entry, transparent, for labels that the table lacks.
             opacity = np.append(table.step_opacity(spec.step_of(volume)), 0.0)
             unknown = len(opacity) - 1
             known = (values >= 0) & (values < unknown)
@@ -198,7 +198,7 @@ def shade(
     direction: Array,
     gradient: Array | None,
 ) -> tuple[Array, Array]:
-    """Shade samples by each group: factor of the reflectance, and highlight added to white, (R, L).
+    """Shade samples by group: factors of the reflectance, and white highlights to add, (R, L).
 
     ``arrives`` holds the shadows and occlusion of sources that have them, numbered as by
     `numbered_sources`, read ``lift_mm`` in front of surfaces. ``point`` (R, 3) is in index space,
@@ -235,7 +235,7 @@ def shade(
 def _source(
     volume: Volume, camera: Camera, source: Source, point: Array, direction: Array
 ) -> tuple[Array, Array]:
-    """Return (R, 3) unit vectors towards a source, for ambient light the eye; (R,) intensities."""
+    """Return (R, 3) unit vectors towards a source (ambient: the eye), and (R,) intensities."""
     light = np.full(len(point), source.intensity)
     if isinstance(source, Directional):
         towards = camera.to_world(source.towards, source.frame)
@@ -292,6 +292,6 @@ def interpolate(entries: Array, j: Index, f: Array) -> Array:
 
 
 def lerp(a: Array, b: Array, f: Array) -> Array:
-    """Interpolate (R, …) from a to b: exact if they are equal, within 0…1 if both are."""
+    """Interpolate (R, …) from a to b: exact if a equals b, within 0…1 if both are."""
     f = f.reshape(-1, *(1,) * (a.ndim - 1))
     return a + f * (b - a)

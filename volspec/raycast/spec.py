@@ -1,4 +1,4 @@
-"""Settings of a cast: marching, shading and clipping; frozen and checked when made."""
+"""Settings of a cast: marching, shading and clipping; frozen and validated on construction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from volspec.volume import Volume
 Mode = Literal["composite", "maximum", "average"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 MAX_PLANES = 6
-# A ray of more samples than this is a slip of the step, not a picture.
+# More samples per ray than this are due to a mistaken step.
 MAX_STEPS = 1 << 17
 Opacity = Annotated[float, Field(gt=0, le=1)]
 
@@ -26,12 +26,12 @@ Opacity = Annotated[float, Field(gt=0, le=1)]
 @settings(RaycastError)
 @dataclass(frozen=True, slots=True)
 class ClipPlane:
-    """A plane that cuts the volume; the side its normal points to stays."""
+    """A plane that cuts the volume; the side that its normal points to stays."""
 
     point_mm: Annotated[Vector, Field(examples=[[0, 0, 0]]), Unit("mm")]
-    """Any point of the plane."""
+    """Any point on the plane."""
     normal: Annotated[Direction, Field(examples=[[0, 0, 1]])]
-    """Towards what stays; of any length but 0, stored as a unit vector."""
+    """Direction towards the side that stays; of any length but 0, stored as a unit vector."""
 
 
 def _crop(box: Box) -> Box:
@@ -39,7 +39,7 @@ def _crop(box: Box) -> Box:
         if not low < high:
             raise InputError(
                 f"along {'xyz'[axis]} is {low:g} to {high:g}",
-                "nothing would be left, give two that rise",
+                "nothing would be left, give two increasing numbers",
                 code="range",
                 given=box,
             )
@@ -58,12 +58,12 @@ class RaycastSpec:
     """
 
     step_mm: Annotated[Positive, Unit("mm")] | None = None
-    """Distance of samples; left out, half the volume's smallest spacing."""
+    """Distance between samples; half the volume's smallest spacing if left out."""
     ambient: Weight = 0.3
-    """Weight of light from everywhere. With ``ambient`` 1 and ``diffuse`` 0 the plain reflectances
-    show."""
+    """Weight of light from all directions. With ``ambient`` 1 and ``diffuse`` 0 the plain
+    reflectances are shown."""
     diffuse: Weight = 0.7
-    """Weight of light from a direction: two-sided Lambert. With ``diffuse`` and ``specular`` 0 no
+    """Weight of directed light: two-sided Lambert. With ``diffuse`` and ``specular`` 0 no
     gradient is computed."""
     specular: Weight = 0.0
     """Weight of highlights: Blinn-Phong."""
@@ -71,7 +71,7 @@ class RaycastSpec:
     """Blinn-Phong exponent, the sharpness of highlights; whole, since integer powers cost a few
     products."""
     alpha_stop: Opacity = 0.9995
-    """A ray ends when its opacity passes this; at 1 never."""
+    """A ray ends when its opacity passes this value; at 1 it never does."""
     flat_gradient: Weight = 0.02
     """Gradients below this fraction of the volume's range per smallest spacing fade to unshaded, so
     that noise in flat regions leaves no speckle."""
@@ -81,22 +81,22 @@ class RaycastSpec:
         Field(strict=False, min_length=1),
         PYTHON_ONLY,
     ] = HEADLIT
-    """Where light comes from; each group leaves a layer of channels. One group of ambient light and
-    a headlight when left out."""
+    """Light sources; each group fills a layer of channels. One group of ambient light and a
+    headlight if left out."""
     mode: Mode = "composite"
-    """What a ray gathers: opacity and colour; or the greatest or the mean value along it, which the
-    transfer function then shows."""
+    """Result of a ray: opacity and colour, or the greatest or the mean value along the ray, which
+    the transfer function then maps."""
     jitter: Fraction = 0.0
-    """Fraction of a step by which the samples of a ray are shifted at random, against rings of wood
-    grain."""
+    """Fraction of a step by which the samples of a ray are shifted at random, to avoid wood-grain
+    artefacts."""
     seed: Annotated[int, Field(ge=0, le=2**32 - 1)] = 0
     """Seed of the jitter: the same seed gives the same picture."""
     preintegrated: bool = False
     """Integrate the transfer function between a step's two ends instead of reading it once at the
     middle: far fewer bands where it is steep."""
     adaptive: Weight = 0.0
-    """Steps grow to 2 or 4 where the transfer function's opacity of a step varies by less than this
-    within a brick of 4 voxels; 0 leaves every step."""
+    """Steps lengthen two- or fourfold where a step's opacity varies by less than this within a
+    brick of 4 voxels; 0 keeps all steps equal."""
     crop_voxels: (
         Annotated[
             Box,
@@ -105,20 +105,20 @@ class RaycastSpec:
         ]
         | None
     ) = None
-    """From and to along x, y, z: what stays, in voxel indices (after downsample)."""
+    """Range that stays along x, y and z, in voxel indices (after downsample)."""
     clip_planes: Annotated[
         tuple[ClipPlane, ...], BeforeValidator(as_tuple), Field(strict=False, max_length=MAX_PLANES)
     ] = ()
-    """Up to six planes; the side of the normal stays."""
+    """Up to six planes; the side that the normal points to stays."""
     light_cells: Annotated[int, Field(ge=8, le=512)] = 96
     """Cells of the light volume (shadows, ambient occlusion) along the longest axis."""
     half: bool = False
     """Store the picture's channels as float16: half the memory, three digits."""
     first_opacity: Opacity = 0.1
-    """Opacity at which something counts as hit, for `CoefficientImage.first_mm`."""
+    """Opacity at which a ray counts as having hit something, for `CoefficientImage.first_mm`."""
     tile_ms: Annotated[Positive, Unit("ms"), PYTHON_ONLY] = 20.0
-    """About how long one launch on the device may take; a driver kills long ones, and between two a
-    cast can be cancelled."""
+    """Approximate time of one launch on the device; drivers kill long launches, and a cast can be
+    cancelled between two."""
 
     def __post_init__(self) -> None:
         if self.preintegrated and self.mode != "composite":
@@ -173,7 +173,7 @@ class RaycastSpec:
     def shares(self) -> dict[str, float]:
         """Return each group's fraction of the light on a surface that faces every source; sum 1.
 
-        Layers are not divided by the sum of `strengths`: shares only part what there is.
+        Layers are not divided by the sum of `strengths`: shares only divide up existing light.
         """
         strength = self.strengths()
         total = sum(strength.values())
@@ -182,12 +182,12 @@ class RaycastSpec:
         return {name: value / total for name, value in strength.items()}
 
     def step_of(self, volume: Volume) -> float:
-        """The step in millimetres for a volume.
+        """Return the step in millimetres for a volume.
 
         Raises
         ------
         RaycastError
-            If a ray through the volume would take more than `MAX_STEPS` or less than one.
+            If a ray through the volume would take more than `MAX_STEPS` steps or less than one.
         """
         half_a_voxel = 0.5 * min(volume.spacing_mm)
         diagonal = diagonal_mm(volume)
@@ -210,12 +210,12 @@ class RaycastSpec:
         return self.step_mm
 
     def kept(self, volume: Volume) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Least and greatest index (x, y, z) of what the crop leaves of a volume.
+        """Return the least and greatest index (x, y, z) that the crop leaves of a volume.
 
         Raises
         ------
         RaycastError
-            If it leaves nothing.
+            If the crop leaves nothing.
         """
         last = np.array(volume.shape_xyz) - 1.0
         if self.crop_voxels is None:
@@ -226,12 +226,12 @@ class RaycastSpec:
                 raise _at_cast(
                     "crop_voxels",
                     f"along {axis} is {near:g} to {far:g}, {volume.name} reaches from 0 to {end:g}",
-                    "nothing would be left, give others",
+                    "nothing would be left, give other numbers",
                 )
         return np.maximum(low, 0.0), np.minimum(high, last)
 
     def index_planes(self, volume: Volume) -> NDArray[np.float64]:
-        """(P, 4) clip planes in index space: normal · index ≥ w is kept, normals per voxel."""
+        """Return (P, 4) clip planes in index space, normals per voxel: normal · index ≥ w stays."""
         world = volume.world_from_index
         rows = np.zeros((len(self.clip_planes), 4))
         for row, plane in zip(rows, self.clip_planes, strict=True):
@@ -242,7 +242,7 @@ class RaycastSpec:
         return rows
 
     def gradient_scale(self, volume: Volume) -> float:
-        """Value per smallest spacing -> share of the volume's range; 0 for a constant one."""
+        """Factor from value per smallest spacing to fraction of the range; 0 if it is constant."""
         low, high = volume.range
         return 1 / (high - low) if high > low else 0.0
 
@@ -253,7 +253,7 @@ class RaycastSpec:
 
 
 def _at_cast(field: str, problem: str, remedy: str) -> RaycastError:
-    """Return an error about a field and a volume, found when they come together."""
+    """Return the error for a field that does not suit a volume, as found when casting."""
     return RaycastError(problem, remedy, code="range", field=f"RaycastSpec.{field}")
 
 

@@ -28,10 +28,10 @@ from volspec.volume.vtk_interop import volume_from_pyvista
 if TYPE_CHECKING:
     import pyvista
 
-# vtkVolumeMapper::BlendModes, by pyvista's names for them.
+# pyvista's names of vtkVolumeMapper::BlendModes.
 _BLENDING = ("composite", "maximum", "minimum", "average", "additive", "isosurface", "slice")
 _MODES: dict[str, Mode] = {"composite": "composite", "maximum": "maximum", "average": "average"}
-# Greatest relative difference of stretches along the axes that counts as even.
+# Greatest relative difference of stretches along the axes that counts as uniform.
 _EVEN = 0.01
 
 
@@ -48,33 +48,33 @@ class Plotted(NamedTuple):
 def from_plotter(
     plotter: pyvista.Plotter, name: str | None = None, *, basis: Basis | None = None
 ) -> Plotted:
-    """Convert a pyvista plotter's volume, its look, and the view of the active subplot.
+    """Convert a pyvista plotter's volume, its appearance, and the view of the active subplot.
 
     Parameters
     ----------
     plotter : pyvista.Plotter
-        Not shown yet, or open. If not shown, it gets the view that it would open with.
+        Open, or not yet shown; in the latter case it gets the view that it would open with.
     name : str, optional
         Name of the volume, if there are several: from `add_volume`, or a key of
-        ``plotter.actors``. Hidden volumes count only by name.
+        ``plotter.actors``. A hidden volume is found only by name.
     basis : SpectralBasis, optional
         Basis of the transfer function; ``general-7`` when left out.
 
     Returns
     -------
     Plotted
-        The volume is placed as by the plotter, with ``set_scale`` and the actor's matrix. The
-        transfer function has `add_volume`'s opacities, and materials of its colours, named
+        The volume is placed as in the plotter, with ``set_scale`` and the actor's matrix. The
+        transfer function has `add_volume`'s opacities, and materials for its colours, named
         ``"#rrggbb"``. The spec has the blending, the clip planes and the weights of the shading;
         without ``shade`` the plain reflectances show.
 
     Raises
     ------
     RaycastError
-        If it is no plotter or closed, has no volume or several, no such name, or blends in a way
-        that has no counterpart.
+        If it is not a plotter or is closed, has no volume, several or none of the name, or blends
+        in a way that has no counterpart.
     VolumeError
-        If the volume is no ``ImageData``, or has several components a voxel.
+        If the volume is not an ``ImageData``, or has several components per voxel.
     CameraError
         If the camera shears or shifts its picture.
     TransferError
@@ -114,7 +114,7 @@ def from_plotter(
     world_from_grid = _matrix(actor.GetMatrix())
     world = world_from_grid @ grid.world_from_index
     placed = Volume(grid.values, world_from_index=world, name=label)
-    # VTK counts unit distances before it stretches.
+    # VTK's unit distances are measured before it stretches the volume.
     stretch = abs(float(np.linalg.det(world_from_grid[:3, :3]))) ** (1 / 3)
     transfer = transfer_from_vtk(settings, stretch, basis, label)
     _warn_of_losses(label, settings, mapper, world_from_grid)
@@ -129,13 +129,13 @@ def from_plotter(
 
 
 def require_open(plotter: Any) -> None:
-    """Raise RaycastError for anything but a plotter that is not closed."""
+    """Raise RaycastError unless given a plotter that is not closed."""
     if not (hasattr(plotter, "renderer") and hasattr(plotter, "render_window")):
         raise RaycastError(f"plotter: got {quoted(plotter)}", "give a pyvista Plotter", code="type")
     if plotter.render_window is None:
         raise RaycastError(
             "plotter: it is closed",
-            "go on before show(), or after show(auto_close=False)",
+            "call this before show(), or after show(auto_close=False)",
             code="state",
         )
 
@@ -157,7 +157,7 @@ def plotter_camera(plotter: Any) -> Camera:
         raise CameraError(
             "plotter: its camera shears, shifts or moves the picture (ViewShear, WindowCenter, "
             "ModelTransformMatrix)",
-            "take these back, then set position and focal point",
+            "reset these, then set position and focal point",
             code="unsupported",
         )
     angle = camera.GetViewAngle()
@@ -233,12 +233,12 @@ def _warn_of_losses(
         "its cropping region": mapper.GetCropping(),
         # VTK's is the mean of opacity times value, drawn as an opaque grey.
         "the greys of blending 'average'": _BLENDING[mapper.GetBlendMode()] == "average",
-        f"that its opacities do not follow a stretch of {stretches[0] / stretches[-1]:.3g} along "
+        f"its opacities under a stretch of {stretches[0] / stretches[-1]:.3g} along "
         "one axis": stretches[0] > (1 + _EVEN) * stretches[-1],
     }
     if left := [fault for fault, there in faults.items() if there]:
         warnings.warn(
-            f"{label}: {' and '.join(left)} cannot be converted; the cast is made without",
+            f"{label}: {' and '.join(left)} cannot be converted; the cast ignores this",
             VolspecWarning,
             stacklevel=3,
         )
