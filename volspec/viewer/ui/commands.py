@@ -40,8 +40,8 @@ class Entry:
     title: str
     key: str = ""  # for display; empty if there is none
     change: Change | None = None
-    request: Request | None = None  # to the app, if there is no change
-    item: str = ""  # the item of the viewing panel that then takes the keyboard
+    request: Request | None = None  # to the app, if there is no edit
+    item: str = ""  # the item of the Viewing panel that then gets keyboard focus
 
     @property
     def text(self) -> str:
@@ -52,7 +52,7 @@ class Entry:
 def list_entries(
     state: ViewState, recent: Sequence[RecentFile], text: str = ""
 ) -> tuple[Entry, ...]:
-    """List all commands of a state; those that match a text, the best first."""
+    """List a state's commands that match a text, the best first; all of them without a text."""
     names = tuple(
         f"{as_one_line(row.name)} alone"
         + ("" if row.label in ("", row.name) else f", {as_one_line(row.label)}")
@@ -63,7 +63,7 @@ def list_entries(
 
 @lru_cache(maxsize=8)
 def _search(names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str) -> tuple[Entry, ...]:
-    """Search the entries when something is typed, not in every frame."""
+    """Search the entries once per text, not in every frame."""
     return tuple(rank_matches(_entries(names, recent), text, lambda entry: entry.text))
 
 
@@ -172,7 +172,7 @@ def _body(search: Search, state: ViewState, ui: UiContext) -> Entry | None:
     step += _ROWS * (pressed(imgui.Key.page_down) - pressed(imgui.Key.page_up))
     search.at = min(max(search.at + step, 0), max(len(rows) - 1, 0))
     picked = rows[search.at] if entered and rows else None
-    search.fresh |= entered and not rows  # Enter has taken the keyboard from the field
+    search.fresh |= entered and not rows  # Enter has taken the focus from the field
     if imgui.begin_child("rows", (0, 0)):
         for number in shown_rows(len(rows), always=search.at):
             if _row(rows[number], number == search.at, bool(step), ui):

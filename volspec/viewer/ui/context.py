@@ -1,4 +1,4 @@
-"""Context of the panels: results of services, rectangles, text under edit; all but the state.
+"""Context of the panels: service results, rectangles, text being edited; all but the state.
 
     app -> [context] -> panels -> app
 
@@ -26,7 +26,7 @@ from volspec.viewer.work.slice_pictures import SlicePictures
 
 
 def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
-    """Show a tooltip of the last item after a delay or at once; ``greyed``: even if disabled."""
+    """Show a tooltip for the last item, after a delay or at once; if ``greyed``, even disabled."""
     flags = imgui.HoveredFlags_
     when = flags.none if at_once else flags.delay_normal
     if imgui.is_item_hovered(when | flags.allow_when_disabled if greyed else when):
@@ -45,10 +45,10 @@ class Search:
     """The command palette while it is open."""
 
     text: str = ""
-    at: int = 0  # the row that Enter takes
-    fresh: bool = True  # give the field the keyboard
-    picked: Any = None  # the `volspec.viewer.ui.commands.Entry` to do
-    waits: int = 0  # frames until then, so that the palette is off the screen
+    at: int = 0  # the row that Enter picks
+    fresh: bool = True  # focus the field
+    picked: Any = None  # the `volspec.viewer.ui.commands.Entry` to run
+    waits: int = 0  # frames until then, so that the palette has disappeared
 
 
 @dataclass(slots=True)
@@ -58,30 +58,30 @@ class LightsPanelState:
     row: int = 0  # the light that was chosen in the last frame
     tab: str = ""
     to_tab: str = ""  # the tab to open; empty for none
-    part: int = 0  # the spectrum of the chosen light that is drawn
+    part: int = 0  # the spectrum of the chosen light that the pen edits
     pen: tuple[float, float] | None = None  # (x, y) in the last frame, while it draws
     top: float = 1.0  # power at the plot's upper edge, which stays while the pen draws
     text: str = ""  # a notation that is being typed,
     text_of: tuple[str, int] = ("", 0)  # and its light and part
-    naming: int = -1  # the saved state that is being renamed; -1 is none
-    renaming: int = -1  # the light that is being renamed; -1 is none
+    naming: int = -1  # the saved state that is being renamed; -1 for none
+    renaming: int = -1  # the light that is being renamed; -1 for none
     name: str = ""  # the new name
-    focus: bool = False  # give the name's field the keyboard
+    focus: bool = False  # focus the name's field
     complaint: str = ""  # error in the typed notation,
     # with its (light, part) and the lights as they were then
     complaint_of: tuple[tuple[int, int], Rows] = ((0, 0), ())
 
     def rename(self, index: int, rows: Rows) -> None:
-        """Begin to rename a light."""
+        """Start renaming a light."""
         self.renaming, self.name, self.focus = index, rows[index].name, True
-        self.naming, self.row = -1, -1  # a name at a time; the row is scrolled to
+        self.naming, self.row = -1, -1  # one name at a time; scroll to the row
 
     def complain(self, why: str, place: tuple[int, int], rows: Rows) -> None:
-        """Set the error of the notation that was typed for a light's part."""
+        """Set the error in the notation that was typed for a light's part."""
         self.complaint, self.complaint_of = why, (place, rows)
 
     def complaint_at(self, place: tuple[int, int], rows: Rows) -> str:
-        """Return a part's error; empty once anything else of the lights is edited."""
+        """Return a part's error; empty after any other edit of the lights."""
         about, then = self.complaint_of
         return self.complaint if about == place and then is rows else ""
 
@@ -97,7 +97,7 @@ class LibraryState:
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """Results of the viewer's services by this frame."""
+    """Results of the viewer's services as of this frame."""
 
     image: CoefficientImage | None = None  # the last cast
     whole: bool = False  # True if it has the picture's full resolution
@@ -117,7 +117,7 @@ class Results:
 class UiContext:
     """The panels' context; the app updates it every frame."""
 
-    scale: float = 1.0  # pixels of the window for each at 96 dpi
+    scale: float = 1.0  # window pixels per pixel at 96 dpi
     # {name: (x, y, width, height)} of items: for overlays, and for the trace
     areas: dict[str, tuple[int, int, int, int]] = field(default_factory=dict)
     requests: list[Request] = field(default_factory=list)
@@ -125,7 +125,7 @@ class UiContext:
     commands: Search | None = None  # the command palette; None if it is closed
     menu: bool = False  # open the first menu now
     front: str = ""  # the panel to bring to the front now,
-    item: str = ""  # and its item to give the keyboard
+    item: str = ""  # and its item to focus
     lights: LightsPanelState = field(default_factory=LightsPanelState)
     library: LibraryState = field(default_factory=LibraryState)
     popup: str = ""  # the popup of the palette to open now,
@@ -133,7 +133,7 @@ class UiContext:
     _projected: tuple[Any, Projection] | None = None
 
     def px(self, size: float) -> float:
-        """Return a size in the window's pixels."""
+        """Convert a size from pixels at 96 dpi to the window's pixels."""
         return size * self.scale
 
     def request(self, name: str, argument: str = "") -> None:
@@ -152,7 +152,7 @@ class UiContext:
         return new
 
     def run(self, state: ViewState, command: Command | str) -> ViewState:
-        """Return a state after a command or one's name; request it from the app if no edit."""
+        """Run a command, or one by name; it is requested from the app unless it is an edit."""
         if isinstance(command, str):
             command = BY_NAME[command]
         if command.change is None:
@@ -169,7 +169,7 @@ class UiContext:
         return self._projected[1]
 
     def note(self, name: str, text: str = "", greyed: bool = False) -> None:
-        """Record the rectangle of the last item, and give it a tooltip, if any."""
+        """Record the rectangle of the last item, and give the item a tooltip, if any."""
         (x, y), (right, bottom) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self.areas[name] = (int(x), int(y), int(right - x), int(bottom - y))
         if text:

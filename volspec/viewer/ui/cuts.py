@@ -63,7 +63,7 @@ def _planes(state: ViewState, ui: UiContext) -> ViewState:
     imgui.begin_disabled(len(planes) >= MAX_PLANES)
     for name, title, what in (
         ("plane-facing", "+ facing", "A plane through the middle; cuts away the front"),
-        *((f"plane-{axis}", f"+ {axis}", f"A plane across the voxels' {axis}") for axis in "xyz"),
+        *((f"plane-{axis}", f"+ {axis}", f"A plane across voxel axis {axis}") for axis in "xyz"),
     ):
         imgui.same_line()
         if imgui.button(title):
@@ -158,7 +158,7 @@ def _polygon(corners: cuts.Array, projection: Projection, colour: Colour, ui: Ui
 
 
 def _line(start: Place, end: Place, colour: Colour, ui: UiContext) -> None:
-    """Draw a line with a shade, so that it is visible on any picture."""
+    """Draw a line with a dark outline, so that it is visible on any picture."""
     draw_list = imgui.get_background_draw_list()
     draw_list.add_line(start, end, pack_colour(BLACK, 0.45 * colour[3]), ui.px(3.0))
     draw_list.add_line(start, end, pack_colour(colour), ui.px(1.4))

@@ -113,7 +113,7 @@ def _list_paths(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
 
 
 class PictureDialog:
-    """The dialog for a picture's size, name and folder, which stay after it."""
+    """The dialog for a picture's size, name and folder, which it keeps for the next time."""
 
     def __init__(self, shot: Shot) -> None:
         self.shot = shot
@@ -186,7 +186,7 @@ def draw_progress(progress: Progress, ui: UiContext) -> bool:
 
 
 def _begin(name: str, opens: bool, ui: UiContext, wide: float) -> bool:
-    """Begin a dialog, if it is open or opens now; the picture is dimmed little."""
+    """Begin a dialog, if it is open or opens now; the picture is dimmed only a little."""
     if opens:
         imgui.open_popup(name)
     viewport = imgui.get_main_viewport()
@@ -202,13 +202,13 @@ def _begin(name: str, opens: bool, ui: UiContext, wide: float) -> bool:
 
 
 def _buttons_left(ui: UiContext) -> float:
-    """Return the x at which `_buttons` are at the right of the line."""
+    """Return the x that right-aligns `_buttons` in the line."""
     right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
     return float(right - 2 * ui.px(_BUTTON_WIDTH) - ui.px(_BUTTON_GAP))
 
 
 def _buttons(label: str, name: str, ui: UiContext) -> tuple[bool, bool]:
-    """Draw a button, noted by a name, and Cancel; return whether each was pressed."""
+    """Draw a button, recorded under a name, and Cancel; return whether each was pressed."""
     size = ui.px(_BUTTON_WIDTH), 0
     accepted = imgui.button(label, size)
     ui.note(name)
@@ -244,7 +244,7 @@ class FileDialogs:
             self._dialog = (NativeDialog if has_native_dialogs() else PathDialog)(request)
 
     def take(self) -> tuple[PathRequest, str] | None:
-        """Return the answer of the system's dialog, once there is one."""
+        """Return the system dialog's answer, once there is one."""
         dialog = self._dialog
         return self._answer(dialog.answer()) if isinstance(dialog, NativeDialog) else None
 
@@ -260,7 +260,7 @@ class FileDialogs:
         return (request, request.complete(path)) if path else None
 
     def close(self) -> None:
-        """End the system's dialog, for which the program would wait."""
+        """End the system's dialog, which would keep the program from ending."""
         if isinstance(self._dialog, NativeDialog):
             self._dialog.close()
 
@@ -304,5 +304,5 @@ class NativeDialog:
         return str(result[0] if result else "") if isinstance(result, list) else str(result)
 
     def close(self) -> None:
-        """End its process."""
+        """End the dialog's process."""
         self._dialog.kill()

@@ -34,8 +34,8 @@ from volspec.viewer.work.session import save_session
 class FileCommands:
     """Runs commands that take time or use files.
 
-    The ``size`` of saved pictures is (width, height), or None for that in the window; ``palette``
-    reads or writes a palette's file, given the request's kind, the path and the state.
+    The ``size`` of saved pictures is (width, height), or None for the window's; ``palette`` reads
+    or writes a palette's file, given the request's kind, the path and the state.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class FileCommands:
     def take(self, first: bool) -> tuple[bool, Opened | None]:
         """Take the threads' results; return True if there are any, and the opened document.
 
-        If nothing is open yet (``first``), this raises as `DocumentService.finish_open`.
+        If nothing is open yet (``first``), this raises as `DocumentService.finish_open` does.
         """
         if answer := self._dialogs.take():
             self._use_path(*answer)
@@ -99,7 +99,7 @@ class FileCommands:
             progress = self._progress if outcome.kind == "picture" else None
             if progress is not None:
                 self._progress = None
-            # A picture that was cancelled too late is written.
+            # A picture that was cancelled too late is still written.
             if progress is not None and progress.ended and outcome.error:
                 self._notice.show("The picture was cancelled")
             elif outcome.kind == "open":
@@ -147,7 +147,7 @@ class FileCommands:
 
     def _cast(self, state: ViewState) -> None:
         if self._progress is not None:
-            self._notice.show("A picture is being cast already")
+            self._notice.show("A picture is already being cast; wait or cancel it")
             return
         shot = self._picture.shot
         width, height = shot.size(state.size)
@@ -175,4 +175,4 @@ class FileCommands:
         if "Lights" in state.interface.panels:
             self._ui.lights.rename(state.interface.light, state.lights)
         else:
-            self._notice.show("Lights are renamed in their list: open the Lights panel")
+            self._notice.show("Lights are renamed in the Lights panel; open it")

@@ -44,7 +44,7 @@ class Input:
     x: float = 0.0  # the mouse's place in the window, or the wheel's notches
     y: float = 0.0
     button: str = ""
-    key: str = ""  # as written on it: a, 1, enter; after ctrl+, alt+ or ctrl+shift+
+    key: str = ""  # as written on it: a, 1, enter; prefixed by ctrl+, alt+ or ctrl+shift+
     paths: tuple[str, ...] = ()
     modifiers: str = ""  # keys held with the mouse: ctrl, shift, alt, or several as ctrl+shift
     repeated: bool = False  # a key that is held down
@@ -53,9 +53,9 @@ class Input:
 class Inputs:
     """Queue of a window's inputs.
 
-    imgui gets a gesture when it is taken from the queue: its reaction, such as a dialog that Enter
-    closes, must not come before the key is known to be the dialog's. ``to_imgui`` is imgui's own
-    listener for keys.
+    A gesture is passed to imgui only when it is taken from the queue. Otherwise imgui could react
+    first, for example close a dialog on Enter, before the key is known to belong to the dialog.
+    ``to_imgui`` is imgui's own listener for keys.
     """
 
     def __init__(self, window: Any, to_imgui: Callable[..., None]) -> None:
@@ -68,7 +68,7 @@ class Inputs:
         glfw.set_scroll_callback(window, self._on_wheel)
         glfw.set_key_callback(window, self._on_key)
         glfw.set_char_callback(window, self._on_char)
-        # glfw's annotation has a number before the paths, its call has none.
+        # glfw's annotation has a number before the paths; the actual call does not.
         glfw.set_drop_callback(window, lambda *given: self.drop(given[-1]))
         glfw.set_cursor_enter_callback(window, self._on_enter)
         glfw.set_framebuffer_size_callback(window, lambda *_: self._add(Input("resize")))
@@ -89,7 +89,7 @@ class Inputs:
         return [given for given, _ in taken]
 
     def drop(self, paths: Sequence[str]) -> None:
-        """Add files that were dropped."""
+        """Add dropped files to the queue."""
         self._add(Input("drop", paths=tuple(paths)))
 
     def _add(self, given: Input, pass_on: Callable[[], object] = lambda: None) -> None:
@@ -98,7 +98,7 @@ class Inputs:
     def _on_button(self, _: Any, button: int, action: int, modifiers: int) -> None:
         down = action == glfw.PRESS
         if button in BUTTONS:
-            # The place at that time: glfw knows only the present one, which may be farther.
+            # The place at that time; glfw reports only the current one, which may be farther along.
             x, y = self._at or glfw.get_cursor_pos(self._window)
             name, held = "press" if down else "release", _modifier_text(modifiers)
             self._add(
@@ -132,7 +132,7 @@ class Inputs:
         down = [(modifier, self._is_down(left, right)) for _, left, right, modifier in _MODIFIERS]
 
         def pass_on() -> None:
-            # Before the key, which imgui takes in order; an event's own bits lag behind on X11.
+            # Before the key, as imgui processes events in order; their own bits lag behind on X11.
             for each in down:
                 imgui.get_io().add_key_event(*each)
             self._to_imgui(window, key, code, action, modifiers)

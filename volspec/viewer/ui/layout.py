@@ -14,13 +14,13 @@ from volspec.viewer.ui import transfer_panel as transfer
 from volspec.viewer.ui.context import UiContext
 
 _RIGHT_WIDTH, _LEFT_WIDTH = 350, 260
-# The most of the window's width that all panels take.
+# The greatest fraction of the window's width that all panels together may take.
 _MOST = 0.5
-# The lights' part of the height; below are the other panels as tabs.
+# The lights' fraction of the height; the other panels are tabs below.
 _UPPER = 0.51
-# Frames until docked windows have their places.
+# Frames until docked windows are in place.
 _LAG = 2
-# Title, function, and the dock in which it is at first.
+# Title, function and initial dock of each panel.
 _PANELS = (
     ("Lights", lights.draw, "upper"),
     ("Viewing", viewing.draw, "lower"),
@@ -49,7 +49,7 @@ class Docks:
     def __init__(self) -> None:
         self._frames = 0
         self._sides: dict[str, int] = {}  # the docks left and right of the picture
-        self._open: set[str] = set()  # those with panels in the frame before
+        self._open: set[str] = set()  # those with panels in the previous frame
         self._narrowed = False
 
     @property
@@ -99,7 +99,7 @@ class Docks:
         return [title for title, _, _ in _PANELS if title in state.interface.panels]
 
     def _limit_width(self, ui: UiContext) -> None:
-        """Leave the picture half of a window that became narrow; undo it in a wide one."""
+        """Leave half of a narrowed window to the picture; restore the panels when it is widened."""
         builder = imgui.internal
         room = _MOST * imgui.get_main_viewport().work_size.x
         open_ = [dock for side, dock in self._sides.items() if side in self._open]
@@ -131,7 +131,7 @@ class Docks:
             "lower": lower.id_at_dir,
             "left": left.id_at_dir,
         }
-        # The tabs have their own button.
+        # The tabs have close buttons of their own.
         no_close = imgui.internal.DockNodeFlagsPrivate_.no_close_button
         for node in places.values():
             builder.dock_builder_get_node(node).local_flags |= no_close

@@ -71,32 +71,32 @@ def adapting_transform(rig: LightRig, spec: RelightSpec, white: Array) -> ViewTr
 
 # x, y, width, height.
 Rect = tuple[float, float, float, float]
-# Pixels of the window for each column of a spectrum: finer ones look no different.
+# Window pixels per column of a spectrum: finer columns look no different.
 _COLUMN = 2.0
 
 
 def fill_box(rect: Rect, colour: Colour, rounding: float, corners: int = 0) -> None:
-    """Fill a rectangle of the window with a colour; no ``corners`` rounds all."""
+    """Fill a rectangle of the window with a colour; ``corners`` 0 rounds all of them."""
     x, y, width, height = rect
     end, packed = (x + width, y + height), pack_colour(colour)
     imgui.get_window_draw_list().add_rect_filled((x, y), end, packed, rounding, corners)
 
 
 def kelvin_slider(label: str, kelvin: float) -> tuple[bool, float]:
-    """Draw the logarithmic slider of a temperature."""
+    """Draw a logarithmic slider for a temperature."""
     return imgui.slider_float(label, kelvin, *KELVIN, "%.0f K", imgui.SliderFlags_.logarithmic)
 
 
 @lru_cache(maxsize=512)
 def mixed_values(rig: LightRig, grid: SpectralGrid) -> Array:
-    """Return the power of a rig's lights together, band by band."""
+    """Return the summed power of a rig's lights, band by band."""
     return rig.mixed(grid).values
 
 
 def spark(
     rect: Rect, rig: LightRig, grid: SpectralGrid, alpha: float = 1.0, headroom: float = 1.04
 ) -> None:
-    """Fill the spectrum of a rig; ``headroom`` is the power at the upper edge over its peak."""
+    """Fill the spectrum of a rig; ``headroom`` is the upper edge's power relative to the peak."""
     values, draw_list = mixed_values(rig, grid), imgui.get_window_draw_list()
     fill(draw_list, rect, values, float(values.max()) * headroom, grid, alpha)
 
@@ -106,7 +106,7 @@ def fill(
 ) -> None:
     """Fill a spectrum with the colours of its wavelengths.
 
-    Bands have equal parts of the width; ``top`` is the power at the upper edge.
+    Bands share the width equally; ``top`` is the power at the upper edge.
     """
     x, y, width, height = rect
     count = max(int(width / _COLUMN), 2)
@@ -134,7 +134,7 @@ def outline(
 
 
 def column_heights(values: Array, count: int) -> Array:
-    """Interpolate values of bands at the middles of equal columns."""
+    """Interpolate the bands' values at the middles of equal columns."""
     places = (np.arange(count) + 0.5) / count * len(values) - 0.5
     return np.interp(places, np.arange(len(values)), values)
 

@@ -15,16 +15,16 @@ from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
 from volspec.viewer.ui.widgets import ACCENT, as_one_line, text_width, wrap_text
 
 _KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
-# Weight for each pixel that the mouse drags the knob.
+# Change of weight per pixel that the mouse drags the knob.
 _SPEED = 0.006
 _ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 _LOG = imgui.SliderFlags_.logarithmic
 _ALL = "all"
 _LUX_TIP = (
     "Illuminance of a surface that faces this light, at weight 1.\n"
-    "Lux count if every light that is on has them: then the eye adapts to\n"
-    "their sum, and a weight scales its light's lux. A light without lux counts by\n"
-    "its spectrum alone, and the eye adapts to the Viewing panel's illuminance."
+    "Lux are used if every light that is on has them: the eye then adapts to\n"
+    "their sum, and a weight scales its light's lux. Otherwise only the spectra\n"
+    "count, and the eye adapts to the Viewing panel's illuminance."
 )
 
 
@@ -137,7 +137,7 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     else:
         tip(
             "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
-            "FILE.csv, D65*0.7+A*0.3; Enter takes it"
+            "FILE.csv, D65*0.7+A*0.3; Enter applies it"
         )
     if imgui.is_item_edited():
         panel.complaint = ""
@@ -155,7 +155,7 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
 
 
 def _complaint(text: str, ui: UiContext, name: str) -> None:
-    """Draw the error of a notation below its field, until a click."""
+    """Draw the error in a notation below its field, until a click."""
     if imgui.is_mouse_clicked(0):
         ui.lights.complaint = ""
         return
@@ -171,7 +171,7 @@ def _complaint(text: str, ui: UiContext, name: str) -> None:
 
 
 def _parts(state: ViewState, ui: UiContext, index: int, groups: tuple[str, ...]) -> ViewState:
-    """Draw a line for each spectrum: group, colour, notation, weight."""
+    """Draw a line per spectrum: group, colour, notation, weight."""
     rig, new = state.lights[index].rig, state
     flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.no_pad_outer_x
     fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
@@ -224,7 +224,7 @@ def _part(
         imgui.set_next_item_width(-1)
         lux = rig.illuminance_lux[j]
         moved, lux = imgui.drag_float("##lux", lux, 0.01 * lux, *light_rows.LUX, "%.4g lx")
-        ui.note(f"part lux {j}", "On a surface that faces it, if all groups shone like this one")
+        ui.note(f"part lux {j}", "Lux on a surface facing it, if all groups shone like this one")
         if moved:
             new = light_parts.set_lux(new, index, lux, j)
     imgui.table_next_column()
@@ -254,5 +254,5 @@ def _part_buttons(
 
 @lru_cache(maxsize=128)
 def _single_rig(light: Spectrum) -> LightRig:
-    """Return a spectrum's rig; the same one each time, as the cache of colours needs it."""
+    """Return a spectrum's rig; always the same object, as the colour cache requires."""
     return LightRig((light,))

@@ -1,4 +1,4 @@
-"""The light dial, and the names around it: whole if there is room, else cut."""
+"""The light dial, and the names around it, which are cut if there is no room."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from volspec.viewer.ui.light_look import Rect, raw_colour
 from volspec.viewer.ui.widgets import ACCENT, as_one_line, pack_colour, shorten, text_width
 
 Point = tuple[float, float]
-# The width of a text in one line.
+# Function that returns the width of a text in one line.
 Measure = Callable[[str], float]
-# Names nearer to the vertical than this are above or below the rim, and have its whole width.
+# Names closer to the vertical than this are above or below the rim, and may use the full width.
 _UPRIGHT = 0.2
-# From here outwards, names are next to the rim: longer ones would cover their light's dot.
+# From here outwards, names are fully outside the rim: long ones would cover their light's dot.
 _ASIDE_FROM = 0.7
-# The least radius, as a fraction of the greatest, that long names may leave.
+# The least radius, as a fraction of the greatest, to which long names may shrink the dial.
 _LEAST_FRACTION = 0.6
 _RADII = 8
 
@@ -59,9 +59,9 @@ def ring_for(
     line_height: float,
     measure: Measure,
 ) -> Ring:
-    """Fit the dial into an area: smaller, and off its middle, as far as its names need.
+    """Fit the dial into an area, shrunk and moved off the middle as far as the names need.
 
-    ``radii`` are the least and the greatest; ``out`` is from the rim to the names.
+    ``radii`` are the least and the greatest; ``out`` is the distance from the rim to the names.
     """
     x, y, width, height = within
     least, most = radii[0], max(radii)
@@ -71,7 +71,7 @@ def ring_for(
     found = next((i for i, ends in enumerate(reaches) if sum(ends) <= width), _RADII)
     left, right = reaches[found]
     first, last = left - width / 2, width / 2 - right
-    # Too wide names are cut at both sides alike.
+    # Names that are too wide are cut equally on both sides.
     shift = min(max(0.0, first), last) if first <= last else (first + last) / 2
     middle = x + width / 2 + shift, y + height / 2
     return Ring(within, middle, steps[found], steps[found] + out, line_height, measure)
@@ -167,10 +167,10 @@ def _room(cx: float, ring: Ring) -> float:
 
 
 def _box(lines: tuple[str, ...], place: Point, ring: Ring, away: float = 1.0) -> Rect:
-    """Return the box of lines at their place; above and below the rim it is moved inside.
+    """Return the box of lines at their place; above and below the rim it is moved into the area.
 
-    At ``away`` 1 lines of the upper half are above their place, those of the lower half below
-    it; at 0 all are at its height.
+    At ``away`` 1, lines in the upper half are above their place and lines in the lower half
+    below; at 0, all are level with it.
     """
     (cx, cy), (x, _, width, _) = place, ring.within
     wide, tall = max(map(ring.measure, lines)), ring.line_height * len(lines)
@@ -191,14 +191,14 @@ def _overlap(a: Rect, b: Rect) -> bool:
     return a[0] < b[0] + b[2] and b[0] < a[0] + a[2] and a[1] < b[1] + b[3] and b[1] < a[1] + a[3]
 
 
-# Room for names: above and below, at the sides, beyond a dot, between two of them.
+# Room for names: above and below, at the sides, beyond a dot, between two names.
 _ABOVE, _ASIDE, _OUT, _GAP = 27.0, 60.0, 3.0, 4.0
 _LEAST_RADIUS = 24.0
 _DOT, _SMALL_DOT, _MANY = 7.0, 4.0, 16
 
 
 def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewState:
-    """Draw the dial; a drag blends."""
+    """Draw the dial; a drag blends the lights."""
     x, y = imgui.get_cursor_screen_pos()
     imgui.invisible_button("dial", (width, height))
     ui.note("dial")
@@ -226,7 +226,7 @@ def draw(state: ViewState, ui: UiContext, width: float, height: float) -> ViewSt
 
 
 def width_for(state: ViewState, ui: UiContext, height: float) -> float:
-    """Return the width of a dial with all names whole."""
+    """Return the width of a dial with all names uncut."""
     reach = max(height / 2 - ui.px(_ABOVE), ui.px(_LEAST_RADIUS)) + _dot(state, ui) + ui.px(_OUT)
     return sum(extents(_names_to_fit(state), reach, _measure(ui)))
 
@@ -248,7 +248,7 @@ def _names_to_fit(state: ViewState) -> list[str]:
 
 
 def _measure(ui: UiContext) -> Measure:
-    """Return the measure of a name with its gap."""
+    """Return the function that measures a name with its gap."""
     return lambda text: text_width(text) + ui.px(_GAP)
 
 
@@ -281,7 +281,7 @@ def _draw_rim(state: ViewState, ui: UiContext, ring: Ring, hovered: int) -> None
 
 
 def _labels(state: ViewState, ring: Ring, hovered: int) -> list[Label]:
-    """Place the names: under the mouse, chosen and lit ones first."""
+    """Place the names, first those under the mouse, chosen or lit."""
     weights, chosen = effective_weights(state.lights), state.interface.light
     ranks = [
         i - 1e3 * weight - 1e3 * (i == chosen) - 1e4 * (i == hovered)

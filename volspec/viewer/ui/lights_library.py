@@ -62,7 +62,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 def matching(search: str) -> list[str]:
     """Return the names that contain every word of a search, those that begin with it first.
 
-    Words of four letters and more may also be in a light's class.
+    Words of four or more letters may also match a light's class.
     """
     start = search.casefold()
 
@@ -107,7 +107,7 @@ def verdict(text: str, grid: SpectralGrid, folder: str) -> tuple[LightRig | None
 
 
 def _found(found: list[str], typed: str, ui: UiContext, document: Document) -> str:
-    """Draw the list; return the name that was clicked, or nothing."""
+    """Draw the list; return the name that was clicked, empty if none."""
     wanted, grid, folder = "", document.grid, document.folder
     if imgui.begin_child("found", (0, ui.px(208))):
         rig, wrong = verdict(typed, grid, folder)
@@ -144,7 +144,7 @@ def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
 
 
 def _temperatures(ui: UiContext) -> str:
-    """Draw lights by temperature; return the notation of one that was clicked, or nothing."""
+    """Draw lights by temperature; return the notation of the one clicked, empty if none."""
     wanted, panel = "", ui.library
     imgui.set_next_item_width(-ui.px(150))
     _, panel.kelvin = kelvin_slider("##planck", panel.kelvin)

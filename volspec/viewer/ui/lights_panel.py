@@ -22,7 +22,7 @@ Rename = Callable[[ViewState, int, str], ViewState]
 _ROW_SWATCH, _ROW_SPARK, _BOTH = 30.0, 46.0, 48.0
 _T = imgui.TableFlags_
 _FLAGS = _T.sizing_fixed_fit | _T.no_pad_outer_x | _T.scroll_y
-# Commands of a right click on a row.
+# Commands in a row's context menu.
 _ROW_MENU = ("alone", "solo", "mute", "rename-light", "reset-spectrum", "remove-light")
 
 
@@ -111,7 +111,7 @@ def _row_name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool
 
 
 def name_field(state: ViewState, ui: UiContext, label: str, rename: Rename, i: int) -> ViewState:
-    """Draw the field of a new name, and rename a light or a saved state on Enter."""
+    """Draw the field for a new name, and rename a light or a saved state on Enter."""
     panel, new = ui.lights, state
     if panel.focus:
         imgui.set_keyboard_focus_here()
@@ -127,7 +127,7 @@ def name_field(state: ViewState, ui: UiContext, label: str, rename: Rename, i: i
 
 
 def row_tip(row: light_rows.LightRow) -> str:
-    """Return a light's name and its source, in lines."""
+    """Return a light's name and its source, on separate lines."""
     name = as_one_line(row.name)
     if (before := row.before) is not None:
         texts = " + ".join(text or before.name for text in dict.fromkeys(before.texts))
@@ -136,7 +136,7 @@ def row_tip(row: light_rows.LightRow) -> str:
 
 
 def _context_menu(new: ViewState, ui: UiContext, i: int) -> ViewState:
-    """Draw the menu of a right click: commands of the chosen light, for this one."""
+    """Draw a row's context menu: the commands for the chosen light, applied to this one."""
     if not imgui.begin_popup_context_item("row"):
         return new
     for name in _ROW_MENU:
@@ -181,7 +181,7 @@ def _row_spark(state: ViewState, ui: UiContext, index: int, lit: bool) -> bool:
 
 _SWATCH, _SPARK = 16.0, 46.0
 _MENU = "state menu"
-# The same rig each time, as the caches of its colours need it.
+# Always the same rig, as the caches of its colours require.
 _rig_of_saved = lru_cache(maxsize=128)(light_rig)
 
 
@@ -257,7 +257,7 @@ def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
         panel = ui.lights
         panel.naming, panel.name, panel.focus = i, state.saved_lights[i].name, True
     ui.note("rename state")
-    if imgui.menu_item("Save the present lights here", "", False)[0]:
+    if imgui.menu_item("Save the current lights here", "", False)[0]:
         new = light_states.save_over(new, i)
     if imgui.menu_item("Delete", "", False)[0]:
         new = light_states.delete(new, i)
@@ -265,10 +265,10 @@ def _menu(new: ViewState, state: ViewState, ui: UiContext, i: int) -> ViewState:
     return new
 
 
-# Least heights of the tabs and the buttons; the tabs' fraction of the panel with a long list.
+# Least heights of the tabs and the buttons; the tabs' fraction of the panel if the list is long.
 _LEAST_TABS, _BUTTONS, _TABS_FRACTION = 134.0, 34.0, 0.4
 _LEAST_ROWS = 3
-# Least width of the spectrum next to the dial; from the height on, it is below the dial.
+# Least width of the spectrum next to the dial; from this height on, it is below the dial.
 _LEAST_MIX, _TALL = 84.0, 300.0
 TABS = ("Dial", "Light", "Spectrum", "States")
 
@@ -334,17 +334,17 @@ def _buttons(state: ViewState, ui: UiContext) -> ViewState:
     one = len(state.lights) < 2
     new = _button(new, ui, "remove-light", "Remove", "Remove the chosen light from the list", one)
     dark = light_rig(state.lights) is None
-    new = _button(new, ui, "keep-mix", "Add mix", "Add the present mix as a light", dark)
+    new = _button(new, ui, "keep-mix", "Add mix", "Add the current mix as a light", dark)
     new = _button(new, ui, "compare", "A | B", "Compare these lights with others, side by side")
     if state.other is not None:
-        new = _button(new, ui, "swap", "Swap", "Exchange the lights of both sides")
+        new = _button(new, ui, "swap", "Swap", "Swap the lights of the two sides")
     return new
 
 
 def _button(
     state: ViewState, ui: UiContext, name: str, title: str, text: str, disabled: bool = False
 ) -> ViewState:
-    """Draw a command's button next to the last one; lit if it is on."""
+    """Draw a command's button next to the last one; highlighted if the command is on."""
     command = BY_NAME[name]
     imgui.same_line(0, ui.px(6))
     on = command.on is not None and command.on(state)

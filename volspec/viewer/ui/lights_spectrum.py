@@ -12,9 +12,9 @@ from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import Rect, fill, mixed_values, outline, spark
 from volspec.viewer.ui.widgets import as_one_line, shorten, text_width
 
-# The upper edge over the peak: of a mix, and of a spectrum that the pen may make higher.
+# The upper edge relative to the peak: of a mix, and of a spectrum that the pen may raise.
 _MIX_TOP, _PEN_TOP = 1.08, 1.35
-# Letters of the axis, as a fraction of the panel's.
+# Size of the axis' letters, as a fraction of the panel's.
 _SMALL = 0.87
 _TICKS = (400, 450, 500, 550, 600, 650, 700, 750)
 

@@ -91,7 +91,7 @@ def draw_status(state: ViewState, ui: UiContext) -> None:
 def fitting_texts(
     texts: tuple[str, str, str], room: float, apart: float, measure: Callable[[str], float]
 ) -> tuple[str, str, str]:
-    """Return the texts for which there is room: the last goes first; the first is cut at the end.
+    """Return the texts that fit: the last is dropped first; the first is never dropped but cut.
 
     >>> fitting_texts(("engine", "9 × 9", "60 fps"), 14, 1, len)
     ('engine', '9 × 9', '')
@@ -125,7 +125,7 @@ def timings(ui: UiContext) -> str:
     return "   ".join(parts)
 
 
-# A title, and rows of keys with what they do.
+# A title, and rows of keys with their actions.
 Part = tuple[str, tuple[tuple[str, str], ...]]
 
 _MOUSE = (
@@ -173,7 +173,7 @@ _SHEET_FLAGS = (
 
 
 def columns(parts: Sequence[Part], count: int) -> list[list[Part]]:
-    """Distribute parts, in their order, over columns so that the tallest is as low as possible."""
+    """Distribute parts, in order, over columns so that the tallest is as short as possible."""
     heights = [len(rows) + 2 for _, rows in parts]
     for most in range(max(heights), sum(heights) + 1):
         filled: list[list[Part]] = [[]]
@@ -204,7 +204,7 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.set_next_window_bg_alpha(0.95)
     imgui.begin("##keys", None, _SHEET_FLAGS)
     _columns(ui, viewport.work_size.x)
-    # A click on its scrollbar does not close it.
+    # A click on the sheet's scrollbar does not close it.
     free = imgui.is_window_hovered() and not imgui.is_any_item_active()
     closed = (free and imgui.is_mouse_clicked(0)) or imgui.is_key_pressed(imgui.Key.escape)
     imgui.end()
@@ -213,7 +213,7 @@ def draw_keys(state: ViewState, ui: UiContext) -> ViewState | None:
 
 
 def _columns(ui: UiContext, width: float) -> None:
-    """Draw the columns next to each other, each as wide as it must be."""
+    """Draw the columns next to each other, each as wide as necessary."""
     gap, apart = ui.px(14), ui.px(30)
     for count in range(4, 0, -1):
         fitting = columns(SHEET, count)
@@ -238,5 +238,5 @@ def _columns(ui: UiContext, width: float) -> None:
 
 
 def _widest(column: Sequence[Part], place: int) -> float:
-    """Return the width of the keys, or of what they do, in a column."""
+    """Return the width of the keys, or of their actions, in a column."""
     return max(text_width(row[place]) for _, rows in column for row in rows)

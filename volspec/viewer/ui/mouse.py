@@ -21,16 +21,16 @@ from volspec.viewer.model.view import Place, Projection, face_at
 from volspec.viewer.ui.inputs import STEPPING, Input
 
 Area = tuple[int, int, int, int]
-# An edit by a drag across and down, in fractions of the picture's height; or one that takes places.
+# An edit by a drag across and down, in fractions of the picture's height, or one that uses places.
 Drag: TypeAlias = Callable[[ViewState, float, float], ViewState] | Literal["roll", "divide"]
 # Notches and steps closer together in time are one gesture.
 RUN_S = 0.5
-# The reach of the divide to either side; pixels at 96 dpi, as the next.
+# The divide can be gripped this far to either side; pixels at 96 dpi, as is the next.
 GRIP = 8
 # A press that moves less is a click.
 STILL = 4.0
-# Drags by modifier keys and button, and the wheel by modifier keys; without an entry as without
-# the keys.
+# Drags by modifier keys and button, and the wheel by modifier keys; combinations without an
+# entry act like no modifiers.
 DRAGS: dict[tuple[str, str], Drag] = {
     ("", "left"): camera.orbit,
     ("", "middle"): camera.pan,
@@ -51,7 +51,7 @@ _LAG = 4
 
 
 class Gestures:
-    """Counter of gestures; its ``number`` is that of the present or last one."""
+    """Counter of gestures; ``number`` is that of the current or last gesture."""
 
     def __init__(self) -> None:
         self.number = 0
@@ -84,12 +84,12 @@ class Mouse:
         self.gestures = Gestures()
         # The mouse's place, 0 to 1 of the picture; None unless over it, and not over a panel.
         self.over_picture: Place | None = None
-        # Pixels of the window for each at 96 dpi; it differs between monitors.
+        # Window pixels per pixel at 96 dpi; it differs between monitors.
         self.scale = 1.0
         self._down: set[str] = set()
         self._drag = ""
         self._edit: Drag = camera.orbit
-        # A handle that is dragged, and the state in which that began; or the cube's face.
+        # The dragged handle, and the state at the start of the drag; or the cube's face.
         self._handle: tuple[cuts.Handle, ViewState] | None = None
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
@@ -121,7 +121,7 @@ class Mouse:
             elif given.name == "move" and self._drag:
                 state = self._drag_to(state, before, area)
             elif given.name == "wheel" and free:
-                # With Shift some systems turn the wheel sideways.
+                # With Shift, some systems report the wheel as horizontal.
                 turn = WHEELS.get(given.modifiers, WHEELS[""])
                 state = turn(state, given.y or given.x)
         x, y, width, height = area
@@ -153,7 +153,7 @@ class Mouse:
         return state
 
     def _drag_to(self, state: ViewState, before: Place, area: Area) -> ViewState:
-        """Return the state after a move of the drag in progress."""
+        """Return the state after a move during a drag."""
         x, y, width, height = area
         if self._face is not None:
             if math.dist(self._at, self._pressed) < STILL * self.scale:
@@ -217,7 +217,7 @@ class Focus:
         self.enter()
 
     def enter(self, menu: bool = False) -> None:
-        """Give imgui the keyboard; for a menu until that is closed."""
+        """Give imgui the keyboard; for a menu, until it is closed."""
         _navigate(True)
         imgui.set_nav_cursor_visible(True)
         self.on, self._menu, self._frames = True, menu, 0

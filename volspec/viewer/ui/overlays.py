@@ -36,7 +36,7 @@ _SIZE = (196.0, 74.0)
 _HEADROOM = 1.06
 # A face of the cube at a smaller cosine to the eye has no letters.
 _ASKEW = 0.3
-# The grey of a face: of any, and by its cosine.
+# The grey of a face: a constant, and a factor for its cosine.
 _SHADE = 0.30, 0.34
 _EDGE, _LETTER = (0.08, 0.08, 0.08), (0.02, 0.02, 0.02)
 
@@ -73,7 +73,7 @@ def write_centred(text: str, ui: UiContext) -> None:
 
 
 def length_mm(mm_per_px: float, longest_px: float) -> float:
-    """Return the greatest of 1, 2, 5, 10, … mm that is no longer than so many pixels.
+    """Return the greatest of 1, 2, 5, 10, … mm that is at most this many pixels long.
 
     >>> length_mm(0.5, 130), length_mm(0.001, 130)
     (50.0, 0.1)
@@ -114,7 +114,7 @@ def draw_scale(state: ViewState, ui: UiContext) -> None:
         ((right, low - tick), (right, low + tick)),
     )
     with over_picture(ui) as draw_list:
-        # The shade first, so that it is legible on any picture.
+        # The dark outline first, so that the bar is legible on any picture.
         for colour, thick, shift in ((shade, 3.5, 1.0), (line, 1.5, 0.0)):
             for ends in strokes:
                 draw_list.add_line(*ends, colour, ui.px(thick))
@@ -240,7 +240,7 @@ def label_boxes(
     top: float,
     gap: float,
 ) -> tuple[Box, Box]:
-    """Place two labels next to the line and inside the picture; one without room is lower.
+    """Place two labels next to the line and inside the picture; one without room is moved down.
 
     ``at`` is the line's x; a label is ``top`` below the picture's upper edge and ``gap`` away
     from the line.
@@ -312,7 +312,7 @@ def _draw_legend(ui: UiContext, found: ErrorMap | None, lines: list[str]) -> Non
 
 
 def error_map_lines(found: ErrorMap | None, problem: str) -> list[str]:
-    """Return the figures of a map, or the message instead of it."""
+    """Return the figures of a map, or the message in its place."""
     if found is None:
         return [problem or "Error map: computing …"]
     figures = f"mean {found.mean:.2g}   95 % {found.p95:.2g}   max {found.max:.2g}"

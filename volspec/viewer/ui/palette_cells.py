@@ -22,13 +22,13 @@ from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, as_one_line, pack_co
 
 ROW_POPUP, COLUMN_POPUP = "palette row", "palette column"
 _MAY_CHANGE = "Ticked: designs may change it to meet the targets"
-_SEVERAL = "A light of several spectra is not designed; edit them in the Lights panel"
+_SEVERAL = "A light with several spectra cannot be designed; edit it in the Lights panel"
 
 
 def draw_spectrum(
     state: ViewState, table: Table, ui: UiContext, which: Member, index: int, wide: float
 ) -> ViewState:
-    """Draw a spectrum at the margin: its name, the checkbox that frees it, its curve."""
+    """Draw a spectrum in the margin: its name, the checkbox that frees it, its curve."""
     kind, name = which
     new, is_light = state, kind == LIGHT
     imgui.begin_group()
@@ -81,16 +81,16 @@ def _draw_curve(spectrum: Spectrum, rect: Rect, is_light: bool, ui: UiContext) -
 
 @lru_cache(maxsize=256)
 def levels(spectrum: Spectrum, is_light: bool) -> NDArray[np.float64]:
-    """Return heights 0 to 1: a light's relative to its largest value, a reflectance's as it is."""
+    """Return heights 0 to 1: a light relative to its largest value, a reflectance as it is."""
     values = spectrum.values
     most = max(float(values.max()), 1e-12) if is_light else 1.0
     return np.asarray(np.clip(values / most, 0.0, 1.0))
 
 
 def column_note(row: LightRow) -> str:
-    """Return a note on a light of several spectra or of one light group; empty for others.
+    """Return a note on a light with several spectra or one light group; empty for others.
 
-    Colours depend on shadows of each group: a cell shows the colour out of every shadow.
+    Colours depend on each group's shadows: a cell shows the colour outside all shadows.
     """
     if len(row.rig.lights) == 1:
         return f"From {row.rig.groups[0]} alone" if row.rig.groups[0] else ""
@@ -99,7 +99,7 @@ def column_note(row: LightRow) -> str:
         for text, group, weight in zip(row.texts, row.rig.groups, row.rig.weights, strict=True)
         if weight > 0
     ]
-    return f"{' + '.join(parts)}\nCells show colours under all of it together, out of shadow"
+    return f"{' + '.join(parts)}\nCells show colours under the whole light, outside all shadows"
 
 
 CELL_POPUP = "palette cell"
@@ -212,7 +212,7 @@ def _draw_cell(
 
 
 def importance(cell: Cell) -> float:
-    """Return the side of the wanted colour's square, as a fraction of the cell's: by weight.
+    """Return the side of the target colour's square, as a fraction of the cell's, by its weight.
 
     >>> importance(Cell("black")), importance(Cell("black", weight=float("inf")))
     (0.44, 0.62)
@@ -248,7 +248,7 @@ def contrast(codes: tuple[float, float, float]) -> tuple[float, float, float]:
 def _write(
     text: str, place: tuple[float, float], colour: int, size: float, pivot: tuple[float, float]
 ) -> None:
-    """Write a text whose pivot, (0, 0) its upper left and (1, 1) its lower right, is at a place."""
+    """Write a text with its pivot, (0, 0) upper left to (1, 1) lower right, at a place."""
     font = imgui.get_font()
     whole, full = imgui.calc_text_size(text), imgui.get_font_size()
     left = place[0] - pivot[0] * whole.x * size / full

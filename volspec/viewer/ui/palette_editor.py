@@ -17,7 +17,7 @@ from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, column_note
 from volspec.viewer.ui.widgets import pick
 
-# Kinds of targets in words: the kind, and the tip.
+# Kinds of targets by their titles: the kind, and the tip.
 _KINDS = {
     "No target": ("", "Any colour"),
     "This colour": ("colour", "Pick it below"),
@@ -26,8 +26,8 @@ _KINDS = {
         "All cells of a group get one colour, found by the design (metamers)",
     ),
     "Black": ("black", "Reflects nothing of this light: a metameric black"),
-    "The colour of another cell": ("same", "Equal to it, whatever its colour is"),
-    "Different from another cell": ("distinct", "At least by this ΔE"),
+    "The colour of another cell": ("same", "Equal to that cell, whatever its colour"),
+    "Different from another cell": ("distinct", "By at least this ΔE"),
 }
 _WORDS = {kind: words for words, (kind, _) in _KINDS.items()}
 _LOG = imgui.SliderFlags_.logarithmic

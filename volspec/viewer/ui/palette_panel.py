@@ -39,7 +39,7 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     new = _apply_pick(new, palette_edits.pick_light, _combo("##light", light, lights, ui))
     like = own.like if own.like in lights else ""
     chosen = _combo("New light", f"like {like}" if like else _NO_LIGHT, (_NO_LIGHT, *lights), ui)
-    tip("Also designs a light, under which the other materials look as under this one")
+    tip("Also designs a light under which the other materials look as they do under this one")
     if chosen is not None:
         new = palette_edits.with_pick(new, like="" if chosen == _NO_LIGHT else chosen)
     imgui.spacing()
@@ -93,11 +93,11 @@ def _wizard_button(name: str, text: str, ui: UiContext) -> None:
 
 
 def _values(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the ranges of the transfer function, and a tool that makes another."""
+    """Draw the ranges of the transfer function, and a tool that adds one."""
     curve, new = state.transfer, state
     if not isinstance(curve, TransferFunction):
-        has = f"This transfer function has {transfer_kind(curve)}, not a curve's ranges."
-        imgui.text_wrapped(f"{has} The Transfer panel edits it")
+        has = f"This transfer function has {transfer_kind(curve)}, not the ranges of a curve."
+        imgui.text_wrapped(f"{has} Edit it in the Transfer panel")
         return state
     names = tuple(curve.materials)
     for number, own in enumerate(palette_table.material_ranges(curve)):
@@ -163,12 +163,12 @@ def _combo(
 
 
 _HELP = (
-    "Rows are materials, columns lights. A cell shows the colour of the material under the "
+    "Rows are materials, columns are lights. A cell shows the colour of the material under the "
     "light, and in its middle the target colour.\n\n"
     "Click a cell and pick a target colour: ticked spectra change until the targets are met. "
     "A frame and a number mark missed targets: the ΔE, where 1 is just visible.\n\n"
-    "The first target casts the scene once more, with materials as channels; later the picture "
-    "follows without a cast, with exact colours."
+    "The first target casts the scene once more, with materials as channels; after that, the "
+    "picture follows without a cast, and its colours are exact."
 )
 _FILTERED = "Materials with filters absorb by wavelength: every design casts the scene again."
 _MARKS = (

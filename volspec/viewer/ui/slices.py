@@ -18,9 +18,9 @@ Area = tuple[float, float, float, float]
 # Pixels at 96 dpi: the least height for all slices, the least side of one, and letters' distance
 # from its edge.
 _LEAST, _FLATTEST, _MARGIN = 150.0, 10.0, 4.0
-# Offsets at which a letter's shade is drawn.
+# Offsets at which a letter's dark outline is drawn.
 _AROUND = tuple((a, b) for a in (-1.2, 0.0, 1.2) for b in (-1.2, 0.0, 1.2))
-# The least width of a slider with its text at the right; below it the text is above.
+# The least width of a slider with its text at the right; if narrower, the text is above.
 _SHORTEST = 50.0
 # A slice's side shorter than this, in lines of text, has no letters at its ends.
 _CRAMPED = 2.6
@@ -57,7 +57,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
 def slice_sizes(
     sizes_mm: list[tuple[float, float]], room: tuple[float, float], least: float
 ) -> list[tuple[float, float]]:
-    """Return the sizes of slices one above the other in a room, in pixels and to one scale.
+    """Return the sizes in pixels, to one scale, of slices stacked in the room available.
 
     Sides shorter than ``least`` are stretched to it.
     """
@@ -94,7 +94,7 @@ def _slice_text(title: str, number: int, last: int) -> str:
 def _slider(
     state: ViewState, ui: UiContext, index: int, layout: Layout, widths: tuple[float, float]
 ) -> ViewState:
-    """Draw a slider with its text at the right; above it if the first width is too short."""
+    """Draw a slider with its text at the right, or above if the first width is too short."""
     volume, plane = state.document.volume, PLANES[index]
     last = volume.shape_xyz[layout.normal] - 1
     number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
@@ -164,7 +164,7 @@ def _crosshair(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> N
 
 
 def _letters(state: ViewState, ui: UiContext, layout: Layout, area: Area) -> None:
-    """Draw the directions of the edges, on a shade that is legible on any slice."""
+    """Draw the directions at the edges, with an outline that is legible on any slice."""
     (x, y, width, height), volume = area, state.document.volume
     draw_list = imgui.get_window_draw_list()
     shade, ink = pack_colour(BLACK, 0.85), pack_colour(WHITE, 0.95)

@@ -68,7 +68,7 @@ def draw_library(state: ViewState, ui: UiContext, index: int) -> ViewState:
     return add_picked_material(state, ui, index, wanted) if wanted else state
 
 
-# Called in every frame while something is searched for.
+# Called in every frame during a search.
 @lru_cache(maxsize=8)
 def matching_entries(search: str) -> list[str]:
     """Return the reflectances and colours that match a search, those that begin with it first.
@@ -84,14 +84,14 @@ def matching_entries(search: str) -> list[str]:
 
 @lru_cache(maxsize=1)
 def library_names() -> tuple[str, ...]:
-    """Return all names that can be picked; a measured reflectance hides a colour of its name."""
+    """Return all names that can be picked; a reflectance hides a CSS colour of the same name."""
     measured = reflectance_names()
     return (*measured, *(name for name in materials.colour_names() if name not in measured))
 
 
 @lru_cache(maxsize=1024)
 def material_class(name: str) -> str:
-    """Return the class of a name of the library as text.
+    """Return the class of a name in the library as text.
 
     >>> [material_class(name) for name in ("gold", "PMC/Banana", "steelblue", "white")]
     ['metal', 'memory colour', 'CSS colour', 'flat']
@@ -105,7 +105,7 @@ def material_class(name: str) -> str:
 
 
 def _spectrum(state: ViewState, name: str) -> Spectrum | None:
-    """Return the reflectance of a name or colour; None if it is neither, or not made yet."""
+    """Return the reflectance of a name or colour; None if it is neither, or not ready yet."""
     basis = state.transfer.basis
     if _is_pending(basis, name):
         return None
@@ -119,7 +119,7 @@ def _is_colour(name: str) -> bool:
 
 
 def _is_pending(basis: Basis, name: str) -> bool:
-    """Return True if a name is a colour's, and colours are still computed in the background."""
+    """Return True for a colour's name while colours are still computed in the background."""
     return _is_colour(name) and css_colours.colours(basis.grid, basis.observer_deg).spectra is None
 
 
@@ -134,7 +134,7 @@ def _look_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | Non
 
 
 def _results(state: ViewState, rows: list[str], ui: UiContext) -> str:
-    """Draw the list; return the name that was clicked, or an empty one."""
+    """Draw the list; return the name that was clicked, empty if none."""
     wanted = ""
     line = imgui.get_frame_height_with_spacing()
     if imgui.begin_child("found", (0, _ROWS * line)):
@@ -173,7 +173,7 @@ def add_picked_material(state: ViewState, ui: UiContext, index: int, wanted: str
     """Make a part of the material that was picked, or show the error."""
     panel = ui.library
     if _is_pending(state.transfer.basis, wanted):
-        # It is added as soon as it is made; the window goes on drawing while a notice is shown.
+        # It is added as soon as it is ready; the window keeps drawing while a notice is shown.
         panel.search, panel.complaint = wanted, _COMPUTING
         ui.notify(_COMPUTING)
         return state
@@ -185,9 +185,9 @@ def add_picked_material(state: ViewState, ui: UiContext, index: int, wanted: str
 
 
 _CLAMP = imgui.SliderFlags_.always_clamp
-# Opacities are small: the slider is finer there.
+# Most opacities are small, where the slider is finer.
 _FINE = imgui.SliderFlags_.logarithmic | _CLAMP
-# The widths of a button that removes, and of a material's name; pixels at 96 dpi.
+# The widths of a remove button, and of a material's name; pixels at 96 dpi.
 _REMOVE, _NAME = 24, 110
 
 
@@ -243,7 +243,7 @@ def _cross(ui: UiContext) -> bool:
 
 
 def draw_material(state: ViewState, ui: UiContext, index: int) -> ViewState:
-    """Draw the search for a material, and the list: a click takes one alone, sliders mix."""
+    """Draw the search for a material, and the list: a click picks one alone, sliders mix."""
     mix = list_parts(state.transfer)[index].mix
     swatch(ui, part_colours(state)[index])
     imgui.same_line(0, ui.px(4))

@@ -20,18 +20,18 @@ from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.transfer_plot import Handle, HandleEdits, ink, set_axis
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
 
-# Beyond either end of the axes.
+# Margins beyond either end of the axes.
 _MARGIN, _ABOVE = 0.02, 0.12
 # Opacities of a step are small: the axis has a square-root scale.
 _TICKS = (0.0, 0.01, 0.1, 0.3, 0.6, 1.0)
 _STRIP_PX = 3.0
-# The least height of the plot of opacities, alone and with the gradients' below, and of that one.
+# The least height of the opacity plot, alone and above the gradient plot; the latter's height.
 _LEAST, _LEAST_OF_TWO, _GRADIENTS_HEIGHT = 115, 82, 70
 _GRADIENTS_TIP = (
     "Multiplies opacity by a factor over gradients, to emphasise boundaries.\n"
     "Drag the points; a double-click adds one, a right click removes it"
 )
-_FILTERED = "Not available with material filters, which this curve has"
+_FILTERED = "Not available for this curve, as it has material filters"
 _EDITS = HandleEdits(
     move=lambda state, i, x, y: transfer_edits.move_point(state, i, x, _opacity_at(y)),
     add=lambda state, x, y: transfer_edits.add_point(state, x, _opacity_at(y)),
@@ -200,15 +200,15 @@ def _draw_line(factors: Sequence[tuple[float, float]], end: float, ui: UiContext
 
 
 Span = tuple[float, float]
-# The width of edges and corners to either side, pixels at 96 dpi.
+# Edges and corners can be gripped this far to either side; pixels at 96 dpi.
 _GRIP = 6
-# Regions reach beyond the volume's values, so that their soft sides do not cut them.
+# Regions may extend beyond the volume's values, so that soft sides do not fade the outer ones.
 _REGION_MARGIN, _REGION_ABOVE = 0.14, 1.14
 
 
 def draw_regions(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the plot, and the chosen region below."""
-    # Above the plot: inside it would hide parts of it.
+    # Above the plot: inside, the text would hide parts of the plot.
     imgui.text_disabled("gradient per mm, over value")
     new, height = state, transfer_detail.height_above(3, ui)
     if implot.begin_plot("##regions", (-1, height), transfer_plot.FLAGS):
@@ -269,7 +269,7 @@ def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _is_inside(box: tuple[imgui.ImVec2, imgui.ImVec2], ui: UiContext) -> bool:
-    """Return True if the mouse is in a rectangle, and on none of its edges and corners."""
+    """Return True if the mouse is inside a rectangle, but not on its edges or corners."""
     (left, above), (right, below) = box
     (x, y), grip = imgui.get_mouse_pos(), ui.px(_GRIP)
     return left + grip < x < right - grip and above + grip < y < below - grip
@@ -285,7 +285,7 @@ def _mouse_step() -> Span:
 def _place_region(
     state: ViewState, index: int, region: Region, values: Span, gradients: Span
 ) -> ViewState:
-    """Move a region's sides; one without an upper end gets none if it is moved as a whole."""
+    """Move a region's sides; one without an upper end stays open if it is moved as a whole."""
     top = state.document.joint.top
     (bottom, end), shown = gradients, _shown_gradients(region, top)
     if values != tuple(region.values):
@@ -316,7 +316,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     moved, *values = imgui.drag_float_range2(
         "##values", *region.values, (high - low) / 500, 0.0, 0.0, "≥ %.4g", "≤ %.4g"
     )
-    ui.note("region values", "From value to value")
+    ui.note("region values", "Range of values")
     if moved:
         new = transfer_edits.set_region_values(new, index, values[0], values[1])
     imgui.same_line()
@@ -327,7 +327,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
         "##gradients", bottom, end, top / 500, 0.0, top, "≥ %.4g", most
     )
     ui.note("region gradients")
-    tip("From gradient to gradient, value per mm; at the axis' end and above: any")
+    tip("Range of gradients, value per mm; an upper end at the end of the axis means any")
     if moved:
         new = transfer_edits.set_region_gradients(new, index, gradients[0], gradients[1])
     wide = (imgui.get_content_region_avail().x - ui.px(36)) / 2
@@ -343,7 +343,7 @@ def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     return transfer_detail.draw_material(new, ui, transfer_detail.chosen_part(new))
 
 
-# By the histogram, as a cache of documents would keep volumes that were closed.
+# Keyed by the histogram, as a cache of documents would keep closed volumes alive.
 @lru_cache(maxsize=2)
 def shades(joint: JointHistogram, logarithmic: bool) -> NDArray[np.float32]:
     """Return (64, 128) shades of the joint histogram, 0 to 1, steepest first."""

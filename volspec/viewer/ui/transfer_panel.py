@@ -18,15 +18,15 @@ _LEAST = 100
 _HELP: dict[Kind, str] = {
     "points": "Drag the points. Double-click adds one, a right click removes it.\n"
     "The vertical axis is opacity per step, on a square-root scale.",
-    "regions": "Drag a rectangle, its edges and corners.\n"
-    "A double-click outside them adds one, a right click removes it.\n"
+    "regions": "Drag a rectangle, or its edges or corners.\n"
+    "A double-click elsewhere adds one, a right click removes it.\n"
     "Background: the joint histogram of values and gradients.",
     "surfaces": "Drag the surfaces to other values and opacities.\n"
     "Double-click adds one, a right click removes it.",
 }
 _KIND_TIP = (
     "Material and opacity by value, by value and gradient, or as isosurfaces.\n"
-    "A message lists the parts that another kind cannot hold;\n"
+    "A message lists the parts that another kind cannot represent;\n"
     "Ctrl+Z restores them"
 )
 _LOG = imgui.SliderFlags_.logarithmic

@@ -27,7 +27,7 @@ from volspec.viewer.ui.widgets import ACCENT, pack_colour
 
 Array = NDArray[np.float64]
 FLAGS = implot.Flags_.canvas_only
-# Left and right of a plot, above and below it.
+# Padding left and right of a plot, and above and below it.
 _PADDING = 10, 4
 
 
@@ -101,7 +101,7 @@ def _colour_functions(
 def bars(counts: Array, logarithmic: bool, share: float = 0.98) -> Array:
     """Return the heights of a histogram, 0 to 1.
 
-    Linear ones are clipped at this quantile, as air would dwarf the rest.
+    Linear heights are clipped at the quantile ``share``, as air would dwarf the rest.
     """
     if logarithmic:
         heights = np.log1p(counts)
@@ -159,14 +159,14 @@ class Handle:
 
     place: tuple[float, float]  # in the plot's units
     words: str  # its tooltip
-    colour: Colour | None = None  # None is a ring alone
+    colour: Colour | None = None  # None draws only a ring
 
 
 @dataclass(frozen=True, slots=True)
 class HandleEdits:
     """Edits by the mouse: a drag, a double-click between handles, a right click, a press.
 
-    Handles are given by their index, places in the plot's units.
+    Handles are given by their index, and places in the plot's units.
     """
 
     move: Callable[[ViewState, int, float, float], ViewState]

@@ -95,7 +95,7 @@ def _eye(state: ViewState, ui: UiContext) -> ViewState:
 
 
 def _level(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw L_A, from the light or by itself, background and surround."""
+    """Draw L_A, either given or from the light, and the background and surround."""
     viewing, rig = state.relight.viewing, light_rig(state.lights)
     lux, own = rig.total_lux if rig is not None else None, viewing.L_A is not None
     now, greyed = lux or viewing.illuminance_lux, lux is not None or own
@@ -103,12 +103,12 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
         state, ui, edits.set_illuminance, "Illuminance", now, _LUX, "%.4g lx", _LOG, greyed
     )
     ui.note("illuminance")
-    tip("The lights' own lux count" if lux else "For lights without lux of their own")
+    tip("The lights' own lux are used" if lux else "For lights without lux of their own")
     now, text = edits.luminance(rig, new.relight.viewing), "L_A %.4g cd/m²"
     new = _slider(new, ui, edits.set_luminance, "##L_A", now, _LUMINANCE, text, _LOG, not own)
     imgui.same_line()
     pressed, _ = imgui.checkbox("own L_A", own)
-    tip("Adapting luminance; otherwise it follows from light and background")
+    tip("Set the adapting luminance; otherwise it follows from light and background")
     if pressed:
         new = edits.toggle_own_luminance(new)
     limits = 1.0, 100.0
@@ -184,7 +184,7 @@ def _slider(
 
 
 def _focus_if_wanted(name: str, ui: UiContext) -> None:
-    """Give the next item the keyboard, and scroll to it, if it was requested."""
+    """Focus the next item, and scroll to it, if that was requested."""
     if ui.item == name:
         ui.item = ""
         imgui.set_keyboard_focus_here()

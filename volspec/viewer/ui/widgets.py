@@ -62,7 +62,7 @@ def set_sizes(imgui: Any, implot: Any) -> None:
 
 
 def set_scale(imgui: Any, implot: Any, scale: float, before: float = 1.0) -> None:
-    """Set spacing and type size; both scales are window pixels for each at 96 dpi."""
+    """Set spacing and type size; both scales are window pixels per pixel at 96 dpi."""
     style, plot = imgui.get_style(), implot.get_style()
     style.font_scale_dpi = scale
     style.scale_all_sizes(scale / before)
@@ -105,7 +105,7 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
 
 
 def pack_colour(colour: Sequence[float], alpha: float = 1.0) -> int:
-    """Return sRGB codes 0 to 1 as draw lists take them; a fourth number multiplies the opacity."""
+    """Pack sRGB codes 0 to 1 for draw lists; a fourth number multiplies the opacity."""
     r, g, b, own = (*colour, 1.0)[:4]
     return int(imgui.color_convert_float4_to_u32((r, g, b, own * alpha)))
 
@@ -121,7 +121,7 @@ def over_picture(ui: UiContext) -> Iterator[imgui.ImDrawList]:
 
 
 def text_width(text: str) -> float:
-    """Return the width of a text in imgui's present font, in pixels."""
+    """Return the width of a text in imgui's current font, in pixels."""
     return float(imgui.calc_text_size(text).x)
 
 
@@ -169,9 +169,9 @@ def wrap_text(text: str, colour: int) -> None:
 def pick(
     label: str, now: str, names: Iterable[str], each: Callable[[str], None] | None = None
 ) -> str | None:
-    """Draw a list to pick from; return the name that was clicked, maybe ``now``, or None.
+    """Draw a list to pick from; return the name that was clicked, possibly ``now``, or None.
 
-    While the list is open ``each`` is called with every name after its row.
+    While the list is open, ``each`` is called with every name after its row is drawn.
     """
     clicked = None
     if imgui.begin_combo(label, as_one_line(now), imgui.ComboFlags_.height_large):
@@ -185,7 +185,7 @@ def pick(
 
 
 def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0, 0)) -> bool:
-    """Draw a button in the accent's colour while something is on; return True if pressed."""
+    """Draw a button, in the accent colour if ``on``; return True if pressed."""
     if on:
         imgui.push_style_color(imgui.Col_.button, ACCENT[dark])
         imgui.push_style_color(imgui.Col_.text, _INK)
@@ -196,11 +196,11 @@ def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0,
 
 
 def search_field(label: str, hint: str, panel: LibraryState) -> bool:
-    """Draw a library's search, which is empty when its window appears; return True on Enter."""
+    """Draw a library's search field, which is empty at first; return True on Enter."""
     if imgui.is_window_appearing():
         panel.search, panel.complaint = "", ""
         imgui.set_keyboard_focus_here()
-    # The field alone would take the first Esc.
+    # Otherwise the field would consume the first Esc.
     if imgui.is_key_pressed(imgui.Key.escape):
         imgui.close_current_popup()
     imgui.set_next_item_width(-1)
@@ -212,7 +212,7 @@ def search_field(label: str, hint: str, panel: LibraryState) -> bool:
 
 
 def shown_rows(count: int, height: float = -1.0, always: int | None = None) -> Iterator[int]:
-    """Yield the indices of a list's rows in view, and of one ``always`` if the list has it.
+    """Yield the indices of a list's visible rows, and ``always`` if the list has that row.
 
     A negative row height is measured.
     """

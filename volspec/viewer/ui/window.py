@@ -85,7 +85,7 @@ class Window:
         io.config_windows_move_from_title_bar_only = True
         widgets.load_font(imgui)
         widgets.set_sizes(imgui, implot)
-        self.scale = 1.0  # window coordinates for each at 96 dpi; 1 if they are not pixels
+        self.scale = 1.0  # window coordinates per pixel at 96 dpi; 1 if they are not pixels
         self._rescale()
         self._renderer = GlfwRenderer(self._window, attach_callbacks=False)
 
@@ -104,7 +104,7 @@ class Window:
 
     @property
     def pixel_ratio(self) -> float:
-        """Framebuffer pixels for each window coordinate."""
+        """Framebuffer pixels per window coordinate."""
         width, _ = glfw.get_framebuffer_size(self._window)
         return float(width / self.size[0]) if width and self.size[0] else 1.0
 
@@ -120,7 +120,7 @@ class Window:
         return bool(glfw.window_should_close(self._window))
 
     def wait(self, seconds: float) -> list[Input]:
-        """Wait for input, but no longer than this; return it, a gesture at a time."""
+        """Wait for input, but no longer than this; return it, one gesture at a time."""
         try:
             if seconds > 0 and not self._inputs.waiting:
                 glfw.wait_events_timeout(seconds)
@@ -160,7 +160,7 @@ class Window:
         glfw.swap_buffers(self._window)
 
     def _copy(self, picture: Painted) -> None:
-        """Copy a picture: imgui would blend it, which takes a CPU twice as long."""
+        """Copy a picture: imgui would blend it, which takes twice as long on a CPU."""
         ratio, tall = self.pixel_ratio, self.size[1]
         left, top, right, bottom = (round(edge * ratio) for edge in picture.to)
         x, y, width, height = (round(edge * ratio) for edge in picture.within)
@@ -202,7 +202,7 @@ class Window:
 
 
 def _fit_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
-    """Return a size for which the screen has room, and a message if it is another."""
+    """Return a size that fits the screen, and a message if it differs from the one wanted."""
     monitor = glfw.get_primary_monitor()
     if not monitor:
         return size, ""
@@ -218,7 +218,7 @@ def _fit_screen(size: tuple[int, int]) -> tuple[tuple[int, int], str]:
     if (width, height) == size:
         return size, ""
     wanted = f"{size[0]} × {size[1]}"
-    return (width, height), f"The screen has no room for {wanted}; this is {width} × {height}"
+    return (width, height), f"The screen has no room for {wanted}; the size is {width} × {height}"
 
 
 def _decode(text: bytes | str) -> str:
