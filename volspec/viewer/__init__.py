@@ -5,13 +5,13 @@
     model   frozen states and pure functions on them
     work    threads, files and GL: values in, values out
     ui      drawing and input: draw(state, ui) -> state
-    app     the event loop, the only file that knows all floors
+    app     the event loop, the only file that uses all layers
 
-A new panel: docs/architecture.md.
+To add a panel, see docs/architecture.md.
 """
 
 import OpenGL
 
-# PyOpenGL asks for errors after every call, which takes longer than the call itself, unless that
-# is switched off before its first import, which is that of imgui's backend.
+# PyOpenGL checks for errors after every call, which takes longer than the call itself, unless that
+# is switched off before PyOpenGL is first imported, by imgui's backend.
 OpenGL.ERROR_CHECKING = False

@@ -41,13 +41,13 @@ from volspec.viewer.work.session import SUFFIX
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
 # Frames that imgui needs after an input until its layout is final.
 _SETTLE = 3
-# Frames for each click and key, as imgui takes a step of them a frame.
+# Frames per click or key, as imgui processes one step of them per frame.
 _FRAMES_EACH, _MOST = 3, 90
 _IDLE_S, _BUSY_S = 0.5, 0.02
-# A mouse that is still for so long gets a tooltip, for which imgui needs frames, too.
+# A mouse that is still for this long gets a tooltip, for which imgui needs frames, too.
 _STILL_S = 0.6
-# The longest that another thread computes before this one may go on; each call of GL and glfw
-# lets the others run, and a frame has many.
+# The longest that another thread computes before this one may continue; each GL or glfw call
+# lets the others run, and a frame has many such calls.
 _TURN_S = 5e-4
 
 
@@ -55,10 +55,10 @@ _TURN_S = 5e-4
 class Options:
     """Options of `volspec view`."""
 
-    path: str | None = None  # a scene, a volume or a session; None is the bundled demo
+    path: str | None = None  # a scene, a volume or a session; None for the bundled demo
     trace: Path | None = None
     size: tuple[int, int] = (1280, 720)  # of the window, at 96 dpi
-    screenshot: tuple[int, int] | None = None  # pixels of pictures that S writes; None is as shown
+    screenshot: tuple[int, int] | None = None  # pixels of pictures that S saves; None for as shown
     device: str | None = None
     restore: bool = False  # resume the last session, if there is one
 
@@ -71,7 +71,7 @@ class Options:
 def view(options: Options) -> None:
     """Open the window; return when it is closed.
 
-    Raises VolspecError if no window can be opened, or the path cannot be.
+    Raises VolspecError if the window or the path cannot be opened.
     """
     return_large_blocks()
     turn = sys.getswitchinterval()
@@ -263,11 +263,11 @@ class _App:
             self._trace.note("gl-error", message=problem)
         self._meter.note_frame(started, self._ui.areas)
         if self._shown is not None:
-            # If a CPU draws it, it does so while the next frame's panels are made.
+            # A software renderer then draws it while the next frame's panels are made.
             self._relight(self._shown)
 
     def _during_fade(self, state: ViewState, now: float) -> ViewState:
-        """Return a state as it is shown; the clock of a new fade begins now."""
+        """Return a state as it is shown; the clock of a new fade starts now."""
         if state.fade is not self._fade:
             self._fade, self._fade_began = state.fade, now
         if self._fade is None:
@@ -313,7 +313,7 @@ class _App:
         return self._docks.panels(state, self._ui)
 
     def _do_requests(self) -> None:
-        """Run the commands that are no edits of the state."""
+        """Run the commands that are not edits of the state."""
         requests, self._ui.requests = self._ui.requests, []
         assert self._history is not None
         for request in requests:

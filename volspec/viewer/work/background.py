@@ -2,7 +2,7 @@
 
     request -> [background] -> thread -> take
 
-A request replaces the one that waits; nothing queues up.
+A request replaces the waiting one; nothing queues up.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Done = TypeVar("Done")
 
 
 class LatestWorker(ABC, Generic[Job, Done]):
-    """Answers requests in a thread, one at a time and the newest next.
+    """Answers requests in a thread, one at a time, always the newest next.
 
-    The thread begins with a request and ends when none waits. It calls ``wake`` when there is
-    something to take.
+    The thread starts with a request and ends when none is waiting. It calls ``wake`` when there
+    is something to take.
     """
 
     _name: str  # of the thread
@@ -42,12 +42,12 @@ class LatestWorker(ABC, Generic[Job, Done]):
 
     @property
     def busy(self) -> bool:
-        """True while a request is in progress or waits, or a result has not been taken."""
+        """True while a request is in progress or waiting, or a result has not been taken."""
         with self._changed:
             return self._thread is not None or bool(self._done)
 
     def request(self, job: Job) -> None:
-        """Set the next job, which replaces the one that waits."""
+        """Set the next job, which replaces the waiting one."""
         with self._changed:
             self._next = job
             self._changed.notify()
@@ -59,7 +59,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
         return [self._done.popleft() for _ in range(len(self._done))]
 
     def close(self, patience_s: float | None = None) -> None:
-        """Begin no more jobs; wait this long for the present one, with None until it has ended."""
+        """Start no more jobs; wait this long for the current one to end (None: indefinitely)."""
         with self._changed:
             self._closed = True
             self._changed.notify()
@@ -72,7 +72,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
         """Yield a job's results, in the thread; errors are results, too."""
 
     def _is_superseded(self) -> bool:
-        """Return True if the present job's results are not needed any more."""
+        """Return True if the current job's results are no longer needed."""
         return self._closed or self._next is not None
 
     def _wait_idle(self, seconds: float) -> bool:
@@ -87,7 +87,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
                     self._done.append(done)
                     self._wake()
         except BaseException:
-            # An internal error ends this thread; the next job begins another.
+            # An internal error ends this thread; the next job starts another.
             with self._changed:
                 self._thread = None
                 if self._next is not None and not self._closed:
@@ -99,7 +99,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
         self._thread.start()
 
     def _next_job(self) -> Job | None:
-        """Return the job that waits; None, and the thread's end, if there is none."""
+        """Return the waiting job; None if there is none, which ends the thread."""
         with self._changed:
             job, self._next = self._next, None
             if job is None or self._closed:
@@ -108,7 +108,7 @@ class LatestWorker(ABC, Generic[Job, Done]):
             return job
 
 
-# The longest wait at the end for files that are being written.
+# The longest wait on closing for files that are being written.
 _PATIENCE_S = 5.0
 
 
@@ -122,10 +122,10 @@ class Outcome:
 
 
 class Tasks:
-    """Runs functions in threads; for each kind only the last one's outcome counts.
+    """Runs functions in threads; for each kind, only the outcome of the last one counts.
 
-    A task that another of its kind replaces runs to its end, as reading a file cannot be stopped,
-    but nothing waits for it. Threads call ``wake`` when there is something to take.
+    A task that is replaced by another of its kind runs to its end, as reading a file cannot be
+    stopped, but nothing waits for it. Threads call ``wake`` when there is something to take.
     """
 
     def __init__(self, wake: Callable[[], object]) -> None:
@@ -139,7 +139,7 @@ class Tasks:
         return any(runner.busy for runner in self._last.values())
 
     def start(self, kind: str, task: Callable[[], Any], writes: bool = False) -> None:
-        """Begin a task; `close` waits for one that ``writes`` a file."""
+        """Start a task; `close` waits for it if it ``writes`` a file."""
         runner = self._last[kind] = _Runner(self._wake, kind)
         runner.request(task)
         if writes:
@@ -152,7 +152,7 @@ class Tasks:
     def close(self) -> None:
         """Wait for files that are being written, `_PATIENCE_S` for all together.
 
-        Errors are warnings now, as the window that showed them is closing.
+        Errors become warnings, as the window that showed them is closing.
         """
         end = time.monotonic() + _PATIENCE_S
         for runner in self._writing:
@@ -173,7 +173,7 @@ class _Runner(LatestWorker[Callable[[], Any], Outcome]):
         if thread is not None:
             thread.join(patience_s)
             if thread.is_alive():
-                return f"{self._kind}: not written when the window closed; the file is as it was"
+                return f"{self._kind}: not finished when the window closed; the file is unchanged"
         return next((outcome.error for outcome in self.take()), "")
 
     def _results(self, job: Callable[[], Any]) -> Iterator[Outcome]:

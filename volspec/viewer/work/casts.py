@@ -26,17 +26,17 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.volume import Volume
 
-# Nice value: next to the window's thread on one core, a cast gets a tenth of it.
+# Nice value: a cast that shares a core with the window's thread gets a tenth of it.
 _NICE = 10
 
 
 def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
-    """Make the caster of a volume; or return None and the reason that this machine cannot cast.
+    """Make a volume's caster, or return None and the reason why this machine cannot cast.
 
-    Raises OpenCLError if a device is named and cannot.
+    Raises OpenCLError if a device is named that cannot cast.
     """
     try:
-        # On Linux the device's threads, which outlive this one, have its priority.
+        # On Linux the device's threads, which outlive this one, inherit its priority.
         with ThreadPoolExecutor(1, "volspec-yielding", initializer=_lower_priority) as pool:
             return pool.submit(Raycaster, volume, device=device).result(), ""
     except OpenCLError as error:
@@ -60,7 +60,7 @@ class CastJob:
     camera: Camera
     shading: RaycastSpec
     size: tuple[int, int]  # width and height of the whole picture
-    divisors: tuple[int, ...]  # its sides are divided by them, one pass for each
+    divisors: tuple[int, ...]  # its sides are divided by these, one pass for each
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,8 +78,8 @@ class CastDone:
 class CastWorker(LatestWorker[CastJob, CastDone]):
     """Casts in a thread of its own.
 
-    A newer job cancels the passes of the one before, except for its first if that is coarse: a
-    mouse that moves quicker than the cast would never show anything.
+    A newer job cancels the passes of the previous one, except the first if that is coarse: with a
+    mouse that moves faster than the cast, nothing would ever be shown.
     """
 
     _name = "volspec-cast"
@@ -107,7 +107,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 cancel=(lambda: self._closed) if spared else self._is_superseded,
                 caster=job.document.caster,
             )
-            # In this thread, as it would take 20 to 40 ms of the window's.
+            # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
         except CastCancelled:
             pass
@@ -115,7 +115,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             done = replace(done, error="no memory for the picture; make the window smaller")
         except VolspecError as refused:
             done = replace(done, error=one_line(refused))
-        except Exception as failed:  # a device that is lost, say: the thread must outlive it
+        except Exception as failed:  # e.g. a lost device; the thread goes on
             message = f"the cast failed: {one_line(failed)}"
             done = replace(done, error=f"{message}; open the file again, or see volspec doctor")
         return replace(done, ms=1e3 * (time.perf_counter() - started))
@@ -124,7 +124,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
 # Few sizes, as each has textures of its own on the GPU.
 DIVISORS = (1, 2, 3, 4, 6, 8)
 # Coarse casts slower than the first become coarser; they become finer if that stays below the
-# second. Drawing at the same time, and work that no size makes quicker, lie between the two.
+# second. The gap allows for simultaneous drawing and for work that does not depend on the size.
 SLOW_MS, QUICK_MS = 75.0, 45.0
 # A whole cast that takes longer gets a pass of half the size before it.
 STEP_MS = 900.0
@@ -134,9 +134,9 @@ REST_S = 0.15
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """Divisor of a moving picture's sides, by the times of casts.
+    """Divisor of a moving picture's sides, adapted to the times of casts.
 
-    The time of a whole picture is 0 if it is not known.
+    The time of a whole picture is 0 until it is known.
 
     >>> Pace().after(4, 100.0).divisor, Pace().after(4, 4.0).divisor
     (6, 2)
@@ -146,7 +146,7 @@ class Pace:
     whole_ms: float = 0.0
 
     def after(self, divisor: int, ms: float) -> Pace:
-        """Return the pace after a cast that took so long."""
+        """Return the pace after a cast that took this long."""
         if divisor == 1:
             paced = replace(self, whole_ms=ms)
             return paced if self.divisor > 1 or ms <= SLOW_MS else replace(paced, divisor=2)

@@ -38,7 +38,7 @@ class Colours:
 
 @lru_cache(maxsize=1)
 def colours(grid: SpectralGrid, observer_deg: int) -> Colours:
-    """Return the colours on a grid; the first call begins to make them."""
+    """Return the colours on a grid; the first call starts making them."""
     return Colours(grid, observer_deg)
 
 

@@ -2,9 +2,9 @@
 
     state -> [designs] -> Design -> History
 
-A target is designed twice: quickly from the present spectra, then well if no other target follows.
-The result belongs to the step that set the target, so that undo takes both back; a wizard's result
-is a step of its own.
+Each target is designed twice: a quick preview from the current spectra, then a full design unless
+another target follows. The result belongs to the step that set the target, so that undo reverts
+both; a wizard's result is a step of its own.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from volspec.viewer.work.background import LatestWorker, Outcome, Tasks
 from volspec.viewer.work.notify import Notice
 from volspec.wizard import Redesigned
 
-# Iterations of the quick design: from the last one's result they get within ΔE 1 or so. With free
-# lights an iteration takes several times as long.
+# Iterations of the quick design: starting from the last result, they come within about ΔE 1. With
+# free lights an iteration takes several times as long.
 QUICK, QUICK_LIGHTS = 2, 1
-# The design in full begins after this time without another target.
+# The full design begins after this time without another target.
 REST_S = 0.12
 
 
@@ -38,7 +38,7 @@ class DesignJob:
     """Palette to design."""
 
     palette: Palette
-    targets: DesignTargets  # those that the palette was made for
+    targets: DesignTargets  # the targets that the palette was made for
     number: int = 0  # of the `DesignService`'s state; results of an earlier one are dropped
 
 
@@ -78,7 +78,7 @@ def _run(job: DesignJob, palette: Palette, whole: bool) -> DesignDone:
         error = "no memory for the design"
     except VolspecError as refused:
         error = one_line(refused)
-    except Exception as failed:  # a solver that does not converge: the thread must outlive it
+    except Exception as failed:  # e.g. a solver that does not converge; the thread goes on
         message = f"the design failed: {one_line(failed)}"
         error = f"{message}; change a target, or design from scratch"
     ms = 1e3 * (time.perf_counter() - started)
@@ -86,7 +86,7 @@ def _run(job: DesignJob, palette: Palette, whole: bool) -> DesignDone:
 
 
 PALETTES = _LOAD, _SAVE = "palette-load", "palette-save"
-# Longest wait at the end for a design, which cannot be interrupted.
+# Longest wait on closing for a design, which cannot be interrupted.
 _PATIENCE_S = 0.1
 _DOING = {
     "hide": "Hiding {} under {} …",
@@ -146,13 +146,13 @@ class DesignService:
         self._report(busy="Designing …")
 
     def forget(self) -> None:
-        """Drop designs in progress: the state is another."""
+        """Drop designs in progress, as the state has been replaced."""
         self._number += 1
         self._requested = None
         self._report(busy=self._wizard)
 
     def take(self, history: History) -> History:
-        """Return the history with results of threads; itself if there are none."""
+        """Return the history with the threads' results; unchanged if there are none."""
         for done in self._worker.take():
             history = self._with_design(history, done)
         for outcome in self._tasks.take():
@@ -186,7 +186,7 @@ class DesignService:
         self._tasks.start("palette", task, writes=name == _SAVE)
 
     def close(self) -> None:
-        """End the threads: designs are not waited for, files are."""
+        """End the threads, waiting for files but not for designs."""
         self._worker.close(_PATIENCE_S)
         self._tasks.close()
 
@@ -210,7 +210,7 @@ class DesignService:
         return history.amend(state)
 
     def _advise(self, made: Design, targets: DesignTargets) -> None:
-        """Search for advice, one search at a time: each designs many times."""
+        """Search for advice, one search at a time, as each runs many designs."""
         self._missed = made, targets
         if self._advising is None:
             self._advising = targets
@@ -259,7 +259,7 @@ class DesignService:
     ) -> ViewState:
         # Spectra are compared by identity.
         if dict(begun.transfer.materials) != dict(present.transfer.materials):
-            dropped = f"The wizard “{name}” was discarded: the materials changed meanwhile"
+            dropped = f"The wizard “{name}” was discarded, as the materials changed meanwhile"
             self._notice.show(dropped)
             raise PaletteError(dropped, code="state")
         state = palette_results.with_wizard_result(present, made)

@@ -2,7 +2,7 @@
 
     path -> [documents] -> threads -> Opened -> state
 
-Of several requests the last one is opened. The state before is saved as a session.
+Of several requests, only the last is opened. The previous state is saved as a session.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from volspec.volume import load_volume
 
 
 def open_document(path: str | None, device: str | None = None) -> Document:
-    """Open a scene file, or a volume with a scene made for it; None is the bundled demo.
+    """Open a scene file, or a volume with a scene made for it; None opens the bundled demo.
 
-    Raises VolspecError if it cannot be read, or a device is named and cannot cast.
+    Raises VolspecError if the file cannot be read, or a device is named that cannot cast.
     """
     if path is not None:
         check_name(path)
@@ -61,7 +61,7 @@ class Opened:
     session: Path | None = None
 
     def after(self, before: ViewState | None) -> Opened:
-        """Return it for the present window; a session keeps its own interface and chosen light."""
+        """Return this for the current window; a session keeps its interface and chosen light."""
         if before is None:
             return self
         interface = self.state.interface
@@ -71,7 +71,7 @@ class Opened:
 
 
 def open_path(path: str | None, device: str | None) -> Opened:
-    """Open a scene or a volume as its file has it, as `open_document`."""
+    """Open a scene or a volume with `open_document`, in its initial state."""
     return Opened(ViewState.first(open_document(path, device), (0, 0)), path)
 
 
@@ -88,9 +88,9 @@ class DocumentService:
         self.recent = self._recent.rows()
 
     def open(self, path: str | None, notify: bool = True) -> None:
-        """Begin to read a scene, a volume or a session; None is the bundled demo.
+        """Start reading a scene, a volume or a session; None for the bundled demo.
 
-        `finish_open` returns it later. If ``notify`` is False, the present message stays.
+        `finish_open` returns it later. If ``notify`` is False, the current message stays.
         """
         if path is not None and path.lower().endswith(SUFFIX):
             self.resume(Path(path))
@@ -107,7 +107,7 @@ class DocumentService:
             self._notice.show_error(str(error))
 
     def resume_last(self, path: str | None) -> None:
-        """Restore the last session; without one open the file, or the most recent, or the demo."""
+        """Restore the last session; without one, open the file, the most recent one or the demo."""
         recent = [row.path for row in self._recent.rows() if row.there]
         self._fallbacks = [path] if path is not None else [*recent[:1], None]
         session = self._store.last()
@@ -117,7 +117,7 @@ class DocumentService:
             self._open_fallback("There is no session to restore")
 
     def finish_open(self, outcome: Outcome, first: bool) -> Opened | None:
-        """Return the result of a task ``open``; if it failed, say so and return None.
+        """Return the result of an ``open`` task; if it failed, show the error and return None.
 
         Raises InputError if nothing is open yet (``first``), and nothing can be opened instead.
         """
@@ -148,7 +148,7 @@ class DocumentService:
             self.recent = self._recent.rows()
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
-        """Save the session if it is time to, and nothing moves that this could disturb."""
+        """Save the session if it is due and nothing is moving that this could disturb."""
         if self._store.due(state, now) and not moves:
             self._tasks.start("session", self._store.saving(state, now))
 
@@ -192,7 +192,7 @@ class DocumentService:
         self.recent = ()
 
     def resume(self, path: Path) -> None:
-        """Begin to restore the session in a file."""
+        """Start restoring the session in a file."""
 
         def restored() -> Opened:
             check_name(path)
@@ -212,7 +212,7 @@ class DocumentService:
             raise InputError(error, code="impossible")
         path = self._fallbacks.pop(0)
         name = "the demo" if path is None else Path(path).name
-        self._notice.show_error(f"{error}; this is {name}")
+        self._notice.show_error(f"{error}; opening {name} instead")
         self.open(path, notify=False)
 
     def _show_opening(self, message: str) -> None:

@@ -65,12 +65,12 @@ class Notice:
         self.text, self.until = one_line(text), time.perf_counter() + seconds
 
     def show_error(self, error: str) -> None:
-        """Replace the line by an error, and note it in the trace."""
+        """Replace the line with an error, and note it in the trace."""
         self.show(error)
         self.trace.note("error", message=error)
 
     def expire(self, now: float) -> bool:
-        """Remove a line whose time is over; return True if there was one."""
+        """Remove a line whose time is up; return True if there was one."""
         if not self.text or now <= self.until:
             return False
         self.text = ""

@@ -31,7 +31,7 @@ _LARGE_BYTES = 1_000_000
 def return_large_blocks() -> None:
     """Make glibc return large blocks to the system as soon as they are freed.
 
-    Otherwise it holds up to twice the memory in use after casts of many sizes. Other C libraries
+    Otherwise glibc keeps up to twice the memory in use after casts of many sizes. Other C libraries
     are left as they are.
     """
     libc: Any = ctypes.CDLL(None) if sys.platform == "linux" else None
@@ -39,7 +39,7 @@ def return_large_blocks() -> None:
         libc.mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
 
 
-# Relighters: for the whole picture, two coarser ones, and those of a window before its resize.
+# Relighters: of the whole picture, of two coarser ones, and of the window before a resize.
 MOST_SIZES = 5
 
 
@@ -68,12 +68,12 @@ class Relit:
 
     @property
     def ms(self) -> float:
-        """Its time on the host and the GPU; waits until it is done."""
+        """Duration on the host and the GPU; waits until the relight is done."""
         return float(self.host_ms + self.query.elapsed / 1e6)
 
 
 class Pictures:
-    """Relighters of the window's picture, one for each size, in the window's context."""
+    """Relighters of the window's picture, one per size, in the window's context."""
 
     def __init__(self, context: Any) -> None:
         self._context = context
@@ -100,7 +100,7 @@ class Pictures:
         return int(width), int(height)
 
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
-        """Take a picture, with its packed layers if any; the last one stays until `relight`."""
+        """Take a picture, with its packed layers if any; the previous one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
         self._half, self.current = None, False
 
@@ -156,12 +156,12 @@ class Pictures:
         coarse: bool = False,
         band: tuple[float, float] = (0.0, 1.0),
     ) -> Relit | None:
-        """Begin to draw the picture under lights; return its timing, for two relights at most.
+        """Start drawing the picture under lights; return its timing, for two relights at most.
 
         A picture of another size stays visible until the last band of this one is drawn; without
-        lights there is no picture. An eye adapted to ``other`` lights is right of the divide, 0 to
-        1 of the width. ``coarse`` is every second row and column, ``band`` the rows to draw, 0 to
-        1 of the height.
+        lights there is no picture. Right of the divide, 0 to 1 of the width, are the ``other``
+        lights, with an eye adapted to them. ``coarse`` draws every second row and column, ``band``
+        is the range of rows to draw, 0 to 1 of the height.
         """
         if self._shown is None or rig is None:
             self._frame = self._frame_of = None

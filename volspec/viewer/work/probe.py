@@ -64,7 +64,7 @@ def read(
 
 
 def _appearance_rows(XYZ: Array, lit: Illumination) -> Iterator[tuple[str, str]]:
-    """Yield a colour's attributes in the viewing's model; CIECAM02 if that only adapts."""
+    """Yield a colour's attributes in the viewing's model, or in CIECAM02 if that only adapts."""
     given = replace(lit.viewing, adapting="given")
     name = given.model if given.model in APPEARANCE_MODELS else "CIECAM02"
     look = APPEARANCE_MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))

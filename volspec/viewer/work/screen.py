@@ -2,7 +2,7 @@
 
     casts, state -> [screen] -> Painted -> window
 
-A slow relight draws one band a frame. LUTs of models that no shader draws are made in the
+A slow relight draws one band per frame. LUTs for models without a shader are made in the
 background; the old picture stays meanwhile.
 """
 
@@ -30,9 +30,9 @@ from volspec.viewer.work.pictures import Painted, Pictures, Relit
 from volspec.viewer.work.probe import Reading, read
 from volspec.viewer.work.slice_pictures import SlicePictures
 
-# Frames further apart are no movement.
+# Frames further apart do not count as movement.
 _APART_S = 0.25
-# The window must look for input more often.
+# The window must check for input more often than this.
 _UNANSWERED_MS = 40.0
 # A whole relight that takes longer leaves no time for the rest of a frame.
 SLOW_MS = 18.0
@@ -47,8 +47,8 @@ class Meter:
         self.ms: dict[str, float] = {}  # last time of each stage
         self.fps = 0.0  # frames per second, while something moves
         self._last = 0.0
-        # Frames that a whole picture is to be relit in, so that none takes long; more than one if
-        # that is too slow while a light is dragged.
+        # Number of frames over which to relight a whole picture, so that none takes long; more than
+        # one if a relight is too slow while a light is dragged.
         self.bands = 1
         self._relit: Relit | None = None
         self._relit_ms = 0.0
@@ -56,7 +56,7 @@ class Meter:
         self._areas: dict[str, tuple[int, int, int, int]] = {}
 
     def note_relight(self, relit: Relit | None, first: bool, ends: bool, whole: bool) -> None:
-        """Take a picture, or a band of it, that is being relit; its time arrives a frame later.
+        """Note that a picture, or a band of it, is being relit; its time arrives a frame later.
 
         The band may be the picture's ``first`` one, or its last (``ends``); a ``whole`` picture
         has all pixels.
@@ -67,12 +67,12 @@ class Meter:
         self._ended = whole if ends else None
 
     def note_wait(self, late_s: float, busy_s: float) -> None:
-        """Note if the wait for input ended too late, or what followed on it took too long."""
+        """Note if the wait for input ended too late, or the work that followed took too long."""
         if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
             self._trace.note("unanswered", None, ms)
 
     def note_frame(self, began: float, areas: dict[str, tuple[int, int, int, int]]) -> None:
-        """Note a frame that is shown, and the (x, y, width, height) of its panels by name."""
+        """Note a shown frame, and the (x, y, width, height) of its panels by name."""
         if self._relit is not None:
             self._relit_ms += self._relit.ms
             self._relit = None
@@ -92,14 +92,14 @@ class Meter:
             self._trace.note("layout", areas=self._areas)
 
 
-# Approximate number of pixels compared: takes a fraction of a second, and is fine enough.
+# Approximate number of pixels compared, which takes a fraction of a second and is fine enough.
 _PIXELS = 60_000
 # The map's opacity over the picture, of 255.
 _ALPHA = 230
 
 
 class ErrorMapTexture:
-    """The error map of the picture; computed again when image or light change."""
+    """The error map of the picture; computed again when the image or the light changes."""
 
     def __init__(self, context: Any, wake: Callable[[], object]) -> None:
         self._context, self._tasks = context, Tasks(wake)
@@ -115,7 +115,7 @@ class ErrorMapTexture:
         return self._tasks.busy
 
     def want(self, image: CoefficientImage, lights: Rows, spec: RelightSpec) -> None:
-        """Begin the map of a picture, unless it is the last one begun."""
+        """Start a picture's map, unless it was the last one started."""
         key, rig = (image, lights, spec.mode, spec.backdrop), light_rig(lights)
         if key == self._of:
             return
@@ -184,7 +184,7 @@ class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
             yield ""
 
 
-# The longest time that the notice of a table is shown; it goes when the table is ready.
+# The longest time that a table's notice is shown; it disappears when the table is ready.
 _TABLE_S = 60.0
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
 Area = tuple[int, int, int, int]
@@ -223,7 +223,7 @@ class Screen:
 
     @property
     def ready(self) -> bool:
-        """True if the picture is drawn to its end, or there is none."""
+        """True if the picture is fully drawn, or there is none."""
         return self._relit or self.pictures.image is None
 
     def take(self, done: CastDone, state: ViewState | None) -> None:
@@ -234,7 +234,7 @@ class Screen:
             self._notice.show(done.error)
             how = "error"
             if self._cast is None or self._cast.job.document is not done.job.document:
-                # The picture that is shown is another document's.
+                # The picture that is shown belongs to another document.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
         self._notice.trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
@@ -255,16 +255,16 @@ class Screen:
 
     def mark_stale(self) -> None:
         """Mark the picture as stale: it no longer shows the state's light."""
-        # If lights follow each other, as under a key held down, the last bands would never come.
+        # If lights keep changing, as with a key held down, the last bands would never be drawn.
         self._hurries |= self._band > 0
         self._relit, self._band = False, 0
 
     def relight(self, state: ViewState, held: bool) -> bool:
-        """Begin to draw the picture under the state's lights, unless it shows them.
+        """Start drawing the picture under the state's lights, unless it already shows them.
 
-        GL calls after this wait for the drawing: panels are best made meanwhile. A slow relight
-        draws one band a frame, unless the light before was not drawn to its end, and fewer pixels
-        while a mouse button is held. Return True if the next frame has something to show.
+        GL calls after this wait for the drawing, so the panels are best made meanwhile. A slow
+        relight draws one band per frame, unless the previous light was not fully drawn, and fewer
+        pixels while a mouse button is held. Return True if the next frame has something to show.
         """
         self._drawing = False
         if self._coarse and not held:
@@ -330,9 +330,9 @@ class Screen:
         return bool(errors)
 
     def probe(self, state: ViewState, place: tuple[float, float] | None, held: bool) -> None:
-        """Read the pixel under the mouse; none if a button is down.
+        """Read the pixel under the mouse; nothing if a button is down.
 
-        While a picture is being drawn the last reading stays, as reading waits for the drawing.
+        While a picture is being drawn, the last reading stays, as a new one would wait for it.
         """
         shown, self.under_mouse = self.under_mouse, None
         image, cast = self.pictures.image, self._cast

@@ -41,8 +41,8 @@ class Shot:
 
     preset: str = SHOWN
     custom: tuple[int, int] = _UHD  # width and height in pixels, for the last of `PRESETS`
-    folder: str = ""  # empty is the current one
-    name: str = ""  # without ".png"; empty is the scene's title
+    folder: str = ""  # empty for the current one
+    name: str = ""  # without ".png"; empty for the scene's title
 
     def size(self, shown: tuple[int, int]) -> tuple[int, int]:
         """Return width and height in pixels; ``shown`` is the size in the window."""
@@ -64,13 +64,13 @@ class Shot:
 def megabytes(size: tuple[int, int], channels: int) -> float:
     """Estimate the memory that a picture takes while it is cast and relit, in MB."""
     width, height = size
-    # On the device, on the host, and packed for GL.
+    # Once each on the device, on the host, and packed for GL.
     return 3 * width * height * (4 * channels + _OTHER_BYTES) / 1e6
 
 
 @dataclass(slots=True)
 class Progress:
-    """Progress of a cast for a file; the window shows it, and cancels the cast by ``ended``."""
+    """Progress of a cast for a file; the window shows it, and cancels the cast with ``ended``."""
 
     what: str
     share: float = 0.0  # 0 to 1
@@ -82,7 +82,7 @@ class Progress:
 
 
 def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
-    """Cast, relight and write a picture, not on the window's thread; return its path."""
+    """Cast, relight and write a picture, off the window's thread; return its path."""
     path = shot.path(state.document.title)
     if not path.parent.is_dir():
         raise InputError(f"{path.parent}: no such folder; choose another", code="not-found")
@@ -143,15 +143,15 @@ def copy_shown(pictures: Pictures) -> str:
     height, width, _ = frame.shape
     data = np.dstack([frame, np.full((height, width), 255, np.uint8)]).tobytes()
     _copy("picture", lambda clipboard: clipboard.copy_image(data, width, height))
-    return "The picture is copied"
+    return "The picture was copied"
 
 
 def copy_values(reading: Reading | None) -> str:
-    """Copy the values under the mouse, a name and a value to the line; return a message."""
+    """Copy the values under the mouse, a name and a value per line; return a message."""
     if reading is None:
         raise ClipboardError("Point at something in the picture first", code="missing")
     _copy("text", lambda clipboard: clipboard.copy(str(reading)))
-    return "The values are copied"
+    return "The values were copied"
 
 
 def _copy(what: str, copy: Callable[[Any], object]) -> None:

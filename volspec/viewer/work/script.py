@@ -2,7 +2,7 @@
 
     state -> [script] -> FILE.py -> PNG
 
-Spectra are written by their names if those give the same numbers, and as numbers if not.
+Spectra are written by name if the name yields the same numbers, and as numbers if not.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ _LEFT_OUT = ("tile_ms",)
 
 
 def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
-    """Write the script; a basis that does not ship goes into a file next to it.
+    """Write the script; a basis that is not shipped goes into a file next to it.
 
-    Raises VolspecError if the name is not ``.py``, or nothing can be written there, and as
-    `script_from_state`.
+    Raises VolspecError if the name is not ``.py``, if nothing can be written there, or as
+    `script_from_state` does.
     """
     target = Path(path)
     if target.suffix.lower() != ".py":
@@ -60,9 +60,9 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
 
 
 def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
-    """Return the script, which loads a basis that does not ship from a file next to it.
+    """Return the script, which loads a basis that is not shipped from a file next to it.
 
-    It needs a document that has a file, and a light.
+    The document must have a file, and a light must be on.
     """
     document, rig = state.document, light_rig(state.lights)
     file, path = document.saved()
@@ -143,7 +143,7 @@ class _Code:
             self._named.append((f"vs.{kind}({python_text(text)})", found))
 
     def of(self, value: Any, indent: int = 0) -> str:
-        """Return any value as code; ``indent`` is that of its line."""
+        """Return any value as code; ``indent`` is its line's indentation."""
         if isinstance(value, Spectrum):
             return self._spectrum(value, indent)
         if is_dataclass(value):
@@ -179,7 +179,7 @@ class _Code:
         return _call(f"vs.{type(transfer).__name__}", parts, 0)
 
     def changed_fields(self, value: Any, indent: int) -> list[str]:
-        """Return those fields of a dataclass that are not the default, as arguments."""
+        """Return the fields of a dataclass that differ from their defaults, as arguments."""
         cls: Any = type(value)
         now = {field.name: getattr(value, field.name) for field in fields(value)}
         required = {name: own for name, own in now.items() if default_of(cls, name) is MISSING}
@@ -214,7 +214,7 @@ def _call(name: str, parts: Sequence[str], indent: int) -> str:
 
 
 def _wrap(start: str, parts: Sequence[str], end: str, indent: int) -> str:
-    """Write one line if it fits, or a line for each part, or for some numbers."""
+    """Write one line if it fits, otherwise a line per part or per few numbers."""
     flat = start + ", ".join(parts) + end
     if "\n" not in flat and len(flat) + indent <= _WIDTH:
         return flat

@@ -2,8 +2,8 @@
 
     state <-> [session] <-> FILE.volspec.json
 
-A session holds the scene's tables as they were opened, which commands such as reset restore,
-and every field of the state. Spectra are in it as numbers; the volume's voxels are not.
+A session contains the scene's tables as they were opened, which commands such as reset restore,
+and every field of the state. Spectra are stored as numbers; the volume's voxels are not stored.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
 FORMAT = "volspec-session"
 VERSION = 3
 SUFFIX = ".volspec.json"
-# By version: the names of fields and of classes that the next version has renamed.
+# By version: the names of fields and classes that the next version renamed.
 _FIELDS = {
     1: {
         "seen": "relight",
@@ -46,7 +46,7 @@ _FIELDS = {
 _CLASSES = {1: {"Board": "PaletteState", "Wishes": "DesignTargets"}, 2: {"Aids": "Overlays"}}
 # Fields of a document that are read, made or measured again.
 _REMADE = ("volume", "caster", "fault", "histogram", "file", "path")
-# Fields of a state that are made again, or end with it: a fade must not run a second time.
+# Fields of a state that are made again or not saved: a fade must not run a second time.
 _PASSING = ("document", "fade")
 
 
@@ -62,7 +62,7 @@ class BrokenSession(SessionError):
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Contents of a session's file, and where its scene or volume is now."""
+    """Contents of a session's file, and the current path of its scene or volume."""
 
     path: Path
     data: dict[str, Any]
@@ -96,8 +96,8 @@ def session_from_state(state: ViewState) -> Session:
 def save_session(state: ViewState, path: str | os.PathLike[str]) -> Path:
     """Write a session, whole or not at all.
 
-    Raises VolspecError if the name does not end in ``.json``, nothing can be written there, or as
-    `session_from_state`.
+    Raises VolspecError if the name does not end in ``.json``, if nothing can be written there, or
+    as `session_from_state` does.
     """
     target = Path(path)
     if target.suffix.lower() != ".json":
@@ -162,10 +162,10 @@ def _migrate(part: Any, fields: Mapping[str, str], classes: Mapping[str, str]) -
 
 
 def restore_state(session: Session, device: str | None = None, cast: bool = True) -> ViewState:
-    """Return the state that a session saved, with its volume read again, and a caster if ``cast``.
+    """Return a session's state, with its volume read again, and with a caster if ``cast``.
 
-    Raises SessionError if a field is missing or wrong; the message names it; VolspecError if the
-    volume cannot be read, or there is no device.
+    Raises SessionError if a field is missing or wrong (the message names it), VolspecError if the
+    volume cannot be read or there is no device.
     """
     data = session.data
     try:
@@ -203,7 +203,7 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
 
 
 def _broken_by(error: Exception, field: str = "") -> BrokenSession:
-    """Return the error of a value that no session has, from the error that it caused."""
+    """Return the session error for an invalid value, from the error that the value caused."""
     if not isinstance(error, InputError):
         return BrokenSession(f"session: {one_line(error)}; was it edited?")
     problem, remedy = one_line(error.problem), f"{error.remedy}; was it edited?".removeprefix("; ")

@@ -3,7 +3,7 @@
     state <-> [session_codec] <-> JSON
 
 A field that is added to the state is stored without a line here; one that a file lacks takes its
-default. Objects compared by identity, such as spectra, are written once and are one object again.
+default. Objects compared by identity, such as spectra, are written once and shared again when read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict
 from volspec.errors import InputError
 from volspec.settings import expected
 
-# Keys of a dataclass's class name, and of the number of an object that is written once.
+# Keys for a dataclass's class name, and for the number of an object that is written once.
 KIND, NUMBER = "is", "#"
 _STRICT = ConfigDict(strict=True)
 
@@ -39,7 +39,7 @@ class Writer:
         self._numbers: dict[int, int] = {}
 
     def plain(self, value: Any) -> Any:
-        """Return a value as JSON; raise TypeError for a kind that no state holds."""
+        """Return a value as JSON; raise TypeError for a type that no state contains."""
         if value is None or isinstance(value, bool | int | float | str):
             return value
         if is_dataclass(value) and not isinstance(value, type):
@@ -57,7 +57,7 @@ class Writer:
         raise TypeError(f"{type(value).__name__} cannot be saved in a session")
 
     def field_values(self, value: Any, but: Sequence[str] = ()) -> dict[str, Any]:
-        """Return a dataclass's fields as JSON, all but some."""
+        """Return a dataclass's fields as JSON, except those in ``but``."""
         names = [field.name for field in fields(value) if field.init and field.name not in but]
         return {name: self.plain(getattr(value, name)) for name in names}
 
@@ -84,9 +84,9 @@ class Reader:
         self._made: dict[int, Any] = {}
 
     def value(self, hint: Any, data: Any, where: str) -> Any:
-        """Return the value of a field with an annotation; messages call it ``where``.
+        """Return the value of a field with annotation ``hint``; messages name it ``where``.
 
-        Raises ValueFault if ``data`` is no such value.
+        Raises ValueFault if ``data`` does not fit.
         """
         origin, inner = get_origin(hint), get_args(hint)
         if origin in (Union, types.UnionType):
@@ -106,9 +106,9 @@ class Reader:
     def field_values(
         self, kind: type, data: Any, prefix: str = "", but: Sequence[str] = ()
     ) -> dict[str, Any]:
-        """Return the values of a dataclass's fields, all but some.
+        """Return the values of a dataclass's fields, except those in ``but``.
 
-        What the file lacks is left to its default. In messages ``prefix`` is before the name.
+        Fields that the file lacks take their defaults. Messages put ``prefix`` before the name.
         """
         if not isinstance(data, dict):
             raise ValueFault.refused(kind.__name__, data, "expected fields", "type")
@@ -124,7 +124,7 @@ class Reader:
         return values
 
     def _one_of(self, kinds: Sequence[Any], data: Any, where: str) -> Any:
-        """Return a value of the kind that the data names, or of the first that it fits."""
+        """Return a value of the kind that the data names, or of the first kind that fits."""
         meant = self._resolved(data)
         if isinstance(meant, dict):
             named = [kind for kind in kinds if _kind_of(meant) == getattr(kind, "__name__", "")]
@@ -148,7 +148,7 @@ class Reader:
         return frozenset(row) if origin in (set, frozenset) else tuple(row)
 
     def _resolved(self, data: Any) -> Any:
-        """Return the object that a number refers to; all other data as it is."""
+        """Return the object that a number refers to; other data as it is."""
         number = data.get(NUMBER) if isinstance(data, dict) else None
         if isinstance(number, int) and 0 <= number < len(self._objects):
             return self._objects[number]
@@ -168,7 +168,7 @@ class Reader:
         return made
 
     def _new(self, kind: type, data: Any, where: str) -> Any:
-        """Make an object, which checks itself."""
+        """Make an object, which validates itself."""
         _require(_kind_of(data) == kind.__name__, _kind_of(data), kind.__name__, where)
         try:
             if kind in (SpectralBasis, MaterialBasis):
@@ -193,14 +193,14 @@ def _scalar(hint: Any, data: Any, where: str) -> Any:
         plain = str if hint is Path else hint
         made = TypeAdapter(plain, config=_STRICT).validate_python(data)
         if isinstance(made, str):
-            made.encode()  # half of a surrogate pair is no text
+            made.encode()  # half of a surrogate pair is not text
     except ValueError as error:
         raise ValueFault.refused(where, data, f"expected {expected(plain)}", "type") from error
     return Path(made) if hint is Path else made
 
 
 def _kind_of(data: Any) -> str:
-    """Return the class's name; a basis has its method instead."""
+    """Return the class's name; for a basis, its method."""
     if isinstance(data, dict) and KIND not in data and "method" in data:
         return "MaterialBasis" if data["method"] == "materials" else "SpectralBasis"
     return str(data.get(KIND)) if isinstance(data, dict) else ""

@@ -34,7 +34,7 @@ MOST_FILES = 10
 
 
 def state_folder() -> Path:
-    """Return the folder of sessions and the list: ``VOLSPEC_STATE``, or the system's for state."""
+    """Return the folder for sessions and the list: ``VOLSPEC_STATE``, or the system's own."""
     from platformdirs import user_state_path
 
     return Path(os.environ.get(STATE_VARIABLE) or user_state_path("volspec", appauthor=False))
@@ -49,7 +49,7 @@ class RecentFile:
 
     @property
     def label(self) -> str:
-        """Name and folder, with ``~`` for the user's own and without a long beginning."""
+        """Name and folder, with ``~`` for the home folder, and a long beginning cut off."""
         file = Path(self.path.partition("?")[0])
         try:
             folder = f"~/{file.parent.relative_to(Path.home())}".removesuffix("/.")
@@ -65,7 +65,7 @@ class RecentFiles:
         self._file = folder / "recent.json"
 
     def rows(self) -> tuple[RecentFile, ...]:
-        """Read the list, the newest first; other windows write it too."""
+        """Read the list, newest first; other windows write it too."""
         try:
             data = parse_json(self._file.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -109,12 +109,12 @@ class SessionStore:
         self._saved: ViewState | None = None
         self._latest: ViewState | None = None  # the last state given to `due`
         self._changed_s = self._due = 0.0
-        self._lock = threading.Lock()  # a thread saves, and the end may come meanwhile
+        self._lock = threading.Lock()  # a thread may be saving when the program ends
         # Numbers of the last requested and the last written state.
         self._requested = self._written = 0
 
     def begin(self, state: ViewState, own: Path | None = None) -> None:
-        """Start the session of a state that was opened; an ``own`` file of this store goes on."""
+        """Start the session of an opened state; an ``own`` file of this store is continued."""
         clear_unfinished(self._folder)
         with self._lock:
             self._document, self._saved = state.document, _without_window(state)
@@ -123,11 +123,11 @@ class SessionStore:
             self._own = own if own is not None and self.holds(own) else None
 
     def holds(self, path: Path) -> bool:
-        """Return True if a session's file is one of this store."""
+        """Return True if a session's file belongs to this store."""
         return path.parent == self._folder
 
     def due(self, state: ViewState, now: float) -> bool:
-        """Return True if a state is to be saved: it has changed, and rests or is overdue."""
+        """Return True if a state is to be saved: it has changed, and is at rest or overdue."""
         if state is not self._latest:
             if self._latest is None or _without_window(state) != _without_window(self._latest):
                 self._changed_s = now
@@ -143,18 +143,18 @@ class SessionStore:
     def saving(self, state: ViewState, now: float) -> Callable[[], Path | None]:
         """Return a function for a thread that saves a state that is due.
 
-        It writes nothing once a later state is written. If it fails, the state is due again later.
+        It writes nothing if a later state has been written. If it fails, the state is due again.
         """
         self._changed_s = self._due = now + EVERY_S
         return self._ordered(state)
 
     def ended_early(self) -> bool:
-        """Return True, once, if the last session belongs to a program that died."""
+        """Return True, only once, if the last session belongs to a program that died."""
         left, last = self._running.left(), self.last()
         return last is not None and last.name in left
 
     def end(self) -> None:
-        """Mark the session as ended, as the program ends normally."""
+        """Mark the session as ended normally."""
         self._running.end()
 
     def save(self, state: ViewState) -> Path | None:
@@ -220,7 +220,7 @@ def _without_window(state: ViewState) -> ViewState:
 
 
 class Running:
-    """Sessions of running programs: a file for each in a folder, locked while the program lives.
+    """Sessions of running programs: a file per session, locked while its program lives.
 
     The system frees the locks of a dead program, so a file without a lock is one that ended early.
     Without a folder that can be read and written, there are none.
@@ -232,7 +232,7 @@ class Running:
         self._handle = -1
 
     def begin(self, name: str) -> None:
-        """Mark a session as this program's, instead of the last one."""
+        """Mark a session as this program's, instead of the previous one."""
         if self._mark is not None and self._mark.name == name:
             return
         self.end()

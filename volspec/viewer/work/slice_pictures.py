@@ -24,7 +24,7 @@ _OPAQUE = np.uint32(0xFF000000)
 
 @dataclass(slots=True)
 class _Shown:
-    """A slice's texture, its codes, and keys of what these and its colours were made of."""
+    """A slice's texture and codes, with cache keys of the inputs to its codes and colours."""
 
     of_codes: tuple[Any, ...] = ()
     of_colours: tuple[Any, ...] = ()
@@ -98,7 +98,7 @@ def _relight_table(state: ViewState, window: tuple[float, float]) -> NDArray[np.
     rig, spec = light_rig(state.lights), state.relight
     if rig is None:
         return None
-    # A table of values is no picture to measure adaptation in.
+    # A table of values is not a picture in which to measure adaptation.
     given = replace(spec, viewing=replace(spec.viewing, adapting="given"))
     try:
         image = table_image(state.document.volume, state.transfer, state.shading, window)
