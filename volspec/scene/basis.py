@@ -2,9 +2,9 @@
 
     lights, materials, transfer function -> [basis] -> SpectralBasis | MaterialBasis
 
-Spectra made by a designer oscillate and fall outside every general basis. A scene that says
-nothing is therefore given the general basis only where that holds its colours, and its own
-where it does not.
+Designed spectra oscillate and fall outside every general basis. A scene without ``[basis]``
+therefore gets the general basis only if that reproduces its colours, and otherwise a basis of its
+own.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from volspec.spectra import (
     white_XYZ,
 )
 
-# Above this CIEDE2000 of its worst pair a general basis is not good enough for a scene.
+# Largest CIEDE2000 of a scene's worst pair at which the general basis is accurate enough.
 LARGEST_ERROR = 1.0
-# What all lights of the library together count against the scene's own, and the least that a
-# material counts against the one most seen.
+# Weight of all library lights together relative to the scene's own, and the minimum weight of a
+# material relative to the most visible one.
 _LIBRARY_SHARE = 0.1
 _LEAST_USE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class ChosenBasis:
-    """A basis and, in words, why it was taken."""
+    """A basis and, in words, why it was chosen."""
 
     basis: Basis
     reason: str
@@ -52,20 +52,20 @@ class SceneSpectra:
     """Spectra that a scene trains a basis on."""
 
     lights: Sequence[Spectrum]
-    weights: Sequence[float]  # of the lights
+    weights: Sequence[float]  # per light
     materials: Mapping[str, Spectrum]
-    use: Mapping[str, float]  # of each material, by `use_of`
-    # Of materials that absorb: white seen through one has the filter's colour.
+    use: Mapping[str, float]  # weight per material, by `use_of`
+    # Materials that absorb: white seen through one has the filter's colour.
     filters: Mapping[str, Spectrum] = field(default_factory=dict)
 
     @property
     def reflectances(self) -> dict[str, Spectrum]:
-        """All whose colours the basis must hold, filters among them, by what they are called."""
+        """Reflectances and filters whose colours the basis must reproduce, by name."""
         filters = {f"{name}'s filter": spectrum for name, spectrum in self.filters.items()}
         return {**self.materials, **filters}
 
     def designed(self) -> list[str]:
-        """Names of the spectra whose file says that a designer made them."""
+        """Return the names of the spectra that are marked as designed."""
         spectra = [*self.lights, *self.reflectances.values()]
         return [spectrum.name for spectrum in spectra if spectrum.designed]
 
@@ -73,16 +73,16 @@ class SceneSpectra:
 def choose_basis(
     table: BasisSpec, spectra: SceneSpectra, name: str, mode: str = "componentwise"
 ) -> ChosenBasis:
-    """Return the basis of ``[basis]``; left out, the general one if it is accurate enough.
+    """Return the basis of ``[basis]``; without it, the general basis if it is accurate enough.
 
-    The scene's ``mode`` is what the general basis must be accurate in. Raises `BasisError` if the
-    method cannot be fitted to the scene's spectra.
+    The general basis must be accurate in the scene's ``mode``. Raises `BasisError` if the method
+    cannot be fitted to the scene's spectra.
     """
     if table.method == "materials":
         return ChosenBasis(_of_materials(table, spectra, name), 'method = "materials"')
     general = _general(table)
     if general is None:
-        return ChosenBasis(train_basis(table, spectra, name), "the scene asks for its own")
+        return ChosenBasis(train_basis(table, spectra, name), "the scene requests its own")
     designed = spectra.designed()
     if designed:
         reason = f"{', '.join(designed)} came from a designer"
@@ -95,7 +95,7 @@ def choose_basis(
 
 
 def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[float, str]:
-    """The largest CIEDE2000 of the scene's materials under its lights, and where it is."""
+    """Return the largest CIEDE2000 of the scene's materials under its lights, and the pair."""
     reflectances = spectra.reflectances
     S = np.array([reflectance.values for reflectance in reflectances.values()])
     channels = basis.analyse(S)
@@ -111,11 +111,11 @@ def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[floa
 
 
 def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralBasis:
-    """A basis for the scene's materials under its own lights, and under any of the library.
+    """Train a basis for the scene's materials under its own lights and the library's.
 
-    Trained on its own lights alone it would be wrong by tens of ΔE under the next one that
-    somebody tries; all 115 of the library at a tenth of the weight hold those below 0.2 and
-    cost the scene's own lights a hundredth.
+    Trained on its own lights alone it would be wrong by tens of ΔE under the next light that
+    somebody tries; adding all 115 of the library at a tenth of the weight keeps their errors below
+    0.2 and costs the scene's own lights a hundredth.
     """
     grid = grid_of(table)
     library = [*light_set("smooth", grid), *light_set("spiky", grid)]
@@ -138,7 +138,7 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
 
 
 def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
-    """``[basis]`` with other settings; what the file says and they rule out is left out."""
+    """Return ``[basis]`` with changes; keys that conflict with them are removed."""
     kept = {key: value for key, value in table.items() if key != "name"}
     if changes.get("method", kept.get("method")) != "materials":
         return kept | dict(changes) | {"train": "scene"}
@@ -150,7 +150,7 @@ def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dic
 def use_of(transfer: TransferSpec) -> dict[str, float]:
     """Weigh the materials of a transfer function by their opacity over their values.
 
-    The most used one has 1, none less than 0.1.
+    The most used material has weight 1, the others at least 0.1.
     """
     total: defaultdict[str, float] = defaultdict(float)
     for amount, shares in transfer.seen():
@@ -161,7 +161,7 @@ def use_of(transfer: TransferSpec) -> dict[str, float]:
 
 
 def grid_of(table: BasisSpec) -> SpectralGrid:
-    """The grid that ``[basis] grid_nm`` asks for."""
+    """Return the grid of ``[basis] grid_nm``."""
     return DEFAULT_GRID if table.grid_nm is None else SpectralGrid(*table.grid_nm)
 
 
@@ -170,7 +170,7 @@ def _of_materials(table: BasisSpec, spectra: SceneSpectra, name: str) -> Materia
 
 
 def _general(table: BasisSpec) -> SpectralBasis | None:
-    """The shipped basis that a scene without wishes of its own would take."""
+    """Return the shipped basis for scenes without ``[basis]``."""
     plain = table.train is None and table.method == "virtual-sensors"
     if not plain or grid_of(table) != DEFAULT_GRID or table.observer_deg != 2:
         return None

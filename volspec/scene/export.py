@@ -1,8 +1,8 @@
-"""``[export]`` and ``[[keyframe]]``: which re-lit frames a scene is exported as.
+"""``[export]`` and ``[[keyframe]]``: the re-lit frames to export from a scene.
 
     tables -> [export] -> volspec.export.plan
 
-docs/export.md explains them to users.
+User guide: docs/export.md.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from volspec.settings import (
 
 def _direction(axis: Vector) -> Vector:
     if not any(axis):
-        raise SceneError("", "give a direction, which has a length", code="range", given=axis)
+        raise SceneError("", "give a direction of non-zero length", code="range", given=axis)
     return axis
 
 
 Direction = Annotated[Vector, AfterValidator(_direction)]
-# A film of an hour and more; beyond it a number is a slip.
+# More than an hour of film; a larger number is a slip.
 MAX_FRAMES = 100_000
 Frames = Annotated[int, Field(ge=1, le=MAX_FRAMES)]
 
@@ -44,14 +44,14 @@ Frames = Annotated[int, Field(ge=1, le=MAX_FRAMES)]
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class Turntable:
-    """``turntable`` of [export]: the camera goes around what it looks at."""
+    """``turntable`` of [export]: the camera orbits its target."""
 
     frames: Annotated[Frames, Field(examples=[72])]
-    """How many; a whole turn ends one before the first, so that it can be repeated."""
+    """Number of frames; a full turn ends one step before its start, so that it can loop."""
     degrees: Finite = 360.0
-    """How far; negative turns the other way."""
+    """Angle of the turn; negative turns the other way."""
     axis: Direction | None = None
-    """Axis of the turn; left out, the camera's up."""
+    """Axis of the turn; default: the camera's up."""
 
 
 @settings(SceneError)
@@ -60,44 +60,44 @@ class Sweep:
     """``sweep`` of [export]: one light fades into the next."""
 
     frames: Frames | None = None
-    """How many; left out, as many as the camera has, 24 a fade if it does not move."""
+    """Number of frames; default: as many as the camera has, or 24 per fade if it does not move."""
     closed: bool = False
-    """From the last light back to the first, so that it can be repeated."""
+    """Fade from the last light back to the first, so that it can loop."""
 
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class ExportSpec:
-    """``[export]``: which frames are made, and as what files."""
+    """``[export]``: the frames to make, and their file formats."""
 
     lights: Annotated[tuple[Name, ...], Field(strict=False)] | None = None
-    """By name, in this order; left out, all of the scene."""
+    """Names of lights, in this order; default: all lights of the scene."""
     turntable: Turntable | None = None
-    """The camera goes around."""
+    """The camera orbits its target."""
     sweep: Sweep | None = None
-    """One light fades into the next; left out, every light has its own frames."""
+    """One light fades into the next; default: each light has its own frames."""
     fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 25.0
-    """Frames a second, of films and keyframes."""
+    """Frames per second, of films and keyframes."""
     format: Literal["png", "exr", "coefficients"] = "png"
-    """Format of frames in a folder; coefficients: an image a camera, for compositors to relight."""
+    """Frame format in a folder; coefficients: one image per camera, for compositors to relight."""
     bits: Literal[8, 16] = 8
-    """Bits of a PNG's codes."""
+    """Bits per channel of PNG."""
     samples: Annotated[int, Field(ge=1, le=8)] = 1
-    """n × n rays a pixel: smooth edges."""
+    """n for n × n rays per pixel: smooth edges."""
     transparent: bool = False
-    """No backdrop: opacity is stored in the file."""
+    """Omit the backdrop and store opacity in the file."""
     shows: Literal["display", "scene"] = "display"
-    """In EXR: linear light of the display, with the appearance model applied; or of the scene."""
+    """EXR: linear light of the display, with the appearance model applied; or of the scene."""
     spectral: bool = False
-    """In EXR: a spectrum in every pixel; docs/compositing.md."""
+    """EXR: a spectrum in every pixel; docs/compositing.md."""
     primaries: Literal["Rec. 709", "ACES AP0", "ACES AP1"] = "Rec. 709"
     """Primaries of EXR."""
     sheet: bool = True
-    """A contact sheet next to the frames."""
+    """Write a contact sheet next to the frames."""
 
     def __post_init__(self) -> None:
         if self.lights == ():
-            raise fault("lights", "empty", "name one, or leave it out for all", "missing")
+            raise fault("lights", "empty", "name a light, or leave it out for all", "missing")
         form, spectra = self.format, "spectra" if self.spectral else "coefficients"
         sweep, turntable = self.sweep, self.turntable
         apart = self.spectral or form == "coefficients"  # files that compositors take apart
@@ -108,7 +108,7 @@ class ExportSpec:
             (
                 "primaries",
                 form == "png" and self.primaries != "Rec. 709",
-                'are for format = "exr"; PNG has the display\'s',
+                'are for format = "exr"; PNG uses the display\'s',
             ),
             (
                 "transparent",
@@ -119,7 +119,7 @@ class ExportSpec:
             (
                 "spectral",
                 self.spectral and self.transparent,
-                "holds the light of the backdrop, too, transparent has none",
+                "includes the light of the backdrop, but transparent has none",
             ),
             (
                 "primaries",
@@ -134,7 +134,7 @@ class ExportSpec:
             (
                 "sweep.frames",
                 turntable is not None and frames not in (None, turntable.frames),
-                f"{frames}, the turntable has {turntable and turntable.frames}",
+                f"{frames}, but the turntable has {turntable and turntable.frames}",
             ),
         ):
             if refused:
@@ -142,12 +142,12 @@ class ExportSpec:
 
     @property
     def suffix(self) -> str:
-        """Ending of the files' names."""
+        """File name suffix."""
         return ".png" if self.format == "png" else ".exr"
 
     @property
     def has_eye(self) -> bool:
-        """True if the files hold what an eye sees, and not the light that reaches it."""
+        """True if the appearance model is applied, False for the light that reaches the eye."""
         return self.format == "png" or (
             self.format == "exr" and self.shows == "display" and not self.spectral
         )
@@ -156,26 +156,26 @@ class ExportSpec:
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class KeyCamera:
-    """``camera`` of a keyframe: differences from [camera], of an orbit or a position."""
+    """``camera`` of a keyframe: changes to [camera], of an orbit or a position."""
 
     azimuth_deg: Finite | None = None
-    """The short way from the key before."""
+    """Angle around up; goes the short way from the previous keyframe."""
     elevation_deg: Finite | None = None
-    """Towards up."""
+    """Angle towards up."""
     zoom: Positive | None = None
     """As [camera]."""
     fov_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     """As [camera]."""
     target_mm: Vector | None = None
-    """Point that it looks at."""
+    """Point that the camera looks at."""
     position_mm: Vector | None = None
-    """Its position, instead of the orbit; goes around the target."""
+    """The camera's position, instead of an orbit; moves around the target."""
     up: Direction | None = None
-    """With position_mm: direction that is above in the picture."""
+    """With position_mm: direction that points up in the picture."""
 
     @property
     def given(self) -> set[str]:
-        """Names of the fields that it gives."""
+        """Names of the fields that are set."""
         names = (field.name for field in fields(self))
         return {name for name in names if getattr(self, name) is not None}
 
@@ -183,25 +183,25 @@ class KeyCamera:
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class KeyTransfer:
-    """``transfer`` of a keyframe: each costs casts of its own."""
+    """``transfer`` of a keyframe: each change needs a new cast."""
 
     shift: Finite | None = None
     """Added to the values of points, regions or surfaces."""
     points: Annotated[tuple[PointSpec, ...], Field(strict=False, min_length=1)] | None = None
-    """Instead of [transfer] points; as many in every keyframe, and there."""
+    """Replaces [transfer] points; their number must be the same there and in every keyframe."""
 
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class KeyViewing:
-    """``viewing`` of a keyframe: differences from [viewing]."""
+    """``viewing`` of a keyframe: changes to [viewing]."""
 
     exposure: Positive | None = None
     """Factor of all light."""
     L_A: Annotated[Positive, Unit("cd/m²")] | None = None
     """Adapting luminance."""
     Y_b: Positive | None = None
-    """The background's luminance, white 100."""
+    """Background luminance, white 100."""
     D: Fraction | None = None
     """Degree of adaptation."""
 
@@ -213,9 +213,9 @@ _KINDS = {True: "a position", False: "an orbit"}
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class Keyframe:
-    """``[[keyframe]]``: settings at a time; between two all moves smoothly.
+    """``[[keyframe]]``: settings at a time, smoothly interpolated in between.
 
-    A value that some keyframes give moves between those; one that none gives is the scene's.
+    A value is interpolated between the keyframes that give it; otherwise it is the scene's.
     """
 
     row_keys: ClassVar = ("time_s",)
@@ -226,14 +226,14 @@ class Keyframe:
     transfer: KeyTransfer | None = None
     """The transfer function."""
     lights: dict[Name, NotNegative] | None = None
-    """Weights by light; lights left out are dark."""
+    """Weights by light name; lights left out are dark."""
     viewing: KeyViewing | None = None
     """The viewing conditions."""
 
     def __post_init__(self) -> None:
         if self.lights is not None and not any(self.lights.values()):
             raise fault(
-                "lights", "no weight is above 0, so there is no light", "raise one", "range"
+                "lights", "no weight is above 0, so there is no light", "raise a weight", "range"
             )
 
 
@@ -243,7 +243,7 @@ def check_export(
     lights: Sequence[str],
     camera: CameraSpec,
 ) -> None:
-    """Refuse frames that cannot be of one scene; SceneError with the field."""
+    """Raise a SceneError with the field if the frames do not fit the scene."""
     names = table.lights or ()
     for i, name in enumerate(names):
         _check_light(f"export.lights[{i}]", name, lights)
@@ -256,14 +256,14 @@ def check_export(
             _check_light(f"keyframe[{i}].lights", name, lights)
     for i, (before, after) in enumerate(pairwise(keys), start=1):
         if not after.time_s > before.time_s:
-            problem = f"{after.time_s:g} after {before.time_s:g}"
-            raise fault(f"keyframe[{i}].time_s", problem, "give times that rise", "range")
+            problem = f"{after.time_s:g} follows {before.time_s:g}"
+            raise fault(f"keyframe[{i}].time_s", problem, "give increasing times", "range")
     seconds = keys[-1].time_s - keys[0].time_s if keys else 0.0
     if seconds * table.fps >= MAX_FRAMES:
         raise fault(
             "keyframe",
-            f"{seconds:g} s at {table.fps:g} frames a second are more than {MAX_FRAMES} frames",
-            "give less",
+            f"{seconds:g} s at {table.fps:g} frames per second are more than {MAX_FRAMES} frames",
+            "give fewer",
             "size",
         )
     if keys:
@@ -274,7 +274,7 @@ def check_export(
 
 
 def _check_cameras(keys: Sequence[Keyframe], camera: CameraSpec) -> None:
-    """All of an orbit or all of positions: the way from one to the other would be a guess."""
+    """Require only orbits or only positions: a path between the two would be a guess."""
     orbit = camera.position_mm is None
     first: dict[bool, str] = {} if orbit else {True: "[camera]'s position_mm"}
     for i, key in enumerate(keys):
@@ -283,7 +283,7 @@ def _check_cameras(keys: Sequence[Keyframe], camera: CameraSpec) -> None:
                 continue
             where = f"keyframe[{i}].camera.{name}"
             if name == "position_mm" and camera.orthographic:
-                # Its rays are parallel: the orbit's height would stay, wherever the camera is.
+                # The rays are parallel: the picture's height would stay the orbit's.
                 raise fault(
                     where, "[camera] is orthographic", "give position_mm or orthographic, not both"
                 )
@@ -292,32 +292,32 @@ def _check_cameras(keys: Sequence[Keyframe], camera: CameraSpec) -> None:
             if (not placed) in first:
                 raise fault(
                     where,
-                    f"of {_KINDS[placed]}, {first[not placed]} of {_KINDS[not placed]}",
+                    f"belongs to {_KINDS[placed]}, but {first[not placed]} to {_KINDS[not placed]}",
                     "give one kind",
                 )
 
 
 def _check_light(where: str, name: str, lights: Sequence[str]) -> None:
     if name not in lights:
-        remedy = f"{nearest(name, lights)}there is {', '.join(lights)}"
+        remedy = f"{nearest(name, lights)}known: {', '.join(lights)}"
         raise fault(where, f"no [[light]] is named {name!r}", remedy, "unknown", name)
 
 
 def _check_ways(table: ExportSpec, keys: Sequence[Keyframe]) -> None:
-    """Keyframes with a turntable or a sweep: each thing is moved by one of them."""
+    """Refuse keyframes and a turntable, sweep or lights that set the same thing."""
     if table.turntable is not None:
-        raise fault("export.turntable", "there are [[keyframe]]s, too", "leave out one of them")
+        raise fault("export.turntable", "given with [[keyframe]]", "leave out one of them")
     if table.sweep is not None and table.sweep.frames is not None:
-        raise fault("export.sweep.frames", "the [[keyframe]]s give the number", "leave it out")
+        raise fault("export.sweep.frames", "set by the [[keyframe]]s", "leave it out")
     weighted: Mapping[bool, int] = {key.lights is not None: i for i, key in enumerate(keys)}
     for name in ("sweep", "lights"):
         if True in weighted and getattr(table, name) is not None:
-            problem = f"[[keyframe]] {weighted[True] + 1} has lights, too"
+            problem = f"[[keyframe]] {weighted[True] + 1} also has lights"
             raise fault(f"export.{name}", problem, "leave out one of them")
     if len(weighted) == 2:
         raise fault(
             f"keyframe[{weighted[False]}].lights",
-            f"missing, [[keyframe]] {weighted[True] + 1} has some",
+            f"missing, but [[keyframe]] {weighted[True] + 1} has lights",
             "give them in all or in none",
             "missing",
         )

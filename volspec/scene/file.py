@@ -1,4 +1,4 @@
-"""A scene's file: its tables as one spec, read from disk, with every fault in words.
+"""A scene's file: its tables as one spec, read from disk, and an error for every fault.
 
 TOML -> [file] -> SceneFile -> Scene
 """
@@ -33,21 +33,21 @@ from volspec.scene.transfer import TransferSpec
 from volspec.settings import FileFaults, plain, row_names, settings, try_table
 
 Migration = Callable[[MutableMapping[str, Any]], None]
-"""Changes a file's tables in place, so that it serves a document with comments as well."""
+"""Function that changes a file's tables in place, so that it also works on tomlkit documents."""
 FIRST = 1
-"""Version of a file without ``version``: those of the first release had no such key."""
+"""Version of a file without ``version``: files of the first release have no such key."""
 MIGRATIONS: Mapping[int, Migration] = MappingProxyType({})
-"""The step from each version to the next. A key that is added with a default needs no new version;
-one is for what would be refused, or mean something else."""
+"""Migration from each version to the next. A new key with a default needs no new version; only
+a change after which older files would be refused, or mean something else, does."""
 
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SceneFile:
-    """Everything a picture needs; files named in it are relative to it."""
+    """Everything a picture needs; paths are relative to the file."""
 
     version: Annotated[int, Field(ge=FIRST)] = FIRST
-    """Version of the file's form; left out by most."""
+    """Version of the file format; usually left out."""
     title: str = ""
     """Caption; stored in the image."""
     volume: VolumeSpec
@@ -63,7 +63,7 @@ class SceneFile:
     raycast: RaycastSpec = field(default_factory=RaycastSpec)
     """Settings of the cast."""
     group: Annotated[tuple[LightGroup, ...], Field(strict=False)] = ()
-    """Light groups; left out, one of ambient light and a headlight, called light."""
+    """Light groups; default: a single group, light, of ambient light and a headlight."""
     light: Annotated[tuple[LightSpec, ...], Field(strict=False, min_length=1)]
     """Lights, at least one."""
     viewing: RelightSpec = field(default_factory=RelightSpec)
@@ -97,7 +97,7 @@ class SceneFile:
     def _check_lights(self, groups: Sequence[str]) -> None:
         for i, row in enumerate(self.light):
             if row.group is not None and row.group not in groups:
-                remedy = f"{nearest(row.group, groups)}there is {', '.join(groups)}"
+                remedy = f"{nearest(row.group, groups)}known: {', '.join(groups)}"
                 problem = f"no [[group]] is named {row.group!r}"
                 raise fault(f"light[{i}].group", problem, remedy, "unknown", row.group)
         # "" means all groups.
@@ -118,7 +118,7 @@ class SceneFile:
                 raise fault(
                     "light",
                     f"{lit} of {len(rows)} rows named {name!r} have illuminance_lux or power_W",
-                    "give one of them to all rows or to none",
+                    "give one of them for all rows or for none",
                     "missing",
                 )
 
@@ -129,7 +129,7 @@ class SceneFile:
 
     @property
     def cast(self) -> RaycastSpec:
-        """Settings of the cast, with the light groups."""
+        """Settings of the cast, including the light groups."""
         return replace(self.raycast, groups=self.group or HEADLIT)
 
 
@@ -145,7 +145,7 @@ def scene_text(path: str | os.PathLike[str]) -> str:
 def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return the tables of a scene's file in the newest version, not checked yet.
 
-    Raises SceneError if it cannot be read, is no TOML or of a later version.
+    Raises SceneError if it cannot be read, is not TOML or has a later version.
     """
     text = scene_text(path)
     try:
@@ -154,13 +154,13 @@ def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     except SceneError as error:
         raise SceneFaults(path, [error]) from None
     except ValueError as error:
-        fault = SceneError(f"not valid TOML: {error}", "correct it there", code="syntax")
+        fault = SceneError(f"not valid TOML: {error}", "correct it", code="syntax")
         raise SceneFaults(path, [fault]) from error
     return data
 
 
 def scene_file(data: Mapping[str, Any], path: str | os.PathLike[str]) -> SceneFile:
-    """Return the tables as a spec, each checked by itself and with the others.
+    """Return the tables as a spec, checked individually and together.
 
     Raises SceneFaults with every fault.
     """
@@ -171,14 +171,14 @@ def scene_file(data: Mapping[str, Any], path: str | os.PathLike[str]) -> SceneFi
 
 
 def newest() -> int:
-    """Return the version that is written, and the last one read."""
+    """Return the version that is written, and the latest that can be read."""
     return max(MIGRATIONS, default=FIRST - 1) + 1
 
 
 def migrate(data: MutableMapping[str, Any]) -> None:
     """Bring a file's tables to the newest version, in place.
 
-    Raises SceneError if its version is none, or one of a later volspec.
+    Raises SceneError if its version is invalid, or belongs to a later volspec.
     """
     version = data.get("version", FIRST)
     if not isinstance(version, int) or isinstance(version, bool) or version < FIRST:
@@ -192,5 +192,5 @@ def migrate(data: MutableMapping[str, Any]) -> None:
 
 
 def _twice(names: Sequence[Any]) -> int | None:
-    """Return the index of the first name that comes again."""
+    """Return the index of the first name that repeats an earlier one."""
     return next((i for i, name in enumerate(names) if name in names[:i]), None)

@@ -1,8 +1,8 @@
-"""``[[group]]`` and ``[[light]]``: where light comes from, and what shines from there.
+"""``[[group]]`` and ``[[light]]``: directions of light, and the spectra that shine from them.
 
     tables, spectra -> [lights] -> LightGroup, NamedLight
 
-Rows of ``[[light]]`` that share a name are one setting: a light for each group.
+Rows of ``[[light]]`` that share a name form one setting: a light for each group.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from volspec.spectra.lamps import lamp_for_light, lamp_illuminance_lux
 
 # Characters between the groups of a setting on the command line.
 PARTING = "=;"
-# Keys that a lamp's lux are computed from; the last may be left out.
+# Keys to compute a lamp's lux from; the last is optional.
 _COUNTED = ("power_W", "distance_m", "beam_deg")
 
 
@@ -34,30 +34,30 @@ _COUNTED = ("power_W", "distance_m", "beam_deg")
 class LightSpec:
     """``[[light]]``: a name, a spectrum in `volspec.light`'s notation, and its light group.
 
-    ``illuminance_lux`` sets the eye's adapting luminance; ``weight`` multiplies it, which shows at
-    ``level = "absolute"``, and mixes the rows of one setting. Instead a lamp's may be computed from
-    the watts that it takes and how far away it is.
+    ``illuminance_lux`` sets the eye's adapting luminance; ``weight`` scales it, visibly at ``level
+    = "absolute"``, and mixes the rows of one setting. A lamp's illuminance may instead be computed
+    from its power and distance.
     """
 
     row_keys: ClassVar = ("name", "group")
     name: Annotated[Name, Field(examples=["day"])]
-    """Names the frame's file; rows of one name and different groups are one setting."""
+    """Name, used for the frame's file; rows with one name and different groups form one setting."""
     label: str | None = None
-    """Caption; left out, the name."""
+    """Caption; default: the name."""
     spectrum: Annotated[Given, Field(examples=["D65"])]
     """D65, planck:3200, FILE.csv, a mix D65*0.7+A*0.3, …, or a table of numbers."""
     group: Name | None = None
-    """The group it shines from; left out, all of them."""
+    """Light group that the light shines from; default: all groups."""
     weight: NotNegative = 1.0
-    """Factor of its power."""
+    """Factor of the light's power."""
     illuminance_lux: Annotated[NotNegative, Unit("lux")] | None = None
     """Illuminance of a surface that faces every source; sets the eye's adaptation."""
     power_W: Annotated[float, Unit("W")] | None = None
-    """Instead, for lamp:NAME: the power that the lamp takes."""
+    """For lamp:NAME, instead of illuminance_lux: the lamp's electrical power."""
     distance_m: Annotated[float, Unit("m")] | None = None
-    """With power_W: how far away it is."""
+    """With power_W: distance of the lamp."""
     beam_deg: Annotated[float, Unit("degrees")] | None = None
-    """With both: full angle of the cone it shines into; left out, all around."""
+    """With power_W and distance_m: full angle of the beam; default: all directions."""
 
     def __post_init__(self) -> None:
         counted = [key for key in _COUNTED if getattr(self, key) is not None]
@@ -65,22 +65,22 @@ class LightSpec:
             return
         if self.illuminance_lux is not None:
             raise SceneError(
-                f"given with {' and '.join(counted)}, which say it too",
-                "give one",
+                f"given with {' and '.join(counted)}, which also set it",
+                "give one of them",
                 code="conflict",
                 field="illuminance_lux",
                 given=self.illuminance_lux,
             )
         if missing := [key for key in _COUNTED[:2] if key not in counted]:
             raise SceneError(
-                f"missing, with {' and '.join(counted)}",
-                "a lamp's lux are computed from power_W and distance_m",
+                f"missing, but {' and '.join(counted)} given",
+                "a lamp's lux need power_W and distance_m",
                 code="missing",
                 field=missing[0],
             )
         if not isinstance(self.spectrum, str):
             raise SceneError(
-                'for lamps by name, as spectrum = "lamp:tungsten-2850", not for numbers',
+                'only for named lamps, such as spectrum = "lamp:tungsten-2850", not for numbers',
                 "give illuminance_lux",
                 code="conflict",
                 field="power_W",
@@ -93,9 +93,9 @@ class LightSpec:
         return self.illuminance_lux is not None or self.power_W is not None
 
     def lux(self) -> float | None:
-        """Illuminance as given or as counted; None if neither is.
+        """Illuminance, given or computed from the lamp; None without either.
 
-        Raises SpectrumError if it is to be counted, and the spectrum is no lamp, has no known
+        Raises SpectrumError if it is to be computed, but the spectrum is not a lamp or has no known
         lumens per watt, or a number is out of range.
         """
         if self.power_W is None or self.distance_m is None or not isinstance(self.spectrum, str):
@@ -111,13 +111,13 @@ class NamedLight:
     Parameters
     ----------
     name : str
-        What its files are called.
+        Name, also of its files.
     label : str
         Caption.
     spectrum : Spectrum
-        What a surface that faces every source gets.
+        Light on a surface that faces every source.
     rig : LightRig
-        What lights the picture.
+        The spectra that light the picture, by group.
     """
 
     name: str
@@ -127,7 +127,7 @@ class NamedLight:
 
 
 def rows_by_name(rows: Sequence[LightSpec]) -> dict[str, list[LightSpec]]:
-    """The rows of each setting, in the order of the file."""
+    """Return the rows of each setting, in the order of the file."""
     settings: dict[str, list[LightSpec]] = {}
     for row in rows:
         settings.setdefault(row.name, []).append(row)
@@ -141,10 +141,10 @@ def named_light(
     folder: str | os.PathLike[str],
     known: Mapping[str, Spectrum] = MappingProxyType({}),
 ) -> NamedLight:
-    """Return the light setting that rows of one name make, either all with lux or none.
+    """Return the light setting of the rows with one name, which all have lux or none has.
 
-    Spectra that are in no file yet are looked up in ``known``. Raises SpectrumError or ViewingError
-    if a spectrum is unknown, a lamp's light cannot be counted, or the rows give no light.
+    ``known`` holds spectra that are not on disk yet. Raises SpectrumError or ViewingError if a
+    spectrum is unknown, a lamp's lux cannot be computed, or the rows give no light.
     """
     spectra = tuple(given_light(row.spectrum, row.name, grid, Path(folder), known) for row in rows)
     lux = tuple(lux for row in rows if (lux := row.lux()) is not None)
@@ -159,10 +159,9 @@ def named_light(
 def require_lux(
     lights: Iterable[NamedLight], spec: RelightSpec, path: str | os.PathLike[str]
 ) -> None:
-    """Refuse, before the cast, lights that cannot be compared at the scene's level.
+    """Raise SceneError, before the cast, if the level is absolute and a light has no lux.
 
-    A scene of such lights loads: it can be cast, and be seen at the other level. Raises SceneError
-    if the level is absolute, and one of the lights has no lux.
+    Such a scene still loads: it can be cast, and viewed at the relative level.
     """
     if spec.level != "absolute":
         return
@@ -171,6 +170,6 @@ def require_lux(
             raise SceneError(
                 f"{os.fspath(path)}: [[light]] {light.name}: has no illuminance_lux, which "
                 '[viewing] level = "absolute" requires of all lights',
-                'give it, or level = "relative"',
+                'give it, or set level = "relative"',
                 code="missing",
             )

@@ -50,20 +50,20 @@ def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
     except ValueError as error:  # ours and the parser's
         raise ImageError(
             "the image's viewing note cannot be read",
-            "was it made by a later version? Render again",
+            "render again, or install a later version if one made it",
             code="damaged",
         ) from error
 
 
 def viewing_note(spec: RelightSpec) -> str:
-    """Return how a scene is viewed, as the note of an image that needs no other file."""
+    """Return a scene's viewing conditions as an image note that needs no other file."""
     viewing = {each.name: getattr(spec.viewing, each.name) for each in fields(spec.viewing)}
     rest = {"backdrop": spec.backdrop, "mode": spec.mode, "level": spec.level}
     return json.dumps({key: plain(value) for key, value in (viewing | rest).items()})
 
 
 def _without_nulls(value: Any) -> Any:
-    """Return JSON without the nulls that notes of earlier versions have."""
+    """Return JSON without the nulls in notes of earlier versions."""
     if isinstance(value, dict):
         return {key: _without_nulls(each) for key, each in value.items() if each is not None}
     return value
@@ -76,9 +76,9 @@ class Scene:
     ----------
     file : SceneFile
     path : path
-        Where it was read, for messages; its folder is what relative paths start from.
+        Path of the file, for messages; paths in the file are relative to its folder.
     known : {address: Spectrum}, optional
-        Spectra that the file names and that are not on disk yet: just designed.
+        Newly designed spectra that the file names but that are not on disk yet.
 
     Raises
     ------
@@ -110,7 +110,7 @@ class Scene:
                 chosen = ChosenBasis(shipped, "the scene names it")
             else:
                 spectra = names.spectra(self.lights, self.materials, filters)
-                # Files of bases hold names without control characters; a title may have them.
+                # A title may have control characters; the name of a basis must not.
                 name = visible(file.title or self.path.stem)
                 chosen = choose_basis(file.basis, spectra, name, file.viewing.mode)
             self.basis, self.basis_reason = chosen.basis, chosen.reason
@@ -126,14 +126,14 @@ class Scene:
         ----------
         path : path
         basis : {key: value}, optional
-            Keys of ``[basis]`` to try instead of the file's, such as ``{"size": 9}``; the scene
-            is then trained for, or cast by its materials where ``method`` says so.
+            Keys of ``[basis]`` to try instead of the file's, such as ``{"size": 9}``; a basis is
+            then trained for the scene, or made of its materials if ``method`` says so.
 
         Raises
         ------
         SceneError
-            If the file is missing, is no TOML, or a field is unknown or wrong; the message
-            names file, field and value.
+            If the file is missing or not TOML, or a field is unknown or wrong; the message names
+            file, field and value.
         """
         data = scene_data(path)
         if basis:
@@ -141,12 +141,12 @@ class Scene:
         return cls(scene_file(data, path), path)
 
     def save(self, path: str | os.PathLike[str] | None = None) -> Path:
-        """Write the scene's file, whole or not at all; `write_scene` says how.
+        """Write the scene's file atomically; see `write_scene`.
 
         Parameters
         ----------
         path : path, optional
-            Where to; by default where it was read.
+            Output path; default: the file that was read.
 
         Returns
         -------
@@ -160,7 +160,7 @@ class Scene:
         return MappingProxyType(self._known)
 
     def volume(self) -> Volume:
-        """Read the volume; its spacing and size as the scene wants them."""
+        """Read the volume, with the scene's spacing and downsampling."""
         return self._names.volume()
 
     def camera(self, volume: Volume) -> Camera:
@@ -190,11 +190,11 @@ class Scene:
         Parameters
         ----------
         volume : Volume, optional
-            The scene's, where it is loaded already.
+            The scene's volume, if already loaded.
         size, spec : optional
-            In place of the scene's (width, height) and ``[raycast]``.
+            Replace the scene's (width, height) and ``[raycast]``.
         device, progress, cancel, caster
-            As `volspec.raycast`.
+            See `volspec.raycast`.
 
         Raises
         ------
@@ -220,12 +220,12 @@ class Scene:
             )
 
     def exporting(self, **changes: Any) -> Scene:
-        """The scene with other settings of ``[export]``; None takes one out.
+        """Return the scene with other settings of ``[export]``; None removes one.
 
         Raises
         ------
         SceneError
-            If one is unknown or wrong; the message names it.
+            If a setting is unknown or wrong; the message names it.
         """
         given = {key: value for key, value in changes.items() if value is not None}
         own = {key: v for key, v in plain(self.file.export).items() if key not in changes}
@@ -254,7 +254,7 @@ class Scene:
         output : path
             A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
         size, overwrite, device, progress, volume, caster
-            As `volspec.export.exporter.export`.
+            See `volspec.export.exporter.export`.
         **changes
             Keys of ``[export]`` instead of the file's, such as ``turntable={"frames": 36}``.
 
@@ -265,11 +265,11 @@ class Scene:
         Raises
         ------
         InputError
-            If a setting is wrong, or the output cannot be written to or is of another scene.
+            If a setting is wrong, or the output cannot be written or belongs to another scene.
         DeviceError
-            If there is no device, or a film is asked for and there is no ffmpeg.
+            If there is no device, or no ffmpeg for a film.
         """
-        # Late: exports are made of scenes; a scene only offers a short way to them.
+        # Imported late: exports are made from scenes; this method is only a shortcut to them.
         from volspec.export.exporter import export
 
         return export(

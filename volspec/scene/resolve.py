@@ -26,16 +26,16 @@ from volspec.scene.specs import given_reflectance
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.volume import Volume, load_volume
 
-# Relative difference of two spacings from which on there is a warning.
+# Relative difference of two spacings that causes a warning.
 _SPACING_ERROR = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Resolver:
-    """Looks up what a file names; an error says the file, the table and the row.
+    """Looks up the names in a file; errors name the file, the table and the row.
 
-    Relative names start from the folder of ``path``; ``known`` are spectra that are not on disk
-    yet. With ``faults``, errors go there, and what cannot be looked up is left out.
+    Paths are relative to the folder of ``path``; ``known`` are spectra that are not on disk
+    yet. With ``faults``, errors are collected there, and names that fail are left out.
     """
 
     file: SceneFile
@@ -45,7 +45,7 @@ class Resolver:
 
     @contextmanager
     def at(self, field: str) -> Iterator[None]:
-        """Put the file's and a field's name to an error inside; the field counts rows from 0."""
+        """Add the file and a field to an error in the body; the field counts rows from 0."""
         try:
             yield
         except InputError as error:
@@ -60,7 +60,7 @@ class Resolver:
             self.faults.extend(faults.lines)
 
     def shipped_basis(self) -> Basis | None:
-        """The basis that ``[basis] name`` names."""
+        """Return the basis of ``[basis] name``."""
         name = self.file.basis.name
         found = None
         if name is not None:
@@ -69,7 +69,7 @@ class Resolver:
         return found
 
     def grid(self, shipped: Basis | None) -> SpectralGrid:
-        """Grid of the scene's spectra."""
+        """Return the grid of the scene's spectra."""
         grid = shipped.grid if shipped else SpectralGrid()
         with self.at("basis"):
             grid = shipped.grid if shipped else grid_of(self.file.basis)
@@ -78,7 +78,7 @@ class Resolver:
     def reflectances(
         self, key: Literal["reflectance", "filter"], grid: SpectralGrid
     ) -> dict[str, Spectrum]:
-        """Return the materials' spectra under a key, by name."""
+        """Return the spectra that the materials have for a key, by name."""
         found = {}
         for i, row in enumerate(self.file.material):
             if (given := getattr(row, key)) is not None:
@@ -89,7 +89,7 @@ class Resolver:
         return found
 
     def lights(self, grid: SpectralGrid, spec: RaycastSpec) -> list[NamedLight]:
-        """The settings of lights, in the order of the file."""
+        """Return the light settings, in the order of the file."""
         found = []
         names = [row.name for row in self.file.light]
         for name, rows in rows_by_name(self.file.light).items():
@@ -106,7 +106,7 @@ class Resolver:
     ) -> SceneSpectra:
         """Return the spectra to train a basis on."""
         use = use_of(self.file.transfer)
-        # A material that the function does not name is not seen, but may be picked later.
+        # A material that the transfer function does not use is invisible, but may be used later.
         unseen = dict.fromkeys(materials, min(use.values(), default=1.0))
         rigs = [light.rig for light in lights]
         return SceneSpectra(
@@ -118,9 +118,9 @@ class Resolver:
         )
 
     def volume(self) -> Volume:
-        """Load the volume with the file's spacing and size.
+        """Load the volume, with the scene's spacing and downsampling.
 
-        Raises SceneError even with ``faults``, as nothing works without it.
+        Raises SceneError even with ``faults``, as nothing works without the volume.
         """
         table = self.file.volume
         with Resolver(self.file, self.path).at("volume"):
@@ -134,25 +134,25 @@ class Resolver:
         return volume
 
     def _warn_of_spacing(self, volume: Volume, given: tuple[float, float, float]) -> None:
-        # A file without a spacing loads with ones.
+        # A file without a spacing loads with a spacing of 1 mm.
         own = volume.spacing_mm
         if own == (1.0, 1.0, 1.0) or np.allclose(given, own, rtol=_SPACING_ERROR, atol=0):
             return
         ours, theirs = (" × ".join(f"{s:g}" for s in spacing) for spacing in (given, own))
         warnings.warn(
             f"{self.path}: [volume] spacing_mm is {ours}, {volume.name} says {theirs}; the "
-            "scene's is taken, leave it out to take the file's",
+            "scene's is used, leave it out to use the file's",
             VolspecWarning,
             stacklevel=4,
         )
 
     def _path(self, name: str) -> str:
-        """A file named in the scene: relative to the scene, never to where the program runs."""
+        """Return a path in the scene, relative to the scene and never to the working folder."""
         return os.fspath(self.path.parent / name)
 
 
 def _at_field(error: InputError, field: str) -> SceneError:
-    """Return the error of a field of a file: Python's class names say nothing there."""
+    """Return the error with the file's field in place of Python's class names."""
     owner, _, rest = error.field.partition(".")
     if rest and re.fullmatch(r"[A-Z]\w+", owner):
         field = f"{field}.{rest}"

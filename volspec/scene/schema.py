@@ -1,8 +1,8 @@
-"""The JSON schema of scene files, for editors that complete and check TOML.
+"""JSON schema of scene files, for editors that complete and check TOML.
 
 SceneFile -> [schema] -> data/scenes/scene.schema.json, volspec scene schema
 
-Editors of TOML read the oldest drafts, so that only words are used which all drafts have.
+TOML editors read the oldest drafts, so only keywords of all drafts are used.
 """
 
 from __future__ import annotations
@@ -17,29 +17,29 @@ _NULL = {"type": "null"}
 
 
 def scene_schema() -> dict[str, Any]:
-    """The schema; keys are described by the docstrings of the tables' fields."""
+    """Return the schema; keys are described by the docstrings of the tables' fields."""
     return {"title": "volspec scene", **_simple(json_schema(SceneFile))}
 
 
 def scene_schema_text() -> str:
-    """The schema as the file that ships has it."""
+    """Return the text of the shipped schema file."""
     return json.dumps(scene_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
 def _simple(schema: Any) -> Any:
-    """Return a schema in terms of all drafts, and without nulls, which TOML lacks."""
+    """Return a schema in keywords of all drafts, and without nulls, which TOML lacks."""
     if isinstance(schema, list):
         return [_simple(each) for each in schema]
     if not isinstance(schema, dict):
         return schema
     said = {key: value for key, value in schema.items() if key not in ("discriminator", "title")}
-    # A table that is left out says nothing; its keys have defaults of their own.
+    # Tables need no default: their keys have defaults.
     if isinstance(said.get("default", {}), dict | type(None)):
         said.pop("default", None)
     if "description" in said:
         said["description"] = said["description"].split("\n\n")[0].replace("``", "`")
     if "properties" in said or "$defs" in said:
-        # Names of keys and tables, not words of a schema.
+        # The keys here are names of keys and tables, not keywords of a schema.
         for key in ("properties", "$defs"):
             said |= {key: {name: _simple(each) for name, each in said.get(key, {}).items()}}
         said = {key: value for key, value in said.items() if value != {}}
@@ -53,7 +53,7 @@ def _simple(schema: Any) -> Any:
     if "const" in said:
         said["enum"] = [said.pop("const")]
     if "prefixItems" in said:
-        # Pairs and vectors: every entry is of one kind.
+        # Pairs and vectors: all entries have the same type.
         said["items"] = said.pop("prefixItems")[0]
     if "$ref" in said and len(said) > 1:
         said = {"allOf": [{"$ref": said.pop("$ref")}], **said}

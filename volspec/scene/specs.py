@@ -1,9 +1,9 @@
-"""Settings that only scene files have: volume, materials, basis, camera, picture size.
+"""Settings only in scene files: volume, materials, basis, camera, picture size.
 
     TOML -> [specs] -> Scene
 
-Those of lights are in `volspec.scene.lights`, of transfer functions in `volspec.scene.transfer`,
-of exports in `volspec.scene.export`; all others are the specs that Python takes.
+Lights are in `volspec.scene.lights`, transfer functions in `volspec.scene.transfer` and exports in
+`volspec.scene.export`; all other tables are the specs of the Python API.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 @settings(SceneError)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpectrumNumbers:
-    """A spectrum as numbers instead of a name: one that was edited, and is in no file of its own.
+    """A spectrum as numbers instead of a name: an edited spectrum without a file of its own.
 
-    Values on the scene's own bands are taken as they are; others are averaged over them, as a
-    file's are: a light is scaled, a reflectance checked.
+    Values on the scene's bands are used unchanged; others are averaged over the bands, as from a
+    file: a light is scaled, a reflectance checked.
     """
 
     name: str = ""
-    """Caption; left out, the name of the light or material."""
+    """Caption; default: the name of the light or material."""
     wavelengths_nm: Annotated[Numbers, Field(examples=[[400, 700]]), Unit("nm")]
-    """Rising, at least two."""
+    """At least two, increasing."""
     values: Annotated[Numbers, Field(examples=[[0.2, 0.8]])]
-    """One a wavelength: of a light relative power, of a reflectance or filter 0 to 1."""
+    """One per wavelength: relative power for a light, 0 to 1 for a reflectance or filter."""
     notes: dict[str, str] = field(default_factory=dict)
-    """Facts about its making, such as designed, manufacturer or instrument; a scene that has
-    designed spectra trains its basis."""
+    """Facts about its origin, such as designed, manufacturer or instrument; a scene with designed
+    spectra trains its basis."""
 
     def __post_init__(self) -> None:
         try:
@@ -53,7 +53,7 @@ class SpectrumNumbers:
 
     @classmethod
     def of(cls, spectrum: Spectrum) -> SpectrumNumbers:
-        """Return a spectrum's numbers, which read back to the last bit."""
+        """Return a spectrum's numbers, which read back exactly."""
         return cls(
             name=spectrum.name,
             wavelengths_nm=tuple(spectrum.wavelengths_nm.tolist()),
@@ -62,9 +62,9 @@ class SpectrumNumbers:
         )
 
     def spectrum(self, name: str = "") -> Spectrum:
-        """Return the numbers, under another name if they have none.
+        """Return the spectrum, with the given name if it has none.
 
-        Raises SpectrumError if they are no spectrum.
+        Raises SpectrumError if the numbers are not a spectrum.
         """
         numbers = np.array(self.wavelengths_nm), np.array(self.values)
         return Spectrum(*numbers, self.name or name, self.notes)
@@ -85,10 +85,10 @@ def given_light(
     folder: Path,
     known: Mapping[str, Spectrum],
 ) -> Spectrum:
-    """Return the light of a row, whose files are relative to ``folder``.
+    """Return the light of a row, whose paths are relative to ``folder``.
 
-    Spectra that are in no file yet are looked up in ``known``. Raises SpectrumError if the name is
-    unknown, or the numbers are no light.
+    ``known`` holds spectra that are not on disk yet. Raises SpectrumError if the name is unknown,
+    or the numbers are not a light.
     """
     if isinstance(given, SpectrumNumbers):
         return as_light(given.spectrum(name), grid, "spectrum.values")
@@ -102,7 +102,7 @@ def given_reflectance(
     folder: Path,
     known: Mapping[str, Spectrum],
 ) -> Spectrum:
-    """Return the reflectance or the filter of a row; parameters and errors as `given_light`."""
+    """Return the reflectance or filter of a row; parameters and errors as for `given_light`."""
     if isinstance(given, SpectrumNumbers):
         return as_reflectance(given.spectrum(name), grid, "values")
     return known.get(given) or reflectance(given, grid, folder=folder)
@@ -117,15 +117,15 @@ class VolumeSpec:
     """NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, .npy, FILE.raw?shape=256x256x110&dtype=uint8, or a
     folder: DICOM (?series=3 selects one of several), TIFF or PNG slices, OME-Zarr."""
     spacing_mm: Annotated[Vector, Unit("mm")] | None = None
-    """x, y, z instead of the file's; a warning reports it if the file has others."""
+    """x, y, z instead of the file's spacing; there is a warning if they differ."""
     downsample: int = 1
-    """2 keeps a voxel for every block of 2³: the mean, or of labels the most frequent."""
+    """2 keeps one voxel per block of 2³: the mean, or for labels the most frequent."""
 
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class MaterialSpec:
-    """``[[material]]``: a name the transfer function uses, a reflectance and a filter."""
+    """``[[material]]``: a name for the transfer function, a reflectance and a filter."""
 
     row_keys: ClassVar = ("name",)
     name: Annotated[Name, Field(examples=["bone"])]
@@ -134,39 +134,39 @@ class MaterialSpec:
     """A name (copper, ColorChecker/dark skin, grey:0.18, …), FILE.csv, FILE.spdx, FILE.exr#X,Y, a
     palette's OUT.toml#name, or a table of numbers."""
     filter: Given | None = None
-    """The spectrum that passes it at opacity 1, in the same notation; left out, every wavelength is
-    absorbed alike. Only with points, and not with method = "materials"."""
+    """Transmitted spectrum at opacity 1, in the same notation; by default all wavelengths are
+    absorbed equally. Only with points, and not with method = "materials"."""
 
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class BasisSpec:
-    """``[basis]``: one that ships, one trained on the scene's own spectra, or its materials.
+    """``[basis]``: a shipped basis, one trained on the scene's own spectra, or its materials.
 
-    An empty table takes ``general-7`` if that holds the scene's colours, and trains if it does not.
+    An empty table uses ``general-7`` if that reproduces the scene's colours, else trains a basis.
     ``method = "materials"`` makes the materials the channels: exact under any light.
     """
 
     name: str | None = None
-    """A basis that ships, or FILE.json; alone."""
+    """A shipped basis, or FILE.json; excludes all other keys."""
     train: Literal["scene"] | None = None
-    """Train for the scene in any case."""
+    """Always train for the scene."""
     method: Literal["virtual-sensors", "pca-sharpened", "pca", "reduced-rank", "materials"] = (
         "virtual-sensors"
     )
-    """Method of the fit; with materials the materials are the channels, exact under any light."""
+    """Fitting method; with materials, the materials are the channels, exact under any light."""
     size: Annotated[int, Field(ge=3, le=16)] = 7
     """Number of channels."""
     positive: bool = False
     """Sensors without negative parts."""
     grid_nm: Annotated[Vector, Unit("nm")] | None = None
-    """First, last, step of the bands; left out, 400 to 700 by 10."""
+    """First, last and step of the bands; default: 400 to 700 by 10."""
     observer_deg: Literal[2, 10] = 2
     """Field of the CIE observer."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
-        """Refuse keys that exclude each other; defaults do not count."""
+        """Refuse keys that exclude each other, unless they equal their defaults."""
         others = sorted(set(table) - {"name"})
         if "name" in table and others:
             problem = f"a shipped basis, with {' and '.join(others)}"
@@ -179,7 +179,7 @@ class BasisSpec:
 
     @property
     def file(self) -> str | None:
-        """The file that ``name`` is; None if it is none."""
+        """The file in ``name``; None if it is not a file."""
         return self.name if self.name is not None and self.name.endswith(".json") else None
 
 
@@ -193,7 +193,7 @@ class CameraSpec(Orbit):
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
-        """Refuse an orbit and a position in one."""
+        """Refuse an orbit together with a position."""
         orbit = {each.name for each in fields(Orbit)} - {"target_mm", "up", "fov_deg"}
         if "position_mm" in table and (given := sorted(orbit & set(table))):
             raise fault("position_mm", f"given with {' and '.join(given)}", "give one of them")

@@ -1,4 +1,4 @@
-"""``[transfer]``: points, regions, labels or surfaces, and the function they make.
+"""``[transfer]``: points, regions, labels or surfaces, and the function that they define.
 
 tables, materials, basis -> [transfer] -> TransferFunction | TransferFunction2D | …
 """
@@ -27,7 +27,7 @@ from volspec.transfer import (
 )
 
 KINDS = ("points", "regions", "labels", "surfaces")
-# A name or a mix, discriminated by their form, so that a message is about the one that is meant.
+# A name or a mix, discriminated by form, so that a message is about the intended one.
 Material = Annotated[
     Annotated[str, Tag("<value>")] | Annotated[dict[str, float], Tag("<table>")],
     Discriminator(lambda given: "<table>" if isinstance(given, dict) else "<value>"),
@@ -37,33 +37,33 @@ Material = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class LookSpec:
-    """Fields of every row: how opaque, and of which material."""
+    """Fields of every row: opacity and material."""
 
     opacity: Annotated[float, Field(examples=[0.5])]
-    """0 to 1, over the reference step; a surface's for the surface."""
+    """0 to 1, over the reference step; for surfaces, of the surface."""
     material: Annotated[Material, Field(examples=["bone"])]
     """A name, or fractions by name that sum to at most 1; the rest is black."""
 
     @property
     def material_weights(self) -> Mapping[str, float]:
-        """The mix by material, also if there is only one."""
+        """Fractions by material, even if there is only one."""
         return {self.material: 1.0} if isinstance(self.material, str) else self.material
 
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class PointSpec(LookSpec):
-    """One of ``points`` or ``surfaces``."""
+    """Row of ``points`` or ``surfaces``."""
 
     row_keys: ClassVar = ("value",)
     value: Annotated[float, Field(examples=[100])]
-    """Rising; two points of one value make a step."""
+    """Increasing; two points with the same value make a step."""
 
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class RegionSpec(LookSpec):
-    """One of ``regions``; see `volspec.Region`."""
+    """Row of ``regions``; see `volspec.Region`."""
 
     row_keys: ClassVar = ("values", "gradients")
     values: Annotated[Pair, Field(examples=[[60, 130]])]
@@ -77,7 +77,7 @@ class RegionSpec(LookSpec):
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class LabelSpec(LookSpec):
-    """One of ``labels``."""
+    """Row of ``labels``."""
 
     row_keys: ClassVar = ("label",)
     label: Annotated[int, Field(examples=[1])]
@@ -87,25 +87,25 @@ class LabelSpec(LookSpec):
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class TransferSpec:
-    """``[transfer]``: one kind of function, and the length over which an opacity holds."""
+    """``[transfer]``: one kind of function, and the length to which opacities refer."""
 
     points: Annotated[tuple[PointSpec, ...], Field(strict=False, min_length=1)] | None = None
     """A curve over values."""
     gradient_opacity: Annotated[tuple[Pair, ...], Field(strict=False, min_length=1)] | None = None
-    """With points: magnitude (value per mm, rising) and factor of the opacity, 0 to 1, pair by
-    pair: emphasises boundaries."""
+    """With points: pairs of gradient magnitude (value per mm, increasing) and opacity factor, 0 to
+    1; emphasises boundaries."""
     regions: Annotated[tuple[RegionSpec, ...], Field(strict=False, min_length=1)] | None = None
     """Rectangles of values and gradients."""
     labels: Annotated[tuple[LabelSpec, ...], Field(strict=False, min_length=1)] | None = None
-    """Looks of a segmentation's labels."""
+    """Opacity and material per label of a segmentation."""
     surfaces: Annotated[tuple[PointSpec, ...], Field(strict=False, min_length=1)] | None = None
     """Isosurfaces, up to eight; rows as points."""
     reference_step_mm: Annotated[float, Unit("mm")] | None = None
-    """Length over which an opacity holds; left out, the smallest spacing. Not with surfaces."""
+    """Length to which opacities refer; default: the smallest spacing. Not with surfaces."""
 
     @property
     def kind(self) -> str:
-        """The one of `KINDS` that is given."""
+        """Kind of function given, one of `KINDS`."""
         return next(kind for kind in KINDS if getattr(self, kind) is not None)
 
     def __post_init__(self) -> None:
@@ -118,7 +118,7 @@ class TransferSpec:
                 "conflict" if given else "missing",
             )
         if self.gradient_opacity is not None and self.points is None:
-            raise fault("gradient_opacity", f"is for points, not {given[0]}", "leave it out")
+            raise fault("gradient_opacity", f"only for points, not {given[0]}", "leave it out")
         if self.reference_step_mm is not None and self.surfaces is not None:
             raise fault("reference_step_mm", "surfaces have no thickness", "leave it out")
         numbers = [row.label for row in self.labels or ()]
@@ -128,7 +128,7 @@ class TransferSpec:
             raise fault(f"labels[{twice}].label", problem, "leave out one", "duplicate")
 
     def seen(self) -> Iterator[tuple[float, Mapping[str, float]]]:
-        """Weigh the mixes: opacity times the values that each covers."""
+        """Weigh the mixes: opacity times the range of values that each covers."""
         if self.points is not None:
             yield from _seen_points(self.points)
         for region in self.regions or ():
@@ -161,7 +161,7 @@ class TransferSpec:
 
 def _seen_points(points: Sequence[PointSpec]) -> Iterator[tuple[float, Mapping[str, float]]]:
     span = max(points[-1].value - points[0].value, 1e-12)
-    for point in points:  # a sharp step covers no values, yet is seen
+    for point in points:  # a sharp step covers no range of values, yet is visible
         yield point.opacity * span / len(points), point.material_weights
     for left, right in pairwise(points):
         for point in (left, right):

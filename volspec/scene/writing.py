@@ -1,9 +1,8 @@
-"""Write a scene's file: into the text it came from, with its comments and order, or from scratch.
+"""Write a scene's file: into its original text, keeping comments and order, or from scratch.
 
 SceneFile -> [writing] -> TOML
 
-Differences are found table by table, not in the text: a key with an equal value is left as
-somebody wrote it.
+Differences are found table by table, not in the text: a key with an equal value stays as written.
 """
 
 from __future__ import annotations
@@ -33,14 +32,14 @@ if TYPE_CHECKING:
     from volspec.scene.model import Scene
     from volspec.spectra import Spectrum
 
-# Tables that get a header of their own; others are inline, but those of the whole file.
+# Tables that get a header of their own, like the file's top-level tables; others are inline.
 _HEADED = ("display", "reflectance", "filter", "spectrum")
-# Among the comments on top, unless it is an address in the net.
+# In the comments at the top, unless it is a URL.
 _SCHEMA = re.compile(r"(?:#.*\n)*?#:schema[ \t]+(?!\w+://)(\S+)")
 
 
 def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | None = None) -> Path:
-    """Write a scene's file, whole or not at all; it loads into the same tables again.
+    """Write a scene's file atomically; it loads into the same tables again.
 
     Parameters
     ----------
@@ -49,11 +48,11 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     path : path
         A ``.toml``, which may be there already.
     like : Scene, optional
-        The scene that ``file`` was made from. Names of files in ``file`` start from its folder,
-        and are written as they read from the new one. Where it came from a file that is still
-        there, its text stays, comments and order too, and only what differs is
-        changed. Spectra that it knows and that are no files yet are written as numbers.
-        Left out, names of files start from the new folder and the file is written from scratch.
+        The scene that ``file`` was made from. Paths in ``file`` are relative to its folder, and
+        are rewritten relative to the new one. If the scene's own file still exists, its text,
+        comments and order are kept, and only differences are changed. Its ``known`` spectra,
+        which are not on disk yet, are written as numbers.
+        By default, paths are relative to the new folder and the file is written from scratch.
 
     Returns
     -------
@@ -62,10 +61,10 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     Raises
     ------
     SceneError
-        If the name is not ``.toml``, a mix of lights cannot be read, or what it shall say is no
+        If the name is not ``.toml``, a mix of lights cannot be read, or the result is not a
         scene; the message names the field.
     InputError
-        If there is no writing there.
+        If the path cannot be written.
 
     Examples
     --------
@@ -93,7 +92,7 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     except SceneError as error:
         problem = str(error).removeprefix(f"{target}: ")
         raise SceneError(
-            f"{target}: not written, as it would be no scene: {problem}",
+            f"{target}: not written, as it would not be a scene: {problem}",
             code=error.code,
         ) from error
     with write_whole(target) as temporary:
@@ -102,7 +101,7 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
 
 
 def _with_numbers(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
-    """Return the file with numbers instead of texts that only this process can look up."""
+    """Return the file with numbers instead of names that only this process can look up."""
 
     def numbers(row: Any, *keys: str) -> Any:
         texts = {key: getattr(row, key) for key in keys if isinstance(getattr(row, key), str)}
@@ -115,7 +114,7 @@ def _with_numbers(file: SceneFile, known: Mapping[str, Spectrum]) -> SceneFile:
 
 
 def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
-    """Return the same scene for a file in another folder, with names of files that lead from there.
+    """Return the same scene for a file in another folder, with paths relative to that.
 
     Raises SceneError if a mix of lights cannot be read.
     """
@@ -151,14 +150,14 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
 
 
 def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
-    """Return the source's text, changed to say what the file says; None if there is none."""
+    """Return the source's text, changed to match the file; None if that is impossible."""
     from tomlkit.exceptions import TOMLKitError
 
     if source.suffix.lower() != ".toml":
         return None
     try:
         text = scene_text(source)
-        # A key that gets its default keeps its line, unless the table then contradicts itself.
+        # A key set to its default keeps its line, unless the table then contradicts itself.
         tries: list[dict[str, Any]] = [plain(file, defaults=True), {}]
         for defaults in tries:
             edited = _edited_once(text, file, defaults, source, target)
@@ -172,7 +171,7 @@ def _edited(file: SceneFile, source: Path, target: Path) -> str | None:
 def _edited_once(
     text: str, file: SceneFile, defaults: Mapping[str, Any], source: Path, target: Path
 ) -> str | None:
-    """Return the text with the file's settings; None if it then says something else."""
+    """Return the text with the file's settings; None if it does not read back the same."""
     import tomlkit
 
     document: Any = tomlkit.parse(text if text.endswith("\n") else f"{text}\n")
@@ -185,7 +184,7 @@ def _edited_once(
         place = rebase_path(space, source.parent, target.parent)
         set_key(document["viewing"]["display"], "space", place)
     edited = _led_to_schema(tomlkit.dumps(document), source, target)
-    # Layouts that no one writes, as tables in pieces, may be beyond an editor.
+    # Unusual layouts, such as tables in pieces, may be impossible to edit.
     try:
         return edited if scene_file(parse_toml(edited), target) == file else None
     except SceneError:
@@ -193,7 +192,7 @@ def _edited_once(
 
 
 def _led_to_schema(text: str, source: Path, target: Path) -> str:
-    """The editors' comment that names the schema leads there from the new place."""
+    """Return the text with the path in its ``#:schema`` comment relative to the new folder."""
     found = _SCHEMA.match(text)
     if found is None or source.parent.resolve() == target.parent.resolve():
         return text
@@ -216,7 +215,7 @@ def _update(
     after: Mapping[str, Any],
     defaults: Mapping[str, Any] = MappingProxyType({}),
 ) -> None:
-    """Let a document's table say the differences of two tables; ``defaults`` has all keys."""
+    """Apply the differences of two tables to a document's table; ``defaults`` has all keys."""
     for key in dict.fromkeys((*after, *before)):
         old, new = before.get(key), after.get(key)
         if old == new:
@@ -238,7 +237,7 @@ def _update(
 def _update_rows(
     node: Any, key: str, before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]]
 ) -> None:
-    """Let a list of tables say the differences; rows keep their lines while they are the same."""
+    """Apply the differences to a list of tables; unchanged rows keep their lines."""
     from tomlkit.items import AoT
 
     rows, origins = node[key], _origins(before, after, _row_keys(SceneFile).get(key, ("kind",)))
@@ -266,7 +265,7 @@ def _update_rows(
 def _origins(
     before: Sequence[Mapping[str, Any]], after: Sequence[Mapping[str, Any]], keys: Sequence[str]
 ) -> list[int | None]:
-    """Return the former index of each row: of an equal one, one of its name, or at its place."""
+    """Return each row's former index: of an equal row, else of its name, else at its place."""
     found: list[int | None] = [None] * len(after)
     free = list(range(len(before)))
 
@@ -290,7 +289,7 @@ def _origins(
 
 @cache
 def _row_keys(cls: Any) -> dict[str, tuple[str, ...]]:
-    """Return the keys that identify rows, by the list's key, of all tables of a class."""
+    """Return the keys that identify rows, by list key, for all tables of a class."""
     keys: dict[str, tuple[str, ...]] = {}
     for each in fields(cls):
         hint = hints(cls)[each.name]
@@ -302,7 +301,7 @@ def _row_keys(cls: Any) -> dict[str, tuple[str, ...]]:
 
 
 def _set(node: Any, key: str, value: Any) -> None:
-    """Put a value where a document has none, or one of another kind."""
+    """Set a value that a document lacks or has as another kind."""
     import tomlkit
     from tomlkit.items import AoT
 
@@ -321,7 +320,7 @@ def _set(node: Any, key: str, value: Any) -> None:
 
 
 def _table(table: Mapping[str, Any]) -> Any:
-    """Return a table with a header, its own tables last."""
+    """Return a table with a header, its sub-tables last."""
     import tomlkit
 
     made = tomlkit.table()
