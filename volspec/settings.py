@@ -626,6 +626,7 @@ class FileFaults(InputError):
         super().__init__(
             first.problem, first.remedy, code=first.code, field=first.field, given=first.given
         )
+        self.faults = tuple(faults)
         self.lines = [f"{os.fspath(path)}: {_line(each, rows or {})}" for each in faults]
 
     def __str__(self) -> str:

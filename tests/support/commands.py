@@ -160,6 +160,7 @@ _TWICE = (
     'light = "dusk"\ncolour = "lime"\nmust = true'
 )
 _WRONG = SCENE.replace("spectrum", "spectrm").replace("opacity = 0.4", 'opacity = "much"')
+_WRONG = _WRONG.replace('"white"', '"whit"')
 _TEXTS = {
     "s.toml": SCENE,
     "wrong.toml": _WRONG,

@@ -8,7 +8,8 @@ A scene is checked by planning its export.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,7 @@ from volspec.scene.export import ExportSpec
 from volspec.scene.file import SceneFaults, SceneFile, scene_data, scene_file
 from volspec.scene.lights import require_lux
 from volspec.scene.resolve import Resolver
+from volspec.settings import try_table
 from volspec.transfer import Transfer
 from volspec.volume import Volume
 
@@ -252,21 +254,21 @@ class Checked:
 def check_scene(path: str | os.PathLike[str]) -> Checked:
     """Look up everything that a scene names, its volume too, and plan its export, without a cast.
 
-    Reports all faults that can be found together; in a file whose tables are wrong, only theirs.
+    Reports all faults that can be found together.
     """
     name = os.fspath(path)
     try:
-        file = scene_file(scene_data(path), path)
-    except SceneFaults as error:
-        return Checked(name, tuple(error.lines))
+        data = scene_data(path)
     except SceneError as error:
         return Checked(name, (str(error),))
-    errors = _unresolved(file, Path(path))
-    scene, volume = None, None
     try:
-        volume = Resolver(file, Path(path)).volume()
-    except SceneError as error:
-        errors.append(str(error))
+        file = scene_file(data, path)
+    except SceneFaults as error:
+        valid = _valid_part(data, error, Path(path))
+        unknown = [] if valid is None else _unresolved(valid, Path(path))[0]
+        return Checked(name, (*error.lines, *unknown))
+    errors, volume = _unresolved(file, Path(path))
+    scene = None
     if volume is not None and not errors:
         try:
             scene = Scene(file, path)
@@ -289,12 +291,41 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
     )
 
 
-def _unresolved(file: SceneFile, path: Path) -> list[str]:
-    """Return unknown names and numbers out of range, row by row."""
+# Replacements for tables that have a fault; no file has such a name.
+_NO_VOLUME = "\0"
+_VALID = {
+    "volume": {"file": _NO_VOLUME},
+    "material": [{"name": "material", "reflectance": "grey:0.5"}],
+    "light": [{"name": "light", "spectrum": "D65"}],
+}
+
+
+def _valid_part(data: Mapping[str, Any], error: SceneFaults, path: Path) -> SceneFile | None:
+    """Return a scene of the tables and rows without a fault; None if they do not fit together."""
+    wrong = {found[0] for each in error.faults if (found := re.match(r"\w+(\[\d+\])?", each.field))}
+    tables: dict[str, Any] = dict(_VALID)
+    for key in ("volume", "basis", "group", "material", "light"):
+        table = data.get(key)
+        if isinstance(table, list):
+            table = [row for i, row in enumerate(table) if f"{key}[{i}]" not in wrong]
+        if table and key not in wrong:
+            tables[key] = table
+    point = {"value": 0, "opacity": 0, "material": tables["material"][0]["name"]}
+    tables["transfer"] = {"points": [point]}
+    return try_table(SceneFile, tables, SceneError, path.parent)[0]
+
+
+def _unresolved(file: SceneFile, path: Path) -> tuple[list[str], Volume | None]:
+    """Return unknown names and numbers out of range, row by row; and the volume."""
     errors: list[str] = []
     names = Resolver(file, path, faults=errors)
     grid = names.grid(names.shipped_basis())
     names.reflectances("reflectance", grid)
     names.reflectances("filter", grid)
     names.lights(grid, file.cast)
-    return errors
+    try:
+        if file.volume.file != _NO_VOLUME:
+            return errors, names.volume()
+    except SceneError as error:
+        errors.append(str(error))
+    return errors, None
