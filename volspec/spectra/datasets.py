@@ -2,8 +2,8 @@
 
     colour-science, grid -> [datasets] -> spectrum, photometry, lights, reflectances
 
-colour-science takes over a second to import; its tables are cached in the user's cache folder
-(`volspec._cache`), from which they are read in milliseconds.
+colour-science takes more than a second to import; its tables are cached in the user's cache folder
+(`volspec._cache`) and read from there in milliseconds.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def observers() -> Mapping[str, Table]:
 
 @cache
 def illuminants() -> Mapping[str, Table]:
-    """Illuminants of the CIE and ISO."""
+    """CIE and ISO illuminants."""
     return _cached("illuminants", lambda: _tables(colour_science().SDS_ILLUMINANTS))
 
 
@@ -49,7 +49,7 @@ def light_sources() -> Mapping[str, Table]:
 
 @cache
 def daylight_components() -> Mapping[str, Table]:
-    """S0, S1 and S2, of which daylight of any temperature is a sum (CIE 15:2018, table T.2)."""
+    """S0, S1 and S2, which sum to daylight of any temperature (CIE 15:2018, table T.2)."""
     return _cached(
         "daylight",
         lambda: _tables(colour_science().colorimetry.SDS_BASIS_FUNCTIONS_CIE_ILLUMINANT_D_SERIES),
@@ -58,7 +58,7 @@ def daylight_components() -> Mapping[str, Table]:
 
 @cache
 def reflectances() -> Mapping[str, Table]:
-    """Charts and test samples as ``SET/name``; the numbers of a set begin at 1."""
+    """Charts and test samples as ``SET/name``; numbers in a set begin at 1."""
     return _cached("reflectances", _reflectances)
 
 
@@ -77,7 +77,7 @@ def _reflectances() -> dict[str, Table]:
         ("VS 7.4", samples.SDS_VS["NIST CQS 7.4"]),
     ):
         for name, table in _tables(group).items():
-            # TCS01 and VS1 become TCS/1 and VS/1; charts keep their patches' names.
+            # TCS01 and VS1 become TCS/1 and VS/1; patches of charts keep their names.
             short = name.removeprefix(space.split()[0]).lstrip("0") or name
             tables[f"{space}/{short}"] = table
     sets = {
@@ -103,7 +103,7 @@ def _cached(group: str, read: Callable[[], Mapping[str, Table]]) -> dict[str, Ta
 
 
 def _pack(tables: Mapping[str, Table]) -> dict[str, NDArray[Any]]:
-    """Concatenate tables to few arrays: an archive of hundreds is slow to read."""
+    """Concatenate tables into a few arrays: an archive of hundreds is slow to read."""
     return {
         "names": np.array(list(tables)),
         "ends": np.cumsum([len(nm) for nm, _ in tables.values()]),
@@ -121,7 +121,7 @@ def _unpack(packed: Mapping[str, NDArray[Any]]) -> dict[str, Table]:
 def colour_science() -> ModuleType:
     """Import ``colour`` late and without its side effects.
 
-    It warns of missing optional packages and switches NumPy's printing to a legacy style.
+    The import warns of missing optional packages and switches NumPy's printing to a legacy style.
     """
     with warnings.catch_warnings(), np.printoptions():
         warnings.simplefilter("ignore")
@@ -132,7 +132,7 @@ def colour_science() -> ModuleType:
 _OBSERVERS = {2: "CIE 1931 2 Degree Standard Observer", 10: "CIE 1964 10 Degree Standard Observer"}
 
 
-# One grid in most programs; spectra that are measured or tried bring their own.
+# Most programs use one grid; measured or experimental spectra bring their own.
 @lru_cache(maxsize=64)
 def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArray[np.float64]:
     """Return a standard observer's colour-matching functions x, y, z: (3, N) band means.
@@ -147,14 +147,14 @@ def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDAr
     Raises
     ------
     SpectrumError
-        If the grid leaves 360-830 nm or the observer is another.
+        If the grid exceeds 360-830 nm or the observer is not one of these.
     """
     check_observer(observer_deg)
     try:
         Q = grid.band_means(*observers()[_OBSERVERS[observer_deg]]).T
     except SpectrumError:
         raise SpectrumError(
-            f"grid {grid}: the eye's colour-matching functions span 360-830 nm; stay within"
+            f"grid {grid}: the colour-matching functions span 360-830 nm; stay within that range"
         ) from None
     Q = np.ascontiguousarray(Q)
     Q.flags.writeable = False

@@ -43,7 +43,7 @@ FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr, PALETTE.toml#name"
 _ADDRESS = re.compile(r"(.*?\.(csv|txt|tsv|spdx|xml|exr|toml))(?:#(.*))?", re.IGNORECASE)
 # A gap at the end of a table that needs no warning: rounding of frequencies.
 _NOTHING_NM = 1e-3
-# TM-27 quantities that each kind cannot be; `relative` and `other` serve as both.
+# TM-27 quantities that a kind cannot have; `relative` and `other` fit both kinds.
 _REFUSED = {
     "emissive": ("reflectance", "transmittance", "absorptance", "r-factor", "t-factor"),
     "reflective": ("flux", "intensity", "irradiance", "radiance", "exitance", "absorptance"),
@@ -52,44 +52,44 @@ _ROLE = {"emissive": "light", "reflective": "reflectance"}
 
 
 def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
-    """Read one measured spectrum; the file's metadata become its notes.
+    """Read one measured spectrum; the file's metadata become the spectrum's notes.
 
     Parameters
     ----------
     path : path
-        Its suffix decides the format:
+        The suffix determines the format:
 
         - ``.csv``, ``.txt``, ``.tsv``: rows of nm and values, separated by commas, semicolons,
           tabs or blanks, after at most one header line. ``# key: value`` lines are notes, other
-          lines with ``#`` comments. With several columns of values ``FILE.csv#column`` chooses
-          by the header's name, or by number: 1 is the first one after the wavelengths.
+          lines with ``#`` comments. With several columns of values, ``FILE.csv#column`` selects
+          one by its name in the header, or by number: 1 is the first after the wavelengths.
         - ``.spdx``, ``.xml``: IES TM-27-14 [1]; its fields become notes, such as
           ``manufacturer``, ``measurement equipment`` and ``bandwidth fwhm`` (nm).
         - ``.exr``: a `SpectralImage`; ``FILE.exr`` is its mean, ``FILE.exr#X,Y`` one pixel,
-          ``FILE.exr#X0,Y0,X1,Y1`` the mean of a box, X1 and Y1 not included.
-        - ``.toml``: a palette that ``volspec design`` wrote; ``PALETTE.toml#name`` is the values
-          of its light or reflectance of that name, or number from 1.
+          ``FILE.exr#X0,Y0,X1,Y1`` the mean of a box, excluding X1 and Y1.
+        - ``.toml``: a palette that ``volspec design`` wrote; ``PALETTE.toml#name`` selects the
+          values of a light or reflectance by name, or by number from 1.
     kind : "emissive" or "reflective", optional
-        Its use, as a light or a reflectance. Files declared to be the other, in TM-27's
-        SpectralQuantity or the note ``spectral quantity``, are refused; of an image with both,
-        this one is read.
+        The use of the spectrum, as a light or a reflectance. A file that declares the other kind,
+        in TM-27's SpectralQuantity or the note ``spectral quantity``, is refused; from an image
+        with both kinds, this one is read.
 
     Returns
     -------
     Spectrum
-        Stored values: nm, the file's own units.
+        Stored values: nm and the file's own units.
 
     Raises
     ------
     SpectrumError
-        Names the file, the line, field or channel at fault, and the remedy.
+        If the file cannot be used; names the file, the faulty line, field or channel, and a remedy.
     """
     if kind is not None:
         require_kind(kind, path_text(path))
     address = split_address(path)
     if address is None:
         raise SpectrumError(
-            f"{os.fspath(path)}: the suffix says no format; use .csv, .txt, .tsv (text), "
+            f"{os.fspath(path)}: the suffix is not a known format; use .csv, .txt, .tsv (text), "
             ".spdx, .xml (IES TM-27), .exr (spectral image) or .toml (palette)",
             code="unsupported",
         )
@@ -102,14 +102,14 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     if suffix not in (".spdx", ".xml"):
         spectrum = read_table(file).spectrum(selector)
     elif selector:
-        raise SpectrumError(f"{file}: holds one spectrum; leave out '#{selector}'", code="unknown")
+        raise SpectrumError(f"{file}: has one spectrum; leave out '#{selector}'", code="unknown")
     else:
         spectrum = _tm27(file)
     quantity = spectrum.notes.get("spectral quantity", "")
     if kind and quantity.lower().removeprefix("spectral ") in _REFUSED[kind]:
         raise SpectrumError(
-            f"{os.fspath(path)}: its spectral quantity is {quantity!r}, which is no "
-            f"{_ROLE[kind]}; give another file, or mend that field if it is wrong",
+            f"{os.fspath(path)}: its spectral quantity is {quantity!r}, which is not a "
+            f"{_ROLE[kind]}; give another file, or correct that field if it is wrong",
             code="type",
         )
     return spectrum
@@ -124,10 +124,10 @@ def split_address(text: Address) -> tuple[str, str] | None:
 def named_in_palette(
     address: tuple[str, str], role: str, folder: Address
 ) -> tuple[str, str] | None:
-    """Return the name that a palette's address refers to, as ``D65``, and a file's base.
+    """Return the name to which a palette's address refers, such as ``D65``, and its base folder.
 
-    ``folder`` is the base of the address' relative name. None if the palette has values of its own,
-    or the file is no palette.
+    ``folder`` is the base of a relative address. None if the palette has the values itself, or the
+    file is not a palette.
     """
     path = Path(path_text(folder), address[0])
     if path.suffix.lower() != PALETTE:
@@ -137,17 +137,17 @@ def named_in_palette(
 
 
 def rebase_address(text: str, folder: Path, to: Path) -> str:
-    """Rewrite ``FILE#selector`` relative to another folder; other names stay."""
+    """Rewrite ``FILE#selector`` relative to another folder; other names do not change."""
     if (address := split_address(text)) is None:
         return text
     return rebase_path(address[0], folder, to) + text[len(address[0]) :]
 
 
 def rebase_path(file: str, folder: Path, to: Path) -> str:
-    """Rewrite a file's name relative to another folder; absolute ones stay."""
+    """Rewrite a file's name relative to another folder; absolute names do not change."""
     if os.path.isabs(file):
         return file
-    # `..` of a folder behind a link is the folder's parent, not the link's.
+    # `..` of a folder behind a symbolic link is the folder's parent, not the link's.
     return Path(os.path.relpath(folder.resolve() / file, to.resolve())).as_posix()
 
 
@@ -156,8 +156,8 @@ def resample(
 ) -> NDArray[np.float64]:
     """Return (N,) band means of a file's spectrum divided by ``unit``.
 
-    Extrapolated ends are warned about, with ``stacklevel`` counted from here. Raises SpectrumError
-    if the visible part of the grid is not covered; ``label`` names the file.
+    Warns of extrapolated ends, with ``stacklevel`` counted from here. Raises SpectrumError if the
+    visible part of the grid is not covered; ``label`` names the file.
     """
     w, v = measured.wavelengths_nm, measured.values
     try:
@@ -183,13 +183,13 @@ def _tm27(path: str) -> Spectrum:
     _check_tm27(path)
     colour = colour_science()
     try:
-        # colour-science warns of values that are not finite; Spectrum refuses them.
+        # colour-science only warns of values that are not finite; Spectrum refuses them.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             document = colour.SpectralDistribution_IESTM2714(path)
-    except Exception as error:  # of any class: it validates nothing
+    except Exception as error:  # of any class: colour-science validates nothing
         raise SpectrumError(
-            f"{path}: cannot be read as IES TM-27 ({one_line(error)}); mend or export it again",
+            f"{path}: cannot be read as IES TM-27 ({one_line(error)}); correct or re-export it",
             code="damaged",
         ) from None
     notes = {}
@@ -199,7 +199,7 @@ def _tm27(path: str) -> Spectrum:
             if isinstance(value, bool):
                 value = "yes" if value else "no"
             text = str(value).strip()
-            # The reader returns None, "None" or NaN for absent fields; instruments write N/A.
+            # The reader returns None, "None" or NaN for missing fields; instruments write N/A.
             if text.lower() not in ("", "none", "nan", "n/a"):
                 notes[item.attribute.replace("_", " ")] = text
     name = notes.get("description") or Path(path).stem
@@ -211,14 +211,14 @@ def _tm27(path: str) -> Spectrum:
 
 
 class _NoEntities(ElementTree.TreeBuilder):
-    """XML builder that refuses a document type, whose entities could fill the memory."""
+    """XML builder that refuses a document type, because its entities could fill the memory."""
 
     def doctype(self, *_: object) -> None:
         raise ValueError("it declares a document type")
 
 
 def _check_tm27(path: str) -> None:
-    """Refuse XML that colour-science would misread: it takes any and joins distributions."""
+    """Refuse XML that colour-science would misread: it accepts any and joins distributions."""
     content = file_content(path)
     try:
         root = ElementTree.fromstring(content, ElementTree.XMLParser(target=_NoEntities()))
@@ -231,18 +231,18 @@ def _check_tm27(path: str) -> None:
     if tag != "IESTM2714" or "}" not in root.tag:
         raise SpectrumError(
             f"{path}: its root is <{tag}>, expected <IESTM2714 xmlns=…> (IES TM-27-14); "
-            "export it so, or as CSV",
+            "export it in that format, or as CSV",
             code="unsupported",
         )
     found = root.findall("{*}SpectralDistribution")
     if not found:
         raise SpectrumError(
-            f"{path}: holds no <SpectralDistribution> with the values; export the file again",
+            f"{path}: has no <SpectralDistribution> with the values; export the file again",
             code="damaged",
         )
     if len(found) > 1:
         raise SpectrumError(
-            f"{path}: holds {len(found)} spectral distributions, expected one; split the file",
+            f"{path}: has {len(found)} spectral distributions, expected one; split the file",
             code="unsupported",
         )
     last = -np.inf
@@ -261,7 +261,7 @@ def _check_tm27(path: str) -> None:
         if not np.isfinite((wavelength, value)).all():
             raise SpectrumError(
                 f"{path}: SpectralData number {number}: the value at {wavelength:g} nm is "
-                f"{value:g}, not finite; leave that one out"
+                f"{value:g}, not finite; leave that value out"
             )
         if not wavelength > last:
             raise SpectrumError(
@@ -271,7 +271,7 @@ def _check_tm27(path: str) -> None:
         last = wavelength
     if number < 2:
         raise SpectrumError(
-            f"{path}: holds {number} <SpectralData>, expected at least 2; export the file again",
+            f"{path}: has {number} <SpectralData>, expected at least 2; export the file again",
             code="damaged",
         )
 
@@ -280,7 +280,7 @@ def _pixels(path: str, selector: str, kind: Kind | None) -> Spectrum:
     box = None
     if selector:
         try:
-            # Python's int() takes 4_00.
+            # Python's int() accepts 4_00.
             box = tuple(int(number) for number in selector.replace("_", "?").split(","))
         except ValueError:
             box = ()
@@ -288,7 +288,7 @@ def _pixels(path: str, selector: str, kind: Kind | None) -> Spectrum:
             box = (*box, box[0] + 1, box[1] + 1)
         if len(box) != 4:
             raise SpectrumError(
-                f"{path}: {selector!r} is no part of an image; write "
+                f"{path}: {selector!r} is not a part of an image; write "
                 f"{Path(path).name}#X,Y or {Path(path).name}#X0,Y0,X1,Y1",
                 code="syntax",
             )

@@ -2,8 +2,8 @@
 
     [grid] -> spectrum -> photometry, library -> basis
 
-A value on a grid is the mean over its band (lambda_k +- step/2), so that a narrow emission
-line keeps its energy whatever the step.
+A value on a grid is the mean over its band (lambda_k +- step/2), so a narrow emission line keeps
+its energy at any step.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import SpectrumError
 
-# Wavelengths closer than this are the same; far below any table's precision.
+# Wavelengths closer than this count as equal; far below any table's precision.
 _SAME_NM = 1e-6
 
 
@@ -29,7 +29,7 @@ class SpectralGrid:
     start_nm, stop_nm : float
         First and last band centre; the last one is included.
     step_nm : float
-        Distance of the centres and width of each band.
+        Distance between centres and width of each band.
 
     Raises
     ------
@@ -51,7 +51,7 @@ class SpectralGrid:
         for field in ("start_nm", "stop_nm", "step_nm"):
             given = getattr(self, field)
             try:
-                # One float type, so that grids made from 400 and 400.0 hash alike.
+                # One float type, so that grids made from 400 and 400.0 have equal hashes.
                 object.__setattr__(self, field, float(given))
             except (TypeError, ValueError, OverflowError):
                 raise SpectrumError.refused(
@@ -64,7 +64,7 @@ class SpectralGrid:
             )
         if self.step_nm <= 0 or self.start_nm <= 0 or self.stop_nm <= self.start_nm:
             raise SpectrumError(
-                f"{text}: no grid; expected 0 < start < stop and a positive step", field="grid"
+                f"{text}: not a grid; expected 0 < start < stop and a positive step", field="grid"
             )
         steps = (self.stop_nm - self.start_nm) / self.step_nm
         if not math.isfinite(steps):
@@ -92,11 +92,11 @@ class SpectralGrid:
         return f"{self.start_nm:g}-{self.stop_nm:g} nm every {self.step_nm:g} nm"
 
     def band_means(self, wavelengths_nm: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
-        """Mean of the piecewise-linear interpolant over every band, integrated exactly.
+        """Return the mean of the piecewise-linear interpolant over every band, integrated exactly.
 
-        Samples that already lie on this grid (same step, same phase) are band values and
-        pass through unchanged. The first and last band may be covered in part, as long as
-        their centres are: they are averaged over the covered part.
+        Samples that already lie on this grid (same step and phase) are band values and are
+        returned unchanged. The first and last band may be covered only partly, as long as their
+        centres are covered: their means are over the covered part.
 
         Parameters
         ----------
@@ -134,7 +134,7 @@ class SpectralGrid:
         first = int(np.argmin(np.abs(w - centres[0])))
         own = w[first : first + self.size]
         if own.size == self.size and np.abs(own - centres).max() <= _SAME_NM:
-            # Consecutive samples on consecutive centres: the table has our step and phase.
+            # Consecutive samples are at consecutive centres: the table has our step and phase.
             return v[first : first + self.size].copy()
         low = np.maximum(centres - self.step_nm / 2, w[0])
         high = np.minimum(centres + self.step_nm / 2, w[-1])
@@ -149,13 +149,13 @@ class SpectralGrid:
             missing.append(f"{max(wavelengths_nm[-1], self.start_nm):g}-{self.stop_nm:g} nm")
         if missing:
             raise SpectrumError(
-                f"spectrum covers {wavelengths_nm[0]:g}-{wavelengths_nm[-1]:g} nm, the grid is "
+                f"spectrum covers {wavelengths_nm[0]:g}-{wavelengths_nm[-1]:g} nm, but the grid is "
                 f"{self}; {' and '.join(missing)} missing: give data there or use a smaller grid"
             )
 
 
 def require_grid(grid: object) -> None:
-    """Raise SpectrumError if this is not a `SpectralGrid`."""
+    """Raise SpectrumError unless ``grid`` is a `SpectralGrid`."""
     if not isinstance(grid, SpectralGrid):
         raise SpectrumError.refused(
             "grid", grid, "give a SpectralGrid, such as SpectralGrid(400, 700, 10)", "type"
@@ -165,7 +165,7 @@ def require_grid(grid: object) -> None:
 def _integral(
     w: NDArray[np.float64], v: NDArray[np.float64], x: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Integral of the interpolant from w[0] to each x."""
+    """Return the integral of the interpolant from w[0] to each x."""
     tail = (1,) * (v.ndim - 1)
     step = np.diff(w).reshape((-1,) + tail)
     whole = np.concatenate(

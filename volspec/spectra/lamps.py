@@ -1,4 +1,4 @@
-"""Lamps and the sky by name: temperature, lumens per watt, lux at a distance.
+"""Lamps and sky light by name: temperature, lumens per watt, lux at a distance.
 
     photometry -> [lamps] -> lights (``lamp:halogen-3300``), scene
 
@@ -29,7 +29,7 @@ PREFIX = "lamp"
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """Row of table 4 [1]: a source and its nearest Planck radiator."""
+    """Row of table 4 [1]: a source and the nearest Planck radiator."""
 
     name: str
     what: str
@@ -71,15 +71,15 @@ def lamp(name: str) -> Lamp:
 
 
 def lamp_for_light(light: str) -> Lamp:
-    """Return the lamp that a light's text names, whose illuminance follows from its watts.
+    """Return the lamp that a light's text names, so that its illuminance follows from its watts.
 
-    Raises SpectrumError if it is a mix, or a light of another kind.
+    Raises SpectrumError if the light is a mix, or not a lamp.
     """
     prefix, _, name = str(light).strip().casefold().partition(":")
     if prefix == PREFIX and name.strip() in LAMPS:
         return LAMPS[name.strip()]
     raise SpectrumError(
-        f"light {light!r}: only a lamp's light is counted from its watts; take one, as "
+        f"light {light!r}: only a lamp's illuminance follows from its watts; use a lamp, such as "
         "lamp:tungsten-2850, or give lux",
         code="unsupported",
     )
@@ -95,8 +95,8 @@ def flux_lm(of: str | Lamp, power_W: float) -> float:
     if source.efficacy_lm_per_W is None:
         known = (row.name for row in _TABLE if row.efficacy_lm_per_W is not None)
         raise SpectrumError(
-            f"lamp {source.name!r}: the table has no lumens per watt for {source.what}; give lux "
-            f"yourself, or take one of {', '.join(known)}",
+            f"lamp {source.name!r}: the table has no lumens per watt for {source.what}; give lux, "
+            f"or use one of {', '.join(known)}",
             code="missing",
         )
     return power_W * source.efficacy_lm_per_W
@@ -116,12 +116,12 @@ def lamp_illuminance_lux(
         Electrical power.
     distance_m : float
     beam_deg : float, optional
-        Full angle of the cone that receives all flux evenly; None is all around.
+        Full angle of the cone that receives all flux evenly; None means all directions.
 
     Raises
     ------
     SpectrumError
-        As `flux_lm`; or if the distance is not above 0 or the angle not within 0…360.
+        As in `flux_lm`; or if the distance is not above 0 or the angle not within 0…360.
 
     Examples
     --------
@@ -131,13 +131,13 @@ def lamp_illuminance_lux(
     _require_above_0("distance_m", distance_m)
     beam = 360.0 if beam_deg is None else beam_deg
     if not 0.0 < beam <= 360.0:
-        raise SpectrumError.refused("lamp.beam_deg", beam_deg, "expected above 0, 360 at most")
+        raise SpectrumError.refused("lamp.beam_deg", beam_deg, "expected above 0, at most 360")
     solid_angle = 4.0 * math.pi * math.sin(math.radians(beam) / 4.0) ** 2
     lit_m2 = solid_angle * distance_m * distance_m
     lux = flux_lm(of, power_W) / lit_m2 if lit_m2 > 0.0 else math.inf
     if not math.isfinite(lux):
         raise SpectrumError(
-            f"lamp: {power_W:g} W within {beam:g}° at {distance_m:g} m is no finite illuminance; "
+            f"lamp: {power_W:g} W within {beam:g}° at {distance_m:g} m has no finite illuminance; "
             "give less power, a wider beam or more distance"
         )
     return lux
@@ -146,7 +146,7 @@ def lamp_illuminance_lux(
 def lumens_per_watt(radiation: Spectrum) -> float:
     """Return the luminous efficacy of radiation, lm/W: 683 ∑ E V / ∑ E over the spectrum's range.
 
-    A lamp's efficacy is lower: it also counts power outside that range, and power lost.
+    A lamp's efficacy is lower, because it includes power outside of that range and losses.
     """
     grid = radiation.grid
     power = light_power(radiation, grid)
@@ -169,8 +169,8 @@ def luminosity(wavelength_nm: float) -> float:
 def irradiance(light: Spectrum, illuminance: float, grid: SpectralGrid | None = None) -> Spectrum:
     """Scale a light to the spectral irradiance, W / (m² nm), of an illuminance, lux.
 
-    On ``grid``, by default the light's own. Raises SpectrumError if the light has no luminous
-    energy or the illuminance is not above 0.
+    The result is on ``grid``, by default the light's own. Raises SpectrumError if the light has no
+    luminous energy or the illuminance is not above 0.
     """
     _require_above_0("illuminance", illuminance)
     shape = light if grid is None else light.on(grid)

@@ -2,8 +2,8 @@
 
     grid, spectrum, photometry, datasets, files, lamps -> [lights] -> scene, basis, command line
 
-Every light is scaled to the luminous energy of the flat light of ones (the V-weighted mean of
-its values is 1): a weight in a mix is the component's share of the illuminance.
+Every light is scaled to the luminous energy of a flat light of ones (the V-weighted mean of its
+values is 1), so a weight in a mix is the component's share of the illuminance.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ from volspec.spectra.photometry import C2_NM_K, extended_band_means
 from volspec.spectra.spectrum import Spectrum, light_power
 from volspec.spectra.tables import fold_name, path_text, read_number
 
-# Thermal and xenon lamps are smooth; without them and the two "Natural" tubes the class
-# has the 89 lights of docs/method.md, section 2.
+# Thermal and xenon lamps are smooth; without them and the two "Natural" tubes, 89 lights remain
+# (docs/method.md, section 2).
 _NOT_SPIKY = {
     "SA",
     "SC",
@@ -53,7 +53,7 @@ _NOT_SPIKY = {
     "Natural",
     "F40/N (Natural FL)",
 }
-# Ends at 560 nm, at its peak: it cannot be extrapolated to a grid that covers the visible.
+# Its table ends at its peak, 560 nm, and cannot be extrapolated to a grid over the visible.
 _UNUSABLE = {"ISO 7589 Sensitometric Printer"}
 Folder = str | os.PathLike[str]
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
@@ -65,12 +65,12 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     Parameters
     ----------
     text : str
-        A name of `light_names` (any case), ``planck:KELVIN`` (500-100000),
+        A name in `light_names` (any case), ``planck:KELVIN`` (500-100000),
         ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), a file (``FILE.csv``,
         ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, ``PALETTE.toml#name``, …; see
-        `read_spectrum`), or a mix ``NAME*WEIGHT+NAME*WEIGHT`` whose weights are shares of
-        illuminance (default 1). Known names with ``+`` or ``/`` are matched whole; in a mix,
-        address a column with ``+`` or ``*`` in its name by its number.
+        `read_spectrum`), or a mix ``NAME*WEIGHT+NAME*WEIGHT`` with shares of illuminance as
+        weights (default 1). Known names with ``+`` or ``/`` are matched whole; in a mix, give a
+        column with ``+`` or ``*`` in its name by number.
     grid : SpectralGrid
     folder : path
         Base of a file's relative name.
@@ -78,15 +78,15 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     Returns
     -------
     Spectrum
-        On the grid, relative power; for a single light the V-weighted mean is 1, for a mix
-        the sum of the weights. Tables that end inside the grid are extrapolated by their last
-        value (CIE 167:2005) at the ends of the visible; for a file with a `VolspecWarning`.
-        With a file's notes; a mix has those common to its parts (`Spectrum`).
+        Relative power on the grid; the V-weighted mean is 1 for a single light, the sum of the
+        weights for a mix. Tables that end inside of the grid are extrapolated by their last value
+        (CIE 167:2005) at the ends of the visible; for a file, with a `VolspecWarning`. A file's
+        notes are kept; a mix has the notes common to its parts (`Spectrum`).
 
     Raises
     ------
     SpectrumError
-        If the name is unknown (the nearest are listed), a weight is negative, a temperature
+        If the name is unknown (the nearest are listed), a weight is negative, a temperature is
         out of range, a light has no energy or does not cover the grid, or a file cannot be read
         or contains a reflectance.
 
@@ -101,7 +101,7 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
             "light: empty name; give a name such as D65, planck:3200 or FILE.csv", code="missing"
         )
     require_grid(grid)
-    # Refuses a grid beyond the visible before any warning.
+    # Refuse a grid beyond the visible before any warning.
     colour_matching_functions(grid)
     folder = path_text(folder, "folder")
     terms = None if _is_known(wanted, folder) else _parse_mix(wanted, folder)
@@ -111,7 +111,7 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         if not (np.isfinite(term.weight) and term.weight >= 0):
             raise SpectrumError(
                 f"light {wanted!r}: the weight of {term.name} is {term.weight:g}; "
-                "a light cannot be taken away, use a weight of 0 or more"
+                "a light cannot be subtracted, use a weight of 0 or more"
             )
     if not any(term.weight > 0 for term in terms):
         raise SpectrumError(f"light {wanted!r}: every weight is 0; give one a positive weight")
@@ -132,7 +132,7 @@ class _Term:
 
 
 def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
-    """Return (name, weight) of every light of a mix, or of the single light.
+    """Return (name, weight) of every light in a mix, or of a single light.
 
     Raises SpectrumError if a part of a mix is unknown.
     """
@@ -143,8 +143,8 @@ def light_terms(text: str, folder: Folder = ".") -> list[tuple[str, float]]:
 def rebase_light(text: str, folder: Path, to: Path) -> str:
     """Rewrite file names in a light's name or mix relative to another folder.
 
-    Relative names start at ``folder`` now, and at ``to`` afterwards. Raises SpectrumError if a part
-    of a mix is unknown.
+    Names are relative to ``folder`` before, and to ``to`` afterwards. Raises SpectrumError if a
+    part of a mix is unknown.
     """
     terms = light_terms(text, folder)
     names = [rebase_address(name, folder, to) for name, _ in terms]
@@ -190,7 +190,7 @@ def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
 
 
 def _is_known(name: str, folder: Folder) -> bool:
-    """Return True if the text is one light, not a mix; it need not be valid."""
+    """Return True if the text is a single light, which need not be valid, and not a mix."""
     low = fold_name(name)
     if low in _by_folded_name():
         return True
@@ -198,7 +198,7 @@ def _is_known(name: str, folder: Folder) -> bool:
         file, selector = address
         if not set("+*") & set(name):
             return True
-        # "A+lamp.csv" is a mix, unless a file is called so; "p.toml#x+A", unless a light in it is.
+        # "A+lamp.csv" is a mix unless a file, "p.toml#x+A" unless a light in it, has that name.
         path = Path(folder, file)
         if set("+*") & set(selector):
             return palette_holds(os.fspath(path), selector, "light")
@@ -210,7 +210,7 @@ def _is_known(name: str, folder: Folder) -> bool:
 
 
 def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
-    """Parse the terms of a mix; names may contain ``+``, so the longest term goes first."""
+    """Parse the terms of a mix; names may contain ``+``, so the longest term is tried first."""
 
     def read(parts: list[str]) -> Iterator[list[_Term]]:
         if not parts:
@@ -287,7 +287,7 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
         low, high = (500, 100_000) if prefix == "planck" else (4000, 25_000)
         if not low <= kelvin <= high:
             raise SpectrumError(
-                f"light {name!r}: {kelvin:g} K is outside {low}-{high} K; choose one inside"
+                f"light {name!r}: {kelvin:g} K is outside of {low}-{high} K; stay within that range"
             )
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
         return _normalise(values, grid, f"{prefix}:{kelvin:g}")
@@ -307,11 +307,11 @@ def as_light(
 ) -> Spectrum:
     """Convert a measured spectrum to a light on the grid: V-weighted mean 1, with its notes.
 
-    ``label`` is its name for messages, ``stacklevel`` that of warnings, counted from here. Raises
-    SpectrumError if its power is negative or nowhere visible, or it does not cover the grid.
+    ``label`` names it in messages; ``stacklevel`` is for warnings, counted from here. Raises
+    SpectrumError if the power is negative or not visible, or the grid is not covered.
     """
     label = label or f"light {measured.name!r}"
-    # A spectrometer's dark noise dips below zero a little; a wrong column dips a lot.
+    # A spectrometer's dark noise is slightly negative; a wrong column may be far below 0.
     peak = float(np.abs(measured.values).max())
     if measured.values.min() < -0.01 * peak:
         worst = int(measured.values.argmin())
@@ -319,14 +319,14 @@ def as_light(
             f"{label}: power {measured.values[worst]:g} at {measured.wavelengths_nm[worst]:g} nm "
             "is negative; a light's values are 0 or more"
         )
-    # Sums of values near the ends of float64 overflow, or vanish, unless the peak is 1.
+    # Sums of values near the limits of float64 would overflow or vanish unless the peak is 1.
     values = resample(measured, grid, label, unit=peak or 1.0, stacklevel=stacklevel)
     values /= np.abs(values).max() or 1.0
     return replace(_normalise(values, grid, measured.name, label), notes=measured.notes)
 
 
 def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
-    # The caller of `light` is four calls up from `as_light`.
+    # stacklevel: the caller of `light` is four calls up from `as_light`.
     return as_light(read_spectrum(path, kind="emissive"), grid, path, stacklevel=5)
 
 
@@ -354,7 +354,7 @@ def _normalise(
 
 def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
     w = np.arange(grid.start_nm - grid.step_nm, grid.stop_nm + grid.step_nm + 0.5, 0.5)
-    # Relative to 560 nm: at 500 K the plain formula underflows in the blue.
+    # Relative to 560 nm, because at 500 K the plain formula underflows in the blue.
     exponent = C2_NM_K / (kelvin * w) - C2_NM_K / (kelvin * 560.0)
     floor = np.exp(-C2_NM_K / (kelvin * 560.0))
     return grid.band_means(w, (560.0 / w) ** 5 / (np.exp(np.minimum(exponent, 600.0)) - floor))
@@ -370,7 +370,7 @@ def _daylight(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
 
 
 def _daylight_locus(kelvin: float) -> tuple[float, float]:
-    """x, y of a phase of daylight (CIE 15:2018, eq. 4.9-4.11)."""
+    """Return x, y of a phase of daylight (CIE 15:2018, eq. 4.9-4.11)."""
     if kelvin <= 7000:
         x = -4.607e9 / kelvin**3 + 2.9678e6 / kelvin**2 + 0.09911e3 / kelvin + 0.244063
     else:

@@ -23,19 +23,20 @@ _NOTE = {"designed": "volspec design"}
 def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
     """Return a spectrum with values in a palette file, usually a designed one.
 
-    ``selector`` is a name, any case, or a number from 1; without a role (light, reflectance) both
-    are searched. Raises SpectrumError if there is none of that name, or it is not designed yet.
+    ``selector`` is a name in any case, or a number from 1; without a role (light, reflectance) both
+    are searched. Raises SpectrumError if there is no such name, or it is not designed yet.
     """
     data, entry = _entry(path, selector, role)
     name = str(entry["name"])
     if "values" not in entry:
         if isinstance(given := entry.get("spectrum"), str) and not entry.get("design"):
             raise SpectrumError(
-                f"{path}: {name!r} has no values of its own, it is {given!r}", code="missing"
+                f"{path}: {name!r} has no values of its own, only the name {given!r}",
+                code="missing",
             )
         raise SpectrumError(
             f"{path}: {name!r} is open and not designed yet; run volspec design {Path(path).name} "
-            "-o OUT.toml first, and take it from there",
+            "-o OUT.toml first, and use OUT.toml",
             code="missing",
         )
     grid = _grid(path, data)
@@ -49,15 +50,15 @@ def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
         )
     except SpectrumError as error:
         raise SpectrumError(
-            f"{path}: {name!r}: {error}; its values belong on [criteria] grid_nm, {grid}",
+            f"{path}: {name!r}: {error}; put its values on [criteria] grid_nm, {grid}",
             code=error.code,
         ) from None
 
 
 def named_spectrum(path: str, selector: str, role: str) -> str | None:
-    """Return the name of a palette's given spectrum, such as ``D65``; None if it has values.
+    """Return the name by which a palette gives a spectrum, such as ``D65``; None if by values.
 
-    Raises SpectrumError if there is none of that name.
+    Raises SpectrumError if the palette has no such spectrum.
     """
     _, entry = _entry(path, selector, role)
     given = entry.get("spectrum")
@@ -65,7 +66,7 @@ def named_spectrum(path: str, selector: str, role: str) -> str | None:
         return None
     if Path(path).name in given:
         raise SpectrumError(
-            f"{path}: {entry['name']!r} is {given!r}, itself; name another", code="conflict"
+            f"{path}: {entry['name']!r} refers to itself, {given!r}; name another", code="conflict"
         )
     return given
 
@@ -89,12 +90,12 @@ def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], 
     what = role or "light or reflectance"
     if not names:
         raise SpectrumError(
-            f"{path}: holds no {what}; a palette has [[{role or 'light'}]] tables", code="missing"
+            f"{path}: has no {what}; add [[{role or 'light'}]] tables", code="missing"
         )
     if not selector:
         raise SpectrumError(
             f"{path}: is a palette; choose a {what}: {Path(path).name}#{names[0]} "
-            f"(there is {', '.join(names)})",
+            f"(the palette has {', '.join(names)})",
             code="missing",
         )
     wanted = fold_name(selector)
@@ -109,7 +110,7 @@ def _entry(path: str, selector: str, role: str | None) -> tuple[dict[str, Any], 
         )
     raise SpectrumError(
         f"{path}: no {what} is named {selector!r}; {nearest(selector, names)}"
-        f"there is {', '.join(names)}",
+        f"the palette has {', '.join(names)}",
         code="unknown",
     )
 
@@ -118,7 +119,7 @@ def _content(path: str) -> dict[str, Any]:
     content = file_content(path)
     try:
         return parse_toml(content.decode("utf-8-sig"))
-    except ValueError as error:  # no TOML, or no text
+    except ValueError as error:  # not TOML, or not text
         raise SpectrumError(
             f"{path}: not valid TOML: {error}; correct it there", code="syntax"
         ) from None

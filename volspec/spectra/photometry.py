@@ -2,14 +2,14 @@
 
     grid, datasets, spectrum -> [photometry] -> lights, basis, appearance, relight
 
-XYZ = kappa Q (E * S), kappa such that a perfect diffuser has Y = 100; absolute scale
-683 lm/W. Lux and candela are defined by the 2 degree observer.
+XYZ = kappa Q (E * S), with kappa such that a perfect diffuser has Y = 100; the absolute scale is
+683 lm/W. Lux and candela are defined for the 2 degree observer.
 
 References
 ----------
 [1] Ohno (2013), "Practical Use and Calculation of CCT and Duv", LEUKOS 10(1), 47-55: a table of
     the Planckian locus, and a parabola through the distances from it.
-[2] CIE 15:2004, section 9.5: no correlated temperature further than 0.05 from the locus.
+[2] CIE 15:2004, section 9.5: no correlated temperature farther than 0.05 from the locus.
 """
 
 from __future__ import annotations
@@ -41,14 +41,14 @@ def XYZ_from_spectra(
     light : Spectrum
         On an equidistant grid of N bands.
     reflectances : Spectrum, list of Spectrum, or (..., N) array
-        Spectra are resampled to the light's grid; arrays must be on it.
+        Spectra are resampled to the light's grid; arrays must be on that grid.
     observer_deg : {2, 10}
         See `colour_matching_functions`.
 
     Raises
     ------
     SpectrumError
-        If shapes differ, the light is not equidistant, or it is no light (`light_power`).
+        If shapes differ, the light is not equidistant, or not a valid light (`light_power`).
     """
     grid = light.grid
     S = stack(reflectances, grid)
@@ -63,14 +63,14 @@ def white_XYZ(light: Spectrum, observer_deg: int = 2) -> NDArray[np.float64]:
 
 
 def illuminance_lux(spectrum: Spectrum) -> float:
-    """E_v = 683 sum E V dlambda, lux, for a spectral irradiance in W / (m^2 nm)."""
+    """Return E_v = 683 sum E V dlambda, lux, of a spectral irradiance in W / (m^2 nm)."""
     grid = spectrum.grid
     V = colour_matching_functions(grid)[1]
     return float(LUMINOUS_EFFICACY * grid.step_nm * (V @ spectrum.values))
 
 
 def luminance(spectrum: Spectrum) -> float:
-    """L = E_v / pi, cd/m^2: a perfect diffuser under that spectral irradiance."""
+    """Return L = E_v / pi, cd/m^2, of a perfect diffuser under a spectral irradiance."""
     return illuminance_lux(spectrum) / np.pi
 
 
@@ -79,8 +79,8 @@ def extended_band_means(
 ) -> NDArray[np.float64]:
     """Return band means of a table, extrapolated by its end values.
 
-    Allowed while each colour-matching function has under 1 % of its area in the missing
-    range (400-700 nm data pass, 350-560 nm data do not); otherwise the grid's error is raised.
+    Extrapolates if each colour-matching function has less than 1 % of its area in the missing
+    range (400-700 nm data pass, 350-560 nm data do not); otherwise raises the grid's error.
     """
     low, high = wavelengths_nm[0], wavelengths_nm[-1]
     if low <= grid.start_nm and high >= grid.stop_nm:
@@ -110,13 +110,13 @@ class Temperature(NamedTuple):
     """Nearest Planck radiator in CIE 1960 u, v."""
 
     kelvin: float
-    Duv: float  # distance from it: above 0 greener, below 0 pinker
+    Duv: float  # distance from the radiator: above 0 greener, below 0 pinker
 
 
 def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
     """Return correlated colour temperature and Duv of a light's white XYZ, on any scale [1].
 
-    None if the light is too far from Planck's locus, or outside 1000 K to 100 000 K.
+    None if the light is too far from Planck's locus, or outside of 1000 K to 100 000 K.
     """
     u, v = _uv(np.asarray(white_XYZ, dtype=np.float64))
     kelvin, locus = _planckian()
@@ -137,7 +137,7 @@ def correlated_temperature(white_XYZ: ArrayLike) -> Temperature | None:
 
 @cache
 def _planckian() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return temperatures (K,) and their u, v (K, 2), a row beyond `_KELVIN` at both ends."""
+    """Return temperatures (K,) and their u, v (K, 2), one row beyond `_KELVIN` at each end."""
     low, high = np.log(_KELVIN) / np.log(_RATIO)
     kelvin = _RATIO ** np.arange(low - 1.0, high + 2.0)
     return kelvin, _uv(_planck_XYZ(kelvin))

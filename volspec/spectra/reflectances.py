@@ -2,7 +2,7 @@
 
     files, tables, datasets -> [reflectances] -> construct, scene, basis, command line
 
-No basis was fitted to the sets ``natural`` and ``patches``.
+No basis is fitted to the sets ``natural`` and ``patches``.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ def reflectance(
     Parameters
     ----------
     text : str
-        A name of `reflectance_names` (any case): ``ColorChecker/dark skin``, ``PMC/Banana``,
+        A name in `reflectance_names` (any case): ``ColorChecker/dark skin``, ``PMC/Banana``,
         ``CES/1``-``CES/99`` (CIE 224:2017), ``TCS/1``-``TCS/15`` (CIE colour rendering,
-        2024 data; ``TCS 1995/…`` the older), ``VS/1``-``VS/15`` (NIST CQS 9.0; ``VS 7.4/…``),
-        ``Vrhel/118 wood pine`` (170 natural and man-made things), ``ACES/1`` (175 patches),
+        2024 data; ``TCS 1995/…``: older), ``VS/1``-``VS/15`` (NIST CQS 9.0; ``VS 7.4/…``),
+        ``Vrhel/118 wood pine`` (170 natural and man-made objects), ``ACES/1`` (175 patches),
         a metal such as ``aluminium``; ``white``, ``black``, ``grey:0.18``; or a file with
         values in 0..1 (``FILE.csv``, ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``,
         ``PALETTE.toml#name``, …; see `read_spectrum`).
@@ -53,9 +53,9 @@ def reflectance(
     Returns
     -------
     Spectrum
-        On the grid, values in 0..1, with a file's notes. Tables that end inside the grid are
-        extrapolated by their last value at the ends of the visible; for a file with a
-        `VolspecWarning`. A file's values of 1..2 (fluorescent paper) pass with a warning.
+        Values in 0..1 on the grid, with a file's notes. Tables that end inside of the grid are
+        extrapolated by their last value at the ends of the visible; for a file, with a
+        `VolspecWarning`. A file's values of 1..2 (fluorescent paper) are accepted with a warning.
 
     Raises
     ------
@@ -96,12 +96,12 @@ def reflectance(
 
 
 def reflectance_names() -> tuple[str, ...]:
-    """Return every name that `reflectance` knows, apart from files and ``grey:…``."""
+    """Return every name that `reflectance` accepts, except files and ``grey:…``."""
     return ("white", "black", *sample_tables())
 
 
 def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.float64]:
-    """Return the (K, N) reflectances of a set for fitting or testing bases; see its names."""
+    """Return the (K, N) reflectances of a set in `reflectance_set_names`."""
     return np.array([reflectance(n, grid).values for n in reflectance_set_names(name)])
 
 
@@ -111,7 +111,7 @@ def _flat(name: str, level: str, grid: SpectralGrid) -> Spectrum:
     except ValueError:
         value = np.nan
     if not 0 <= value <= 1:
-        raise SpectrumError(f"reflectance {name!r}: {level!r} is not in 0..1; write grey:0.18")
+        raise SpectrumError(f"reflectance {name!r}: {level!r} is not in 0..1; write as grey:0.18")
     return Spectrum(grid.wavelengths_nm, np.full(grid.size, value), name)
 
 
@@ -120,8 +120,8 @@ def as_reflectance(
 ) -> Spectrum:
     """Convert a measured spectrum to a reflectance on the grid: checked, with its notes.
 
-    ``label`` is its name for messages, ``stacklevel`` that of warnings, counted from here. Values
-    are 0 to 1, or to 2 with a warning; others, or an uncovered grid, raise SpectrumError.
+    ``label`` names it in messages; ``stacklevel`` is for warnings, counted from here. Values are 0
+    to 1, or up to 2 with a warning; others, or an uncovered grid, raise SpectrumError.
     """
     label = label or f"reflectance {measured.name!r}"
     w, v = measured.wavelengths_nm, measured.values
@@ -134,12 +134,12 @@ def as_reflectance(
     if v[high] > 2:
         raise SpectrumError(
             f"{label}: reflectance {v[high]:g} at {w[high]:g} nm, expected 0..1; are the values "
-            "per cent? divide by 100"
+            "percentages? divide by 100"
         )
     if v[high] > 1:
         warnings.warn(
-            f"{label}: reflectance {v[high]:g} at {w[high]:g} nm is above 1, left as it is; "
-            "only fluorescence does that",
+            f"{label}: reflectance {v[high]:g} at {w[high]:g} nm is above 1, left unchanged; "
+            "only fluorescence causes that",
             VolspecWarning,
             stacklevel=stacklevel,
         )
@@ -148,7 +148,7 @@ def as_reflectance(
 
 
 def _from_file(path: str, grid: SpectralGrid) -> Spectrum:
-    # The caller of `reflectance` is three calls up from `as_reflectance`.
+    # stacklevel: the caller of `reflectance` is three calls up from `as_reflectance`.
     return as_reflectance(read_spectrum(path, kind="reflective"), grid, path, stacklevel=4)
 
 
@@ -158,8 +158,8 @@ _SETS = {
     "natural": ("Vrhel/",),
     "patches": ("ACES/",),
 }
-# Of the 190 patches those that are scaled copies of TCS samples (spectral angle below 1 degree),
-# within 0.005 RMS of a sample of the other sets, or above 1.
+# Those of the 190 patches that are scaled copies of TCS samples (spectral angle below 1 degree),
+# within 0.005 RMS of a sample of another set, or above 1.
 _ACES_DROPPED = {66, 104, 106, 129, 142, 145, 175, 177, 2, 3, 11, 131, 114, 125, 128}
 
 
@@ -197,7 +197,7 @@ def sample_tables() -> dict[str, Table]:
         del tables[f"ACES/{number}"]
     for name, (nm, values) in tables.items():
         if name.startswith("ACES/"):
-            # Some are 0 below 400 nm: not measured.
+            # Some are 0 below 400 nm, where they were not measured.
             measured = (nm >= 400) & (nm <= 700)
             tables[name] = (nm[measured], values[measured])
     for prefix, file in (("", "metals"), ("Vrhel/", "vrhel")):

@@ -2,8 +2,8 @@
 
     grid, spectrum -> [spectral_image] -> files
 
-An emissive channel is called ``S0.550,000000nm``, a reflective one ``T.550,000000nm``: a comma
-for the decimal mark, since a point separates layers. The unit is m or Hz after an SI prefix.
+An emissive channel is named ``S0.550,000000nm``, a reflective one ``T.550,000000nm``, with a
+decimal comma because a point separates layers. The unit is m or Hz with an SI prefix.
 
 References
 ----------
@@ -43,7 +43,7 @@ _RERADIATION = re.compile(rf"T\.{_WAVE}\.{_WAVE}")
 _EXPONENTS = (24, 21, 18, 15, 12, 9, 6, 3, 2, -1, -2, -3, -6, -9, -12)
 _PREFIX = dict(zip("YZEPTGMkhdcmunp", _EXPONENTS, strict=True)) | {"da": 1, "": 0}
 _SPEED_OF_LIGHT = 299_792_458.0
-# The layout's unit for radiance; its values are densities per nm all the same.
+# The layout's unit for radiance; values are nevertheless densities per nm.
 _DEFAULT_UNITS = "W.m^-2.sr^-1"
 # Header texts longer than this are tables (the spectrum of an illuminant), not notes.
 _LONGEST_NOTE = 200
@@ -61,12 +61,12 @@ class SpectralImage:
         Strictly increasing, nm, N >= 2.
     kind : "reflective" or "emissive"
     notes : {str: str}
-        Metadata of the file's header; keys as in `Spectrum`.
+        Metadata from the file's header; keys as in `Spectrum`.
 
     Raises
     ------
     SpectrumError
-        If the arrays do not fit together or hold anything but finite numbers, or the kind is
+        If the arrays do not fit together or have values other than finite numbers, or the kind is
         unknown.
     """
 
@@ -103,7 +103,7 @@ class SpectralImage:
             y, x, k = np.unravel_index(int(np.argmin(np.isfinite(values))), values.shape)
             raise SpectrumError(
                 f"spectral image: pixel ({x}, {y}) is {values[y, x, k]} at {w[k]:g} nm, not "
-                "finite; put a number there"
+                "finite; give a finite number"
             )
         for array in (values, w):
             array.flags.writeable = False
@@ -134,7 +134,7 @@ class SpectralImage:
         Nothing is extrapolated: SpectrumError if the wavelengths do not cover the grid.
         """
         require_grid(grid)
-        # Linear in the samples: the band means of unit samples are the (N, L) matrix.
+        # Band means are linear in the samples: those of unit samples are the (N, L) matrix.
         means = grid.band_means(self.wavelengths_nm, np.eye(self.wavelengths_nm.size))
         values = self.values @ means.T.astype(np.float32)
         return SpectralImage(values, grid.wavelengths_nm, self.kind, self.notes)
@@ -150,7 +150,7 @@ class SpectralImage:
         Raises
         ------
         SpectrumError
-            If the box is no four whole numbers, is empty or leaves the image.
+            If the box is not four whole numbers, is empty or exceeds the image.
         """
         width, height = self.size
         try:
@@ -162,18 +162,18 @@ class SpectralImage:
         if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
             raise SpectrumError(
                 f"box ({x0}, {y0}, {x1}, {y1}) is not inside the image of {width} x {height} "
-                "pixels; give x0 < x1 and y0 < y1 from 0, x1 and y1 not included"
+                "pixels; give x0 < x1 and y0 < y1 from 0, excluding x1 and y1"
             )
         mean = self.values[y0:y1, x0:x1].mean(axis=(0, 1), dtype=np.float64)
         notes = {"spectral quantity": _QUANTITY[self.kind]} | dict(self.notes)
         return Spectrum(self.wavelengths_nm, mean, notes=notes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write an OpenEXR file (``.exr``) of float channels [1], whole or not at all."""
+        """Write an OpenEXR file (``.exr``) of float channels [1], atomically."""
         name = path_text(path)
         if Path(name).suffix.lower() != ".exr":
             raise SpectrumError(
-                f"{name}: spectral images are OpenEXR; name it .exr", code="unsupported"
+                f"{name}: spectral images are OpenEXR; use the suffix .exr", code="unsupported"
             )
         units = self.notes.get("emissive units", _DEFAULT_UNITS)
         header = spectral_header(self.kind, units) | {"volspec:notes": json.dumps(dict(self.notes))}
@@ -188,10 +188,10 @@ class SpectralImage:
         Parameters
         ----------
         path : path
-            Half or float channels. R, G, B, A and others are left out; so are polarisation
-            (S1…S3) and re-radiation (fluorescence), with a `VolspecWarning`.
+            Half or float channels. R, G, B, A and others are ignored; so are polarisation (S1…S3)
+            and re-radiation (fluorescence), with a `VolspecWarning`.
         kind : "reflective" or "emissive", optional
-            Kind to read; by default reflective if a file has both, and then the note
+            Kind to read; by default reflective if a file has both, in which case the note
             ``also holds`` names the other.
 
         Raises
@@ -208,14 +208,14 @@ class SpectralImage:
         if wanted is None or wanted not in held:
             sought, example = ("", "S0 or T") if wanted is None else (f"{wanted} ", _LAYER[wanted])
             raise SpectrumError(
-                f"{name}: holds no {sought}spectral channels ({example}.550,000000nm and so on; "
+                f"{name}: has no {sought}spectral channels ({example}.550,000000nm and so on; "
                 f"Fichet et al. 2021){_only(held)}",
                 code="missing",
             )
         if wanted == "reflective" and "reradiation" in ignored:
-            _warn(f"{name}: its fluorescence (T.in.out channels) is left out")
+            _warn(f"{name}: its fluorescence (T.in.out channels) is ignored")
         if wanted == "emissive" and "polarisation" in ignored:
-            _warn(f"{name}: its polarisation (channels S1, S2, S3) is left out")
+            _warn(f"{name}: its polarisation (channels S1, S2, S3) is ignored")
         notes = _notes(name, header)
         if len(held) == 2:
             notes["also holds"] = next(k for k in held if k != wanted)
@@ -240,13 +240,13 @@ def spectral_channels(kind: Kind, wavelengths_nm: ArrayLike) -> list[str]:
 
 
 def spectral_header(kind: Kind, units: str = _DEFAULT_UNITS) -> dict[str, str]:
-    """Return the layout's header attributes; ``units`` are those of radiances."""
+    """Return the layout's header attributes; ``units`` is the unit of radiance."""
     header = {"spectralLayoutVersion": "1.0"}
     return header | {"emissiveUnits": units} if kind == "emissive" else header
 
 
 def require_kind(kind: object, label: str) -> None:
-    """Raise SpectrumError unless this is a `Kind`."""
+    """Raise SpectrumError unless ``kind`` is a `Kind`."""
     if kind not in get_args(Kind):
         raise SpectrumError(
             f"{label}: kind {kind!r} is unknown; choose reflective or emissive", code="unknown"
@@ -266,7 +266,7 @@ _Samples = dict[str, list[tuple[float, NDArray[np.float32]]]]
 
 
 def _read(name: str) -> tuple[dict[str, Any], _Samples, set[str]]:
-    """Return the header, (nm, pixels) of every channel by layer, and kinds left out."""
+    """Return the header, (nm, pixels) of every channel by layer, and the ignored kinds."""
     header, channels = read_exr(name, SpectrumError)
     pixels: _Samples = {layer: [] for layer in _LAYER.values()}
     ignored: set[str] = set()
@@ -286,7 +286,7 @@ def _nanometres(number: str, exponent: str, prefix: str, unit: str) -> float:
     value = float(number.replace(",", ".") + exponent) * 10.0 ** _PREFIX[prefix]
     if unit == "Hz":
         value = _SPEED_OF_LIGHT / value if value else np.inf
-    # 5,5E-7m is 550 nm: rounding far below any table's precision keeps samples on a grid.
+    # 5,5E-7m is 550 nm: rounding, far below any table's precision, keeps samples on a grid.
     return round(value * 1e9, 6)
 
 

@@ -21,7 +21,7 @@ from volspec.spectra.grid import SpectralGrid, require_grid
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spectrum:
-    """Samples of a function of wavelength; the arrays are read-only copies.
+    """A sampled function of wavelength; the arrays are read-only copies.
 
     Parameters
     ----------
@@ -38,13 +38,13 @@ class Spectrum:
     Raises
     ------
     SpectrumError
-        If the arrays do not fit together or hold anything but finite numbers, or a note is
-        not text under a name of its own.
+        If the arrays do not fit together or have values other than finite numbers, or a note is
+        not text with a unique name.
 
     Notes
     -----
-    `on` and a factor keep the notes. A sum keeps those equal on both sides: a lamp's maker did
-    not make the sum. But a sum with a designed part is designed.
+    `on` and multiplication keep the notes. A sum keeps only notes equal on both sides: a lamp's
+    manufacturer did not make the sum. But a sum with a designed part is designed.
 
     Examples
     --------
@@ -99,7 +99,7 @@ class Spectrum:
 
     @property
     def grid(self) -> SpectralGrid:
-        """Grid of the samples; SpectrumError if they are not equidistant."""
+        """Grid of the samples; raises SpectrumError if they are not equidistant."""
         steps = np.diff(self.wavelengths_nm)
         if np.ptp(steps) > 1e-6:
             raise SpectrumError(
@@ -111,7 +111,7 @@ class Spectrum:
         return SpectralGrid(start, stop, (stop - start) / (self.wavelengths_nm.size - 1))
 
     def on(self, grid: SpectralGrid) -> Spectrum:
-        """Band means on a grid; see `SpectralGrid.band_means` for the rules and errors."""
+        """Return band means on a grid; see `SpectralGrid.band_means` for the rules and errors."""
         require_grid(grid)
         try:
             values = grid.band_means(self.wavelengths_nm, self.values)
@@ -158,7 +158,7 @@ class Spectrum:
 def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
     """Return a read-only copy of notes, keys in lower case with single blanks.
 
-    Raises SpectrumError if it is no mapping of texts, or a key is empty or duplicate.
+    Raises SpectrumError if ``notes`` is not a mapping of texts, or a key is empty or duplicate.
     """
     if not isinstance(notes, Mapping):
         raise SpectrumError.refused(f"{label}: notes", notes, "give a dict of texts", "type")
@@ -178,9 +178,9 @@ def read_only_notes(notes: Mapping[str, str], label: str) -> Mapping[str, str]:
     return MappingProxyType(checked)
 
 
-# Band means of a measured table may dip this far below zero, as a share of the peak.
+# Band means of a measured table may fall this far below 0, as a fraction of the peak.
 _ROUNDING = 1e-6
-# A larger value is no fluorescent reflectance but a percentage, or a light.
+# A larger value is not a fluorescent reflectance but a percentage, or a light.
 _MOST_REFLECTED = 2.0
 # Less light than this cannot be scaled to Y = 100.
 _LEAST_LIGHT = 1e-300
@@ -189,7 +189,7 @@ _LEAST_LIGHT = 1e-300
 def stack(
     spectra: Spectrum | Sequence[Spectrum] | ArrayLike, grid: SpectralGrid
 ) -> NDArray[np.float64]:
-    """Stack spectra to one (..., N) array on a grid; of arrays only the shape is checked."""
+    """Stack spectra into one (..., N) array on a grid; for arrays only the shape is checked."""
     if isinstance(spectra, Spectrum):
         return spectra.on(grid).values
     if isinstance(spectra, list | tuple) and any(isinstance(s, Spectrum) for s in spectra):
@@ -217,9 +217,7 @@ def stack(
         )
     finite = np.isfinite(array).all(-1)
     if not finite.all():
-        which = (
-            f"spectrum number {int(finite.argmin()) + 1} holds" if finite.ndim else "spectra hold"
-        )
+        which = f"spectrum number {int(finite.argmin()) + 1} has" if finite.ndim else "spectra have"
         raise SpectrumError(f"{which} values that are not finite (NaN or infinity)")
     return array
 
@@ -227,7 +225,7 @@ def stack(
 def real_array(values: Any, what: str) -> NDArray[np.float64]:
     """Convert numbers to float64; text is refused, even if it could be parsed.
 
-    ``what`` is their name for the SpectrumError, in the plural.
+    ``what`` names the values in a SpectrumError, in the plural.
     """
     try:
         array = np.asarray(values)
@@ -248,9 +246,9 @@ def light_power(
 ) -> NDArray[np.float64]:
     """Return the power (N,) of one light on a grid, checked to be visible and not negative.
 
-    At least 0: values below by at most a millionth of the peak become 0. ``label`` is its name for
-    messages, the light's own by default. Raises SpectrumError if it is more than one light, does
-    not cover the grid, has negative power or no luminous energy.
+    Values down to a millionth of the peak below 0 become 0. ``label`` names the light in messages,
+    by default with its own name. Raises SpectrumError if ``light`` is more than one light, does not
+    cover the grid, has negative power or no luminous energy.
     """
     E = stack(light, grid)
     own = f"light {light.name!r}" if isinstance(light, Spectrum) and light.name else "light"
@@ -281,9 +279,9 @@ def reflectance_values(
 ) -> NDArray[np.float64]:
     """Return reflectances (..., N) on a grid, checked to be 0 to 1 (2 with a VolspecWarning).
 
-    At least 0: values below by at most a millionth of the peak become 0. ``label`` is their name
-    for messages. Raises SpectrumError if a spectrum does not cover the grid, is negative, or above
-    2: a percentage or a light. Above 1 only fluorescence is.
+    Values down to a millionth of the peak below 0 become 0. ``label`` names them in messages.
+    Raises SpectrumError if a spectrum does not cover the grid, is negative, or is above 2, which
+    means a percentage or a light. Only fluorescence is above 1.
     """
     try:
         S = stack(spectra, grid)
@@ -305,7 +303,7 @@ def reflectance_values(
     largest = rows[row, band] if rows.size else 0.0
     if largest > _MOST_REFLECTED:
         raise SpectrumError(
-            f"{at(row, band)}; a reflectance is 0 to 1: divide per cent by 100, and give no light"
+            f"{at(row, band)}; a reflectance is 0 to 1: divide percentages by 100. Is it a light?"
         )
     if largest > 1 + _ROUNDING:
         warnings.warn(

@@ -1,4 +1,4 @@
-"""Text tables of spectra, read and written: wavelengths, columns of values, notes in comments.
+"""Read and write text tables of spectra: wavelengths, columns of values, notes in comments.
 
 spectrum -> [tables] -> files, lights, reflectances
 """
@@ -18,32 +18,32 @@ from volspec._files import write_whole
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra.spectrum import Spectrum
 
-# "# Key: value"; sentences and web addresses in comments are not notes.
+# "# Key: value"; sentences and web addresses in comments do not count as notes.
 _NOTE = re.compile(r"#+\s*([A-Za-z][\w ()/%-]{0,39}?)\s*[:=]\s*(?!//)(\S.*)")
 _SEPARATORS = (",", ";", "\t", None)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TextTable:
-    """The numbers of a text table: wavelengths, K columns of values, notes."""
+    """Contents of a text table: wavelengths, K columns of values, notes."""
 
     path: str
     wavelengths_nm: NDArray[np.float64]
     columns: NDArray[np.float64]  # (L, K)
-    names: tuple[str, ...]  # in the header; "1", "2", … without one
+    names: tuple[str, ...]  # from the header; "1", "2", … if there is none
     lines: tuple[int, ...]  # line of each row in the file, from 1
     notes: dict[str, str] = field(default_factory=dict)
-    decimal_commas: bool = False  # the commas between columns may be decimal marks
+    decimal_commas: bool = False  # commas between columns may be decimal marks
 
     def spectrum(self, column: str = "") -> Spectrum:
-        """Return one column by its name (any case) or number from 1; "" for the only one."""
+        """Return one column by name (any case) or number from 1; "" if there is only one."""
         k = self._index(column)
         values = self.columns[:, k]
         for array, name in ((self.wavelengths_nm, "wavelength"), (values, "value")):
             if not np.isfinite(array).all():
                 row = int(np.argmin(np.isfinite(array)))
                 raise SpectrumError(
-                    f"{self.path}, line {self.lines[row]}: {name} {array[row]}, not finite; "
+                    f"{self.path}, line {self.lines[row]}: {name} {array[row]} is not finite; "
                     "leave that line out"
                 )
         require_nanometres(self.wavelengths_nm, self.path)
@@ -72,13 +72,13 @@ class TextTable:
             return int(column) - 1
         raise SpectrumError(
             f"{self.path}: no column {column!r}; {nearest(column, self.names)}"
-            f"there are {listed}, or a number from 1 to {len(self.names)}",
+            f"choose from {listed}, or a number from 1 to {len(self.names)}",
             code="unknown",
         )
 
 
 def read_table(path: str | os.PathLike[str]) -> TextTable:
-    """Read a text table, see `read_spectrum`; a SpectrumError names the file and the line."""
+    """Read a text table (see `read_spectrum`); a SpectrumError names the file and the line."""
     name = path_text(path)
     try:
         text = file_content(name).decode("utf-8-sig")
@@ -98,7 +98,7 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
         if not line or line.startswith("#"):
             _keep_note(line, notes)
             continue
-        # The first row of numbers settles the separator: headers may hold any of them.
+        # The first row of numbers determines the separator: headers may contain any.
         candidates = (separator,) if rows else _SEPARATORS
         read = ((_numbers(line, candidate), candidate) for candidate in candidates)
         row, separator = next((pair for pair in read if pair[0]), (None, separator))
@@ -110,7 +110,7 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
         if rows and len(row) != len(rows[0]):
             raise SpectrumError(
                 f"{name}, line {number}: {len(row)} cells, but {len(rows[0])} in line "
-                f"{lines[0]}; give every row the same"
+                f"{lines[0]}; use the same number in every row"
                 + (separator == ",")
                 * ", and write decimal points, not commas",
                 code="shape",
@@ -149,7 +149,7 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
 
 
 def read_number(text: str) -> float:
-    """Parse a number; raise ValueError if it is none, or has Python's underscores."""
+    """Parse a number; raise ValueError if it is not one, or has Python's underscores."""
     if "_" in text:
         raise ValueError(f"could not convert string to float: {text!r}")
     return float(text)
@@ -174,7 +174,7 @@ def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
 
 
 def _keep_note(line: str, notes: dict[str, str]) -> None:
-    # Spreadsheets fill comments up with separators, too.
+    # Spreadsheets pad comments with separators, too.
     if note := _NOTE.match(line.rstrip(",;\t ")):
         key = " ".join(note[1].replace("_", " ").split()).lower()
         notes[key] = f"{notes[key]}; {note[2]}" if key in notes else note[2]
@@ -183,7 +183,7 @@ def _keep_note(line: str, notes: dict[str, str]) -> None:
 def _cells(line: str, separator: str | None) -> list[str]:
     cells = next(csv.reader([line], delimiter=separator)) if separator else line.split()
     cells = [cell.strip() for cell in cells]
-    # Spreadsheets end every row of a narrow column in separators.
+    # Spreadsheets end every row of a narrow table in separators.
     while cells and not cells[-1]:
         cells.pop()
     return cells
@@ -202,7 +202,7 @@ def _not_numbers(path: str, number: int, line: str) -> SpectrumError:
     if re.search(r"\d,\d", line) and re.search(r"[;\t ]", line):
         remedy = "write decimal points, not commas"
     else:
-        remedy = "put # before lines that are no data"
+        remedy = "put # before lines that are not data"
     return SpectrumError(
         f"{path}, line {number}: {line[:40]!r} is not a row of numbers (nm,value); {remedy}",
         code="syntax",
@@ -214,24 +214,24 @@ _KEY = re.compile(r"[a-z][\w ()/%-]{0,39}")
 
 
 def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
-    """Write one spectrum as a table of nm and values, whole or not at all.
+    """Write one spectrum as a table of nm and values, atomically.
 
     Parameters
     ----------
     spectrum : Spectrum
-        Its notes become ``# key: value`` lines, which `read_spectrum` gives back.
+        Its notes become ``# key: value`` lines, which `read_spectrum` restores.
     path : path
-        Ends in ``.csv``.
+        File name that ends in ``.csv``.
 
     Raises
     ------
     SpectrumError, InputError
-        If the name does not end in ``.csv``; or the folder cannot be written to.
+        If the name does not end in ``.csv``, or the folder is not writable.
     """
     name = path_text(path)
     if Path(name).suffix.lower() != ".csv":
         raise SpectrumError(
-            f"{name}: spectra are written as text tables; name it .csv", code="unsupported"
+            f"{name}: spectra are written as text tables; use the suffix .csv", code="unsupported"
         )
     lines = [
         f"# {key}: {' '.join(value.split())}"
@@ -248,14 +248,12 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
 
 
 def path_text(path: object, what: str = "path") -> str:
-    """Return a path as text; raise SpectrumError if it is none, or contains a NUL."""
+    """Return a path as text; raise SpectrumError if it is not a path, or contains a NUL."""
     text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
     if not isinstance(text, str):
-        raise SpectrumError(f"{what} {path!r} is no path; give text or a pathlib.Path", code="type")
+        raise SpectrumError(f"{what} {path!r} is not a path; give a str or Path", code="type")
     if "\0" in text:
-        raise SpectrumError(
-            f"{what} {text!r} holds a NUL character; no file is called so", code="syntax"
-        )
+        raise SpectrumError(f"{what} {text!r} contains a NUL character; remove it", code="syntax")
     return text
 
 

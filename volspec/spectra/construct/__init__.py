@@ -2,8 +2,8 @@
 
     colours, base, search -> [construct] -> scenes, command line
 
-The tables of Otsu, Mallett and Smits are resampled to the grid and solved there, so that only the
-method's own error is left. The optimisers of Jakob and Meng are given the grid.
+The tables of Otsu, Mallett and Smits are resampled to the grid and solved there, so only the
+method's own error remains. The optimisers of Jakob and Meng work on the grid.
 
 References
 ----------
@@ -62,7 +62,7 @@ def recover_reflectances(method: str, XYZ: Array, light: Spectrum, observer_deg:
 
 
 def _otsu(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
-    """The mean and three basis functions of the colour's cluster; a 3 x 3 system each."""
+    """Fit the mean and three basis functions of each colour's cluster; one 3 x 3 system each."""
     recovery = colour_science().recovery
     shape = recovery.SPECTRAL_SHAPE_OTSU2018
     dataset = recovery.Dataset_Otsu2018(
@@ -108,7 +108,7 @@ def _linear_sRGB(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
 def _optimiser(name: str) -> Callable[[Array, Spectrum, int], Array]:
     def made(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
         colour = colour_science()
-        # Exact wavelengths: rounded ones would make another shape.
+        # Exact wavelengths: rounded ones would have another spectral shape.
         w = light.wavelengths_nm
         Q = colour_matching_functions(light.grid, observer_deg)
         cmfs = colour.MultiSpectralDistributions(Q.T, w)
@@ -121,7 +121,7 @@ def _optimiser(name: str) -> Callable[[Array, Spectrum, int], Array]:
             except RuntimeError as error:
                 raise SpectrumError(
                     f"colour X Y Z {triple[0]:g} {triple[1]:g} {triple[2]:g}: {name} does not "
-                    "converge; take another method, such as delaunay",
+                    "converge; use another method, such as delaunay",
                     code="impossible",
                 ) from error
         return np.array(rows)
@@ -158,8 +158,8 @@ def reflectance_from_colour(
     Parameters
     ----------
     colour : str or (3,) array_like
-        ``"#c08040"``, a name of CSS Color 3, or X Y Z with Y = 100 for white, as three numbers or
-        as text. sRGB colours are adapted from its white to the light's.
+        ``"#c08040"``, a CSS Color 3 name, or X Y Z with Y = 100 for white, as three numbers or as
+        text. sRGB colours are adapted from sRGB's white to the light's.
     method, light, observer_deg, grid, base
         See `reflectances_from_colours`.
 
@@ -167,17 +167,17 @@ def reflectance_from_colour(
     -------
     Spectrum
         0 to 1 on the grid, with the notes ``constructed`` (one of `ROUTES`), ``colour``, and
-        ``mixed from`` or ``extended from``, the base spectra and their weights.
+        ``mixed from`` or ``extended from`` (the base spectra and their weights).
 
     Raises
     ------
     SpectrumError
-        If the colour is unknown or impossible (`checked_XYZ`), or the method or the light unknown.
+        If the colour is unknown or impossible (`checked_XYZ`), or the method or light is unknown.
 
     Warns
     -----
     VolspecWarning
-        If no reflectance within 0 to 1 has the colour; the nearest one's is returned.
+        If no reflectance within 0 to 1 has the colour; one with the nearest colour is returned.
 
     Examples
     --------
@@ -202,7 +202,7 @@ def constructed_spectrum(
     method: str,
     observer_deg: int = 2,
 ) -> Spectrum:
-    """Return one colour's made reflectance as a spectrum with notes and a name.
+    """Return the reflectance made for one colour as a spectrum with notes and a name.
 
     Warns as `reflectance_from_colour` does.
     """
@@ -216,10 +216,10 @@ def constructed_spectrum(
         how = "extended" if route == "extended" else "mixed"
         notes[f"{how} from"] = ", ".join(f"{share:.4f} {part}" for part, share in mix.items())
     if route == "nearest":
-        # The caller of `reflectance_from_colour` is two calls up.
+        # stacklevel: the caller of `reflectance_from_colour` is two calls up.
         warnings.warn(
             f"colour {name!r}: no reflectance within 0 to 1 is X Y Z {_words(XYZ)} under {lamp}; "
-            f"the nearest is taken, {_words(XYZ_from_spectra(light, made.values, observer_deg))}",
+            f"using the nearest, {_words(XYZ_from_spectra(light, made.values, observer_deg))}",
             VolspecWarning,
             stacklevel=3,
         )
@@ -248,25 +248,25 @@ def reflectances_from_colours(
         Colours of surfaces under the light, Y = 100 for white.
     method : str
         - ``delaunay``: mixed from the four base spectra of the Delaunay tetrahedron in XYZ
-          around the colour (eq. 7, 8 of [1]). A colour outside all of them extends the mixture
-          on the hull towards grey by the smoothest difference; so neighbouring colours have
-          neighbouring spectra, across the hull too.
+          around the colour (eq. 7, 8 of [1]). For a colour outside of the hull, the mixture on
+          the hull towards grey, extended by the smoothest difference; so neighbouring colours
+          have similar spectra, also across the hull.
         - ``tetrahedron``: the search of [1], the nearest base colour in each octant around the
           colour; ``delaunay`` if its five tetrahedra miss the colour.
-        - ``smoothest``: the reflectance within 0 to 1 of least second differences with the
-          colour, or with the nearest possible colour.
+        - ``smoothest``: the reflectance within 0 to 1 with the smallest second differences that
+          has the colour, or the nearest possible colour.
         - ``otsu-2018``, ``jakob-2019``, ``meng-2015``, ``mallett-2019``, ``smits-1999``:
-          recovered by colour-science, clipped to 0 to 1; the colour may be off.
+          recovered with colour-science, clipped to 0 to 1; the colour may be off.
     light : str or Spectrum
         The colours' light; a name for `light`.
     observer_deg : {2, 10}
     grid : SpectralGrid
-        N bands. The light is put on it.
+        N bands. The light is resampled to this grid.
     base : BaseSpectra, optional
         Spectra to mix, on the same grid; by default `base_spectra`.
     progress : function of a fraction 0 to 1, optional
-        Called while colours outside the base spectra are solved, about 0.3 ms each; every
-        colour is solved once, however many pixels have it.
+        Called while colours outside of the base spectra's hull are solved, about 0.3 ms each;
+        every colour is solved once, however many pixels have it.
 
     Returns
     -------
@@ -291,7 +291,7 @@ def reflectances_from_colours(
     base = base_spectra(grid) if base is None else base
     if base.grid != grid:
         raise SpectrumError(
-            f"base spectra are on {base.grid}, expected {grid}; make them there", code="conflict"
+            f"base spectra are on {base.grid}, not {grid}; use the same grid", code="conflict"
         )
     rows = colours.reshape(-1, 3)
     route = np.full(len(rows), _ROUTE["smoothest"], dtype=np.uint8)
@@ -350,10 +350,10 @@ def _mesh(
 ) -> tuple[Array, NDArray[np.intp], Mesh]:
     """Return the light's white, the base spectra to search, and their colours relative to it.
 
-    Cached for palettes that are made colour by colour.
+    Cached for palettes that are constructed colour by colour.
     """
     lamp = Spectrum(base.grid.wavelengths_nm, np.frombuffer(power))
-    # A light may lack X or Z: divide by a millionth of white instead.
+    # A light's X or Z may be 0: divide by a millionth of white instead.
     white = np.maximum(white_XYZ(lamp, observer_deg), 1e-4)
     points = XYZ_from_spectra(lamp, base.values, observer_deg) / white
     selected = select_distinct(points)
@@ -375,7 +375,7 @@ def _surround(
     rest = vertices[:, 0] < 0
     vertices[rest], shares[rest] = locate_tetrahedra(mesh, clip_to_hull(mesh, colours[rest]))
     route[rest] = _ROUTE["extended"]
-    # Without greys in the base no line leaves its hull.
+    # Without greys in the base, lines do not start inside of its hull.
     route[vertices[:, 0] < 0] = _ROUTE["smoothest"]
     return route, vertices, shares
 

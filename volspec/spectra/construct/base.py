@@ -1,12 +1,12 @@
-"""Base spectra for mixing reflectances, measured and enlarged by Bouguer's law; and the result.
+"""Base spectra for mixing reflectances, measured and extended by Bouguer's law; and the result.
 
     reflectances -> [base] -> construct
 
 References
 ----------
 [1] Wang, Xu & Sun (2004), section 3. Eq. 5 is Bouguer's law for a transmittance,
-    T = 10^(-a l). With the absorptivity a = -log10 R a path of length l reflects R^l, which
-    keeps the hue; eq. 6 as printed, 10^(-R l), has the complementary hue.
+    T = 10^(-a l). With the absorptivity a = -log10 R, a path of length l reflects R^l, which
+    preserves the hue; eq. 6 as printed, 10^(-R l), results in the complementary hue.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from volspec.spectra.spectrum import real_array, reflectance_values
 Array = NDArray[np.float64]
 
 POWERS = (0.5, 2.0, 4.0, 8.0)
-"""Path lengths l in addition to 1: half as thick (paler) to eight times (more saturated)."""
+"""Path lengths l besides 1: from half as thick (paler) to eight times (more saturated)."""
 # All measured sets except the ColorChecker (used for testing) and metals (not paints).
 _MEASURED = ("CES/", "TCS/", "TCS 1995/", "PMC/", "VS/", "VS 7.4/", "Vrhel/", "ACES/")
 _FLATS = ("black", "white")
-# Flat greys, nearly even in lightness and closer to each other than to measured spectra: a grey
-# ramp stays flat instead of taking on the casts of paints in turn.
+# Flat greys, nearly even in lightness and closer to each other than to measured spectra, so that a
+# grey ramp stays neutral instead of picking up the casts of different paints.
 _GREYS = np.linspace(0.03, 0.99, 120) ** 2.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BaseSpectra:
-    """Reflectances that others are mixed from.
+    """Reflectances from which others are mixed.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class BaseSpectra:
     ------
     SpectrumError
         If names and values do not fit together, there are fewer than four (a tetrahedron), or
-        a value is outside 0 to 1.
+        a value is outside of 0 to 1.
     """
 
     names: tuple[str, ...]
@@ -87,12 +87,12 @@ class BaseSpectra:
 def bouguer(reflectances: ArrayLike, length: float, *, complementary: bool = False) -> Array:
     """Return reflectances R, 0 to 1, over another path length l by Bouguer's law [1]: R^l.
 
-    ``complementary`` is eq. 6 as printed, 10^(-R l): the complementary hue, and still a valid
+    ``complementary`` uses eq. 6 as printed, 10^(-R l): the complementary hue, but still a valid
     spectrum.
     """
     R = real_array(reflectances, "reflectances")
     if not (np.isfinite(R).all() and np.all((R >= 0) & (R <= 1))):
-        raise SpectrumError("Bouguer's law: a reflectance is outside 0 to 1; clip it first")
+        raise SpectrumError("Bouguer's law: a reflectance is outside of 0 to 1; clip it first")
     if not (np.isfinite(length) and length > 0):
         raise SpectrumError.refused("length", length, "give a number above 0")
     return 10.0 ** (-R * length) if complementary else R**length
@@ -104,10 +104,10 @@ def base_spectra(
     *,
     complementary: Sequence[float] = (),
 ) -> BaseSpectra:
-    """Return 533 measured reflectances of the library, enlarged by Bouguer's law, and greys.
+    """Return 533 measured reflectances of the library, extended by Bouguer's law, and greys.
 
-    The measured sets are CES, TCS, PMC, VS, Vrhel and ACES of `reflectance_names`; constructions
-    are tested on the ColorChecker, which is left out.
+    The measured sets are CES, TCS, PMC, VS, Vrhel and ACES of `reflectance_names`; ColorChecker is
+    left out, because constructions are tested on it.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def base_spectra(
     Returns
     -------
     BaseSpectra
-        Black, white, the measured, then each length's, and 120 greys; named ``CES/12``,
+        Black, white, the measured spectra, those for each length, and 120 greys; named ``CES/12``,
         ``CES/12^2``, ``10^(-2 CES/12)`` and ``grey 21.8 %``.
 
     Examples
@@ -139,7 +139,7 @@ def _base(
     grid: SpectralGrid, powers: tuple[float, ...], complementary: tuple[float, ...]
 ) -> BaseSpectra:
     measured = [name for name in sample_tables() if name.startswith(_MEASURED)]
-    # Noise and interpolation overshoot a little.
+    # Noise and interpolation slightly exceed 0 to 1.
     R = np.clip([reflectance(name, grid).values for name in measured], 0.0, 1.0)
     names = [*_FLATS, *measured]
     rows = [np.array([reflectance(name, grid).values for name in _FLATS]), R]
@@ -156,8 +156,8 @@ def _base(
 
 ROUTES = ("tetrahedron", "delaunay", "extended", "smoothest", "nearest", "recovered")
 """Origin of a reflectance: mixed in the paper's tetrahedron or in Delaunay's; extended smoothly
-from a mixture at the hull of the base colours; the smoothest; that of the nearest possible colour;
-or recovered by a method of colour-science, whose colour may be off."""
+from a mixture on the hull of the base colours; the smoothest; one with the nearest possible colour;
+or recovered with colour-science, where the colour may be off."""
 
 _LEAST_SHARE = 1e-9
 
@@ -173,9 +173,9 @@ class MadeReflectances:
     route : (...) uint8
         Index into `ROUTES`.
     vertices : (..., 4) int
-        Rows of the base spectra that were mixed or extended; -1 for none.
+        Rows of the base spectra that were mixed or extended; -1 if there are none.
     shares : (..., 4) float64
-        Their weights, summing to 1; 0 for none.
+        Weights of these rows, with sum 1; 0 if there are none.
     base : BaseSpectra
     """
 
@@ -204,12 +204,12 @@ class MadeReflectances:
             object.__setattr__(self, name, view)
 
     def counts(self) -> dict[str, int]:
-        """Count the colours of each of the `ROUTES` that occurs."""
+        """Count the colours by route, for those of `ROUTES` that occur."""
         numbers = np.bincount(self.route.ravel(), minlength=len(ROUTES)).tolist()
         return {name: n for name, n in zip(ROUTES, numbers, strict=True) if n}
 
     def mix(self, index: Sequence[int] = ()) -> dict[str, float]:
-        """Return the base spectra of one reflectance with their weights, largest first."""
+        """Return the base spectra in one reflectance with their weights, largest first."""
         rows, shares = self.vertices[tuple(index)], self.shares[tuple(index)]
         parts = [
             (self.base.names[row], float(share))

@@ -18,15 +18,15 @@ from volspec.spectra.tables import read_number
 Array = NDArray[np.float64]
 
 _HEX = re.compile(r"#(?:[0-9a-f]{3}|[0-9a-f]{6})")
-# Brighter than this relative to white, numbers are on another scale, such as 0-255.
+# Numbers brighter than this, relative to white, are on another scale, such as 0-255.
 _MOST_OF_WHITE = 2.0
 
 
 def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
     """Return the XYZ (3,) of a colour word or three numbers, as a surface under a light.
 
-    ``colour`` is X Y Z with Y = 100 for white; ``"#rrggbb"``, ``"#rgb"`` or a name of CSS Color 3,
-    any case; or a text of three numbers. The white of sRGB becomes ``white_XYZ``, the perfect
+    ``colour`` is X Y Z with Y = 100 for white; ``"#rrggbb"``, ``"#rgb"`` or a CSS Color 3 name in
+    any case; or a text of three numbers. The white of sRGB is adapted to ``white_XYZ``, the perfect
     diffuser's. Raises SpectrumError if the name is unknown; see also `checked_XYZ`.
 
     >>> colour_XYZ("20 19.5 8", [95, 100, 109]).tolist()
@@ -41,7 +41,7 @@ def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
     XYZ = checked_XYZ(colour, white)
     if XYZ.shape != (3,):
         raise SpectrumError(
-            f"colour: an array of shape {XYZ.shape}; give X Y Z, or use reflectances_from_colours",
+            f"colour has shape {XYZ.shape}; give X Y Z, or use reflectances_from_colours",
             code="shape",
         )
     return XYZ
@@ -50,8 +50,8 @@ def colour_XYZ(colour: str | ArrayLike, white_XYZ: ArrayLike) -> Array:
 def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
     """Convert (..., 3) colours of surfaces to float64; Y = 100 for white.
 
-    Raises SpectrumError, naming the first such colour, if the last axis is not 3, or a number is
-    not finite, negative, or more than twice white's.
+    Raises SpectrumError, naming the first bad colour, if the last axis is not 3, or a number is
+    not finite, negative, or more than twice the white's.
     """
     array = real_array(XYZ, "colours")
     if array.ndim == 0 or array.shape[-1] != 3:
@@ -61,8 +61,8 @@ def checked_XYZ(XYZ: ArrayLike, white_XYZ: Array) -> Array:
     rows = array.reshape(-1, 3)
     bright = rows > _MOST_OF_WHITE * white_XYZ
     for wrong, fault in (
-        (~np.isfinite(rows), "is not finite; put numbers there"),
-        (rows < 0, "is negative, which no surface is; clip it, or reduce its chroma first"),
+        (~np.isfinite(rows), "is not finite; give finite numbers"),
+        (rows < 0, "is negative, impossible for a surface; clip it, or reduce its chroma first"),
         (bright, _too_bright(bright, rows, white_XYZ)),
     ):
         if wrong.any():
@@ -80,15 +80,15 @@ def _too_bright(wrong: NDArray[np.bool_], rows: Array, white_XYZ: Array) -> str:
     row, channel = divmod(int(wrong.argmax()), 3)
     return (
         f"has {'XYZ'[channel]} {rows[row, channel]:g}, over twice the {white_XYZ[channel]:.3g} of "
-        "white under this light; Y = 100 is white's, codes of 0-255 are written #rrggbb"
+        "white under this light; give Y = 100 for white, and codes of 0-255 as #rrggbb"
     )
 
 
 def XYZ_from_sRGB(encoded: ArrayLike, white_XYZ: ArrayLike) -> Array:
     """Return the XYZ (..., 3) under a light of surfaces in a picture of sRGB codes, 0 to 1.
 
-    The picture's white is adapted (Bradford) to ``white_XYZ``, that of the perfect diffuser under
-    the light.
+    The picture's white is adapted (Bradford) to ``white_XYZ``, the white of a perfect diffuser
+    under the light.
     """
     linear = np.asarray(colour_science().models.eotf_sRGB(np.asarray(encoded, dtype=np.float64)))
     # Adaptation to a very red light makes saturated blues negative.
@@ -121,13 +121,13 @@ def _numbers(text: str) -> list[float] | None:
 def sRGB_from_word(text: str, others: str = "X Y Z with Y = 100 for white") -> Array:
     """Return (3,) encoded sRGB, 0 to 1, for ``#rrggbb``, ``#rgb`` or a CSS Color 3 name.
 
-    Other words raise a SpectrumError with the nearest names and ``others``, the forms accepted too.
+    Other words raise a SpectrumError with the nearest names and ``others``, the other valid forms.
     """
     word = "".join(text.split()).casefold()
     if word.startswith("#"):
         if not _HEX.fullmatch(word):
             raise SpectrumError(
-                f"colour {quoted(text)}: expected #rrggbb or #rgb, in digits 0-f", code="syntax"
+                f"colour {quoted(text)}: expected #rrggbb or #rgb, with digits 0-f", code="syntax"
             )
     else:
         names = {name.casefold(): code for name, code in _css_names().items()}

@@ -2,14 +2,14 @@
 
     [search] -> construct
 
-Between the hull of the base colours and the object-colour solid (every reflectance within 0 to 1)
-the reflectance with the least second differences is taken, its own or those of its difference from
-a mixture at the hull. Beyond the solid there is none: the nearest colour's is taken.
+Between the hull of the base colours and the object-colour solid (every reflectance within 0 to 1),
+the reflectance with the smallest second differences is used: its own, or those of its difference
+from a mixture on the hull. Beyond the solid there is none; the nearest colour's is used.
 
 References
 ----------
 [1] Wang, Xu & Sun (2004), section 4: P = sum k_i P_i with k_i >= 0 and sum k_i = 1 (eq. 7)
-    makes sum k_i I_i (eq. 8) a spectrum of the colour P.
+    makes sum k_i I_i (eq. 8) a spectrum with colour P.
 """
 
 from __future__ import annotations
@@ -27,29 +27,29 @@ Indices = NDArray[np.intp]
 Surrounded = tuple[Indices, Array]
 """(n, 4) indices of base colours, -1 if none surround the colour, and (n, 4) weights."""
 
-# The paper's eight points by the octant they lie in, as bits x + 2y + 4z. Its figure 2 has
-# ABCD below and EFGH above, both in a ring: the five tetrahedra then fill a cube.
+# The paper's eight points by octant, as bits x + 2y + 4z. Its figure 2 has ABCD below and EFGH
+# above, each in a ring: the five tetrahedra then fill a cube.
 _A, _B, _C, _D, _E, _F, _G, _H = 0, 1, 3, 2, 4, 5, 7, 6
 _TETRAHEDRA = ((_A, _B, _C, _F), (_A, _C, _D, _H), (_A, _E, _F, _H), (_C, _F, _G, _H),
                (_A, _C, _F, _H))  # fmt: skip
-# Shares this far below zero are rounding.
+# Shares down to this far below 0 are rounding error.
 _ROUNDING = 1e-9
-# Cell of the lattice that merges colours, relative to white; far below a visible difference.
+# Lattice cell in which colours are merged, relative to white; far below a visible difference.
 _CELL = 1e-3
-# A tetrahedron flatter than this, relative to its edges, has no reliable inside.
+# A tetrahedron flatter than this, relative to its edges, has no reliable interior.
 _FLATTEST = 1e-12
-# Greys that are safely between black and white.
+# Range of greys safely between black and white.
 _GREYS = (1e-3, 0.98)
-# Distances in memory at once: 32 MB.
+# Distances in memory at a time: 32 MB.
 _AT_ONCE = 4_000_000
 
 
 def select_distinct(points: Array) -> Indices:
     """Return the rows of the first base colour in every cell of a fine lattice, increasing.
 
-    ``points`` (K, 3) are relative to white. Crowds of nearly equal colours, such as the black that
-    high powers of dark paints tend to, make flat tetrahedra of unlike spectra, on which the
-    triangulation breaks down.
+    ``points`` (K, 3) are relative to white. Clusters of nearly equal colours, such as near black,
+    which high powers of dark paints approach, make flat tetrahedra of dissimilar spectra, on which
+    the triangulation breaks down.
     """
     _, first = np.unique(np.floor(points / _CELL), axis=0, return_index=True)
     return np.sort(first)
@@ -60,7 +60,7 @@ class Mesh:
     """Tetrahedra between base colours."""
 
     points: Array  # (K, 3) the colours
-    # None without tetrahedra: under light of one or two wavelengths all colours lie in a plane.
+    # None if there are no tetrahedra: with one or two wavelengths all colours lie in a plane.
     delaunay: Any | None
     planes: Array  # (F, 4) of the hull: n . P + d, above 0 outside
 
@@ -73,7 +73,7 @@ class Mesh:
             delaunay, planes = Delaunay(points), ConvexHull(points).equations
         except QhullError:
             return cls(points, None, np.empty((0, 4)))
-        # Some 15,000 factorisations of 3 x 3: threads would wait for each other at each.
+        # About 15,000 factorisations of 3 x 3, at each of which threads would wait for each other.
         with threadpool_limits(1):
             _ = delaunay.transform  # computed once, on first use
         return cls(points, delaunay, planes)
@@ -82,7 +82,7 @@ class Mesh:
 def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
     """Find the Delaunay tetrahedron around every colour (n, 3), in one walk through the mesh.
 
-    Weights are at least 0 and sum to 1; outside the hull vertices are -1 and weights 0.
+    Weights are at least 0 and sum to 1; outside of the hull, vertices are -1 and weights 0.
     """
     delaunay = mesh.delaunay
     if delaunay is None:
@@ -100,8 +100,8 @@ def locate_tetrahedra(mesh: Mesh, XYZ: Array) -> Surrounded:
 def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
     """Return the points (n, 3), just inside, at which lines from grey leave the hull.
 
-    Each line runs from the grey of a colour's Y to the colour, which is relative to white; the mesh
-    contains black and white.
+    Each line runs from the grey with a colour's Y to the colour, which is relative to white; the
+    mesh contains black and white.
     """
     on_edge = np.empty_like(XYZ)
     rows = max(1, _AT_ONCE // max(len(mesh.planes), 1))
@@ -111,7 +111,7 @@ def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
         way = XYZ[part] - grey
         room = -(grey @ mesh.planes[:, :3].T + mesh.planes[:, 3])
         speed = way @ mesh.planes[:, :3].T
-        # The first plane on its way ends the line.
+        # The line ends at the first plane that it meets.
         reach = np.where(speed > 0, room / np.where(speed > 0, speed, 1.0), np.inf)
         share = np.clip(reach.min(1, initial=1.0), 0.0, 1.0) * (1.0 - _ROUNDING)
         on_edge[part] = grey + share[:, None] * way
@@ -121,8 +121,8 @@ def clip_to_hull(mesh: Mesh, XYZ: Array) -> Array:
 def search_octants(points: Array, XYZ: Array) -> Surrounded:
     """Search as in the paper: nearest base colour in each octant, first tetrahedron around P.
 
-    Returns `locate_tetrahedra`'s arrays; -1 if an octant that a tetrahedron needs is empty, or none
-    of the five contains P, which happens inside the hull too.
+    Returns arrays as `locate_tetrahedra`; vertices are -1 if an octant that a tetrahedron needs is
+    empty, or none of the five contains P, which happens even inside of the hull.
     """
     vertices = np.full((len(XYZ), 4), -1, dtype=np.intp)
     shares = np.zeros((len(XYZ), 4))
@@ -157,7 +157,7 @@ def _octants(points: Array, XYZ: Array) -> Surrounded:
 
 
 def _barycentric(corners: Array, XYZ: Array) -> tuple[NDArray[np.bool_], Array]:
-    """Test if tetrahedra (n, 4, 3) contain points (n, 3), and return the corners' weights."""
+    """Test whether tetrahedra (n, 4, 3) contain points (n, 3); return also the corners' weights."""
     edges = np.swapaxes(corners[:, :3] - corners[:, 3:], 1, 2)
     size = np.linalg.norm(edges, axis=1).prod(1)
     solid = np.abs(np.linalg.det(edges)) > _FLATTEST * np.maximum(size, 1e-300)
@@ -167,10 +167,10 @@ def _barycentric(corners: Array, XYZ: Array) -> tuple[NDArray[np.bool_], Array]:
     return solid & (shares >= -_ROUNDING).all(1), np.maximum(shares, 0.0)
 
 
-# XYZ / 100. The solver meets constraints to 1e-9; a colour missed by more is out of the solid.
+# XYZ / 100. The solver meets constraints to 1e-9; a colour missed by more is outside of the solid.
 _REACHED = 1e-6
 _TOLERANCE = 1e-10
-# Weight of smoothness if the colour cannot be met: it only settles ties.
+# Weight of smoothness if the colour is unreachable: it only breaks ties.
 _TIES = 1e-7
 
 
@@ -182,10 +182,10 @@ def smoothest_reflectances(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the smoothest reflectances: min |D2 (x - start)|^2, Q x = XYZ, 0 <= x <= 1.
 
-    ``XYZ`` (n, 3) have Y = 100 for white; ``Q`` (3, N) takes reflectances to XYZ, the light
-    included. From ``start`` (n, N), by default flat, the difference is smooth. Returns (n, N)
-    values, and (n,) False if no reflectance has the colour: the values then have the nearest one,
-    in X/X_n, Y/Y_n, Z/Z_n.
+    ``XYZ`` (n, 3) have Y = 100 for white; ``Q`` (3, N) maps reflectances to XYZ, including the
+    light. The difference from ``start`` (n, N), by default flat, is smooth. Returns (n, N) values,
+    and (n,) False if no reflectance has the colour: the values then have the nearest colour, in
+    X/X_n, Y/Y_n, Z/Z_n.
     """
     solve = _smoothest_solver(Q / 100.0)
     values = np.empty((len(XYZ), Q.shape[1]))
@@ -206,7 +206,7 @@ def _second_differences(size: int) -> Array:
 
 
 def _smoothest_solver(Q: Array) -> Callable[[Array, Array | None], Array]:
-    """Make one interior-point solver for all colours: only its two right sides change."""
+    """Make one interior-point solver for all colours: only ``q`` and ``b`` change."""
     N = Q.shape[1]
     D = _second_differences(N)
     P, q = 2.0 * D.T @ D, np.zeros(N)
@@ -237,7 +237,7 @@ def _solver(P: Array, q: Array, equal: Array | None) -> tuple[Any, Array]:
     N = len(P)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
-    settings.presolve_enable = False  # it would forbid a new right-hand side
+    settings.presolve_enable = False  # presolve would rule out a new right-hand side
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = _TOLERANCE
     rows = [-np.eye(N), np.eye(N)]
     b = np.concatenate([np.zeros(N), np.ones(N)])
