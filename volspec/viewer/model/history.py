@@ -111,7 +111,7 @@ class History:
     past: tuple[ViewState, ...] = ()
     future: tuple[ViewState, ...] = ()
     gesture: int = -1  # number of the gesture that made the current state
-    difference: Difference | None = None  # from the previous current state
+    difference: Difference | None = None  # from the state before
 
     def then(self, state: ViewState, gesture: int) -> History:
         """Continue with a state; a gesture is one step, however many states it makes."""

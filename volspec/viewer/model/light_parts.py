@@ -76,7 +76,7 @@ def regroup(state: ViewState, index: int, part: int, group: str) -> ViewState:
 
 
 def _change_rig(state: ViewState, index: int, **changes: Any) -> ViewState:
-    """Change fields of a row's rig, unless nothing differs."""
+    """Change fields of a row's rig, if anything differs."""
     rig = state.lights[index].rig
     if all(getattr(rig, name) == value for name, value in changes.items()):
         return state
@@ -85,7 +85,7 @@ def _change_rig(state: ViewState, index: int, **changes: Any) -> ViewState:
 
 @edit
 def add_part(state: ViewState, index: int, group: str) -> ViewState:
-    """Copy a light's first spectrum, with its weight and lux, for a light group."""
+    """Add a copy of a light's first spectrum, with its weight and lux, for a light group."""
     row = light_rows.row_at(state.lights, index)
     if row is None:
         return state
@@ -103,7 +103,7 @@ def remove_part(state: ViewState, index: int, part: int) -> ViewState:
 
 @edit
 def split_part(state: ViewState, index: int) -> ViewState:
-    """Replace a light's spectrum for all light groups by one for each."""
+    """Replace a light's spectrum for all light groups with one for each."""
     row = light_rows.row_at(state.lights, index)
     groups = [group.name for group in state.shading.groups]
     if row is None or "" not in row.rig.groups or len(groups) < 2:

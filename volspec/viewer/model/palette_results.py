@@ -206,7 +206,7 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
 
 
 def unmatched_reflectances(state: ViewState, palette: Palette) -> tuple[str, ...]:
-    """Return the names of a palette's reflectances that no material of the scene is left for."""
+    """Return the names of a palette's reflectances left without a material in the scene."""
     rows = _match_spectra(palette.reflectances, state.transfer.materials)
     return tuple(row.name for row in palette.reflectances if row.name not in rows)
 

@@ -3,7 +3,7 @@
     palette_edits -> [palette_targets] -> Palette -> designs
 
 The spectra themselves are in the state's transfer function and lights. Targets are part of the
-state, so that undo takes both back together.
+state, so that undo reverts both together.
 """
 
 from __future__ import annotations

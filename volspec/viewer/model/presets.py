@@ -59,7 +59,7 @@ DEFAULT = "soft-hard"
 _MARKS_HU = (-1000.0, -450.0, 40.0, 1000.0, 3071.0)
 # Volumes whose range includes these two are taken to be in Hounsfield units.
 _HU = (-500.0, 500.0)
-# Opacities are per volume's diagonal divided by this, so that finer voxels look the same.
+# Opacities refer to the volume's diagonal divided by this, so that finer voxels look the same.
 _STEPS = 440.0
 # Quantile of the voxels of matter that counts as its top.
 _TOP = 0.998

@@ -47,7 +47,7 @@ _MIX = "mix"
 
 
 def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
-    """Return the current mix first, then each light as it is alone."""
+    """Return the current mix first, then each light alone."""
     rows = state.lights
     weights = light_rows.effective_weights(rows)
     lit = [index for index, weight in enumerate(weights) if weight > 0]
@@ -150,8 +150,8 @@ def scene_from_state(state: ViewState) -> SceneFile:
         )
     if isinstance(state.relight.backdrop, Spectrum):
         raise SceneError(
-            "the backdrop is a spectrum",
-            "a scene's file takes a number from 0 to 1",
+            "a scene file cannot store a spectrum as the backdrop",
+            "give a number from 0 to 1",
             code="unsupported",
             field="viewing.backdrop",
         )

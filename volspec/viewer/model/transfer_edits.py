@@ -290,7 +290,7 @@ def window(state: ViewState, across: float, down: float) -> ViewState:
 
 @edit
 def thicken_by(state: ViewState, _across: float, down: float) -> ViewState:
-    """Make denser by a drag upwards."""
+    """Increase the density by a drag upwards."""
     factor = math.exp(clamp(-_THICKER * down, -10.0, 10.0))
     return thicken(state, state.thickness * factor)
 

@@ -65,7 +65,7 @@ def luminance(rig: LightRig | None, viewing: Viewing) -> float:
 
 
 def _change(state: ViewState, **changes: Any) -> ViewState:
-    """Change the spec, unless nothing differs: specs are compared by identity."""
+    """Change the spec only if anything differs, as specs are compared by identity."""
     spec = state.relight
     if all(getattr(spec, name) == value for name, value in changes.items()):
         return state

@@ -82,7 +82,7 @@ class Mouse:
 
     def __init__(self) -> None:
         self.gestures = Gestures()
-        # The mouse's place, 0 to 1 of the picture; None unless over it, and not over a panel.
+        # The mouse's place, 0 to 1 of the picture; None if it is elsewhere, or over a panel.
         self.over_picture: Place | None = None
         # Window pixels per pixel at 96 dpi; it differs between monitors.
         self.scale = 1.0

@@ -220,7 +220,7 @@ def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
 
 
 def draw_opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewState:
-    """Draw the slider of a part's opacity."""
+    """Draw the slider for a part's opacity."""
     now = list_parts(state.transfer)[index].opacity
     imgui.set_next_item_width(wide)
     moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, "opacity %.3f", _FINE)
