@@ -90,7 +90,7 @@ def test_a_path_that_nuke_would_run_is_refused(name: str) -> None:
 @pytest.mark.parametrize("name", ["a[hurt].c00.V", "key.c00.V+hurt()", "", "key.c00", 3])
 def test_a_channel_that_no_cast_writes_is_refused(name: Any) -> None:
     made = recipe()
-    with pytest.raises(ImageError, match=r"recipe: .* is no channel of a cast"):
+    with pytest.raises(ImageError, match=r"recipe: .* is not a channel of a cast"):
         replace(made, channels={**made.channels, "key": (name,) * 5})
 
 

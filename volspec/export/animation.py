@@ -1,4 +1,4 @@
-"""Camera, viewing and transfer function of every frame, from a turntable or from keyframes.
+"""Compute camera, viewing and transfer function of every frame, from turntables or keyframes.
 
     Scene, [export], [[keyframe]] -> [animation] -> plan
 
@@ -41,15 +41,15 @@ Interpolate = Callable[[ArrayLike, ArrayLike, ArrayLike], Array]
 Row = TypeVar("Row")
 Made = TypeVar("Made")
 
-# Decimals of a number of frames that are no rounding error: 2 s at 24 a second are 48 frames.
+# Decimals to which a number of frames is rounded: 2 s at 24 fps are 48 frames.
 _DIGITS = 6
-# Below this fraction of the distance a camera lies on the axis, where the azimuth is undefined.
+# Within this fraction of its distance a camera is on the axis, where the azimuth is undefined.
 _ON_AXIS = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameState:
-    """Camera, transfer function and viewing of a frame, whatever its light."""
+    """Camera, transfer function and viewing of a frame, without its light."""
 
     camera: Camera
     transfer: Transfer
@@ -57,9 +57,9 @@ class FrameState:
 
 
 def frame_times_s(keys: Keys, fps: float) -> Array:
-    """Return the time of each frame, from the first keyframe to the last, which always has one.
+    """Return the time of each frame; the first and the last keyframe each have a frame.
 
-    If they are no whole number of frames apart, the last step is the shorter.
+    If the keyframes are not a whole number of frames apart, the last step is shorter.
     """
     first, last = keys[0].time_s, keys[-1].time_s
     steps = math.ceil(round((last - first) * fps, _DIGITS))
@@ -69,8 +69,8 @@ def frame_times_s(keys: Keys, fps: float) -> Array:
 def interpolate_keyframes(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -> Array:
     """Interpolate (K, ...) values at rising times by a monotone cubic: (F, ...).
 
-    Constant before the first and after the last. A Catmull-Rom spline would overshoot between
-    keyframes of equal value.
+    Values are constant before the first and after the last time. A Catmull-Rom spline would
+    overshoot between keyframes of equal value.
 
     >>> interpolate_keyframes([0, 1, 2], [0, 10, 10], [0, 1, 1.5, 2, 9]).tolist()
     [0.0, 10.0, 10.0, 10.0, 10.0]
@@ -82,7 +82,7 @@ def interpolate_keyframes(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike
     if len(times) == 1:
         return np.repeat(keys, len(at), axis=0)
     found: Array = PchipInterpolator(times, keys)(np.clip(at, times[0], times[-1]))
-    # The keyframes themselves to the last bit: equal cameras are cast once.
+    # Keyframes are exact to the last bit, so that equal cameras share a cast.
     found = np.clip(found, keys.min(axis=0), keys.max(axis=0))
     for time, key in zip(times, keys, strict=True):
         found[at == time] = key
@@ -90,7 +90,7 @@ def interpolate_keyframes(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike
 
 
 def interpolate_ratios(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -> Array:
-    """Interpolate logarithms: zoom and exposure change evenly by their ratio; all above 0.
+    """Interpolate logarithms of values above 0, so that zoom and exposure change by even ratios.
 
     >>> interpolate_ratios([0, 1], [1, 4], [0.5]).round(9).tolist()
     [2.0]
@@ -105,7 +105,7 @@ def interpolate_ratios(times_s: ArrayLike, values: ArrayLike, at_s: ArrayLike) -
 
 
 def interpolate_angles(times_s: ArrayLike, angles_deg: ArrayLike, at_s: ArrayLike) -> Array:
-    """Interpolate angles, from each keyframe to the next by less than half a turn.
+    """Interpolate angles, by at most half a turn between keyframes.
 
     >>> interpolate_angles([0, 1], [350, 10], [0.5]).tolist()
     [360.0]
@@ -114,7 +114,7 @@ def interpolate_angles(times_s: ArrayLike, angles_deg: ArrayLike, at_s: ArrayLik
     return interpolate_keyframes(times_s, unwrapped, at_s)
 
 
-# Azimuth and elevation are interpolated separately: the horizon stays level.
+# Azimuth and elevation are interpolated separately, so that the horizon stays level.
 _ORBIT: Mapping[str, Interpolate] = {
     "azimuth_deg": interpolate_angles,
     "elevation_deg": interpolate_keyframes,
@@ -138,7 +138,7 @@ _VIEWING: Mapping[str, Interpolate] = {
 def _interpolated_tracks(
     keys: Sequence[tuple[float, Any]], by_name: Mapping[str, Interpolate], at_s: Array
 ) -> dict[str, Array]:
-    """Interpolate every attribute that some keyframe's table gives: {name: (F, ...)}."""
+    """Interpolate every attribute that any keyframe's table sets: {name: (F, ...)}."""
     found = {}
     for name, interpolate in by_name.items():
         given = [
@@ -153,7 +153,7 @@ def _interpolated_tracks(
 
 
 def _rows(tracks: Mapping[str, Array], count: int) -> list[dict[str, Any]]:
-    """Return the values of each frame, as plain floats and tuples of them."""
+    """Return the values of each frame as floats and tuples of floats."""
     return [
         {
             name: tuple(track[i].tolist()) if track.ndim > 1 else float(track[i])
@@ -164,8 +164,8 @@ def _rows(tracks: Mapping[str, Array], count: int) -> list[dict[str, Any]]:
 
 
 def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -> list[FrameState]:
-    """Interpolate a scene's keyframes; a `SceneError` of values out of range names the time."""
-    # The keyframes' own faults first: no time between them is the cause of those.
+    """Interpolate a scene's keyframes; a `SceneError` for values out of range names the time."""
+    # Faults at the keyframes come first, as times in between do not cause these.
     for fault in keyframe_faults(scene, volume):
         raise fault
     keys = scene.file.keyframe
@@ -179,7 +179,7 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
 
 
 def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
-    """Return the faults at the keyframes' own times, each naming file, key and time."""
+    """Return the faults at the keyframes, each naming file, key and time."""
 
     def baked(keys: Keys, at_s: Array) -> object:
         transfers = keyframe_transfers(scene, keys, at_s)
@@ -204,14 +204,14 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
     for name in parts:
         giving = [key for key in keys if getattr(key, name) is not None]
         together = [fault for key in giving for fault in faults(name, keys, key)]
-        # Report a fault at the keyframe that sets the value, not at those that inherit it.
+        # Report a fault at the keyframe that sets the value, not at keyframes that inherit it.
         alone = [fault for key in giving for fault in faults(name, [key], key)]
         found |= {str(fault): fault for fault in (alone or together) if together}
     return list(found.values())
 
 
 def _reaching_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> list[Camera]:
-    """Return the cameras, all near enough to be cast from."""
+    """Return the cameras; refuse one that is too far away to cast from."""
     cameras = keyframe_cameras(scene, volume, keys, at_s)
     _at_times(at_s, keys, cameras, lambda camera: check_reach(volume, camera, scene.raycast))
     return cameras
@@ -228,13 +228,13 @@ def _relight_specs(spec: RelightSpec, keys: Keys, at_s: Array) -> list[RelightSp
 
 @contextmanager
 def located_in(scene: Scene, place: str = "") -> Iterator[None]:
-    """Put the file's name and a place in it before the message of an error raised inside."""
+    """Prefix errors raised inside with the file's name and a place in it."""
     try:
         yield
     except InputError as error:
         where = f"{scene.path}: {place}: " if place else f"{scene.path}: "
         problem = str(error).removesuffix(f"; {error.remedy}")
-        # Names of classes say nothing to who writes a file.
+        # Names of classes mean nothing to the author of a file.
         problem = re.sub(r"(?:(?<=: )|^)[A-Z]\w+\.(?=[A-Za-z_]+(?: is|:))", "", problem)
         raise SceneError(where + problem, error.remedy, code=error.code) from error
 
@@ -242,16 +242,16 @@ def located_in(scene: Scene, place: str = "") -> Iterator[None]:
 def _at_times(
     at_s: Array, keys: Keys, rows: Sequence[Row], make: Callable[[Row], Made]
 ) -> list[Made]:
-    """Make an object of each frame's values; an error of values out of range names the time."""
+    """Make an object from each frame's values; an error for values out of range names the time."""
     made = []
     own = {key.time_s for key in keys}
     for time, row in zip(at_s.tolist(), rows, strict=True):
         try:
             made.append(make(row))
         except (CameraError, TransferError, ViewingError) as error:
-            # Values between good ones are good; a way between two positions may not be.
+            # Values between valid ones are valid; a path between two positions may not be.
             is_between = isinstance(error, CameraError) and time not in own
-            remedy = ", or give a keyframe between" if is_between else ""
+            remedy = ", or add a keyframe in between" if is_between else ""
             # "Viewing.D" is a keyframe's "D".
             own_error = error.at(error.field.partition(".")[2] or error.field)
             message = str(own_error).removeprefix("camera: ")
@@ -262,19 +262,19 @@ def _at_times(
 def turntable_cameras(scene: Scene, volume: Volume, table: Turntable) -> list[Camera]:
     """Return the cameras of a turntable; the first is the scene's own.
 
-    Whole turns end one step before the first, others at their last degree.
+    Whole turns end one step before the first camera, others at the last angle.
     """
     camera = scene.camera(volume)
     is_whole = math.fmod(table.degrees, 360.0) == 0.0
     steps = table.frames if is_whole else max(table.frames - 1, 1)
-    # Further turns repeat the angles of the first, and so its casts.
+    # Further turns repeat the angles of the first, and so share its casts.
     angles = [math.fmod(table.degrees * i / steps, 360.0) for i in range(table.frames)]
     axis = scene.file.camera.up if table.axis is None else table.axis
     return [rotate_camera(camera, axis, angle) for angle in angles]
 
 
 def rotate_camera(camera: Camera, axis: Vector, degrees: float) -> Camera:
-    """Rotate a camera around its target, right-handed: as a rising azimuth for its ``up``."""
+    """Rotate a camera around its target, right-handed: about ``up`` the azimuth rises."""
     from scipy.spatial.transform import Rotation
 
     if degrees == 0.0:
@@ -306,7 +306,7 @@ def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> l
     _check_ups(cameras)
     still = scene.camera(volume)
     tracks = _interpolated_tracks(cameras, _PLACE, at_s)
-    # The up of an orbit's camera leans with it; of positions it is the axis.
+    # For orbits, up tilts with the camera; for positions, it is the axis.
     tracks.setdefault("up", np.asarray([table.up] * len(at_s)))
     places = [
         (time, key.position_mm)
@@ -322,13 +322,13 @@ def keyframe_cameras(scene: Scene, volume: Volume, keys: Keys, at_s: Array) -> l
 
 
 def _check_ups(cameras: Sequence[tuple[float, KeyCamera | None]]) -> None:
-    """Refuse an up that turns to its opposite: there is no shortest way."""
+    """Refuse an up that turns to its opposite, as there is no shortest path."""
     ups = [(time, unit(key.up)) for time, key in cameras if key is not None and key.up is not None]
     for (before, one), (time, other) in pairwise(ups):
         if np.linalg.norm(np.add(one, other)) < _ON_AXIS:
             raise CameraError(
-                f"up at {time:g} s is opposite to that at {before:g} s",
-                "give a keyframe between them, with an up on the way",
+                f"up at {time:g} s is opposite to up at {before:g} s",
+                "add a keyframe in between, with an up on the way",
                 code="impossible",
             )
 
@@ -342,7 +342,7 @@ def _interpolated_offsets(
 ) -> Array:
     """Return (F, 3) from target to camera, interpolated as an orbit's angles and distance.
 
-    Interpolated positions would lead through the volume on the way around it.
+    Interpolated positions would cut through the volume.
     """
     times = np.array([time for time, _ in places])
     targets = _interpolated_tracks(cameras, {"target_mm": interpolate_keyframes}, times)
@@ -375,7 +375,7 @@ def _axes(up: Vector) -> Array:
 
 
 def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
-    """Return the transfer function of every frame; equal ones are one object."""
+    """Return the transfer function of every frame; equal functions are one object."""
     given = [(key.time_s, key.transfer) for key in keys]
     tracks = _interpolated_tracks(given, {"shift": interpolate_keyframes}, at_s)
     by = tracks.get("shift", np.zeros(len(at_s)))
@@ -400,7 +400,7 @@ def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
 
 
 def shift_values(transfer: Transfer, by: float) -> Transfer:
-    """Shift a transfer function along the axis of values; labels have none."""
+    """Shift a transfer function along the axis of values; refuse labels."""
     if isinstance(transfer, TransferFunction | Isosurfaces):
         return _with_point_rows(
             transfer, [(value + by, *look) for value, *look in _point_rows(transfer)]
@@ -411,7 +411,7 @@ def shift_values(transfer: Transfer, by: float) -> Transfer:
             for region in transfer.regions
         ]
         return replace(transfer, regions=regions)
-    raise SceneError("shift: labels have no values to shift", "leave it out", code="conflict")
+    raise SceneError("shift: labels cannot be shifted", "leave it out", code="conflict")
 
 
 def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
@@ -431,8 +431,8 @@ def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
     for time, rows in given:
         if len(rows) != count:
             raise SceneError(
-                f"points: {len(rows)} at {time:g} s, [transfer] has {count}",
-                "give as many",
+                f"points: {len(rows)} at {time:g} s, but [transfer] has {count}",
+                f"give {count}",
                 code="shape",
             )
     for time, rows in given:
@@ -451,7 +451,7 @@ def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
         for _, rows in given
     ]
     found = interpolate_keyframes([time for time, _ in given], numbers, at_s)
-    # Each moves at its own pace: none may overtake the next.
+    # Points move at different speeds, but none may overtake the next.
     found[..., 0] = np.maximum.accumulate(found[..., 0], axis=1)
     found[..., 2:] /= np.maximum(found[..., 2:].sum(axis=-1, keepdims=True), 1.0)
     return found

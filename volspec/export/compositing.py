@@ -1,4 +1,4 @@
-"""Relighting in a compositor: lights as matrices in the header of a coefficient image.
+"""Prepare relighting in a compositor: lights as matrices in a coefficient image's header.
 
     basis, light groups, lights -> [compositing] -> EXR header -> Blender, Nuke, a script
 
@@ -6,8 +6,8 @@
     M_g = RGB_from_XYZ · Bradford(white of the light -> D65) · D_g diag(e_g)
 
 D_g diag(e_g) is the matrix of `Illumination` in the picture's mode. A compositor has no appearance
-model, so that the light's white is adapted completely by a matrix, as in ICC profiles. For users:
-docs/compositing.md.
+model, so a matrix adapts completely to the light's white, as in ICC profiles. docs/compositing.md
+is the users' guide.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ Array = NDArray[np.float64]
 
 VERSION = 1
 _JSON, _TEXT = "compositing", "relight"  # names of attributes, after "volspec:"
-# Names that `channel_names` makes.
+# Names made by `channel_names`.
 _CHANNEL = re.compile(r"[A-Za-z][A-Za-z0-9_]*\.c[0-9]+\.V")
-_DIGITS = 9  # significant ones in a header; float32 has 7
+_DIGITS = 9  # significant digits in a header; float32 has 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +53,8 @@ class CompositorLight:
     """Relighting by one light in a compositor."""
 
     matrices: Mapping[str, Array]  # (3, M) to linear Rec. 709, for each light group that is lit
-    backdrop: Array  # (3,) of the diffuser behind
-    # (M,) channels e_g by group, 1 for flat white of the same luminance; none in a basis of
+    backdrop: Array  # (3,) colour of the diffuser behind
+    # (M,) channels e_g by group, 1 for flat white of the same luminance; empty for a basis of
     # materials.
     numbers: Mapping[str, Array]
     illuminance_lux: float | None = None  # E_v on a surface that faces every source
@@ -62,7 +62,7 @@ class CompositorLight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Recipe:
-    """Names of the channels and the lights of a coefficient image, for compositors.
+    """Channel names and lights of a coefficient image, for compositors.
 
     >>> from volspec.basis import SpectralBasis
     >>> from volspec.spectra import light
@@ -74,7 +74,7 @@ class Recipe:
     """
 
     channels: Mapping[str, tuple[str, ...]]  # names in the file, by light group
-    lights: Mapping[str, CompositorLight]  # the first lights the preview
+    lights: Mapping[str, CompositorLight]  # the first is used for the preview
     mode: str
 
     def __post_init__(self) -> None:
@@ -83,11 +83,11 @@ class Recipe:
                 "there is no light", "give at least one", code="missing", field="recipe"
             )
         for channel in (name for names in self.channels.values() for name in names):
-            # They become part of expressions that compositors evaluate.
+            # Names become part of expressions that compositors evaluate.
             if not (isinstance(channel, str) and _CHANNEL.fullmatch(channel)):
                 raise ImageError(
-                    f"{quoted(channel)} is no channel of a cast",
-                    "give names as key.c00.V",
+                    f"{quoted(channel)} is not a channel of a cast",
+                    "give names such as key.c00.V",
                     code="unknown",
                     field="recipe",
                     given=channel,
@@ -103,15 +103,15 @@ class Recipe:
         lights: Mapping[str, Spectrum | LightRig],
         spec: RelightSpec | None = None,
     ) -> Self:
-        """Compute the lights of an image of this basis and these groups.
+        """Compute the lights of an image with this basis and these groups.
 
-        Of ``spec`` mode, backdrop, level and exposure count, adaptation does not. If a light has
-        no lux, all are at level ``"relative"``. Errors as `Illumination.of`.
+        Mode, backdrop, level and exposure of ``spec`` apply, adaptation does not. If a light has
+        no lux, all are at level ``"relative"``. Errors as in `Illumination.of`.
         """
         if not (isinstance(lights, Mapping) and lights):
             raise ViewingError(
                 f"the lights are {quoted(lights)}",
-                "give at least one by name, as {'day': volspec.light('D65')}",
+                "give at least one by name, such as {'day': volspec.light('D65')}",
                 code="missing",
                 field="recipe",
                 given=lights,
@@ -143,14 +143,14 @@ class Recipe:
         text = header.get(f"volspec:{_JSON}")
         if text is None:
             raise ImageError(
-                f"{name}: names no lights for compositors",
-                f"`volspec compositing {name} --light D65 -o NEW.exr` writes one that does",
+                f"{name}: has no lights for compositors",
+                f"`volspec compositing {name} --light D65 -o NEW.exr` adds them",
                 code="missing",
             )
         try:
             data = parse_json(text)
             if data["version"] != VERSION:
-                raise ValueError(f"version {data['version']}, this volspec knows {VERSION}")
+                raise ValueError(f"version {data['version']}, this volspec reads {VERSION}")
             lights = {
                 light: CompositorLight(
                     _arrays(row["matrices"]),
@@ -170,7 +170,7 @@ class Recipe:
             ) from None
 
     def texts(self) -> dict[str, str]:
-        """Return attributes of the header: everything as JSON, and each light's sums to paste."""
+        """Return header attributes: all data as JSON, and each light's sums as text to paste."""
         data = {
             "version": VERSION,
             "colours": "linear Rec. 709, white D65 = 1, premultiplied by A",
@@ -195,7 +195,7 @@ class Recipe:
         return texts
 
     def sums(self, light: str) -> list[dict[str, str]]:
-        """Return the sums of R, G and B by light group, with Nuke's names of the channels."""
+        """Return the sums for R, G and B by light group, with Nuke's channel names."""
         matrices = self.lights[light].matrices
         return [
             {group: self._sum(group, M[row]) for group, M in matrices.items()} for row in range(3)
@@ -208,7 +208,7 @@ class Recipe:
         return f"({''.join(terms).removeprefix('+')})"
 
     def picture(self, image: CoefficientImage, light: str) -> NDArray[np.float32]:
-        """Return (H, W, 3): an image under a light, as a compositor computes it."""
+        """Return (H, W, 3): an image under a light as a compositor computes it."""
         RGB = np.zeros((*image.alpha.shape, 3), np.float32)
         for group, M in self.lights[light].matrices.items():
             RGB += np.asarray(image.layer(group), np.float32) @ M.T.astype(np.float32)
@@ -216,7 +216,7 @@ class Recipe:
 
 
 def scene_recipe(scene: Scene, lights: Iterable[NamedLight], spec: RelightSpec) -> Recipe:
-    """Return the recipe for casts of a scene; the first light is the preview's."""
+    """Return the recipe for casts of a scene; the first light is used for the preview."""
     rigs = {light.name: light.rig for light in lights}
     return Recipe.of(scene.basis, scene.raycast.shares(), rigs, spec)
 
@@ -224,12 +224,12 @@ def scene_recipe(scene: Scene, lights: Iterable[NamedLight], spec: RelightSpec) 
 def save_for_compositors(
     image: CoefficientImage, path: str | os.PathLike[str], recipe: Recipe
 ) -> None:
-    """Write a coefficient image with lights in its header and a picture under the first."""
+    """Write a coefficient image with lights in its header and a preview under the first light."""
     image.save(path, recipe.picture(image, next(iter(recipe.lights))), recipe.texts())
 
 
 def _RGB_from_XYZ(white_XYZ: Array) -> Array:
-    """Return (3, 3) from XYZ under a white to linear Rec. 709 under D65."""
+    """Return the (3, 3) matrix from XYZ under a white to linear Rec. 709 under D65."""
     space = PRIMARIES["Rec. 709"]
     whites = visible_white(white_XYZ), space.white_XYZ
     scene, display = (ViewingConditions(tuple(white.tolist())) for white in whites)
@@ -240,7 +240,7 @@ def _RGB_from_XYZ(white_XYZ: Array) -> Array:
 def _numbers(
     basis: Basis, groups: Mapping[str, float], rig: LightRig, gain: float
 ) -> dict[str, Array]:
-    """Return the channels of the light from each group."""
+    """Return the channels of each group's light."""
     if not isinstance(basis, SpectralBasis):
         return {}
     kappa = flat_white_scale(basis, rig.facing(groups).mixed(basis.grid), gain)
@@ -253,10 +253,10 @@ def _numbers(
 
 
 def _require_fit(who: str, light: CompositorLight, channels: Mapping[str, tuple[str, ...]]) -> None:
-    """Refuse arrays of a light that do not fit the channels."""
+    """Refuse a light whose arrays do not match the channels."""
     if not light.matrices:
         raise ImageError(
-            f"{who}: has no matrix", f"give one of {', '.join(channels)}", code="missing"
+            f"{who}: has no matrix", f"give one for {', '.join(channels)}", code="missing"
         )
     _require_shape(f"{who}: backdrop", light.backdrop, (3,))
     for what, rows, shape in (("matrix", light.matrices, (3,)), ("numbers", light.numbers, ())):
@@ -275,7 +275,7 @@ def _require_shape(who: str, array: Array, shape: tuple[int, ...]) -> None:
     if array.shape != shape:
         raise ImageError(f"{who} has shape {array.shape}", f"expected {shape}", code="shape")
     if not np.isfinite(array).all():
-        raise ImageError(f"{who} has numbers that are not finite", "give others", code="range")
+        raise ImageError(f"{who} has NaN or infinite numbers", "give finite ones", code="range")
 
 
 def _arrays(data: Mapping[str, Any]) -> dict[str, Array]:

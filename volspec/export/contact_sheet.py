@@ -1,6 +1,6 @@
-"""Contact sheets: frames in a grid, under captions or under the spectra of their lights.
+"""Contact sheets: frames in a grid, under captions or the spectra of their lights.
 
-frames -> [sheet] -> a picture
+frames -> [contact_sheet] -> a picture
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ _MARGIN = 36
 _PLOT = 84
 _UNPRINTABLE = ("Cf", "Cc", "Cs")  # Unicode categories
 _PLOTTED_NM = (400.0, 700.0)
-# Greatest height of a picture in widths of its tile: taller ones become narrower.
+# Greatest height of a picture in tile widths; taller pictures become narrower.
 _TALLEST = 3
-_OVERSAMPLING = 3  # spectra are drawn larger and scaled down: smooth edges
+_OVERSAMPLING = 3  # spectra are drawn larger and scaled down, for smooth edges
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SheetColumn:
-    """A light and its frames, one for each row of the sheet.
+    """A light and its frames, one per row of the sheet.
 
     Parameters
     ----------
     name, label : str
-        Printed large and small.
+        Name, printed large, and label, printed small.
     light : Spectrum
     frames : sequence of (H, W, 3) uint8
-        All of one size.
+        Frames of equal size.
     """
 
     name: str
@@ -64,7 +64,7 @@ class SheetTile(NamedTuple):
 class _Grid:
     """Layout of a sheet: tiles in rows under a title, each below a caption.
 
-    `head` is free above the first row.
+    `head` is the free height above the first row.
     """
 
     tile: int
@@ -76,7 +76,7 @@ class _Grid:
     head: int = 0
 
     def place(self, column: int, row: int) -> tuple[int, int]:
-        """Return the corner of a tile's caption; its picture is below."""
+        """Return the corner of a tile's caption; the picture is below the caption."""
         row_height = self.caption + self.picture[1] + self.row_gap
         return _MARGIN + column * (self.tile + self.gap), self.top + self.head + row * row_height
 
@@ -98,7 +98,7 @@ class _Grid:
 def contact_sheet(
     title: str, rows: Sequence[str], columns: Sequence[SheetColumn], tile: int = 400
 ) -> NDArray[np.uint8]:
-    """Lay out the frames of several lights, a column each under its spectrum.
+    """Lay out the frames of several lights, each in a column under the light's spectrum.
 
     Parameters
     ----------
@@ -106,9 +106,9 @@ def contact_sheet(
     rows : sequence of str
         Captions of the rows.
     columns : sequence of SheetColumn
-        Each with one frame a row, else `ShapeError`.
+        Columns with one frame per row, else `ShapeError`.
     tile : int
-        Width of a frame on the sheet, pixels; very tall frames are narrower.
+        Width of a frame on the sheet in pixels; very tall frames are narrower.
 
     Returns
     -------
@@ -118,7 +118,7 @@ def contact_sheet(
         if len(column.frames) != len(rows):
             raise ShapeError(
                 f"{column.name} has {len(column.frames)} frames for {len(rows)} rows",
-                "give as many",
+                "give one per row",
                 field="contact_sheet.columns",
             )
     height, width = columns[0].frames[0].shape[:2]
@@ -141,7 +141,7 @@ def contact_sheet(
 def comparison_sheet(
     title: str, tiles: Sequence[SheetTile], columns: int = 5, tile: int = 320
 ) -> NDArray[np.uint8]:
-    """Lay out captioned frames of one size in rows of tiles: (H, W, 3) uint8."""
+    """Lay out captioned frames of equal size in rows of tiles: (H, W, 3) uint8."""
     height, width = tiles[0].frame.shape[:2]
     grid = _Grid(tile, fitted_size((width, height), tile), 14, 14, 62, _MARGIN + 46)
     columns = min(columns, len(tiles))
@@ -157,7 +157,7 @@ def comparison_sheet(
 
 
 def _titled(sheet: Image.Image, title: str, y: int, sizes: Sequence[int]) -> tuple[Any, Any, Any]:
-    """Write the title; return what draws, and the fonts of names and of notes."""
+    """Write the title; return the drawing and the fonts of names and notes."""
     from PIL import ImageDraw, ImageFont
 
     draw, fonts = ImageDraw.Draw(sheet), [ImageFont.load_default(size) for size in sizes]
@@ -177,7 +177,7 @@ def fitted_size(size: tuple[int, int], tile: int) -> tuple[int, int]:
 
 
 def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
-    """Plot a light's spectrum, filled with the colours of its wavelengths, its peak at the top."""
+    """Plot a light's spectrum, filled with the colours of its wavelengths, with the peak on top."""
     from PIL import Image, ImageDraw
 
     values = light.values / max(light.values.max(), 1e-12)
@@ -196,7 +196,7 @@ def spectrum_plot(light: Spectrum, width: int, height: int) -> Image.Image:
 
 
 def printable(text: str, most: int = 60) -> str:
-    """Return one line without control characters and marks of direction, cut if it is long.
+    """Return one line without control characters and direction marks, cut if it is too long.
 
     >>> printable("a\\u202eb\\nc"), printable("x" * 9, 4)
     ('ab c', 'xxx…')

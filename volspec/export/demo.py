@@ -1,4 +1,4 @@
-"""The demo: cast a scene once, relight it under its lights, report times and errors.
+"""Demo: cast a scene once, relight it under its lights, and report times and errors.
 
 A user's script would use the same pipeline: `Scene`, `Relighter`, frames.
 """
@@ -28,7 +28,7 @@ from volspec.scene import Scene
 
 Progress = Callable[[str, float], None]
 _REPEATS = 5
-_ROWS = ("What an eye adapted to the light sees (CIECAM02)", "The same light without adaptation")
+_ROWS = ("As seen by an eye adapted to the light (CIECAM02)", "The same light without adaptation")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ class LightReport:
 
     name: str
     label: str
-    relight_ms: float  # A light change: new light in, finished 8-bit frame out; median of several
-    ratio: float  # Cast time over relight time
+    relight_ms: float  # from a new light to the finished 8-bit frame; median of several
+    ratio: float  # cast time over relight time
     # CIEDE2000 of the scene's materials against full spectra, in the scene's mode.
     delta_e_mean: float
     delta_e_max: float
@@ -65,11 +65,11 @@ class DemoReport:
 def run_demo(
     scene: Scene, out: Path, progress: Progress, *, device: str | None = None
 ) -> DemoReport:
-    """Cast a scene, relight it under each of its lights, write everything to a folder.
+    """Cast a scene, relight it under each of its lights, and write all results to a folder.
 
-    Writes ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (a map of the basis' errors),
-    ``<volume>.exr``, ``<volume>.html`` and ``report.json``. ``progress`` is called with a step's
-    name and its progress, 0…1; ``device`` is part of an OpenCL device's name.
+    The files are ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (a map of the basis's
+    errors), ``<volume>.exr``, ``<volume>.html`` and ``report.json``. ``progress`` is called with a
+    step's name and progress, 0…1; ``device`` is part of an OpenCL device's name.
     """
     begun = time.perf_counter()
     progress("read the volume", 0)
@@ -114,10 +114,10 @@ def run_demo(
     relight_ms = median(r.relight_ms for r in reports)
     title = (
         f"{scene.file.title or volume.name}: cast once in {cast_ms:.0f} ms, "
-        f"relit in {relight_ms:.0f} ms a light"
+        f"relit in {relight_ms:.0f} ms per light"
     )
     sheet = contact_sheet(title, _ROWS, columns)
-    # Write at the end, so that an interruption leaves nothing behind.
+    # Files are written at the end, so that an interruption leaves nothing behind.
     recipe = scene_recipe(scene, scene.lights, relit)
     save_for_compositors(image, out / f"{Path(volume.name).stem}.exr", recipe)
     page = PageSpec(scene.file.title or volume.name)
@@ -128,7 +128,7 @@ def run_demo(
         text = {"light": name, "Software": f"volspec {__version__}"}
         write_frame(out / "frames" / f"{file_stem(name)}.png", frame, text, space)
     write_frame(out / "sheet.png", sheet)
-    top = max(found.top for found in maps)  # one scale for all lights
+    top = max(found.top for found in maps)  # the same scale for all lights
     write_frame(out / "errors.png", np.hstack([found.image(top) for found in maps]))
     result = DemoReport(
         scene=scene.file.title,

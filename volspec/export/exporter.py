@@ -1,4 +1,4 @@
-"""Export every frame of a scene: cast as rarely as possible, complete files only, resumable.
+"""Export all frames of a scene: as few casts as possible, complete files only, resumable.
 
 Scene -> plan -> tiles -> frame_files -> [exporter] -> a folder of frames, or a film
 """
@@ -43,18 +43,18 @@ from volspec.volume import Volume
 
 Progress = Callable[[str, float], object]
 
-# Suffixes that no folder has.
+# Suffixes that are not a folder's.
 _OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".ogv")
 _PICTURES = (".png", ".apng", ".exr", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
-# Larger pictures than this are a slip: 64 Ki pixels a side.
+# Larger pictures are taken for a typing error: 64 Ki pixels a side.
 MAX_SIDE = 1 << 16
-# Relit frames that take about as long as a cast; weighs the progress only.
+# Number of relit frames that take about as long as a cast; only weights the progress.
 _FRAMES_A_CAST = 10
 # Files that may be open at once while they grow strip by strip.
 _OPEN_FILES = 64
-# The settings of a frame's brightness.
+# Settings of a frame's brightness.
 _BRIGHTNESS = "the light's illuminance_lux, or exposure in [viewing]"
-# Side of the picture in which adaptation is measured if the whole is never in memory.
+# Side of the picture in which adaptation is measured if the full one is never in memory.
 _MEASURED_SIDE = 512
 
 
@@ -65,9 +65,9 @@ class Exported:
     Parameters
     ----------
     output : Path
-        The folder, or the film.
+        Folder or film.
     files : tuple of str
-        Names within the folder; of a film the film alone.
+        Names within the folder; for a film, only the film.
     frames, made : int
         Number of frames, and how many of them this call has made.
     casts : int
@@ -95,8 +95,8 @@ def export(
 ) -> Exported:
     """Export the frames of a scene's ``[export]``.
 
-    If the folder holds some of them already, only the others are made: an export that was killed
-    resumes, and writes the same bytes.
+    Frames that the folder already has are kept: an export that was killed resumes, and the result
+    has the same bytes.
 
     Parameters
     ----------
@@ -104,24 +104,24 @@ def export(
     output : path
         A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
     size : (width, height), optional
-        Replaces the scene's; up to 65536.
+        Size instead of the scene's; up to 65536.
     overwrite : bool
-        Replace the export of another scene in the folder.
+        Whether to replace another scene's export in the folder.
     device : str, optional
         Part of an OpenCL device's name.
     progress : callable, optional
         Called with a step's name and its progress, 0…1.
     volume : Volume, optional
-        The scene's, if it is loaded already.
+        The scene's volume, if it is already loaded.
     caster : Raycaster, optional
-        Has that volume on a device already; ``device`` is then the caster's.
+        Caster that already has the volume on a device; ``device`` is then ignored.
 
     Raises
     ------
     InputError
-        If the output cannot be written to, or is of another scene; if a number is out of range.
+        If the output cannot be written or belongs to another scene; if a number is out of range.
     DeviceError
-        If there is no device, or a film needs ffmpeg and there is none.
+        If there is no device, or no ffmpeg for a film.
     """
     progress = progress or (lambda step, fraction: None)
     target, table = Path(output), scene.file.export
@@ -131,10 +131,10 @@ def export(
     elif target.is_file() or (
         target.suffix.lower() in _OTHER_FILMS + _PICTURES and not target.is_dir()
     ):
-        what = "is a file" if target.is_file() else "is no name of a folder"
+        what = "is a file" if target.is_file() else "is not a folder's name"
         raise InputError(
             f"{target}: {what}",
-            f"give a folder, for frames, or a film ({', '.join(SUFFIXES)})",
+            f"give a folder for frames, or a film ({', '.join(SUFFIXES)})",
             code="type",
         )
     (require_writable if is_film else require_writable_folder)(target)
@@ -144,7 +144,7 @@ def export(
     progress("read the volume", 1.0)
     plan = plan_export(scene, volume, table)
     settings = {"size": pixels, "export": plain(table), "film": is_film}
-    # The frames of a film are in a folder next to it until it is done.
+    # Until a film is done, its frames are in a folder next to it.
     path = target.with_name(f"{target.name}.frames") if is_film else target
     has_sheet = table.sheet and not is_film
     files = tuple(f"{shot.stem}{table.suffix}" for shot in plan.shots)
@@ -184,7 +184,7 @@ def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
     if not (1 <= width <= MAX_SIDE and 1 <= height <= MAX_SIDE):
         raise InputError(
             f"the picture is {width}x{height}",
-            f"give 1x1 to {MAX_SIDE} a side",
+            f"give 1 to {MAX_SIDE} pixels per side",
             code="range",
             field="size",
             given=size,
@@ -193,7 +193,7 @@ def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
 
 
 class _ProgressMeter:
-    """Progress of casts and frames together."""
+    """Combined progress of casts and frames."""
 
     def __init__(self, casts: Sequence[Sequence[Shot]], progress: Progress) -> None:
         self._progress = progress
@@ -205,14 +205,14 @@ class _ProgressMeter:
         self._progress("export", (self._done + fraction * _FRAMES_A_CAST) / self._total)
 
     def add(self, frames: int) -> None:
-        """Count work that takes as long as so many frames."""
+        """Count work that takes as long as the given number of frames."""
         self._done += frames
         self.casting(0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameMaker:
-    """Makes the frames that a folder lacks: one cast for all lights, large ones in strips."""
+    """Make the frames missing from a folder: one cast for all lights, large frames in strips."""
 
     files: FrameFiles
     _canvas: Canvas = field(init=False)
@@ -226,9 +226,9 @@ class FrameMaker:
     def make(
         self, plan: Plan, open_caster: Callable[[], Raycaster], progress: Progress
     ) -> tuple[int, int]:
-        """Make the missing frames; return their number and that of their casts.
+        """Make the missing frames; return the numbers of frames and of casts.
 
-        ``open_caster`` is called only if something is missing.
+        ``open_caster`` is called only if a frame is missing.
         """
         casts = self._missing(plan)
         if not casts:
@@ -289,7 +289,7 @@ class FrameMaker:
         blanks.warn()
 
     def _measured(self, shots: list[Shot], caster: TileCaster) -> list[Shot]:
-        """Measure ``adapting = "picture"`` in a small cast if frames do not hold the picture."""
+        """Measure ``adapting = "picture"`` in a small cast if no frame is the complete picture."""
         table = self.files.table
         is_given = self.files.scene.relight.viewing.adapting == "given"
         if is_given or not table.has_eye or not (table.transparent or self._parts > 1):
@@ -306,7 +306,7 @@ class FrameMaker:
         pool: RelighterPool,
         blanks: BlankFrames,
     ) -> None:
-        """Write a strip under every light before casting the next: one is in memory at a time."""
+        """Write each strip under every light before casting the next, so one is in memory."""
         with ExitStack() as stack:
             files: list[PngWriter | ExrWriter] = []
             for strip in images:
@@ -322,7 +322,7 @@ class FrameMaker:
     def _check_blank(
         self, shot: Shot, pixels: Array, sources: Sequence[FrameSource], blanks: BlankFrames
     ) -> None:
-        """Check frames of a display only: linear light is for a compositor to brighten."""
+        """Check frames for a display only: a compositor can brighten linear light."""
         if self.files.table.has_eye:
             alpha = np.hstack([source.alpha for source in sources])
             blanks.add(self.files.name(shot), shot.light, pixels, alpha, min(self.files.size))

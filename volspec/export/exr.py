@@ -1,10 +1,10 @@
-"""OpenEXR files written row by row: linear half floats with primaries, optionally spectra.
+"""Write OpenEXR files row by row: linear half floats with primaries, optionally spectra.
 
     pixels -> [exr] -> FILE.exr
 
-OpenEXR's own library takes whole pictures from Python; this writer takes rows, so that a picture
-may be larger than memory. Blocks of lines are independent, so that all cores compress them.
-Colours are premultiplied, as compositors expect of this format.
+OpenEXR's own library needs whole pictures in Python; this writer takes rows, so that pictures may
+be larger than memory. Blocks of lines are independent, so that all cores can compress them.
+Colours are premultiplied, as compositors expect in this format.
 
 References
 ----------
@@ -33,11 +33,11 @@ from volspec.spectra.spectral_image import spectral_channels, spectral_header
 
 _MAGIC, _VERSION = 20000630, 2
 _HALF, _ZIP, _RISING = 1, 3, 0  # pixel type, compression, order of lines
-# Lines of a ZIP block; and zlib's level, that of OpenEXR's own library.
+# Lines of a ZIP block; and zlib's level, as in OpenEXR's own library.
 _LINES, _LEVEL = 16, 4
 # Bytes of blocks that may wait for a core.
 _WAITING_BYTES = 2**27
-# More cores than these would wait for the frames.
+# More cores than this would have to wait for frames.
 _MOST_THREADS = 16
 _LINEAR = Transfer.gamma(1.0)
 _ACES_WHITE_XY = (0.32168, 0.33767)
@@ -62,7 +62,7 @@ def encoding_threads() -> int:
 
 
 def white_adaptation(space: ColourSpace, to: ColourSpace) -> NDArray[np.float64]:
-    """Return (3, 3): XYZ under one space's white to XYZ under another's (Bradford)."""
+    """Return the (3, 3) Bradford matrix from XYZ under one space's white to another's."""
     if space.white_xy == to.white_xy:
         return np.eye(3)
     return np.asarray(
@@ -75,7 +75,7 @@ class ExrBands:
     """Spectral channels of a picture: radiances in the layout of `spectral_image`."""
 
     wavelengths_nm: NDArray[np.float64]
-    units: str  # the unit of 1
+    units: str  # unit of a value of 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +90,7 @@ class ExrHeader:
 
     @property
     def channels(self) -> list[str]:
-        """Names in the order of a pixel's values."""
+        """Names of the channels, in the order of a pixel's values."""
         colours = [*("RGBA" if self.has_alpha else "RGB")]
         if self.bands is None:
             return colours
@@ -126,9 +126,9 @@ class ExrHeader:
 
 
 class ExrWriter:
-    """Writes one OpenEXR picture of half floats to a binary file, at its beginning.
+    """Writer of one OpenEXR picture of half floats to a binary file, from its beginning.
 
-    Blocks are compressed by ``threads``; with 1, in the caller's own.
+    ``threads`` threads compress blocks; if 1, the caller's own.
     """
 
     def __init__(self, file: BinaryIO, header: ExrHeader, threads: int = 1) -> None:
@@ -147,13 +147,13 @@ class ExrWriter:
         file.write(bytes(8 * -(-height // _LINES)))
 
     def rows(self, pixels: NDArray[Any]) -> None:
-        """Append rows; (R, W, C) linear."""
+        """Append (R, W, C) linear rows."""
         if self._threads == 1:
             for plain in self._blocks(pixels):
                 self._write(_compressed(plain))
             return
         waiting: deque[Future[bytes]] = deque()
-        # Only while rows are added: of many open files only one has threads.
+        # Threads exist only while rows are added, so that only one of many open files has any.
         with ThreadPoolExecutor(self._threads) as pool:
             for plain in self._blocks(pixels):
                 if len(waiting) == self._room:
@@ -170,7 +170,7 @@ class ExrWriter:
         self._file.write(struct.pack(f"<{len(self._offsets)}Q", *self._offsets))
 
     def _blocks(self, pixels: NDArray[Any]) -> Iterator[bytes]:
-        """Yield the blocks that rows fill, before compression."""
+        """Yield the blocks filled by rows, before compression."""
         at = 0
         while at < len(pixels):
             count = min(_LINES - self._filled, len(pixels) - at)
@@ -188,13 +188,13 @@ class ExrWriter:
 
 
 def _compressed(plain: bytes) -> bytes:
-    """Compress a block; left as it is if ZIP makes it no smaller."""
+    """Return a block compressed, or unchanged if ZIP does not make it smaller."""
     packed = zlib.compress(_differences(plain), _LEVEL)
     return packed if len(packed) < len(plain) else plain
 
 
 def _differences(plain: bytes) -> NDArray[np.uint8]:
-    """Return all low bytes, then all high ones, each as its difference to the last plus 128."""
+    """Return all low bytes, then all high bytes, each as the difference to the last plus 128."""
     pairs = np.frombuffer(plain, np.uint8).reshape(-1, 2)
     planes = pairs.T.ravel()
     steps = planes.copy()

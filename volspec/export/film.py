@@ -1,9 +1,9 @@
-"""Films from finished frames: MP4, WebM or GIF, tagged with their colour space.
+"""Encode finished frames as films: MP4, WebM or GIF, tagged with their colour space.
 
     frames on disk -> [film]
 
-Players guess an untagged film's colours: matrix, range, primaries and curve are converted
-explicitly, and tagged.
+Players guess the colours of untagged films, so matrix, range, primaries and curve are converted
+explicitly and tagged.
 
 References
 ----------
@@ -31,13 +31,13 @@ from volspec.export.frames import read_frame
 from volspec.scene.export import ExportSpec
 
 SUFFIXES = (".mp4", ".webm", ".gif")
-# ffmpeg's names of a space's primaries and curve; films of others cannot be tagged.
+# ffmpeg's names of a space's primaries and curve; films in other spaces cannot be tagged.
 _TAGS = {
     "sRGB": ("bt709", "iec61966-2-1"),
     "Display P3": ("smpte432", "iec61966-2-1"),
     "Rec. 709": ("bt709", "bt709"),
 }
-# Bytes must not depend on the machine's cores, nor on its clock.
+# Bytes must not depend on the machine's number of cores or its clock.
 _THREADS = "4"
 _BITEXACT = "-map_metadata -1 -fflags +bitexact -flags:v +bitexact"
 _CODECS = {
@@ -45,33 +45,31 @@ _CODECS = {
     ".webm": "-c:v libvpx-vp9 -crf 22 -b:v 0 -pix_fmt yuv420p",
     ".gif": "-loop 0",
 }
-# GIF counts hundredths of a second, and players slow down frames shorter than two.
+# GIF counts in hundredths of a second, and players slow down frames shorter than two of them.
 _GIF_TICKS, _LEAST_TICKS = 100, 2
-# Variable that names another ffmpeg than imageio-ffmpeg's; time limit of `ffmpeg -version`.
+# Variable that overrides imageio-ffmpeg's own ffmpeg; time limit of `ffmpeg -version`.
 _VARIABLE, _TIMEOUT_S = "IMAGEIO_FFMPEG_EXE", 20.0
 Progress = Callable[[float], object]
 
 
 def check_film(path: Path, table: ExportSpec, space: ColourSpace) -> None:
-    """Refuse, before its frames are made, a film of their format or colour space, or no ffmpeg."""
+    """Refuse a film before its frames are made: unsuitable frames, colour space, or no ffmpeg."""
     if table.format != "png" or table.transparent or table.bits != 8:
         file = f"{table.bits}-bit PNG" if table.format == "png" else f'format = "{table.format}"'
         what = "transparent ones" if table.transparent else file
         raise InputError(
-            f"{path}: films have opaque 8-bit frames, [export] asks for {what}",
-            "name a folder to have those",
+            f"{path}: films have opaque 8-bit frames, but [export] requests {what}",
+            "give a folder for these",
             code="conflict",
         )
     if path.suffix.lower() != ".gif" and not _is_tagged(space):
         raise InputError(
-            f"{path}: no tag of films names the display space {space.name!r}",
-            f"take {', '.join(_TAGS)}, or name a folder",
+            f"{path}: films cannot be tagged with the display space {space.name!r}",
+            f"use {', '.join(_TAGS)}, or give a folder",
             code="unsupported",
         )
     if path.suffix.lower() == ".gif" and space != SPACES["sRGB"]:
-        raise InputError(
-            f"{path}: GIF is sRGB, the display is {space.name!r}", "take .mp4", code="unsupported"
-        )
+        raise InputError(f"{path}: GIF is sRGB, not {space.name!r}", "use .mp4", code="unsupported")
     ffmpeg()
 
 
@@ -93,15 +91,15 @@ def ffmpeg() -> str:
         ) from error
     if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):
         raise DeviceError(
-            f"export: films need ffmpeg, and {_VARIABLE} is {quoted(found)}, which runs none",
-            "mend or unset the variable",
+            f"export: films need ffmpeg, but {_VARIABLE} is {quoted(found)}, which is not ffmpeg",
+            "correct or unset the variable",
             code="unsupported",
         )
     return found
 
 
 def _is_ffmpeg(program: str) -> bool:
-    """Return True if a program says so: imageio-ffmpeg takes the variable unchecked."""
+    """Return True if a program identifies as ffmpeg; imageio-ffmpeg does not check the variable."""
     command = [program, "-version"]
     try:
         done = subprocess.run(
@@ -115,9 +113,9 @@ def _is_ffmpeg(program: str) -> bool:
 def write_film(
     path: Path, frames: Sequence[Path], fps: float, space: ColourSpace, progress: Progress
 ) -> None:
-    """Encode PNG frames of one size at a constant rate; the film appears when it is complete.
+    """Encode PNG frames of equal size at a constant rate; the film appears when it is complete.
 
-    Odd sides get one more row or column: MP4 and WebM share colours between pairs of pixels.
+    Odd sides get one more row or column, as MP4 and WebM subsample chroma.
     """
     suffix = path.suffix.lower()
     first = _pixels(frames[0])
@@ -125,8 +123,8 @@ def write_film(
     padded = (width, height) if suffix == ".gif" else (width + width % 2, height + height % 2)
     if padded != (width, height):
         warnings.warn(
-            f"{path}: {width}x{height} has odd sides, which {suffix[1:]} cannot have; its edge is "
-            f"repeated once, {padded[0]}x{padded[1]}",
+            f"{path}: {suffix[1:]} cannot have odd sides, {width}x{height}; the edge is repeated "
+            f"once, {padded[0]}x{padded[1]}",
             VolspecWarning,
             stacklevel=3,
         )
@@ -156,7 +154,7 @@ def write_film(
             lines = log.read().decode(errors="replace").strip().splitlines() or ["no reason given"]
             raise InputError(
                 f"{path}: ffmpeg could not write it: {lines[-1]}",
-                "the frames stay, repeat the command",
+                "the frames are kept, repeat the command",
                 code="unwritable",
             )
 
@@ -164,7 +162,7 @@ def write_film(
 def _feed(
     pipe: IO[bytes], frames: Sequence[Path], size: tuple[int, int], progress: Progress
 ) -> None:
-    """Write frames to ffmpeg; if it has ended early, its exit code says so."""
+    """Write frames to ffmpeg; if it ends early, its exit code shows that."""
     with suppress(BrokenPipeError):
         for i, frame in enumerate(frames, start=1):
             pixels = _pixels(frame)
@@ -179,14 +177,14 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
 
 
 def _rate(path: Path, suffix: str, fps: float) -> float:
-    """Return the nearest rate that the format has."""
+    """Return the nearest frame rate that the format supports."""
     if suffix != ".gif":
         return fps
     ticks = max(_LEAST_TICKS, round(_GIF_TICKS / fps))
     rate = _GIF_TICKS / ticks
     if abs(rate - fps) > 1e-6 * fps:
         warnings.warn(
-            f"{path}: GIF counts hundredths of a second; {fps:g} frames a second become {rate:.4g}",
+            f"{path}: GIF counts in hundredths of a second; {fps:g} fps become {rate:.4g}",
             VolspecWarning,
             stacklevel=4,
         )

@@ -1,4 +1,4 @@
-"""Frames of an export: their pixels as files hold them, their metadata, and encoding on all cores.
+"""Files of an export's frames: pixels, metadata, and encoding on all cores.
 
 coefficient image, shot -> [frame_files] -> PNG | EXR | coefficient image
 """
@@ -40,9 +40,9 @@ from volspec.scene.export import ExportSpec
 
 Array = NDArray[Any]
 
-# Below this opacity a pixel's own colour is rounding error.
+# Below this opacity a pixel's colour is only rounding error.
 _LEAST_ALPHA = 1e-4
-# Bytes of a pixel's red, green, blue and opacity as half floats, or in 16 bits.
+# Bytes of a pixel's red, green, blue and opacity in 16 bits.
 _COLOUR_BYTES = 8
 # Bytes of frames that may wait for a core.
 _WAITING_BYTES = 2**29
@@ -52,7 +52,7 @@ _WAITING_BYTES = 2**29
 class FrameSource:
     """A coefficient image prepared for a kind of file."""
 
-    # For transparent frames the surfaces alone, with nothing shining through.
+    # For transparent frames, the surfaces made opaque, without a backdrop shining through.
     image: CoefficientImage
     alpha: NDArray[np.float32]  # (H, W) opacity as cast
     table: ExportSpec
@@ -69,10 +69,10 @@ class FrameSource:
         return cls(replace(image, coefficients=own, alpha=np.ones_like(alpha)), alpha, table)
 
     def pixels(self, relighter: Relighter, shot: Shot) -> Array:
-        """Return (H, W, C) as the file holds them; the relighter holds `image`.
+        """Return the (H, W, C) pixels of the file, using a relighter that has `image` loaded.
 
-        Display codes, uint8 or uint16, with straight alpha; or linear float32, premultiplied; or
-        half floats with a spectrum after red, green and blue.
+        These are display codes, uint8 or uint16, with straight alpha; or linear float32,
+        premultiplied; or half floats with a spectrum after red, green and blue.
         """
         table = self.table
         if table.spectral:
@@ -106,7 +106,7 @@ class FrameSource:
         if self.table.shows == "scene":
             lit = Illumination.of(self.image.basis, shot.rig, spec, self.image.groups)
             matrix = to.RGB_from_XYZ @ exr.white_adaptation(exr.PRIMARIES["Rec. 709"], to)
-            # From channels to the file's primaries in one matrix.
+            # A single matrix from channels to the file's primaries.
             to_file = replace(
                 lit,
                 XYZ_from_channels=matrix @ lit.XYZ_from_channels,
@@ -123,7 +123,7 @@ class FrameSource:
 
 
 class RelighterPool:
-    """Relighters of the images at hand, reused for images of equal shapes; to be closed."""
+    """Relighters of the current images, reused for images of equal shapes; close after use."""
 
     def __init__(self) -> None:
         self._held: list[tuple[FrameSource, Relighter]] = []
@@ -142,7 +142,7 @@ class RelighterPool:
                 relighter.update(source.image)
         else:
             self.close()
-            # Exact: with a table, pixels would depend on the frames before.
+            # Exact, as with a lookup table pixels would depend on the previous frames.
             relighters = [Relighter(source.image, lut3d=False) for source in sources]
         self._held = list(zip(sources, relighters, strict=True))
 
@@ -154,7 +154,7 @@ class RelighterPool:
 
 
 def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
-    """Return a shot with the adaptation measured in its whole picture, which may be smaller."""
+    """Return a shot with the adaptation measured in its whole picture, possibly a smaller copy."""
     spec = shot.spec
     light = Illumination.of(image.basis, shot.rig, spec, image.groups)
     found, _ = ViewingMeter().measure_viewing(image, light)
@@ -168,17 +168,17 @@ def check_adapting(table: ExportSpec, adapting: str, parts: int) -> None:
         return
     why = "has no backdrop" if table.transparent else "is relit in parts"
     raise ViewingError(
-        f"export: adapting is 'pixel', which needs the whole picture, and that {why}",
-        "take 'picture' or 'given'",
+        f"export: adapting is 'pixel', which needs the whole picture, but the picture {why}",
+        "use 'picture' or 'given'",
         code="conflict",
     )
 
 
 class Encoders:
-    """Encodes frames in background threads and writes the files in the order they were given.
+    """Encode frames in background threads and write the files in the order in which they came.
 
     If one cannot be written, `put` or the end of `running` raises `InputError`, and complete files
-    stay. The size of a frame's pixels, ``frame_bytes``, bounds the queue.
+    are kept. The size of a frame's pixels, ``frame_bytes``, limits the queue's length.
     """
 
     def __init__(self, frame_bytes: int) -> None:
@@ -188,7 +188,7 @@ class Encoders:
         self._waiting: deque[tuple[Path, Future[bytes]]] = deque()
 
     def put(self, path: Path, encode: Callable[[], bytes]) -> None:
-        """Queue a frame; it is written when a later one needs its room, or at the end."""
+        """Queue a frame; it is written when a later frame needs room, or at the end."""
         while len(self._waiting) >= self._room or (self._waiting and self._waiting[0][1].done()):
             self._write()
         self._waiting.append((path, self._pool.submit(encode)))
@@ -201,7 +201,7 @@ class Encoders:
 
     @contextmanager
     def running(self) -> Iterator[Self]:
-        """Write what still waits at the end of the body, unless that fails."""
+        """Write the remaining frames when the context ends, unless it ends with an error."""
         try:
             yield self
             while self._waiting:
@@ -212,7 +212,7 @@ class Encoders:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameFiles:
-    """The files of an export's folder."""
+    """Files of an export's folder."""
 
     scene: Scene
     folder: ExportFolder
@@ -229,7 +229,7 @@ class FrameFiles:
         return f"{shot.stem}{self.table.suffix}"
 
     def put(self, shot: Shot, pixels: Array, notes: Mapping[str, str], encoders: Encoders) -> None:
-        """Queue a complete frame, pixels as `FrameSource.pixels`, with the image's notes."""
+        """Queue a complete frame: the `FrameSource.pixels` and the image's notes."""
         writer = self._writer(shot, notes)
         if self.table.format == "exr":
             pixels = to_half(pixels)
@@ -238,7 +238,7 @@ class FrameFiles:
     def opened(
         self, shot: Shot, notes: Mapping[str, str]
     ) -> AbstractContextManager[PngWriter | exr.ExrWriter]:
-        """Open a frame's file for rows; it appears after the body. Parameters as of `put`."""
+        """Open a frame's file for rows; it appears when the context ends. Parameters: see `put`."""
         threads = exr.encoding_threads()
         return row_file(self._path(shot), self._writer(shot, notes, threads))
 
@@ -254,7 +254,7 @@ class FrameFiles:
         return lambda file: PngWriter(file, *settings)
 
     def save(self, shot: Shot, image: CoefficientImage) -> None:
-        """Write a coefficient image, as `volspec render` does, with the export's lights."""
+        """Write a coefficient image as `volspec render` does, with the export's lights."""
         recipe = scene_recipe(self.scene, export_lights(self.scene, self.table), shot.spec)
         save_for_compositors(image, self._path(shot), recipe)
 
@@ -271,7 +271,7 @@ class FrameFiles:
         )
 
     def _text(self, shot: Shot, notes: Mapping[str, str]) -> dict[str, str]:
-        """Return the settings that made a frame, for its file."""
+        """Return the settings of a frame as metadata for its file."""
         spec, samples = shot.spec, self.table.samples
         text = {
             "Title": self.scene.file.title,

@@ -1,4 +1,4 @@
-"""Frames as PNG files with colour space and metadata; their names; a warning of blank ones."""
+"""Write frames as PNG files with colour space and metadata, name them, and find blank ones."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 
 # Names that Windows reserves for devices, whatever follows the dot.
 _DEVICES = {"con", "prn", "aux", "nul", *(f"{d}{i}" for d in ("com", "lpt") for i in range(1, 10))}
-# Length of a stem in UTF-8; file systems allow 255 with the suffix.
+# Length of a stem in UTF-8 bytes; file systems allow 255 with the suffix.
 _STEM_BYTES = 120
-# A frame is blank if this fraction of its covered area, weighted by opacity, is.
+# A frame is blank if this fraction of its covered area, weighted by opacity, is blank.
 _BLANK_FRACTION = 0.999
-# Rows and columns of a frame that are sampled, at least.
+# Least number of rows and columns of a frame that are sampled.
 _SAMPLED = 128
 # Linear light that 8-bit codes round to black, and to white.
 _BLACK, _WHITE = 1.5e-4, 0.995
 _PROBLEMS = {"black": "is all black", "clipped": "is clipped all over"}
 _REMEDIES = {
-    "black": "too little light, or materials that reflect none of it: raise",
-    "clipped": "too much light: lower",
+    "black": "there is too little light, or materials do not reflect it: raise",
+    "clipped": "there is too much light: lower",
 }
 
 
@@ -55,14 +55,14 @@ def write_frame(
     Parameters
     ----------
     path : str or path
-        Ends in ``.png``, else `ImageError`.
+        Name that ends in ``.png``, else `ImageError`.
     frame : (H, W, 3) or (H, W, 4) uint8 or uint16
-        With straight alpha as fourth.
+        Display codes; the fourth channel is straight alpha.
     text : {keyword: text}, optional
         Metadata (light, scene, software).
     space : str, path or ColourSpace
-        Colour space of its codes: ``viewing.display.space``. sRGB is written as PNG's own chunk,
-        any other as an ICC profile, Display P3 as code points, too.
+        Colour space of the codes: ``viewing.display.space``. sRGB is written as PNG's own chunk,
+        any other space as an ICC profile, Display P3 also as code points.
     """
     require_png(path)
     colours = colour_space(space)
@@ -77,7 +77,7 @@ def write_frame(
         raise ImageError.refused(
             f"{os.fspath(path)}: the frame",
             what,
-            "give (H, W, 3) uint8, as Relighter.frame makes it",
+            "give (H, W, 3) uint8, as from Relighter.frame",
             "shape",
         )
     height, width, channels = frame.shape
@@ -101,11 +101,11 @@ class RowWriter(Protocol):
         """Append rows; (R, W, C)."""
 
     def close(self) -> None:
-        """Write the end; the file stays open."""
+        """Write the end of the picture; the file stays open."""
 
 
 def encode(pixels: NDArray[Any], make: Callable[[BinaryIO], RowWriter]) -> bytes:
-    """Return the file of a whole picture."""
+    """Return the contents of a whole picture's file."""
     file = io.BytesIO()
     writer = make(file)
     writer.rows(pixels)
@@ -115,7 +115,7 @@ def encode(pixels: NDArray[Any], make: Callable[[BinaryIO], RowWriter]) -> bytes
 
 @contextmanager
 def row_file(path: str | os.PathLike[str], make: Callable[[BinaryIO], Writer]) -> Iterator[Writer]:
-    """Open a file for rows; it appears after the body."""
+    """Open a file for rows; the file appears when the context ends."""
     with write_whole(path) as temporary, temporary.open("wb") as file:
         writer = make(file)
         yield writer
@@ -123,7 +123,7 @@ def row_file(path: str | os.PathLike[str], make: Callable[[BinaryIO], Writer]) -
 
 
 def to_uint16(codes: NDArray[Any]) -> NDArray[np.uint16]:
-    """Round codes 0 to 1; NaN is black."""
+    """Round codes 0 to 1 to 16 bits; NaN becomes black."""
     return np.rint(np.clip(np.nan_to_num(codes, nan=0.0), 0.0, 1.0) * 65535.0).astype(np.uint16)
 
 
@@ -135,7 +135,7 @@ def read_frame(path: Path) -> Image.Image:
         with Image.open(path) as file:
             file.load()
             return file.copy()
-    except Exception as error:  # Pillow raises any class
+    except Exception as error:  # Pillow raises exceptions of any class
         raise InputError(
             f"{path}: cannot be read ({one_line(error)}); delete it and repeat the command",
             code="damaged",
@@ -153,7 +153,7 @@ def read_frame_text(path: str | os.PathLike[str]) -> dict[str, str]:
 def file_stem(name: str) -> str:
     """Return a file stem for a light's name: all but letters, digits and ``+ - . _`` become ``-``.
 
-    Accents are composed, long names cut, and names that Windows reserves for devices get a ``_``.
+    Accents are composed, long names are cut, and names reserved by Windows get a leading ``_``.
 
     >>> file_stem("D65*0.5+A*0.5"), file_stem("../x"), file_stem("con.x")
     ('D65-0.5+A-0.5', 'x', '_con.x')
@@ -166,7 +166,7 @@ def file_stem(name: str) -> str:
 
 
 def distinct_stems(names: Sequence[str], taken: Sequence[str] = ("sheet",)) -> list[str]:
-    """Return a stem for each name; of two that differ by case at most, the later gets a number.
+    """Return a stem for each name; repetitions of a stem, ignoring case, get a number.
 
     >>> distinct_stems(["a b", "A*B", "sheet"])
     ['a-b', 'A-B-2', 'sheet-2']
@@ -184,7 +184,7 @@ def distinct_stems(names: Sequence[str], taken: Sequence[str] = ("sheet",)) -> l
 
 @dataclass(slots=True)
 class _Coverage:
-    """Sampled opacity of a frame, and the black and clipped parts of it."""
+    """Sampled opacity of a frame, and its black and clipped parts."""
 
     light: str
     covered: float = 0.0
@@ -192,7 +192,7 @@ class _Coverage:
 
 
 class BlankFrames:
-    """Finds frames that are all black, or clipped all over; ``remedy`` names their settings."""
+    """Find frames that are all black or clipped all over; ``remedy`` names settings to change."""
 
     def __init__(self, remedy: str) -> None:
         self._remedy = remedy
@@ -201,10 +201,10 @@ class BlankFrames:
     def add(
         self, name: str, light: str, pixels: NDArray[Any], alpha: NDArray[np.float32], side: int = 0
     ) -> None:
-        """Sample a frame, or the next rows of one that has ``side`` pixels on its shorter side.
+        """Sample a frame, or the next rows of a frame whose shorter side has ``side`` pixels.
 
-        Pixels are display codes, or linear light premultiplied by the opacity that is fourth.
-        ``alpha`` is opacity as cast: a backdrop alone counts as blank.
+        Pixels are display codes, or linear light premultiplied by opacity, the fourth channel.
+        ``alpha`` is opacity as cast, so that a backdrop alone counts as blank.
         """
         every = max(1, (side or min(alpha.shape)) // _SAMPLED)
         colours, cover = pixels[::every, ::every, :3], alpha[::every, ::every]
@@ -220,7 +220,7 @@ class BlankFrames:
         found.blank["clipped"] += float(cover[(dark | bright).all(axis=-1) & ~black].sum())
 
     def warn(self) -> None:
-        """Issue one warning for all black frames, and one for all clipped ones."""
+        """Issue one warning for all black frames and one for all clipped frames."""
         for way, problem in _PROBLEMS.items():
             lights = {
                 name: found.light

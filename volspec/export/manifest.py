@@ -1,10 +1,10 @@
-"""Manifest of an export in its folder, by which it resumes.
+"""Manifest in an export's folder, by which the export resumes.
 
     plan -> [manifest] -> exporter
 
 Frames are written completely or not at all, and only next to the manifest of their own export. So
-an existing frame is done unless its size has changed, and the fingerprint identifies
-another scene's folder.
+an existing frame is done unless its size has changed, and the fingerprint identifies the folder
+of another scene.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ NAME = "export.json"
 
 
 def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
-    """Return a hash that is equal for exports of equal frames, on one device.
+    """Return a hash that is equal for exports of equal frames, on the same device.
 
-    Spectra and the volume are hashed by value, whatever their files; ``settings`` is JSON.
+    Spectra and the volume are hashed by value, not by file name; ``settings`` is JSON.
     """
     digest = hashlib.blake2b(digest_size=16)
     filters = getattr(scene.transfer, "filters", None) or {}
@@ -46,7 +46,7 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
     for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
         digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())
     file = plain(scene.file)
-    file["volume"].pop("file")  # its values count, not its path
+    file["volume"].pop("file")  # values count, not the path
     file.pop("export", None)  # settings
     facts = {
         "volspec": __version__,
@@ -54,7 +54,7 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
         "file": file,
         "lights": [[light.rig.weights, light.rig.illuminance_lux] for light in scene.lights],
         "viewing": plain(scene.relight),
-        # A trained one follows from all the others.
+        # A trained basis follows from the other facts.
         "basis": scene.basis.to_dict() if scene.file.basis.file else scene.basis.name,
         "raycast": repr(scene.raycast),
         "transfer": repr(scene.transfer),
@@ -66,16 +66,16 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ExportFolder:
-    """An export's folder."""
+    """Folder of an export."""
 
     path: Path
     fingerprint: str
-    files: tuple[str, ...]  # All its files but the manifest
+    files: tuple[str, ...]  # all files but the manifest
 
     def begin(self, overwrite: bool = False, own: bool = False) -> None:
-        """Start or resume in the existing folder; afterwards it holds nothing of another export.
+        """Start or resume in an existing folder; remove the remains of another export.
 
-        ``own`` is True for the exporter's own folder: an export of another scene may be deleted.
+        ``own`` is True for the exporter's own folder, in which another scene's may be deleted.
         """
         old = self._old()
         if old is not None and old.get("fingerprint") == self.fingerprint:
@@ -86,16 +86,16 @@ class ExportFolder:
             return
         if old is not None and not (overwrite or own):
             raise InputError(
-                f"{self.path}: holds the export of another scene or other settings",
-                "choose another folder, or add --overwrite to have its frames replaced",
+                f"{self.path}: has the export of another scene or other settings",
+                "choose another folder, or add --overwrite to replace its frames",
                 code="conflict",
             )
         there = next((name for name in self.files if (self.path / name).exists()), None)
         if old is None and there is not None and not overwrite:
             damaged = (self.path / NAME).exists()
-            why = f"its {NAME} cannot be read" if damaged else "not from an export"
+            why = f"its {NAME} cannot be read" if damaged else "is not from an export"
             raise InputError(
-                f"{self.path / there}: is there already, and {why}; choose another folder, or add "
+                f"{self.path / there}: exists already, and {why}; choose another folder, or add "
                 "--overwrite",
                 code="duplicate",
             )
@@ -107,9 +107,9 @@ class ExportFolder:
         self._write({})
 
     def record_sizes(self) -> None:
-        """Record the sizes of existing files, by which `missing` finds damaged ones.
+        """Record the sizes of existing files, from which `missing` detects damage.
 
-        A full disk is no error: files without a recorded size count as complete.
+        A full disk is not an error: files without a recorded size count as complete.
         """
         missing = self.missing()
         there = (name for name in self.files if name not in missing)
@@ -117,7 +117,7 @@ class ExportFolder:
             self._write({name: (self.path / name).stat().st_size for name in there})
 
     def missing(self) -> set[str]:
-        """Return the files to write: absent, empty, or of another size than recorded."""
+        """Return the files to write: absent, empty, or not of the recorded size."""
         sizes = (self._old() or {}).get("sizes")
         recorded = sizes if isinstance(sizes, dict) else {}
         return {
@@ -165,17 +165,17 @@ class ExportFolder:
             clear_unfinished(folder)
 
     def _inside(self, name: str) -> Path | None:
-        """Return a file's path; None if its name leads out of the folder, or is invalid."""
+        """Return a file's path; None if the name leads out of the folder or is invalid."""
         try:
             os.fsencode(name)
             path = (self.path / name).resolve()
-        except (OSError, ValueError):  # too long, a NUL character, no text
+        except (OSError, ValueError):  # too long, a NUL character, not text
             return None
         return path if path.is_relative_to(self.path.resolve()) else None
 
 
 def _is_complete(path: Path, recorded: object) -> bool:
-    """Return True if a file exists with its recorded size, if there is one."""
+    """Return True if a file is not empty and has the recorded size, if any."""
     size = path.stat().st_size if path.is_file() else 0
     return size > 0 and recorded in (None, size)
 
@@ -189,7 +189,7 @@ def exclusive_folder(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: is a file", "give the name of a folder", code="type") from None
     except OSError as error:
         raise InputError(
-            f"{path}: cannot be made: {error.strerror}; choose another folder", code="unwritable"
+            f"{path}: cannot be created: {error.strerror}; choose another folder", code="unwritable"
         ) from error
     place, flags = path.resolve(), os.O_RDONLY
     if sys.platform == "win32":  # folders cannot be opened there
@@ -198,8 +198,8 @@ def exclusive_folder(path: Path) -> Iterator[None]:
     try:
         if lock_file_handle(handle) is False:
             raise InputError(
-                f"{path}: another export writes there",
-                "wait for it, or choose another folder",
+                f"{path}: another export is writing there",
+                "wait until it ends, or choose another folder",
                 code="state",
             )
         yield

@@ -1,4 +1,4 @@
-"""napari plugin: coefficient images and scenes as pictures, with the lights' weights in a dock.
+"""napari plugin: coefficient images and scenes as pictures, with light weights in a dock.
 
     IMAGE.exr or SCENE.toml -> [napari] -> an RGB layer, relit as sliders move
 
@@ -30,24 +30,24 @@ class Relit:
     lights: Mapping[str, LightRig]
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Relit:
-        """Return itself: it is immutable, and napari copies metadata deeply."""
+        """Return the object itself: it is immutable, and napari deep-copies metadata."""
         return self
 
     def frame(self, weights: Mapping[str, float], relighter: Relighter | None = None) -> Pixels:
-        """Relight to (H, W, 3) uint8 with weighted lights and the viewing of the image's scene."""
+        """Relight to (H, W, 3) uint8 with weighted lights and the image's stored viewing."""
         mix = mixed_rig(tuple(self.lights.values()), [weights[name] for name in self.lights])
         spec = stored_relight_spec(self.image).for_lights(self.lights.values())
         return relighter.frame(mix, spec) if relighter else relight(self.image, mix, spec)
 
 
 def reader(path: str | list[str]) -> Callable[[str], list[Any]] | None:
-    """Return the function that reads a path, if that is one image or scene."""
+    """Return the function that reads a path if this is a single image or scene, else None."""
     is_ours = isinstance(path, str) and Path(path).suffix.lower() in (".exr", ".toml")
     return read_layers if is_ours else None
 
 
 def read_layers(path: str) -> list[Any]:
-    """Return the picture under its first light, as napari's (data, settings, kind)."""
+    """Return the picture under the first light, as napari's (data, settings, kind)."""
     if path.lower().endswith(".toml"):
         scene = Scene.load(path)
         lit = Relit(scene.render(), {named.name: named.rig for named in scene.lights})
@@ -61,8 +61,8 @@ def read_layers(path: str) -> list[Any]:
 
 
 def light_weights() -> Any:
-    """Return a dock with a slider for each light of the active layer."""
-    # Imported by name: volspec needs neither, and napari is the caller.
+    """Return a dock with one slider per light of the active layer."""
+    # Imported by name: volspec depends on neither, and napari is the caller.
     widgets: Any = import_module("magicgui.widgets")
     layers = import_module("napari").current_viewer().layers
     dock = widgets.Container()
@@ -88,7 +88,7 @@ def light_weights() -> Any:
 
         def update() -> None:
             weights = {name: slider.value for name, slider in sliders.items()}
-            if any(weights.values()):  # all off: leave the last picture
+            if any(weights.values()):  # all off: keep the last picture
                 layer.data = lit.frame(weights, relighter)
                 layer.metadata["weights"] = weights
 

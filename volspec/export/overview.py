@@ -1,4 +1,4 @@
-"""Contact sheet of an export: a column for each light, or a sample of the frames.
+"""Contact sheet of an export: one column per light, or a sample of the frames.
 
 frames on disk -> [overview] -> sheet.png
 """
@@ -28,14 +28,14 @@ from volspec.export.frames import read_frame, write_frame
 from volspec.export.plan import Plan
 from volspec.scene import NamedLight, Scene
 
-# Widths of the sheet and of a tile, pixels; frames for each light, or in all, and in a row.
+# Widths of the sheet and a tile in pixels; numbers of frames per light, in all, and per row.
 _WIDTH, _TILE = 2600, 400
 _ROWS, _FRAMES, _COLUMNS = 4, 24, 6
-# Lights with spectra that are legible in one row.
+# Most lights whose spectra are legible in one row.
 _SPECTRA = 10
 # Chequers behind transparent frames: two greys, and the side of a square.
 _CHEQUERS, _CHEQUER_SIDE = (104, 122), 16
-# Approximate widths of letters in titles, names and labels, pixels.
+# Approximate widths of letters in titles, names and labels, in pixels.
 _TITLE_LETTER, _NAME_LETTER, _LABEL_LETTER = 17, 14, 9
 # Shorter labels are left out.
 _LEAST_LABEL = 4
@@ -44,9 +44,9 @@ _LEAST_LABEL = 4
 def write_overview(
     path: Path, scene: Scene, plan: Plan, frames: Sequence[Path], primaries: str = "Rec. 709"
 ) -> None:
-    """Write the sheet of a complete export; frames in the plan's order.
+    """Write the sheet of a complete export, with frames in the plan's order.
 
-    Up to ten lights with frames of their own are columns under their spectra; otherwise the frames
+    Up to ten lights with frames of their own become columns under their spectra; otherwise frames
     follow each other in rows.
     """
     title = printable(scene.file.title or scene.path.stem)
@@ -90,7 +90,7 @@ def _captions(light: NamedLight, width: int) -> tuple[str, str]:
 
 
 def _sample_indices(count: int, most: int) -> list[int]:
-    """Return evenly spaced indices, the first and the last among them."""
+    """Return evenly spaced indices, including the first and the last."""
     return sorted({round(i) for i in np.linspace(0, count - 1, min(count, most))})
 
 
@@ -112,13 +112,13 @@ def read_picture(path: Path, width: int, primaries: str) -> NDArray[np.uint8]:
 
 
 def _chequers(size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return (H, W) greys."""
+    """Return the (H, W) greys of a chequerboard."""
     y, x = np.ogrid[: size[1], : size[0]]
     return np.array(_CHEQUERS, np.uint8)[(x // _CHEQUER_SIDE + y // _CHEQUER_SIDE) % 2]
 
 
 def _linear_as_codes(path: Path, least: int, primaries: str) -> NDArray[np.uint8]:
-    """Convert an EXR frame to sRGB codes, reduced to no less than a width."""
+    """Convert an EXR frame to sRGB codes, reduced to no less than a given width."""
     _, read = read_exr(path, ImageError)
     height, width = read["R"].shape
     n = max(1, min(width // least, height))
@@ -134,7 +134,7 @@ def _linear_as_codes(path: Path, least: int, primaries: str) -> NDArray[np.uint8
 
 
 def _reduced(pixels: NDArray[Any], n: int) -> NDArray[np.float64]:
-    """Return (H/n, W/n) float64: means of n × n pixels, row by row since it may be large."""
+    """Return (H/n, W/n) float64 means of n × n pixels, row by row as the picture may be large."""
     height, width = (side // n for side in pixels.shape)
     rows = np.empty((height, width))
     for y in range(height):

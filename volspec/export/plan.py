@@ -1,4 +1,4 @@
-"""The frames of an export, cameras in time × lights, grouped by the cast that they share.
+"""Plan the frames of an export, cameras in time × lights, grouped by shared casts.
 
     Scene, [export], [[keyframe]] -> [plan] -> exporter, volspec scene check
 
@@ -36,9 +36,9 @@ from volspec.settings import try_table
 from volspec.transfer import Transfer
 from volspec.volume import Volume
 
-# Stem of coefficient images; other frames are named by their light.
+# Stem of coefficient images; other frames are named after their light.
 _CAST = "cast"
-# Frames from one light to the next in a sweep without a number of frames.
+# Frames from one light to the next in a sweep if the number of frames is not given.
 _FRAMES_A_FADE = 24
 
 
@@ -47,9 +47,9 @@ class Shot:
     """One frame."""
 
     stem: str  # the file's path in the folder, without the suffix
-    time_index: int  # shots of several lights share it
+    time_index: int  # shared by shots of several lights
     camera: Camera
-    transfer: Transfer  # equal ones are one object
+    transfer: Transfer  # equal transfer functions are one object
     light: str  # a description for the file's notes
     rig: LightRig
     spec: RelightSpec
@@ -65,11 +65,11 @@ class Plan:
     """All frames of an export, in the order of a film."""
 
     shots: tuple[Shot, ...]
-    # Those with frames of their own; empty if each frame mixes several.
+    # Lights with frames of their own; empty if frames mix several lights.
     lights: tuple[NamedLight, ...]
 
     def casts(self) -> list[list[Shot]]:
-        """Return the shots grouped by cast, in the order of their first."""
+        """Return the shots grouped by cast, in the order of each group's first shot."""
         found: dict[tuple[Camera, int], list[Shot]] = {}
         for shot in self.shots:
             found.setdefault(shot.cast, []).append(shot)
@@ -82,8 +82,8 @@ def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:
     Raises
     ------
     SceneError
-        If a camera, transfer function, viewing or light is impossible at a time, which the message
-        names; if a light lacks the lux that the scene's level needs.
+        If a camera, transfer function, viewing or light is impossible at some time, named in the
+        message; if a light lacks the lux that the scene's level needs.
     """
     lights = export_lights(scene, table)
     require_lux(_visible_lights(scene, table, lights), scene.relight, scene.path)
@@ -96,7 +96,7 @@ def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:
         shots = [_shot(stem, i, state, *mix) for i, (stem, state, mix) in enumerate(each)]
         _require_lit(scene, table, shots)
         return Plan(tuple(shots), ())
-    # Coefficients have no light: one row of files, previewed under the first.
+    # Coefficients have no light: one sequence of files, previewed under the first light.
     cast_only = table.format == "coefficients"
     rows = lights[:1] if cast_only else lights
     stems = [_CAST] if cast_only else distinct_stems([light.name for light in lights])
@@ -115,7 +115,7 @@ def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) 
 
 
 def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
-    """Return the scene's lights that ``[export]`` names, in its order; by default all."""
+    """Return the scene's lights named by ``[export]``, in that order; by default all."""
     by_name = {light.name: light for light in scene.lights}
     return [by_name[name] for name in table.lights or by_name]
 
@@ -123,7 +123,7 @@ def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
 def _visible_lights(
     scene: Scene, table: ExportSpec, lights: Sequence[NamedLight]
 ) -> Sequence[NamedLight]:
-    """Return the lights of any frame; coefficient images are relit at a level of their own."""
+    """Return the lights in any frame; none for coefficient images, as they have their own level."""
     if table.format == "coefficients":
         return ()
     if (weights := _weights(scene)) is None:
@@ -133,7 +133,7 @@ def _visible_lights(
 
 
 def _weights(scene: Scene) -> list[dict[str, float]] | None:
-    """Return the keyframes' weights of lights; None if they have none."""
+    """Return the light weights of the keyframes; None if they have none."""
     keys = scene.file.keyframe
     if not keys or keys[0].lights is None:
         return None
@@ -141,7 +141,7 @@ def _weights(scene: Scene) -> list[dict[str, float]] | None:
 
 
 def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> list[FrameState]:
-    # A spectrum holds all bands: the factor model would smooth a lamp's.
+    # A spectrum has all bands; other modes would smooth a lamp's spectrum.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
     still = FrameState(scene.camera(volume), scene.transfer, spec)
     with animation.located_in(scene):
@@ -186,12 +186,12 @@ def _mixes(
 
 
 def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None:
-    """Refuse, before the cast, a light or a viewing that no frame can be made with."""
+    """Refuse, before the cast, lights and viewings with which no frame can be made."""
     keys, shares = scene.file.keyframe, scene.raycast.shares()
     at_s = animation.frame_times_s(keys, table.fps) if keys else np.zeros(0)
-    # Values never go beyond the keyframes: the frames next to those are enough.
+    # Values never go beyond the keyframes, so the frames next to the keyframes are enough.
     checked = {int(np.abs(at_s - key.time_s).argmin()) for key in keys}
-    # Equal specs are one object.
+    # Equal specs are a single object.
     shown = [shot for shot in shots if not keys or shot.time_index in checked]
     for shot in {(id(shot.rig), id(shot.spec)): shot for shot in reversed(shown)}.values():
         when = f" at {at_s[shot.time_index]:g} s" if keys else ""
@@ -204,7 +204,7 @@ def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None
 def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.float64]:
     """Return (F, L) weights of lights that fade into each other; each row sums to 1.
 
-    A closed sweep ends one frame before its first light.
+    A closed sweep ends one frame before returning to its first light.
 
     >>> sweep_weights(3, 5).tolist()
     [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.5, 0.5], [0.0, 0.0, 1.0]]
@@ -219,14 +219,14 @@ def sweep_weights(lights: int, frames: int, closed: bool = False) -> NDArray[np.
 
 
 def mix_lights(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[str, LightRig]:
-    """Mix lights of a scene, and describe the mix; those of weight 0 are left out."""
+    """Mix lights of a scene and describe the mix; lights of weight 0 are left out."""
     lit = [(light, float(w)) for light, w in zip(lights, weights, strict=True) if w > 0.0]
     if len(lit) == 1 and lit[0][1] == 1.0:
         return lit[0][0].name, lit[0][0].rig
     words = ", ".join(f"{light.name} {weight:.3g}" for light, weight in lit)
     if len({light.rig.illuminance_lux is None for light, _ in lit}) > 1:
         raise SceneError(
-            f"{words}: some of these lights have illuminance_lux and some have not",
+            f"{words}: some of these lights have illuminance_lux and some do not",
             "give it to all or to none",
             code="conflict",
         )
@@ -235,16 +235,16 @@ def mix_lights(lights: Sequence[NamedLight], weights: Sequence[float]) -> tuple[
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """The contents of a scene, or its faults."""
+    """Contents of a scene, or its faults."""
 
     path: str
-    # A line each: file, field, value, remedy. Empty if the scene loads and can be shown.
+    # One line per fault: file, field, value, remedy. Empty if the scene loads and can be shown.
     errors: tuple[str, ...] = ()
     materials: int = 0
     lights: int = 0
     volume: tuple[int, int, int] | None = None  # (width, height, depth)
     basis: str = ""
-    reason: str = ""  # for casting with the basis
+    reason: str = ""  # for the choice of the basis
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON types."""
@@ -252,9 +252,9 @@ class Checked:
 
 
 def check_scene(path: str | os.PathLike[str]) -> Checked:
-    """Look up everything that a scene names, its volume too, and plan its export, without a cast.
+    """Look up everything that a scene names, including its volume, and plan its export.
 
-    Reports all faults that can be found together.
+    Reports all faults that can be found without a cast.
     """
     name = os.fspath(path)
     try:
@@ -291,7 +291,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
     )
 
 
-# Replacements for tables that have a fault; no file has such a name.
+# Replacements for tables that have a fault; no file can have this name.
 _NO_VOLUME = "\0"
 _VALID = {
     "volume": {"file": _NO_VOLUME},
@@ -316,7 +316,7 @@ def _valid_part(data: Mapping[str, Any], error: SceneFaults, path: Path) -> Scen
 
 
 def _unresolved(file: SceneFile, path: Path) -> tuple[list[str], Volume | None]:
-    """Return unknown names and numbers out of range, row by row; and the volume."""
+    """Return messages on unknown names and numbers out of range, and the volume."""
     errors: list[str] = []
     names = Resolver(file, path, faults=errors)
     grid = names.grid(names.shipped_basis())

@@ -1,8 +1,8 @@
-"""PNG files written row by row, 8 or 16 bits, with their colour space; ICC profiles.
+"""Write PNG files row by row, in 8 or 16 bits, with their colour space as an ICC profile.
 
     frames -> [png] -> FILE.png
 
-Pillow writes no 16-bit colour, and takes whole pictures; this writer takes rows, so that a picture
+Pillow cannot write 16-bit colour and needs whole pictures; this writer takes rows, so that pictures
 may be larger than memory.
 
 References
@@ -29,19 +29,19 @@ from volspec.appearance.spaces import SPACES, ColourSpace
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOUR_TYPES = {3: 2, 4: 6}
-# Primaries and curve by H.273; only spaces with a curve of its list.
+# H.273 code points of primaries and curve, for spaces whose curve is in the list.
 _CODE_POINTS = {"Display P3": (12, 13)}
-# zlib's. Filtered pictures have runs and hardly any repeated words: run lengths alone take a third
-# of the time, and make files 2 % smaller than the full search.
+# zlib settings. Filtered pictures have runs but hardly any repeated words: run-length coding alone
+# takes a third of the time, and files are 2 % smaller than with the full search.
 _LEVEL, _WINDOW_BITS, _MEMORY = 6, 15, 9
-# Bytes filtered at once: small enough that a row's variants are in the cache when compared.
+# Bytes filtered at once: few enough that a row's variants are in the cache when compared.
 _BLOCK_BYTES = 2**18
-# Filters tried on each row; the one with the least sum of magnitudes is taken.
+# Filters tried on each row; the one with the least sum of magnitudes is used.
 _SUB, _UP, _PAETH = 1, 2, 4
 
 
 class PngWriter:
-    """Writes one PNG: RGB, or RGBA with straight alpha, in 8 or 16 bits."""
+    """Writer of one PNG: RGB, or RGBA with straight alpha, in 8 or 16 bits."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class PngWriter:
             self._chunk(b"iTXt", keyword.encode("latin-1") + bytes(5) + value.encode("utf-8"))
 
     def rows(self, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-        """Append rows; (R, W, C) of the writer's bits."""
+        """Append (R, W, C) rows of the writer's bit depth."""
         kind = ">u2" if self._wide else "u1"
         lines = np.ascontiguousarray(pixels, kind).view(np.uint8).reshape(len(pixels), -1)
         block = max(1, _BLOCK_BYTES // lines.shape[1])
@@ -91,7 +91,7 @@ class PngWriter:
 
 
 def _filtered(lines: NDArray[np.uint8], before: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
-    """Return (R, 1 + N): each row, after the number of the filter that makes it smallest."""
+    """Return (R, 1 + N): each row, preceded by the number of the filter that makes it smallest."""
     up = np.concatenate([before, lines[:-1]])
     left, corner = (np.pad(each[:, :-step], ((0, 0), (step, 0))) for each in (lines, up))
     filters = np.array([_SUB, _UP, _PAETH], np.uint8)
@@ -168,7 +168,7 @@ def icc_profile(space: ColourSpace) -> bytes:
         b"mntr",
         b"RGB ",
         b"XYZ ",
-        struct.pack(">6H", 2026, 1, 1, 0, 0, 0),  # fixed: the same space gives the same bytes
+        struct.pack(">6H", 2026, 1, 1, 0, 0, 0),  # fixed, so that equal spaces have equal bytes
         b"acsp",
         bytes(28),
         _fixed(D50_XYZ),

@@ -1,4 +1,4 @@
-"""Relighting recipes for compositors: a script for Blender, a group of nodes for Nuke.
+"""Write relighting recipes for compositors: a script for Blender, a group of nodes for Nuke.
 
 EXR header -> [recipes] -> FILE.py | FILE.nk
 """
@@ -26,7 +26,7 @@ def write_recipe(path: Path, image: Path) -> None:
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ImageError(
-            f"{path}: no recipe of a known compositor",
+            f"{path}: is not the recipe of a known compositor",
             "name it .py for Blender or .nk for Nuke",
             code="unknown",
         )
@@ -39,13 +39,13 @@ def write_recipe(path: Path, image: Path) -> None:
 
 
 def blender_script(image: Path) -> str:
-    """Return the shipped script with the path of an image in it."""
+    """Return the shipped script with an image's path filled in."""
     text = asset("data/compositing/blender.py").read_text(encoding="utf-8")
     return text.replace('IMAGE = "IMAGE.exr"', f"IMAGE = {python_text(str(image))}")
 
 
 def python_text(text: str) -> str:
-    """Return a text as a literal of Python, JSON's too while all of it can be printed.
+    """Return text as a Python literal, which is also JSON if all characters are printable.
 
     >>> print(python_text('a "b" \\n [é]'), python_text("\u202e"))
     "a \\"b\\" \\n [é]" "\\u202e"
@@ -55,9 +55,9 @@ def python_text(text: str) -> str:
 
 
 def nuke_group(recipe: Recipe, image: Path) -> str:
-    """Return nodes to paste: the image, and a group with a knob for each light's weight.
+    """Return nodes to paste: the image, and a group with one knob per light weight.
 
-    In the format of Nuke's scripts; an Expression node sums the lights.
+    The format is that of Nuke's scripts; an Expression node sums the lights.
     """
     weights = list(_weights(recipe))
     knobs = [
@@ -107,14 +107,14 @@ def nuke_group(recipe: Recipe, image: Path) -> str:
 
 
 def _weights(recipe: Recipe) -> Iterator[tuple[str, str]]:
-    """Yield (light, group) of every weight."""
+    """Yield the (light, group) of every weight."""
     for name, light in recipe.lights.items():
         for group in light.matrices:
             yield name, group
 
 
 def _label(recipe: Recipe, light: str, group: str) -> str:
-    """Return a knob's label without brackets, which Nuke evaluates, however quoted."""
+    """Return a knob's label without brackets, which Nuke evaluates even in quotes."""
     text = f"{light}: {group}" if len(recipe.channels) > 1 else light
     # Braces count even inside quotes.
     return visible(" ".join(text.split())).translate(str.maketrans("{}[]\\", "()()/"))
@@ -124,8 +124,8 @@ def _nuke_path(image: Path) -> str:
     text = image.as_posix()
     if set(text) & set("[]") or visible(text) != text:
         raise ImageError(
-            f"{image}: Nuke would evaluate brackets in a path, and takes no control characters or "
-            "bytes that are not UTF-8",
+            f"{image}: Nuke would evaluate brackets in a path, and accepts neither control "
+            "characters nor bytes that are not UTF-8",
             "rename the file or its folder",
             code="unsupported",
         )
@@ -133,7 +133,7 @@ def _nuke_path(image: Path) -> str:
 
 
 def tcl_word(text: str) -> str:
-    """Return a text as one word of Tcl, within braces, too: those of the text are not counted.
+    """Return text as a single Tcl word, also inside braces: braces in the text do not count.
 
     >>> print(tcl_word('a "b" {$c} [d]'))
     "a \\"b\\" \\{\\$c\\} \\[d\\]"

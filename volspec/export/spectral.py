@@ -1,4 +1,4 @@
-"""Relit pictures as spectra: the light of each pixel, band by band.
+"""Relight pictures to spectra: the light of each pixel, band by band.
 
     coefficient image, light -> [spectral] -> exr
 
@@ -6,10 +6,10 @@
                                                      W_g = κ B diag(A E_g)       componentwise
                                                      W_g = κ B R(A E_g)          linear-model
 
-κ makes a perfect diffuser under flat white light of the same luminance 1 in every band: Y = Σ S V /
-Σ V is 1 for white, as in an EXR frame. The exact product preserves the light's spikes; the others
-are as smooth as the basis. The colours of an exact spectrum are those of the exact light matrix if
-the basis spans flat white (B 1 = 1).
+κ scales so that a perfect diffuser under equal-energy light of the same luminance is 1 in every
+band: Y = Σ S V / Σ V is 1 for white, as in an EXR frame. The exact product preserves spikes of the
+light; the others are as smooth as the basis. An exact spectrum has the colours of the exact light
+matrix if the basis spans flat white (B 1 = 1).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectralIllumination:
-    """Relighting by one light in N bands; as `Illumination` in XYZ.
+    """Relighting by one light in N bands: the spectral counterpart of `Illumination`.
 
     >>> from volspec.basis import SpectralBasis
     >>> from volspec.spectra import light
@@ -55,7 +55,7 @@ class SpectralIllumination:
     backdrop: Array  # (N,)
     grid: SpectralGrid
     observer_deg: int  # standard observer of the colours
-    # W / (m² sr nm) of 1 in a band: white has the lights' lux, else the viewing's.
+    # W / (m² sr nm) of 1 in a band: white has the lights' lux, or if they have none the viewing's.
     radiance_of_one: float
 
     @classmethod
@@ -66,7 +66,7 @@ class SpectralIllumination:
         spec: RelightSpec,
         groups: Mapping[str, float] = ONE_GROUP,
     ) -> Self:
-        """Return a light's matrices for coefficients of a basis; see `Illumination.of`."""
+        """Return a light's matrices for coefficients in a basis; see `Illumination.of`."""
         lit = Illumination.of(basis, light, spec, groups)
         rig = LightRig.of(light)
         mixed = rig.facing(groups).mixed(basis.grid)
@@ -100,25 +100,25 @@ class SpectralIllumination:
         return np.concatenate([spectra @ to_RGB.T, spectra], axis=-1)
 
     def strips(self, image: CoefficientImage) -> Iterator[NDArray[np.float16]]:
-        """Yield `pixels` of an image as half floats in strips of rows, to save memory."""
+        """Yield the `pixels` of an image as half floats, in strips of rows to save memory."""
         for rows in row_strips(image.size, 3 + self.grid.size):
             yield to_half(self.pixels(image.coefficients[rows], image.alpha[rows]))
 
     @property
     def bands(self) -> ExrBands:
-        """Names of the bands in a file, and their unit."""
+        """Wavelengths and unit of the bands in a file."""
         units = f"{self.radiance_of_one:.7g} W.m^-2.sr^-1.nm^-1"
         return ExrBands(self.grid.wavelengths_nm, units)
 
 
 def flat_white_scale(basis: Basis, light: Spectrum, gain: float) -> float:
-    """Return κ, by which flat white of the light's luminance is 1 in every band, times the gain."""
+    """Return gain times κ, which scales flat white of the light's luminance to 1 in every band."""
     V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
     return float(gain * V.sum() / (V @ light.values))
 
 
 def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
-    """Return (N, M) from channels to bands of the colour signal."""
+    """Return the (N, M) matrix from channels to bands of the colour signal."""
     B = basis.synthesise(np.eye(basis.size)).T
     if not isinstance(basis, SpectralBasis) or mode == "exact":
         return light.values[:, None] * B
@@ -134,11 +134,11 @@ def write_spectral_frame(
     spec: RelightSpec,
     text: Mapping[str, str],
 ) -> None:
-    """Write a relit picture with a spectrum in every pixel; errors as `Illumination.of`.
+    """Write a relit picture with a spectrum in every pixel; errors as in `Illumination.of`.
 
     Bands are half floats ``S0.400,000000nm``, … in the layout of Fichet et al. (2021), with the
-    unit in ``emissiveUnits``; R, G and B are for picture viewers. Computed in strips of rows. Of
-    ``spec`` mode, backdrop, level and exposure count, adaptation does not.
+    unit in ``emissiveUnits``; R, G and B are for picture viewers. Mode, backdrop, level and
+    exposure of ``spec`` apply, adaptation does not.
     """
     if os.path.splitext(path)[1].lower() != ".exr":
         raise ImageError(

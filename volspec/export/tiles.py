@@ -1,10 +1,10 @@
-"""Pictures of any size, with several rays a pixel: cast in windows that fit the device.
+"""Cast pictures of any size, with several rays per pixel, in windows that fit the device.
 
     volume, transfer, camera -> [tiles] -> strips of coefficient images
 
-A pixel's coefficients are the mean over its rays, before relighting: they are linear in the scene,
-so that the mean is right under every light. A mean of frames would be one of display codes, in
-which a bright edge counts for too little.
+A pixel's coefficients are averaged over its rays before relighting: they are linear in the scene,
+so the mean is correct under every light. Averaging frames would average display codes, in which a
+bright edge counts too little.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from volspec.raycast.checks import MAX_SIDE
 from volspec.raycast.row_batches import Progress
 from volspec.transfer import Transfer
 
-# Bytes of one cast; and of a strip that is relit, with its copy on the device.
+# Bytes of one cast; and of a relit strip, including its copy on the device.
 CAST_BYTES = 2**28
 STRIP_BYTES = 2**29
 # Numbers of a strip of rows in float64.
 STRIP_NUMBERS = 2**23
-# The largest side that is relit at once: every OpenGL 4.1 has textures of it.
+# Largest side relit at once: every OpenGL 4.1 device has textures of this size.
 STRIP_SIDE = 8192
 # Rows of a strip and columns of a window are multiples of ray packets and hatching bars.
 _ALIGNED = 64
@@ -40,10 +40,10 @@ class WindowCamera(Camera):
     """Camera of a window in a larger picture."""
 
     whole: tuple[int, int] = (1, 1)  # rays of the larger picture
-    corner: tuple[int, int] = (0, 0)  # the window's first ray in it
+    corner: tuple[int, int] = (0, 0)  # first ray of the window in the larger picture
 
     def ray_field(self, width: int, height: int) -> RayField:
-        """Return the rays of the window, whatever its size."""
+        """Return the rays of the window; its size is not used."""
         field = Camera.ray_field(self, *self.whole)
         x, y = field.middle
         return replace(field, middle=(x - self.corner[0], y - self.corner[1]))
@@ -51,7 +51,7 @@ class WindowCamera(Camera):
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """Part of a picture: its corner and size in pixels."""
+    """Part of a picture: corner and size in pixels."""
 
     x: int
     y: int
@@ -61,10 +61,10 @@ class Window:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Canvas:
-    """Size of a picture, its rays a pixel, and its division into windows."""
+    """Size of a picture, its rays per pixel, and its division into windows."""
 
     size: tuple[int, int]
-    samples: int  # n × n rays a pixel
+    samples: int  # n × n rays per pixel
     channels: int  # in all light groups together
 
     def strips(self) -> list[list[Window]]:
@@ -77,7 +77,7 @@ class Canvas:
         return [[Window(x, y, right - x, bottom - y) for x, right in columns] for y, bottom in rows]
 
     def windows(self, part: Window) -> list[Window]:
-        """Divide a strip's window into those cast at once."""
+        """Divide a strip's window into windows small enough for one cast."""
         n = self.samples
         columns = _cuts(part.width, MAX_SIDE // n)
         widest = max(end - start for start, end in columns)
@@ -100,7 +100,7 @@ def _cuts(length: int, most: int) -> list[tuple[int, int]]:
 
 
 def row_strips(size: tuple[int, int], numbers: int) -> Iterator[slice]:
-    """Yield slices of rows of so many numbers a pixel, small enough for float64."""
+    """Yield slices of rows small enough for float64, given the numbers per pixel."""
     width, height = size
     step = max(1, STRIP_NUMBERS // (width * numbers))
     for y in range(0, height, step):
@@ -109,7 +109,7 @@ def row_strips(size: tuple[int, int], numbers: int) -> Iterator[slice]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileCaster:
-    """Casts pictures of one volume in parts."""
+    """Caster of pictures of one volume in parts."""
 
     caster: Raycaster
     spec: RaycastSpec
@@ -118,7 +118,7 @@ class TileCaster:
     def strips(
         self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
     ) -> Iterator[list[CoefficientImage]]:
-        """Yield the picture from top to bottom as rows of adjacent images; mostly one."""
+        """Yield the picture from top to bottom as rows of adjacent images, usually a single one."""
         strips = canvas.strips()
         total, done, is_empty = canvas.size[0] * canvas.size[1], 0, True
         for strip in strips:
@@ -150,7 +150,7 @@ class TileCaster:
         n, image = canvas.samples, None
         coefficients = np.empty((part.height, part.width, canvas.channels), np.float32)
         alpha = np.empty((part.height, part.width), np.float32)
-        # A mean of several rays' depths lies nowhere.
+        # A mean of several rays' depths is not on any surface.
         depth, first = np.full_like(alpha, np.inf), None if n > 1 else np.empty_like(alpha)
         for i, window in enumerate(windows):
             window_camera = WindowCamera(
@@ -187,7 +187,7 @@ class TileCaster:
         )
 
     def _warn_empty(self) -> None:
-        """Warn as `volspec.raycast` does of a picture in one part."""
+        """Warn as `volspec.raycast` does for a picture in one part."""
         warnings.warn(
             f"{self.caster.volume.name}: the picture is empty; look at the transfer function's "
             "opacities, the camera, crop and clip planes",
