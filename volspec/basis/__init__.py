@@ -1,4 +1,4 @@
-"""Spectral bases: N bands to m channels in which light times surface is componentwise."""
+"""Spectral bases: map N bands to m channels that multiply componentwise, light by surface."""
 
 from volspec.basis.display import MODES
 from volspec.basis.materials import Basis, MaterialBasis, basis_from_dict, load_basis

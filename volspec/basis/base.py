@@ -1,9 +1,9 @@
-"""Base class of bases: colours of channels, report, file; and checks of its data.
+"""Base class of bases: colours of channels, report, file; and checks of a basis' data.
 
     [base] -> SpectralBasis, MaterialBasis
 
-The pipeline uses no more of either kind than this, `white`, `channels_for_materials`, `synthesise`
-and `fingerprint`.
+Of either kind, the pipeline uses only this, `white`, `channels_for_materials`, `synthesise` and
+`fingerprint`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class StoredBasis(ABC):
-    """Channels with colours, errors and a JSON file."""
+    """Channels, with their colours, errors and JSON file."""
 
     __slots__ = ()
 
@@ -77,8 +77,8 @@ class StoredBasis(ABC):
         Raises
         ------
         BasisError, SpectrumError
-            If the last axis is not m finite numbers; if the light is invisible or leaves the
-            grid.
+            If the last axis is not m finite numbers; if the light is invisible or does not cover
+            the grid.
         """
         return require_channels(self, coefficients) @ self.colour_matrix(light).T
 
@@ -87,7 +87,7 @@ class StoredBasis(ABC):
         lights: Sequence[Spectrum] | None = None,
         reflectances: Sequence[Spectrum] | ArrayLike | None = None,
     ) -> BasisReport:
-        """Return CIEDE2000 against full spectra; see `volspec.basis.report.basis_report`.
+        """Return CIEDE2000 errors against full spectra; see `volspec.basis.report.basis_report`.
 
         Defaults: the 26 smooth lights on the 84 held-out samples, or on the basis' materials.
 
@@ -110,7 +110,7 @@ class StoredBasis(ABC):
         Raises
         ------
         BasisError, InputError
-            If it is not named .json, or cannot be written there.
+            If the name does not end in .json, or the file cannot be written.
         """
         storage.write(path, self.to_dict())
 
@@ -129,9 +129,9 @@ class StoredBasis(ABC):
 Array = NDArray[np.float64]
 
 ROUND_TRIP_TOLERANCE = 1e-5
-"""Largest loss of channels to a spectrum and back: rounding if B is large."""
+"""Largest error of channels after synthesis and analysis: rounding if B is large."""
 _WHITE_TOLERANCE = 1e-6
-# Controls, halves of characters, and breaks of lines.
+# Control characters, surrogates and line breaks.
 _UNPRINTABLE = ("Cc", "Cs", "Zl", "Zp")
 
 
@@ -145,7 +145,7 @@ def basis_errors(label: str = "") -> Iterator[None]:
 
 
 def require_text(value: Any, what: str) -> str:
-    """Return a text, or raise BasisError if it is none or has control characters."""
+    """Return a text, or raise BasisError if it is not text or has control characters."""
     if not isinstance(value, str):
         raise BasisError.refused(what, value, "expected text", "type")
     if any(unicodedata.category(character) in _UNPRINTABLE for character in value):
@@ -154,7 +154,7 @@ def require_text(value: Any, what: str) -> str:
 
 
 def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
-    """Check both, or raise BasisError; return the observer as a plain int."""
+    """Return the observer as a plain int; raise BasisError if either is wrong."""
     if not isinstance(grid, SpectralGrid):
         raise BasisError.refused(
             f"{label}: grid",
@@ -168,10 +168,10 @@ def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
 
 
 def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
-    """Return A, B and D by field name: read-only float64 copies that fit together.
+    """Return A, B and D by field name: read-only float64 copies that match.
 
-    Raises BasisError if shapes do not fit, a value is not finite, flat white changes, or A B is not
-    I.
+    Raises BasisError if shapes do not match, a value is not finite, flat white changes, or A B is
+    not I.
     """
     label = f"basis {basis.name!r}"
     found: dict[str, Array] = {}
@@ -195,14 +195,14 @@ def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
     off = float(np.abs(found["analysis"].sum(1) - 1).max())
     if off > _WHITE_TOLERANCE:
         raise BasisError(
-            f"{label}: flat white does not analyse to ones (a row sums to 1 +- {off:.2g}); "
+            f"{label}: the channels of flat white are not ones (a row sums to 1 +- {off:.2g}); "
             "scale the channels by A 1",
             code="damaged",
         )
     loss = round_trip_loss(found["analysis"], found["synthesis"])
     if loss > ROUND_TRIP_TOLERANCE:
         raise BasisError(
-            f"{label}: analysis and synthesis do not belong together (A B differs from the "
+            f"{label}: analysis and synthesis do not match (A B differs from the "
             f"identity by {loss:.2g}); were the numbers edited? Fit the basis again",
             code="damaged",
         )
@@ -210,12 +210,12 @@ def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
 
 
 def round_trip_loss(A: Array, B: Array) -> float:
-    """Return the largest difference of A B from the identity."""
+    """Return the largest deviation of A B from the identity."""
     return float(np.abs(A @ B - np.eye(len(A))).max())
 
 
 def require_channels(basis: StoredBasis, coefficients: ArrayLike) -> Array:
-    """Return (..., m) float64 coefficients; raise BasisError if not finite or of another m."""
+    """Return (..., m) float64 coefficients; raise BasisError if not finite or another m."""
     with basis_errors():
         c = real_array(coefficients, "coefficients")
     if c.ndim == 0 or c.shape[-1] != basis.size:
@@ -232,7 +232,7 @@ def require_channels(basis: StoredBasis, coefficients: ArrayLike) -> Array:
 
 
 def require_materials(given: Any, label: str) -> None:
-    """Raise BasisError unless this is a mapping with an entry."""
+    """Raise BasisError unless ``given`` is a mapping with at least one entry."""
     if not isinstance(given, Mapping) or not given:
         raise BasisError(
             f"{label}: no materials in {given!r:.40}; give {{name: reflectance}}", code="missing"

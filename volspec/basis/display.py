@@ -1,4 +1,4 @@
-"""Channels to XYZ under a light, with every light's white exact.
+"""Matrices from channels to XYZ under a light, with every light's white exact.
 
     analysis, synthesis, light -> [display] -> 3 x m matrix
 
@@ -32,12 +32,12 @@ def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
     """Stretch the rows of a (3, m) display matrix so that ``result @ channels == white``.
 
     ``channels`` (m,) and ``white`` (3,), with Y above 0, are those of the perfect diffuser.
-    Stretch stops at a factor of two, and the rest is distributed like luminance. Continuous in
-    all arguments.
+    The stretch is limited to a factor of two, and the rest is distributed like luminance.
+    Continuous in all arguments.
     """
     low, high = _STRETCH
     predicted = matrix @ channels
-    # Bounded from both sides, and continuous as a prediction crosses zero.
+    # Bounded on both sides, and continuous where a prediction crosses zero.
     ratio = white / np.maximum(predicted, np.maximum(white / high, 1e-12))
     stretched = matrix * np.maximum(ratio, low)[:, None]
     rest = white - stretched @ channels
@@ -47,20 +47,20 @@ def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
 def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:
     """Return K (3, m) with XYZ = K (e * c), Y = 100 for a perfect diffuser.
 
-    D is scaled for the flat light of ones, e (m,) the diffuser's channels under the light, E (N,)
-    the light's power on the grid.
+    D is scaled for the flat light of ones, e (m,) are the diffuser's channels under the light, and
+    E (N,) is the light's power on the grid.
     """
     kappa = 100.0 / (Q[1] @ E)
     white = kappa * (Q @ E)
-    # kappa ratios make D, scaled for the flat light of ones, relative to this one.
+    # The ratio of the kappas rescales D from the flat light of ones to this light.
     K = white_exact(D * (kappa * Q[1].sum() / 100.0), e, white)
-    # A row that the light hardly excites carries no colour: it follows Y.
+    # A row with almost no response to the light carries no colour: it follows Y.
     trust = np.clip(white / (NO_COLOUR * white[1]), 0.0, 1.0)[:, None]
     return trust * K + (1 - trust) * white[:, None] * _luminous_share(K[1], e, white[1])
 
 
 def require_mode(mode: str) -> None:
-    """Raise BasisError unless this is one of `MODES`."""
+    """Raise BasisError unless ``mode`` is one of `MODES`."""
     if mode not in MODES:
         raise BasisError(
             f"mode {mode!r} is unknown; {nearest(str(mode), MODES)}choose {', '.join(MODES)}",
@@ -71,11 +71,11 @@ def require_mode(mode: str) -> None:
 def _luminous_share(luminous: Array, channels: Array, Y: float) -> Array:
     """Return u proportional to the channels' luminances, with u @ channels = 1.
 
-    If they fall short of the white's Y, the channels themselves add the rest.
+    If these fall short of the white's Y, the channels themselves add the rest.
     """
     total = float(luminous @ channels)
     scale = max(total, Y)
-    # Squares of channels near the least float would vanish.
+    # Squares of channels near the smallest float would vanish.
     unit = channels / float(np.abs(channels).max())
     missing = (1 - total / scale) / float(unit @ channels)
     return luminous / scale + unit * missing
@@ -84,6 +84,6 @@ def _luminous_share(luminous: Array, channels: Array, Y: float) -> Array:
 def visible_white(white: Array) -> Array:
     """Return a light's white XYZ (..., 3) with X and Z of at least a thousandth of Y.
 
-    Smaller ones are invisible, and ratios to them noise.
+    Smaller values are invisible, and ratios to them are noise.
     """
     return np.maximum(white, NO_COLOUR * white[..., 1:2])

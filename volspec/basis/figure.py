@@ -2,7 +2,7 @@
 
     basis, error table -> [figure] -> PNG, PDF, SVG
 
-Lines differ in shape, and in colours that are distinct to the colour-blind.
+Lines differ in shape, and in colours that colour-blind people can distinguish.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def save_figure(errors: ErrorTable, path: str | os.PathLike[str]) -> None:
 
 
 def _has_colours(errors: ErrorTable) -> bool:
-    """Return True if any colour is off, so that there are worst ones to show."""
+    """Return True if any colour has an error, so that there are worst ones to show."""
     return errors.worst.delta_e > NOTHING
 
 
@@ -101,7 +101,7 @@ def _draw_title(figure: Figure, errors: ErrorTable) -> None:
 
 
 def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
-    """Draw a small table: one line a class, one column a mode."""
+    """Draw a small table: one line per class, one column per mode."""
     chained = all(report.products for report in errors.classes.values())
     ways = ("componentwise", compared_way(errors), RGB_PRODUCT)
     columns = [WAYS[way] for way in ways]
@@ -132,7 +132,7 @@ def _four(summary: ErrorSummary) -> str:
     return " / ".join(text.removeprefix("0") for text in shown)
 
 
-# Okabe and Ito's blue, vermilion and green: distinct to the colour-blind.
+# Okabe and Ito's blue, vermilion and green, which colour-blind people can distinguish.
 _BLUE, _VERMILION, _GREEN = "#0072b2", "#d55e00", "#009e73"
 _FLOORS = (1e-4, 1e-2)
 _MOST_NAMED = 9
@@ -151,7 +151,7 @@ _STYLES: dict[str, dict[str, Any]] = {
 
 
 def draw_errors(axes: Axes, errors: ErrorTable) -> None:
-    """Draw every light's mean error, sorted in its class; a hair rises to its largest."""
+    """Draw every light's mean error, sorted within its class, with a hairline up to its largest."""
     ways = (RGB_PRODUCT, compared_way(errors), "componentwise")
     means = {
         name: {way: report.pairs.delta_e[way].mean(axis=1) for way in ways}
@@ -200,12 +200,12 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
 
 
 def compared_way(errors: ErrorTable) -> str:
-    """Return the matrix mode that is compared with componentwise."""
+    """Return the matrix mode to compare with componentwise."""
     return "linear-model" if own_way(errors.basis.method) == "linear-model" else "exact"
 
 
 def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
-    """Write slanted names under the axis, with hairs up to their lights."""
+    """Write slanted names under the axis, with hairlines up to their lights."""
     at = np.array([x for x, _ in named])
     places = spread_apart(at, 0.062, 0.03, 0.99)
     below = axes.get_xaxis_transform()
@@ -235,7 +235,7 @@ STRIP_IN = 1.92
 def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     """Draw the worst reflectance under each of the worst lights, by class, on neutral grey.
 
-    The upper left half is the colour of the full spectra, the lower right half the channels'.
+    The upper left half is the full spectra's colour, the lower right half the channels' colour.
     Axes are in inches.
     """
     figure = axes.get_figure()
@@ -284,7 +284,7 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
 
 
 def share_out(places: int, wanted: list[int]) -> list[int]:
-    """Distribute places evenly: none gets two more than another that still wants one."""
+    """Distribute places evenly: no class gets two more than another that still wants one."""
     given = [0] * len(wanted)
     while sum(given) < places and given != wanted:
         least = min(g for g, w in zip(given, wanted, strict=True) if g < w)
@@ -297,7 +297,7 @@ def share_out(places: int, wanted: list[int]) -> list[int]:
 
 
 def worst_pairs(report: BasisReport, count: int, way: str = "componentwise") -> list[WorstPair]:
-    """Return the worst pairs, of different lights and, if possible, reflectances."""
+    """Return the worst pairs, with different lights and, if possible, different reflectances."""
     delta_e = report.pairs.delta_e[way]
     found: list[tuple[int, int]] = []
     for once in (True, False):
@@ -315,12 +315,12 @@ Array = NDArray[np.float64]
 
 _LINE_LIGHTNESS = (30.0, 58.0)
 _WIDEST_NAME = 1.1
-# More curves than this become ridges, a line each; so many get names.
+# More curves than this are drawn as ridges, one line each; this many get names.
 _MOST_CURVES = 10
 _MOST_RIDGE_NAMES = 30
-# Numbers that fit across and along the plot.
+# Number of labels that fit across and along the plot.
 _ACROSS, _ALONG = 28.0, 16.0
-# Colours nearer than this in CIELAB get different strokes.
+# Colours closer than this in CIELAB get different strokes.
 _ALIKE = 14.0
 _STROKES = ("-", (0, (4.0, 1.2)), (0, (1.2, 1.0)), (0, (6.0, 1.2, 1.2, 1.2)))
 
@@ -351,14 +351,14 @@ def draw_spectra(axes: Axes, basis: Basis) -> None:
 
 
 def name_width(basis: Basis) -> float:
-    """Return the width of the names of materials next to their curves, inches."""
+    """Return the width, in inches, of the materials' names next to their curves."""
     if not isinstance(basis, MaterialBasis):
         return 0.0
     return min(0.062 * max(map(len, basis.materials)) + 0.05, _WIDEST_NAME)
 
 
 def line_colour(curve: Array, grid: SpectralGrid) -> tuple[float, float, float]:
-    """Return sRGB of flat light filtered by a curve, light or dark enough for a line."""
+    """Return sRGB of flat light filtered by a curve, made light or dark enough for a line."""
     Q = colour_matching_functions(grid)
     XYZ = Q @ np.maximum(curve, 0.0)
     white = Q.sum(1)
@@ -389,7 +389,7 @@ def _draw_reflectances(axes: Axes, curves: Array, labels: list[str], grid: Spect
 
 
 def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGrid) -> None:
-    """Draw each curve on a line of its own, filled and named."""
+    """Draw each curve on its own line, filled and named."""
     K = len(curves)
     axes.set(ylim=(K + 0.15, 0), yticks=[])
     every = -(-K // _MOST_RIDGE_NAMES)
@@ -405,7 +405,7 @@ def _draw_ridges(axes: Axes, curves: Array, labels: list[str], grid: SpectralGri
 
 
 def _draw_curves(axes: Axes, curves: Array, grid: SpectralGrid) -> list[Any]:
-    """Draw curves in their colours, and return these."""
+    """Draw curves in their colours, and return the colours."""
     colours = [line_colour(curve, grid) for curve in curves]
     axes.axhline(0, color=FAINT, linewidth=0.6, zorder=1)
     for curve, colour, stroke in zip(curves, colours, _strokes(colours), strict=True):
@@ -415,7 +415,7 @@ def _draw_curves(axes: Axes, curves: Array, grid: SpectralGrid) -> list[Any]:
 
 
 def _strokes(colours: list[tuple[float, float, float]]) -> list[Any]:
-    """Return a stroke for each colour: solid, or another if similar to a previous one."""
+    """Return a stroke per colour: solid, or another one if a previous colour is similar."""
     linear = decode_sRGB(np.array(colours))
     Lab = cielab(linear @ spaces.XYZ_FROM_sRGB.T, spaces.sRGB_WHITE_XYZ)
     kinds: list[int] = []
@@ -451,7 +451,7 @@ def _number_peaks(
 
 
 def _name_ends(axes: Axes, ends: Array, labels: list[str], colours: list[Any]) -> None:
-    """Write names at the curves' right ends, spread apart, with hairs."""
+    """Write names at the curves' right ends, spread apart, with hairlines."""
     bottom, top = axes.get_ylim()
     share = (ends - bottom) / (top - bottom)
     frame = axes.transAxes

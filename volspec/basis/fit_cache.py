@@ -37,10 +37,10 @@ def fit_cached(
     reflectance_weights: ArrayLike,
     **options: Any,
 ) -> SpectralBasis:
-    """Fit a basis, or read it from the user's cache folder; arguments as of `SpectralBasis.fit`.
+    """Fit a basis, or read it from the user's cache folder; arguments: see `SpectralBasis.fit`.
 
-    ``options`` are size, method, positive, grid and observer_deg. A scene's basis would otherwise
-    be fitted whenever the scene is opened.
+    ``options`` are size, method, positive, grid and observer_deg. Without the cache, a scene's
+    basis would be fitted whenever the scene is opened.
     """
     weights: dict[str, Any] = {
         "light_weights": light_weights,

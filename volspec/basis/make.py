@@ -1,6 +1,6 @@
 """Fit the shipped bases again: ``python -m volspec.basis.make [NAME ...]``.
 
-Writes ``data/bases/NAME.json``, all of them or those named, and prints their error tables.
+Writes ``data/bases/NAME.json`` for all bases, or the named ones, and prints their error tables.
 Reproducible: the same versions of NumPy and colour-science give the same numbers to rounding.
 """
 
@@ -19,10 +19,10 @@ from volspec.spectra.lights import light_set
 from volspec.spectra.reflectances import reflectance_set
 
 SIZES = (5, 7, 9)
-# Weight of all spiky lights together against the smooth ones: enough to quarter their error,
-# little enough that the errors of smooth lights stay invisible.
+# Total weight of the spiky lights relative to the smooth ones: enough to quarter their error, small
+# enough to keep the errors of smooth lights invisible.
 SPIKY_SHARE = 0.03
-# Sensors held positive have several minima.
+# Fits of positive sensors have several minima.
 _POSITIVE_RESTARTS = 8
 _SIGNS = ("", "-positive")
 _REFLECTANCES = "99 CES of CIE 224:2017 and 29 CIE colour rendering samples"
@@ -43,9 +43,9 @@ def fit_library(
 ) -> SpectralBasis:
     """Fit a basis on the library's lights and its 128 training reflectances.
 
-    ``lights`` are the smooth ones, or the spiky ones too, which ``virtual-sensors`` sees at a small
-    weight; by default smooth for the methods of principal components, else all. Otherwise as
-    `SpectralBasis.fit`.
+    ``lights`` are the smooth ones, or all, with a small weight of the spiky ones for
+    ``virtual-sensors``; by default smooth for the principal-component methods, else all. Other
+    arguments: see `SpectralBasis.fit`.
     """
     if lights not in (None, "smooth", "all"):
         raise BasisError(f"lights {lights!r:.40} are unknown; choose smooth or all", code="unknown")

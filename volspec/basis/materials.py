@@ -4,8 +4,8 @@
 
 With achromatic opacity a ray accumulates *how much* of each material it met. These weights are
 the channels; under a light the display matrix contains the XYZ of every material. Nothing is
-projected: the colours are those of the full spectra, and another reflectance changes the matrix,
-not the picture, so that no new cast is needed.
+projected: the colours are those of the full spectra, and a new reflectance changes the matrix, not
+the picture, so that no new cast is needed.
 
 References
 ----------
@@ -46,12 +46,12 @@ METHOD = storage.MATERIALS
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MaterialBasis(StoredBasis):
-    """K materials as channels, and one channel of white for highlights.
+    """K materials as channels, and a channel of white for highlights.
 
     Parameters
     ----------
     materials : {name: Spectrum}
-        Reflectances by the names of the transfer function; resampled to the grid.
+        Reflectances by their names in the transfer function; resampled to the grid.
     name : str
     grid : SpectralGrid
         N bands.
@@ -62,7 +62,7 @@ class MaterialBasis(StoredBasis):
     ------
     BasisError
         If there is no material, a reflectance is impossible (`reflectance_values`) or does not
-        cover the grid, the observer is unknown, or a name is no text.
+        cover the grid, the observer is unknown, or a name is not text.
 
     Examples
     --------
@@ -114,16 +114,16 @@ class MaterialBasis(StoredBasis):
 
     @property
     def white(self) -> Array:
-        """(K + 1,) channels of the perfect diffuser: none of any material, one of white."""
+        """(K + 1,) channels of the perfect diffuser: 0 of every material, 1 of white."""
         return np.eye(self.size)[-1]
 
     def channels_for_materials(self, materials: Mapping[str, Spectrum]) -> Array:
-        """Return (L, K + 1) channels of some of the basis' own materials, by name.
+        """Return (L, K + 1) channels of some of the basis' materials, by name.
 
         Raises
         ------
         BasisError
-            If there are none, a name is unknown, or its reflectance is not the basis' own.
+            If there are none, a name is unknown, or its reflectance differs from the basis'.
         """
         require_materials(materials, "material basis")
         own = list(self.materials)
@@ -131,13 +131,13 @@ class MaterialBasis(StoredBasis):
             if name not in self.materials:
                 raise BasisError(
                     f"material {name!r} is not in the basis; {nearest(name, own)}"
-                    f"it holds {', '.join(own)}: make the basis of all materials",
+                    f"it holds {', '.join(own)}: make the basis from all materials",
                     code="unknown",
                 )
             if not np.allclose(self._resample(name, spectrum).values, self.materials[name].values):
                 raise BasisError(
-                    f"material {name!r} has another reflectance in the basis; make both of the "
-                    "same, and change it afterwards by Relighter.set_reflectances",
+                    f"material {name!r} has another reflectance in the basis; make both the "
+                    "same, and change it afterwards with Relighter.set_reflectances",
                     code="conflict",
                 )
         return np.eye(self.size)[[own.index(name) for name in materials]]
@@ -165,7 +165,7 @@ class MaterialBasis(StoredBasis):
         Raises
         ------
         BasisError
-            If it is no mapping, a name is unknown, or a reflectance is impossible
+            If ``changes`` is not a mapping, a name is unknown, or a reflectance is impossible
             (`reflectance_values`) or does not cover the grid.
         """
         if not isinstance(changes, Mapping):
@@ -191,14 +191,14 @@ class MaterialBasis(StoredBasis):
         Raises
         ------
         BasisError
-            If it is not a basis of materials, of another version, a field is missing or wrong,
-            or the numbers do not have its fingerprint.
+            If the data are not a basis of materials or have another version, a field is missing or
+            wrong, or the numbers do not match the fingerprint.
         """
         names = ("name", "materials") if storage.is_material_basis(data) else ("name",)
         head = storage.head_from_dict(data, names)
         if not storage.is_material_basis(data):
             raise BasisError(
-                "it is no basis of materials; use volspec.load_basis or volspec.SpectralBasis",
+                "this is not a basis of materials; use volspec.load_basis or volspec.SpectralBasis",
                 code="type",
             )
         if not isinstance(data["materials"], dict):
@@ -219,7 +219,7 @@ class MaterialBasis(StoredBasis):
     def fingerprint(self) -> str:
         """Short hash of the grid, the observer, the materials' names and the numbers.
 
-        The basis' own name is left out. Equal after save and load.
+        The basis' own name is left out. Unchanged by save and load.
         """
         digest = hashlib.sha256(f"{self.grid}, {self.observer_deg} degrees".encode())
         for name, spectrum in self.materials.items():
@@ -228,7 +228,7 @@ class MaterialBasis(StoredBasis):
         return digest.hexdigest()[:12]
 
     def _reflectances(self) -> Array:
-        """Return (K + 1, N): the materials, and white."""
+        """Return the reflectances of the materials and of white, (K + 1, N)."""
         rows = [spectrum.values for spectrum in self.materials.values()]
         return np.array([*rows, np.ones(self.grid.size)])
 
@@ -255,7 +255,7 @@ def basis_from_dict(data: Any) -> Basis:
     Raises
     ------
     BasisError
-        If it is not a basis, of another version, or a field is missing or wrong.
+        If the data are not a basis or have another version, or a field is missing or wrong.
     """
     if storage.is_material_basis(data):
         return MaterialBasis.from_dict(data)

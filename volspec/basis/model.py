@@ -1,10 +1,10 @@
-"""A spectral basis: N bands to m channels in which light times surface is componentwise.
+"""A spectral basis: maps N bands to m channels that multiply componentwise, light by surface.
 
     spectra -> [basis] -> transfer function, raycast, relight
 
 A (m x N) analyses spectra, B (N x m) synthesises them, D (3 x m) turns the channels of a
-colour signal into XYZ. Flat white analyses to ones, so a raycast under flat white light is
-its own picture.
+colour signal into XYZ. Flat white has channels of ones, so the result of a raycast is the
+picture under flat white light.
 
 References
 ----------
@@ -43,31 +43,31 @@ Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectralBasis(StoredBasis):
-    """Analysis, synthesis and display matrices that belong together; read-only.
+    """Analysis, synthesis and display matrices of one basis; read-only.
 
     Parameters
     ----------
     name, method : str
-        Name, and method of fitting.
+        Name, and fitting method.
     grid : SpectralGrid
         The N bands.
     analysis : (m, N) array
         A; its rows sum to 1.
     synthesis : (N, m) array
-        B, with A B = I. B 1 = 1 for ``virtual-sensors`` and ``reduced-rank``; nearly so for
-        the methods of principal components.
+        B, with A B = I. B 1 = 1 for ``virtual-sensors`` and ``reduced-rank``; approximately so for
+        the principal-component methods.
     XYZ_from_channels : (3, m) array
-        D; scaled so that the flat light of ones on a perfect diffuser has Y near 100.
+        D; scaled so that flat light (ones) on a perfect diffuser has Y near 100.
     trained_on : str
-        The lights and reflectances, in words.
+        Description of the lights and reflectances.
     observer_deg : {2, 10}
         Observer of D: CIE 1931 2 degrees or CIE 1964 10 degrees.
 
     Raises
     ------
     BasisError
-        If shapes do not fit, a value is not finite, flat white changes, A B is not the
-        identity, the observer is unknown, or a name is no text.
+        If shapes do not match, a value is not finite, flat white changes, A B is not the identity,
+        the observer is unknown, or a name is not text.
     """
 
     name: str
@@ -137,21 +137,21 @@ class SpectralBasis(StoredBasis):
         return self.analyse(list(materials.values())).reshape(-1, self.size)
 
     def synthesise(self, coefficients: ArrayLike) -> NDArray[np.float64]:
-        """Convert (..., m) channels to (..., N) spectra: the basis' best guess."""
+        """Convert (..., m) channels to (..., N) spectra, the basis' best estimate."""
         return require_channels(self, coefficients) @ self.synthesis.T
 
     def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
         """Return the (3, m) matrix from a picture's channels to XYZ under a light.
 
-        Times `white` it is the light's white to rounding, Y = 100.
+        Its product with `white` is the light's white, Y = 100, up to rounding.
 
         Parameters
         ----------
         light : Spectrum
         mode : {"componentwise", "exact", "linear-model"}
-            ``display_matrix(light) * analyse(light)``, what post-illumination shows;
-            ``light_matrix(light)``, no factor model; or D R(e), the product inside the
-            subspace that the componentwise one approximates ([1] eq. 7).
+            ``display_matrix(light) * analyse(light)``, the colour that post-illumination shows;
+            ``light_matrix(light)``, without a factor model; or D R(e), the product inside the
+            subspace that the componentwise product approximates ([1] eq. 7).
 
         Raises
         ------
@@ -172,10 +172,10 @@ class SpectralBasis(StoredBasis):
         """Return K (3, m) with XYZ = K (e * c), e = analyse(light), c the reflectance's channels.
 
         K is D with each row scaled so that the light's white is exactly the XYZ of its full
-        spectrum, Y = 100. Stretch stops at a factor of two (lights with little X or Z), and the
-        rest is added in proportion to Y; a row below a thousandth of Y follows Y entirely. K varies
-        continuously with the light, but not linearly: pictures under two lights add up to the
-        picture under both only approximately.
+        spectrum, Y = 100. The stretch is limited to a factor of two (lights with little X or Z),
+        and the rest is added in proportion to Y; a row below a thousandth of Y follows Y entirely.
+        K varies continuously with the light, but not linearly: pictures under two lights add up to
+        the picture under both only approximately.
 
         Raises
         ------
@@ -186,9 +186,9 @@ class SpectralBasis(StoredBasis):
         return display.display_matrix(self.XYZ_from_channels, self.analysis @ E, E, self._Q)
 
     def light_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """Return P_E = kappa Q diag(E) B, (3, m): XYZ = P_E c with no factor model.
+        """Return P_E = kappa Q diag(E) B, (3, m): XYZ = P_E c without a factor model.
 
-        Linear in the light if B 1 = 1, so that lights add. With ``pca`` and ``pca-sharpened``
+        Linear in the light if B 1 = 1, so that lights add up. With ``pca`` and ``pca-sharpened``
         its rows are stretched as in `display_matrix`, so that white is exact. Errors are those of
         `display_matrix`.
         """
@@ -198,7 +198,7 @@ class SpectralBasis(StoredBasis):
         return display.white_exact(matrix, self.white, kappa * (Q @ E))
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
-        """Return R(e), (m, m): reflectance channels to the colour signal's, inside the subspace.
+        """Return R(e), (m, m), from reflectance to colour-signal channels, inside the subspace.
 
         R(e)_ij = sum_k A_i (B_j * B_k) e_k ([1] eq. 7, A = B^+), on the light's scale. Linear in
         the light; diagonal if the componentwise product is exact. Errors are those of
@@ -242,19 +242,19 @@ class SpectralBasis(StoredBasis):
         smoothness : float, optional
             Weight of the second-difference penalty on A's rows (``virtual-sensors``).
         restarts : int, optional
-            Number of perturbed starts after the regular one; deterministic
+            Number of perturbed starts in addition to the regular one; deterministic
             (``virtual-sensors``).
         light_weights, reflectance_weights : (J,) and (K,) array, optional
-            Weight of each light's and each reflectance's errors; above 0, of any scale.
+            Weight of each light's and each reflectance's errors; above 0, on any scale.
             Equal by default.
 
         Raises
         ------
         BasisError
-            If the method is unknown, the data cannot determine so many channels, weights
-            do not fit, or a light has no energy.
+            If the method is unknown, the data do not determine this many channels, weights do not
+            match, or a light has no energy.
         """
-        # Late: a stored basis needs no fitter.
+        # Imported late: a stored basis needs no fitter.
         from volspec.basis.fit import fit_basis
         from volspec.basis.fit.training import training_set
 
@@ -282,9 +282,9 @@ class SpectralBasis(StoredBasis):
 
     @classmethod
     def bands(cls, grid: SpectralGrid = DEFAULT_GRID, observer_deg: int = 2) -> SpectralBasis:
-        """Return the basis without reduction: every band is a channel, and every product exact.
+        """Return the basis without reduction: every band is a channel, and every product is exact.
 
-        The reference for other bases, if a picture can be cast with so many channels.
+        Reference for other bases, if a picture can be cast with this many channels.
         """
         require_grid_and_observer(grid, observer_deg, "bands")
         Q = colour_matching_functions(grid, observer_deg)
@@ -310,12 +310,12 @@ class SpectralBasis(StoredBasis):
         Raises
         ------
         BasisError
-            If it is not a basis, of another version or kind, a field is missing or wrong, or
-            the numbers do not have its fingerprint.
+            If the data are not a basis or have another version or kind, a field is missing or
+            wrong, or the numbers do not match the fingerprint.
         """
         if storage.is_material_basis(data):
             raise BasisError(
-                "it is a basis of materials; use volspec.load_basis or volspec.MaterialBasis",
+                "this is a basis of materials; use volspec.load_basis or volspec.MaterialBasis",
                 code="type",
             )
         names = ("name", "method", "trained_on", "analysis", "synthesis", "XYZ_from_channels")
@@ -325,9 +325,9 @@ class SpectralBasis(StoredBasis):
 
     @property
     def fingerprint(self) -> str:
-        """Short hash of the grid, the observer and the numbers; not of the name.
+        """Short hash of the grid, the observer and the numbers, but not the name.
 
-        Equal after save and load.
+        Unchanged by save and load.
         """
         digest = hashlib.sha256(f"{self.grid}, {self.observer_deg} degrees".encode())
         for array in (self.analysis, self.synthesis, self.XYZ_from_channels):

@@ -48,7 +48,7 @@ def reflectance_figure(
 ) -> Figure:
     """Draw a reflectance, its base spectra, and its colour under lights of its grid.
 
-    Its name is the title. ``parts`` are base spectra by name with their weights; empty if it was
+    Its name is the title. ``parts`` are base spectra by name with their weights, empty if it was
     not mixed. A swatch for each light is adapted to the light's white (Bradford).
     """
     figure = new_figure(WIDTH_IN, HEIGHT_IN)

@@ -1,10 +1,10 @@
-"""CIEDE2000 of the m-channel picture against full spectra.
+"""CIEDE2000 errors of the m-channel picture against full spectra.
 
     basis, lights, reflectances -> [report] -> error table -> figure
 
-Every error is of one reflectance, or one product of reflectances, under one light, which is the
-white; 1 is about a just noticeable difference. A product of surfaces results from interreflection
-and coloured absorption: light * S1 * S2 in full spectra, e * s1 * s2 in channels.
+Every error belongs to one reflectance, or one product of reflectances, under one light, which is
+the white; 1 is about a just noticeable difference. A product of surfaces results from
+interreflection and coloured absorption: light * S1 * S2 in full spectra, e * s1 * s2 in channels.
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ Reflectances = Sequence[Spectrum] | ArrayLike
 Indices = NDArray[np.intp]
 
 RGB_PRODUCT = "rgb-product"
-"""The RGB renderer's product, compared with the modes of a basis."""
+"""The RGB renderer's product, for comparison with the modes of a basis."""
 PRODUCTS = (2, 3)
-"""Numbers of surfaces that a ray may have met."""
+"""Numbers of surfaces whose products are compared."""
 _MOST_PRODUCTS = 4000
 _SEED = 20090128
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PairErrors:
-    """CIEDE2000 of J lights x K reflectances, three ways and the RGB renderer's."""
+    """CIEDE2000 of J lights x K reflectances, for three modes and the RGB renderer."""
 
     lights: tuple[str, ...]
     reflectances: tuple[str, ...]
     delta_e: dict[str, Array]  # (J, K) by the modes of ``colour_matrix`` and `RGB_PRODUCT`
-    XYZ: Array  # (J, K, 3), the full spectra's, Y = 100 for white
-    shown_XYZ: dict[str, Array]  # (J, K, 3) by mode, the channels'
+    XYZ: Array  # (J, K, 3) of the full spectra, Y = 100 for white
+    shown_XYZ: dict[str, Array]  # (J, K, 3) of the channels, by mode
     white_XYZ: Array  # (J, 3), see `visible_white`
-    # (J, P) by 2 and 3 surfaces, componentwise and the RGB renderer's; empty without products.
+    # (J, P) for 2 and 3 surfaces, componentwise and RGB renderer; empty without products.
     products: dict[int, Array]
     rgb_products: dict[int, Array]
 
@@ -82,7 +82,7 @@ def pair_errors(
 ) -> PairErrors:
     """Compare all modes with full spectra, light by light.
 
-    Lights are on the basis' grid, reflectances (K, N) and their channels (K, m). ``chained`` is
+    Lights are on the basis' grid; reflectances are (K, N) and their channels (K, m). ``chained`` is
     True if channels multiply as spectra do, so that products have an error.
     """
     chosen = {n: product_rows(len(reflectances), n) for n in PRODUCTS} if chained else {}
@@ -123,8 +123,8 @@ def pair_errors(
 def product_rows(count: int, factors: int) -> Indices:
     """Return (P, factors) rows of ``count`` reflectances to multiply, repeats allowed.
 
-    All pairs, and up to 4000 triples; beyond, a fixed random sample (of pairs too if there are
-    more than can be compared in a second).
+    All pairs, and up to 4000 triples; above that, a fixed random sample (of pairs, too, if there
+    are more than can be compared in a second).
     """
     total = comb(count + factors - 1, factors)
     if total <= _MOST_PRODUCTS or (factors == 2 and count <= 150):
@@ -152,7 +152,7 @@ class _Reference:
         return XYZ_from_spectra(self._light, reflectances, self._observer)
 
     def lit(self, surfaces: Array) -> Array:
-        """Multiply surfaces by the light in Sharp sensors, as an RGB renderer; return XYZ."""
+        """Multiply surfaces by the light in Sharp sensors, like an RGB renderer; return XYZ."""
         sharp = _sharp()
         return np.asarray((surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T)
 
@@ -161,7 +161,7 @@ class _Reference:
 
 
 def _sharp() -> Array:
-    """Return XYZ to the Sharp sensors of Finlayson and Suesstrunk (2000), the best of the usual."""
+    """Return XYZ to the Sharp sensors of Finlayson and Suesstrunk (2000), the best usual choice."""
     return np.asarray(colour_science().CHROMATIC_ADAPTATION_TRANSFORMS["Sharp"])
 
 
@@ -198,14 +198,14 @@ class ErrorSummary:
 
     @classmethod
     def of(cls, delta_e: ArrayLike) -> ErrorSummary:
-        """Mean, median, 95th percentile and maximum of an array of any shape."""
+        """Return the mean, median, 95th percentile and maximum of an array of any shape."""
         d = np.asarray(delta_e, dtype=np.float64)
         return cls(*(float(f) for f in (d.mean(), np.median(d), np.percentile(d, 95), d.max())))
 
 
 @dataclass(frozen=True, slots=True)
 class ProductErrors:
-    """CIEDE2000 of componentwise products of reflectances, and of the RGB renderer's."""
+    """CIEDE2000 of products of reflectances, componentwise and by the RGB renderer."""
 
     componentwise: ErrorSummary
     rgb_product: ErrorSummary
@@ -213,9 +213,9 @@ class ProductErrors:
 
 @dataclass(frozen=True, slots=True)
 class WorstPair:
-    """Pair of a light and a reflectance with a large error: true colour, and the channels'.
+    """Pair of a light and a reflectance with a large error: true colour and channels' colour.
 
-    ``way`` is the mode of the channels' colour. XYZ have Y = 100 for white; the sRGB codes are
+    ``way`` is the mode of the channels' colour. XYZ has Y = 100 for white; the sRGB codes are
     the same colours adapted to the display (`ADAPTATION`).
     """
 
@@ -232,7 +232,7 @@ class WorstPair:
     def at(
         cls, pairs: PairErrors, light: int, reflectance: int, way: str = "componentwise"
     ) -> WorstPair:
-        """Return one of many pairs in one mode of the basis."""
+        """Return one pair in one mode of the basis."""
         true, shown = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
         codes = sRGB_codes(np.array([true, shown]), pairs.white_XYZ[light])
         sRGB, sRGB_shown = (f"#{r:02x}{g:02x}{b:02x}" for r, g, b in codes.tolist())
@@ -261,9 +261,9 @@ class BasisReport:
     products: dict[int, ProductErrors]
     """Keyed by the number of surfaces, 2 and 3; empty if channels do not multiply (materials)."""
     worst: WorstPair
-    """Worst pair in the mode that the method is optimised for."""
+    """Worst pair in the mode for which the method is optimised."""
     pairs: PairErrors = field(repr=False, compare=False)
-    """Every single error, for figures."""
+    """All single errors, for figures."""
 
     @property
     def componentwise(self) -> ErrorSummary:
@@ -272,12 +272,12 @@ class BasisReport:
 
     @property
     def exact(self) -> ErrorSummary:
-        """Errors of the light's matrix."""
+        """Errors of the exact light matrix."""
         return self.errors["exact"]
 
     @property
     def linear_model(self) -> ErrorSummary:
-        """Errors of the analysed product of two spectra of the basis."""
+        """Errors of the analysed product of two spectra in the basis."""
         return self.errors["linear-model"]
 
     @property
@@ -286,7 +286,7 @@ class BasisReport:
         return self.errors[RGB_PRODUCT]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return JSON types, without the single pairs."""
+        """Return JSON types, without single pairs."""
         return {
             "basis": self.basis,
             "size": self.size,
@@ -327,9 +327,9 @@ def basis_report(
     """Compare componentwise, matrix and RGB colours with full spectra.
 
     Defaults are the 26 smooth lights, and the 84 held-out samples of ``reflectance_set("test")`` or
-    the materials of a `MaterialBasis`, which has channels for no others. Raises BasisError if a
-    list is empty, the names do not match, or a reflectance is of other materials; SpectrumError if
-    a spectrum does not cover the basis' grid.
+    the materials of a `MaterialBasis`, which has no channels for others. Raises BasisError if a
+    list is empty, the names do not match, or a reflectance is not one of the materials;
+    SpectrumError if a spectrum does not cover the basis' grid.
     """
     lights = light_set("smooth", basis.grid) if lights is None else _lights(lights, basis.grid)
     if reflectances is None:
@@ -361,7 +361,7 @@ def basis_report(
 def sRGB_codes(XYZ: Array, white_XYZ: Array) -> NDArray[np.uint8]:
     """Return (..., 3) sRGB codes of colours under a white, by `ADAPTATION`, clipped."""
     CAT02 = k.CAT02_FROM_XYZ
-    # A nearly monochromatic white may have a response near 0: keep its gain finite.
+    # A nearly monochromatic white may have a response near 0: keep the gain finite.
     white = np.maximum(CAT02 @ white_XYZ, 1e-3 * white_XYZ[1])
     adapted = (XYZ @ CAT02.T) * ((CAT02 @ spaces.sRGB_WHITE_XYZ) / white)
     return to_uint8(encode_sRGB(linear_sRGB_from_XYZ(adapted @ np.linalg.inv(CAT02).T)))
@@ -396,7 +396,7 @@ def _samples(
     given = [""] * len(S) if names is None else list(names)
     if len(given) != len(S):
         raise BasisError(
-            f"report: {len(given)} names for {len(S)} reflectances; give one each", code="shape"
+            f"report: {len(given)} names for {len(S)} reflectances; give one for each", code="shape"
         )
     return S, [name or f"reflectance {i}" for i, name in enumerate(given, start=1)]
 
@@ -412,7 +412,7 @@ def _channels(basis: SpectralBasis | MaterialBasis, S: Array, names: Sequence[st
         match = np.flatnonzero(np.isclose(values, row, atol=1e-9).all(axis=1))
         if not match.size:
             raise BasisError(
-                f"report: {name} is none of the materials of basis {basis.name!r}, which holds "
+                f"report: {name} is not a material of basis {basis.name!r}, which holds "
                 f"{', '.join(own)}; it has no channels for others",
                 code="unknown",
             )

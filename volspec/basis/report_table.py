@@ -1,4 +1,4 @@
-"""Error table of a basis over several classes of lights: data, JSON, terminal.
+"""Error table of a basis over several classes of lights: as data, JSON or terminal output.
 
 basis, {class: lights}, reflectances -> [report_table] -> command line, figure
 """
@@ -36,7 +36,7 @@ CLASSES = ("smooth", "spiky")
 
 @dataclass(frozen=True, slots=True)
 class ErrorTable:
-    """Reports of a basis by class of lights: ``smooth``, ``spiky``, a scene's own as ``scene``."""
+    """Reports of a basis by class of lights: ``smooth``, ``spiky``, ``scene`` (a scene's own)."""
 
     basis: Basis
     measured_on: str  # description of the reflectances
@@ -44,7 +44,7 @@ class ErrorTable:
 
     @property
     def worst_class(self) -> str:
-        """Class of the worst pair of all."""
+        """Class of the overall worst pair."""
         return max(self.classes, key=lambda name: self.classes[name].worst.delta_e)
 
     @property
@@ -85,10 +85,10 @@ def error_table(
     measured_on: str = "",
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> ErrorTable:
-    """Report on a basis class by class, by default of the library's smooth and spiky lights.
+    """Report on a basis class by class, by default for the library's smooth and spiky lights.
 
-    Reflectances, names and errors as of `basis_report`. ``measured_on`` describes the reflectances;
-    ``progress`` is called with the finished fraction, 0…1.
+    Reflectances, names and errors are as in `basis_report`. ``measured_on`` describes the
+    reflectances; ``progress`` is called with the finished fraction, 0…1.
     """
     if classes is None:
         classes = {name: light_set(name, basis.grid) for name in CLASSES}
@@ -128,7 +128,7 @@ _SURFACES = {2: "two surfaces", 3: "three surfaces"}
 
 
 def format_delta_e(delta_e: float) -> str:
-    """Format a CIEDE2000 to three figures, never in powers of ten."""
+    """Format a CIEDE2000 difference to three figures, never in scientific notation."""
     if delta_e < 0.001:
         return "< .001" if delta_e > 1e-9 else "0"
     decimals = 3 if delta_e < 1 else 2 if delta_e < 10 else 1 if delta_e < 100 else 0
@@ -136,7 +136,7 @@ def format_delta_e(delta_e: float) -> str:
 
 
 def terminal_table(errors: ErrorTable) -> Table:
-    """Return a table with a block for each class of lights; the RGB renderer in columns."""
+    """Return a table with a block per class of lights, and columns for the RGB renderer."""
     table = Table(box=None, pad_edge=False, header_style="", show_edge=False)
     table.add_column("ΔE00, the light as white", style="dim", header_style="dim", min_width=24)
     for heading in ("mean", "median", "95 %", "max"):
@@ -179,7 +179,7 @@ def worst_line(errors: ErrorTable, colours: bool) -> Text:
 
 
 def verdict(errors: ErrorTable) -> str:
-    """Return one sentence that compares the RGB renderer with the basis."""
+    """Return a sentence that compares the RGB renderer with the basis."""
     parts = []
     for name, report in errors.classes.items():
         ours = report.errors[own_way(errors.basis.method)].mean

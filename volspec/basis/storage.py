@@ -1,4 +1,4 @@
-"""A basis as JSON: in ``data/bases``, in a user's file, in a coefficient image's header.
+"""A basis as JSON: in ``data/bases``, a user's file or a coefficient image's header.
 
 SpectralBasis <-> [storage] <-> JSON
 """
@@ -24,14 +24,14 @@ if TYPE_CHECKING:
 FORMAT = "volspec-basis"
 FORMAT_VERSION = 1
 MATERIALS = "materials"
-"""The ``method`` of a `MaterialBasis`; any other is a `SpectralBasis`'."""
+"""The ``method`` of a `MaterialBasis`; any other belongs to a `SpectralBasis`."""
 
 _Basis = TypeVar("_Basis")
 _LONGEST_LABEL = 200
 
 
 def to_dict(basis: SpectralBasis | MaterialBasis, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Convert to JSON types; Python writes floats that read back to the last bit."""
+    """Convert to JSON types; Python writes floats so that they are read back to the last bit."""
     grid = basis.grid
     words = {} if basis.method == MATERIALS else {"trained_on": basis.trained_on}
     return {
@@ -48,12 +48,12 @@ def to_dict(basis: SpectralBasis | MaterialBasis, numbers: Mapping[str, Any]) ->
 
 
 def is_material_basis(data: Any) -> bool:
-    """Return True if a dictionary is of a `MaterialBasis`."""
+    """Return True if a dictionary describes a `MaterialBasis`."""
     return isinstance(data, dict) and data.get("method") == MATERIALS
 
 
 def require_unedited(basis: SpectralBasis | MaterialBasis, data: Mapping[str, Any]) -> None:
-    """Raise BasisError if the fingerprint is of other numbers; the first files had none."""
+    """Raise BasisError if the fingerprint does not match; the first files had none."""
     stored = data.get("fingerprint", basis.fingerprint)
     if stored != basis.fingerprint:
         raise BasisError(
@@ -64,7 +64,7 @@ def require_unedited(basis: SpectralBasis | MaterialBasis, data: Mapping[str, An
 
 
 def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
-    """Return grid and observer of a basis, checked to have the named fields too.
+    """Return the grid and observer of a basis, after checking that the named fields exist.
 
     The observer is 2 degrees if missing, as in the first files. Raises BasisError for another
     format or version, or a missing field.
@@ -159,7 +159,7 @@ def _json(path: Path) -> Any:
             f"{label}: cannot be read as JSON: it is not UTF-8 text", code="damaged"
         ) from None
     except ValueError:
-        raise BasisError(f"{label!r} is no path; give a file name", code="syntax") from None
+        raise BasisError(f"{label!r} is not a path; give a file name", code="syntax") from None
     try:
         return parse_json(text)
     except ValueError as error:

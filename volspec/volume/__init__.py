@@ -1,4 +1,4 @@
-"""Scalar volumes: values on a regular lattice, its geometry, and readers of files."""
+"""Scalar volumes: values on a regular lattice, its geometry, and file readers."""
 
 from volspec.volume import phantom
 from volspec.volume.load import load_volume

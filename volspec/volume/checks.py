@@ -1,4 +1,4 @@
-"""Check and convert a volume's values and geometry, whichever library they come from.
+"""Check and convert a volume's values and geometry, from any library.
 
     NumPy, xarray, Zarr -> [checks] -> Volume
 
@@ -17,24 +17,24 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import VolspecWarning, VolumeError, one_line
 
 NATIVE_DTYPES = (np.uint8, np.uint16, np.int16, np.float32)
-"""Types that the kernels read; others become the nearest of these that holds them."""
+"""Types that kernels can read; others are converted to the smallest that fits their values."""
 _WIDENED = {"b1": np.uint8, "i1": np.int16}
-# Fraction of the range: rounding that no transfer function of 65536 entries can show.
+# Fraction of the range: smaller rounding errors are invisible with 65536 table entries.
 _NEGLIGIBLE = 1e-6
-# Fraction of a step by which coordinates may be uneven, as float32 and decimal files leave them.
+# Fraction of a step by which coordinates may be uneven, as in float32 and decimal files.
 _UNEVEN = 1e-3
 
 
 def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[float, float]]:
     """Return values that the kernels can read, (Z, Y, X), and their range.
 
-    The array is one of `NATIVE_DTYPES`, read-only, C-contiguous and finite. Raises VolumeError if
-    it is no 3-D array of real numbers, has fewer than two voxels along an axis, no finite value, or
-    values beyond float32.
+    The array has one of `NATIVE_DTYPES` and is read-only, C-contiguous and finite. Raises
+    VolumeError if it is not a 3-D array of real numbers, has fewer than two voxels along an axis,
+    no finite value, or values beyond float32.
     """
     if isinstance(given, str | os.PathLike):
         raise VolumeError(
-            f"{given!r:.60} is no array; read a file with volspec.load_volume", code="type"
+            f"{given!r:.60} is not an array; read a file with volspec.load_volume", code="type"
         )
     original = _real_array(given, name)
     values = original
@@ -56,8 +56,8 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
         values = np.asarray(given)
     except (TypeError, ValueError) as error:
         raise VolumeError(
-            f"{name}: {type(given).__name__} is no array ({one_line(error)}); "
-            "give one scalar a voxel, (Z, Y, X)",
+            f"{name}: {type(given).__name__} is not an array ({one_line(error)}); "
+            "give one scalar per voxel, (Z, Y, X)",
             code="type",
         ) from error
     if values.dtype.kind not in "buif":
@@ -67,7 +67,7 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
     if values.ndim != 3:
         raise VolumeError(
             f"{name}: the array has shape {values.shape}; a volume is 3-D (Z, Y, X), "
-            "one scalar a voxel. Choose one channel or time step",
+            "one scalar per voxel. Choose one channel or time step",
             code="shape",
         )
     if min(values.shape) < 2:
@@ -82,7 +82,7 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
 def _convert(values: NDArray[Any], name: str) -> NDArray[Any]:
     """Convert to the smallest native integer type that holds all values, else to float32."""
     kind = values.dtype.kind
-    if kind in "iu" and values.dtype.itemsize > 2:  # labels, mostly
+    if kind in "iu" and values.dtype.itemsize > 2:  # mostly labels
         low, high = int(values.min()), int(values.max())
         for narrow in (np.uint8, np.uint16, np.int16):
             if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
@@ -145,7 +145,7 @@ def _warn_of_lost_digits(
 
 
 def _warn(message: str) -> None:
-    # Blame the line that makes the volume: above this function, the check, checked_values,
+    # Blame the line that makes the volume, above this function, the check, checked_values,
     # __post_init__ and __init__.
     warnings.warn(message, VolspecWarning, stacklevel=6)
 
@@ -156,7 +156,7 @@ def checked_geometry(
     """Return spacing_mm and world_from_index, (4, 4) read-only, each from the other if missing.
 
     Raises VolumeError if a number is not finite, a spacing not positive, the matrix singular, or
-    both disagree.
+    the two disagree.
     """
     if spacing is not None:
         spacing_array = _numbers(spacing)
@@ -167,7 +167,7 @@ def checked_geometry(
         if not (np.isfinite(spacing_array).all() and (spacing_array > 0).all()):
             raise VolumeError(
                 f"{name}: spacing {tuple(spacing_array.tolist())} mm",
-                "each of x, y, z must be positive, correct the header or give spacing_mm",
+                "each of x, y, z must be positive; correct the header or give spacing_mm",
                 code="range",
                 given=spacing,
             )
@@ -193,8 +193,8 @@ def checked_geometry(
             )
         if matrix[3].tolist() != [0, 0, 0, 1]:
             raise VolumeError(
-                f"{name}: world_from_index ends in the row {matrix[3].tolist()}; an affine map "
-                "ends in 0, 0, 0, 1",
+                f"{name}: the last row of world_from_index is {matrix[3].tolist()}; "
+                "in an affine map it is 0, 0, 0, 1",
                 code="range",
                 given=world,
             )
@@ -211,7 +211,7 @@ def checked_geometry(
 
 
 def _numbers(given: ArrayLike) -> NDArray[np.float64]:
-    """Return a float64 copy; an empty array if the input is no array of numbers."""
+    """Return a float64 copy; an empty array if the input is not an array of numbers."""
     try:
         return np.array(given, dtype=np.float64)
     except (TypeError, ValueError):
@@ -219,11 +219,11 @@ def _numbers(given: ArrayLike) -> NDArray[np.float64]:
 
 
 def array_and_lattice(given: Any, name: str) -> tuple[Any, NDArray[np.float64] | None]:
-    """Return the array to convert, and world_from_index of its own coordinates; None without them.
+    """Return the array to convert, and world_from_index from its coordinates, or None without any.
 
-    An xarray ``DataArray`` with dimensions x, y and z, in any order and case, is transposed to
-    (Z, Y, X); with other names its order counts. Its coordinates are millimetres. Everything else
-    is returned unchanged. Raises VolumeError for several arrays, or uneven coordinates.
+    An xarray ``DataArray`` with dimensions x, y and z, in any order and case, is transposed to (Z,
+    Y, X); with other names its order is kept. Its coordinates are millimetres. Anything else is
+    returned unchanged. Raises VolumeError for several arrays, or uneven coordinates.
     """
     kind = type(given).__name__
     if hasattr(given, "point_data") or hasattr(given, "n_blocks"):
@@ -233,7 +233,7 @@ def array_and_lattice(given: Any, name: str) -> tuple[Any, NDArray[np.float64] |
         raise VolumeError(f"{name}: is a pyvista {kind}; {which}", code="type")
     if hasattr(given, "keys") and not hasattr(given, "dtype"):
         names = ", ".join(map(repr, given)) or "nothing"
-        raise VolumeError(f"{name}: is a {kind} of {names:.60}; give one array of it", code="type")
+        raise VolumeError(f"{name}: is a {kind} of {names:.60}; choose one of them", code="type")
     if not (hasattr(given, "dims") and hasattr(given, "coords")):
         return given, None
     return _xarray_lattice(given, name)
@@ -253,7 +253,7 @@ def _xarray_lattice(array: Any, name: str) -> tuple[Any, NDArray[np.float64] | N
 
 
 def _start_and_step(coordinates: Any, dim: Any, name: str) -> tuple[float, float]:
-    """Return the first coordinate and the step, which is negative if coordinates fall."""
+    """Return the first coordinate and the step, which is negative if coordinates decrease."""
     try:
         at = np.asarray(coordinates).astype(np.float64, casting="same_kind")
     except (TypeError, ValueError):

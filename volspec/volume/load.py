@@ -2,8 +2,8 @@
 
     file or folder -> [load] -> the reader of its kind (files/) -> Volume
 
-World coordinates are millimetres, in ITK's patient frame (LPS) where the format states one. Which
-library reads what, and why: docs/decisions/0001.
+World coordinates are millimetres, in ITK's patient frame (LPS) where the format states one. The
+libraries, and the reasons for them: docs/decisions/0001.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - ``.nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy``;
         - raw bytes as ``FILE.raw?shape=XxYxZ&dtype=uint8&spacing=1,1,1`` (also ``&offset=``
           bytes and ``&order=big``);
-        - a folder of DICOM slices, or one file of a series: ``FOLDER?series=NUMBER`` (or its
-          UID) of several series, ``?time=N`` if slices share their positions. In a folder
+        - a folder of DICOM slices, or one file of a series: ``FOLDER?series=NUMBER`` (or its UID)
+          if there are several series, ``?time=N`` if slices share their positions. In a folder
           without slices, folders below are searched, down to three levels. Oblique and tilted
-          stacks are not resampled; a tilted gantry gives a sheared lattice;
-        - a TIFF file of several pages, ImageJ's and OME-TIFF's spacing known, or a folder of
+          stacks are not resampled; a tilted gantry results in a sheared lattice;
+        - a multi-page TIFF file, with ImageJ's and OME-TIFF's spacing, or a folder of
           single TIFF or PNG pictures in the order of the numbers in their names (``z2`` before
           ``z10``): ``?spacing= channel= time=``;
-        - an OME-Zarr folder (0.4, 0.5): ``?level= channel= time= spacing=``; level 0 when left
-          out, or the finest of at most 2 GiB. Needs ``volspec[zarr]``.
+        - an OME-Zarr folder (0.4, 0.5): ``?level= channel= time= spacing=``; by default level 0,
+          or the finest of at most 2 GiB. Needs ``volspec[zarr]``.
 
     Raises
     ------
@@ -70,7 +70,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     """
     if not isinstance(path, str | os.PathLike):
         raise VolumeError(
-            f"volume: {quoted(path)} is no path; give text or a pathlib.Path",
+            f"volume: {quoted(path)} is not a path; give text or a pathlib.Path",
             code="type",
             given=path,
         )
@@ -80,7 +80,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         _require_utf_8(query.path)
     reading = read_in_child(query) if library else read_here(query)
     values = reading.values
-    # A format without geometry gives None, the constructor's default.
+    # A format without geometry leaves None, the constructor's default.
     volume = Volume(
         values.read() if isinstance(values, Stored) else values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
@@ -94,8 +94,8 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     low, high = volume.range
     if low == high:
         raise VolumeError(
-            f"{query.path}: every voxel is {low:g}, there is nothing to show; was the right file "
-            "or channel given?",
+            f"{query.path}: every voxel is {low:g}, so there is nothing to show; was the "
+            "right file or channel given?",
             code="range",
         )
     return volume
@@ -115,7 +115,7 @@ _LIBRARIES: dict[Callable[[Query], Reading], str] = {
     read_stack: "tifffile",
     read_ome_zarr: "zarr",
 }
-# Those that open only files whose names are UTF-8.
+# Readers that open only files whose names are UTF-8.
 _UTF_8 = ("SimpleITK", "pyvista")
 
 
@@ -125,13 +125,13 @@ def _require_utf_8(path: Path) -> None:
     except UnicodeEncodeError:
         raise VolumeError(
             f"{quoted(str(path), 200)}: its name is not UTF-8, and the library that reads it opens "
-            "no other; rename it, or work in a UTF-8 locale",
+            "no other names; rename it, or work in a UTF-8 locale",
             code="unsupported",
         ) from None
 
 
 def reader_library(query: Query) -> str:
-    """Return the module that reads a file; empty if it is read with NumPy alone."""
+    """Return the module that reads a file; empty if NumPy alone reads it."""
     return _LIBRARIES.get(_reader(query), "")
 
 
@@ -164,7 +164,7 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         return read_series
     if lower.endswith(".raw") or query.options:
         return read_raw
-    raise VolumeError(f"{path}: unknown format; known are {_KNOWN}", code="unknown")
+    raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
 
 
 def _folder_reader(folder: Path) -> Callable[[Query], Reading]:

@@ -1,8 +1,8 @@
-"""A scalar volume: values, spacing and orientation, valid at birth.
+"""A scalar volume: values, spacing and orientation, validated on construction.
 
     [volume] -> transfer -> raycast -> relight -> appearance
 
-Values are stored ``(Z, Y, X)``, x fastest, in the type the file had (8- and 16-bit integers
+Values are stored ``(Z, Y, X)``, x fastest, in the file's type (8- and 16-bit integers
 and float32 stay as they are). Positions are voxel centres: index (i, j, k) along x, y, z lies
 at ``world_from_index @ (i, j, k, 1)`` millimetres.
 """
@@ -35,15 +35,15 @@ class Volume:
     ----------
     values : (Z, Y, X) array
         NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are used without conversion. Wider
-        integers become the smallest of these integer types that holds them all, other types
-        float32 (int8 becomes int16). NaN and infinities are replaced with a warning: +inf by the
-        greatest finite value, NaN and -inf by the least. An array that needs no conversion is
-        shared and read-only here: do not change it while the volume is in use, or give a copy.
-        An xarray ``DataArray`` with dimensions x, y and z is transposed to (Z, Y, X); its
-        coordinates, in millimetres, give the geometry if neither of the next two is given.
+        integers become the smallest of these integer types that can represent all values, other
+        types float32 (int8 becomes int16). NaN and infinities are replaced with a warning: +inf by
+        the greatest finite value, NaN and -inf by the least. An array that needs no conversion is
+        shared and read-only here: do not change it while the volume is in use, or pass a copy. An
+        xarray ``DataArray`` with dimensions x, y and z is transposed to (Z, Y, X); its coordinates,
+        in millimetres, define the geometry if neither of the next two parameters is given.
     spacing_mm : (x, y, z), optional
-        Distance of neighbouring voxel centres; positive. By default that of
-        ``world_from_index``, or 1 mm.
+        Distance between neighbouring voxel centres; positive. Default: from ``world_from_index``,
+        or 1 mm.
     world_from_index : (4, 4), optional
         Affine map from voxel index (i, j, k) along (x, y, z) to millimetres. Default:
         the spacing on the diagonal, the first voxel at the origin.
@@ -53,8 +53,8 @@ class Volume:
     Raises
     ------
     VolumeError
-        If it is no 3-D array of real numbers, has fewer than two voxels along an axis or no
-        finite value, the geometry is singular, or coordinates are uneven.
+        If ``values`` is not a 3-D array of real numbers, has fewer than two voxels along an axis or
+        no finite value, the geometry is singular, or coordinates are uneven.
 
     Examples
     --------
@@ -64,7 +64,7 @@ class Volume:
     """
 
     values: NDArray[Any]
-    # None only in the constructor's call: both are always set after __post_init__.
+    # None only as constructor arguments: __post_init__ always sets both.
     spacing_mm: tuple[float, float, float] = None  # type: ignore[assignment]
     world_from_index: NDArray[np.float64] = None  # type: ignore[assignment]
     name: str = "volume"
@@ -104,7 +104,7 @@ class Volume:
         return (np.array(index) @ self.world_from_index.T)[:, :3]
 
     def with_spacing(self, spacing_mm: tuple[float, float, float]) -> Volume:
-        """Return this volume with another spacing; directions and the first voxel stay.
+        """Return this volume with another spacing; directions and the first voxel's position stay.
 
         Raises
         ------
@@ -117,7 +117,7 @@ class Volume:
         return Volume(self.values, world_from_index=world, name=self.name)
 
     def downsampled(self, factor: int, *, labels: bool = False) -> Volume:
-        """Return this volume with one voxel for every block of factor³, of the same type.
+        """Return this volume with one voxel, of the same type, for every block of factor³.
 
         A new voxel lies at its block's centre. The lattice stays regular: if the factor does not
         divide a count, the last block holds fewer voxels, but its new voxel lies at a whole
@@ -128,12 +128,12 @@ class Volume:
         factor : int
             Old voxels along a block's edge, from 1.
         labels : bool
-            True takes a block's most frequent value (the least of several) instead of its mean.
+            Use a block's most frequent value (the least, if tied) instead of its mean.
 
         Raises
         ------
         VolumeError
-            If the factor is no whole number from 1, or leaves fewer than two voxels along an
+            If the factor is not a whole number from 1, or leaves fewer than two voxels along an
             axis.
 
         Examples
@@ -148,7 +148,7 @@ class Volume:
             step = 0
         if step < 1:
             raise VolumeError(
-                f"{self.name}: down-sampled by {factor!r:.40}",
+                f"{self.name}: downsampled by {factor!r:.40}",
                 "give a whole number from 1",
                 code="range",
                 given=factor,
@@ -156,7 +156,7 @@ class Volume:
         least = min(self.shape_xyz)
         if -(-least // step) < 2:
             raise VolumeError(
-                f"{self.name}: down-sampled by {step}, {least} voxels leave one",
+                f"{self.name}: downsampled by {step}, {least} voxels leave one",
                 f"a volume has at least two along each axis, give a factor below {least}",
                 code="range",
                 given=factor,
@@ -171,9 +171,9 @@ class Volume:
 
     @classmethod
     def of(cls, given: Volume | pyvista.ImageData | ArrayLike) -> Volume:
-        """Return a volume itself, or the volume of a pyvista ``ImageData`` or array (Z, Y, X).
+        """Return a given volume itself, or make one of a pyvista ``ImageData`` or array (Z, Y, X).
 
-        An array's voxels are 1 mm, unless it is an xarray ``DataArray`` with coordinates.
+        An array's spacing is 1 mm, unless it is an xarray ``DataArray`` with coordinates.
         """
         if isinstance(given, cls):
             return given
@@ -188,7 +188,7 @@ class Volume:
         Raises
         ------
         VolumeError
-            If it is not one, has no such array, or the array has several components.
+            If ``grid`` is not one, has no such array, or the array has several components.
         """
         from volspec.volume.vtk_interop import volume_from_pyvista
 
@@ -202,7 +202,7 @@ class Volume:
 
 
 def block_means(blocks: NDArray[Any]) -> NDArray[Any]:
-    """Mean of every row, rounded for integer types.
+    """Return the mean of every row, rounded for integer types.
 
     >>> block_means(np.array([[1, 2, 4, 4], [9, 9, 9, 9]], np.uint8)).tolist()
     [3.0, 9.0]
@@ -212,7 +212,7 @@ def block_means(blocks: NDArray[Any]) -> NDArray[Any]:
 
 
 def block_modes(blocks: NDArray[Any]) -> NDArray[Any]:
-    """Most frequent value of every row, the least of several.
+    """Return the most frequent value of every row, the least if tied.
 
     >>> block_modes(np.array([[7, 2, 7, 3], [5, 4, 5, 4]])).tolist()
     [7, 4]

@@ -1,4 +1,4 @@
-"""Volumes with known answers, for tests, benchmarks and lessons."""
+"""Volumes with known analytic answers, for tests, benchmarks and lessons."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from volspec.volume.model import Volume
 def slab(size: int = 32, thickness: int = 16, value: float = 1.0) -> Volume:
     """Make a homogeneous float32 volume, ``thickness`` cells along z and ``size`` across, 1 mm.
 
-    Every sample inside is ``value``: the Beer-Lambert law gives the transmittance of any ray from
-    its chord through the box.
+    Every sample inside is ``value``, so a ray's transmittance follows from its chord through the
+    box by the Beer-Lambert law.
     """
     values = np.full((thickness + 1, size + 1, size + 1), value, np.float32)
     return Volume(values, name="slab")
@@ -20,8 +20,8 @@ def slab(size: int = 32, thickness: int = 16, value: float = 1.0) -> Volume:
 def ball(size: int = 64, *, spacing_mm: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Volume:
     """Make a float32 volume that falls linearly from 1 at the centre to 0 at the border.
 
-    The field is a cone in space (world millimetres), so its gradient has the same length
-    everywhere but at the centre.
+    The field is a cone in world space (millimetres), so its gradient has the same length everywhere
+    except at the centre.
     """
     axes = [(np.arange(size) - (size - 1) / 2) * s for s in spacing_mm]
     x, y, z = np.meshgrid(*axes, indexing="ij")

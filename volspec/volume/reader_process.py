@@ -1,8 +1,8 @@
-"""Child process that reads volumes with native libraries, so that no file can crash this process.
+"""Child process that reads volumes with native libraries, so that no file can crash the parent.
 
     load_volume -> Query -> [reader process: ITK, VTK, GDCM, libtiff, blosc] -> Reading
 
-A crash, a hang or excessive memory of the child becomes a one-line error. Voxels come back in
+A crash, a hang or excessive memory use in the child becomes a one-line error. Voxels come back in
 shared memory and are not copied again. Requests and answers are lines of JSON on the child's stdin
 and stdout.
 """
@@ -36,24 +36,24 @@ from volspec._child import child_command, exit_cause
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
 from volspec.volume.files.query import Query, Reading, Stored
 
-# Timeout without a message, to which the time of a slow disk is added.
+# Timeout without a message; the time that a slow disk needs is added.
 _TIMEOUT_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
-# Timeout of the first message: libraries have to be loaded, perhaps from a network.
+# Timeout of the first message: libraries have to be loaded, perhaps over a network.
 _START_S = 60.0
 # A child ends after this time without a request.
 _IDLE_S = 20.0
-# Greatest compression ratio that adds to the timeout; higher ones unpack quickly, or are hostile.
+# Greatest compression ratio that extends the timeout; higher ones unpack fast or are hostile.
 _MOST_PACKED = 20
-# Files of a folder that are counted for the timeout.
+# Most files of a folder that are counted for the timeout.
 _MOST_COUNTED = 5000
-# Address space beyond that of the libraries: for reading, and per byte of declared voxels (the
+# Address space in addition to the libraries': for reading, and per byte of declared voxels (the
 # library's copy, one conversion, and the shared memory).
 _SPARE_BYTES, _TIMES_DECLARED = 200 << 20, 3
 _START = (
     "from volspec.volume.load import read_here, reader_library; "
     "from volspec.volume.reader_process import serve; serve(read_here, reader_library)"
 )
-# One heap, since each thread's heap reserves address space; and no threads for linear algebra.
+# One heap, since each thread's heap reserves address space; no threads for linear algebra.
 _ENVIRONMENT = {"MALLOC_ARENA_MAX": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -61,12 +61,12 @@ def read_in_child(query: Query) -> Reading:
     """Read a volume in a child process.
 
     Raises the reader's own error; VolumeError if the child crashes, hangs, or takes more memory
-    than the file's header accounts for; DeviceError if no child can be started.
+    than the file's header accounts for; DeviceError if no child process can be started.
     """
     idle = _idle_processes(os.getpid())
     try:
         process = idle.pop()
-        if not process.request(query):  # it has been idle too long, and ended
+        if not process.request(query):  # it was idle for too long and ended
             raise IndexError
     except IndexError:
         try:
@@ -99,7 +99,7 @@ def read_in_child(query: Query) -> Reading:
 
 def _no_process(query: Query, cause: str) -> DeviceError:
     return DeviceError(
-        f"{query.path}: no process can be started to read it with ({sys.executable!r}: {cause}); "
+        f"{query.path}: no process can be started to read it ({sys.executable!r}: {cause}); "
         "are memory, open files or processes limited?",
         code="size",
     )
@@ -107,7 +107,7 @@ def _no_process(query: Query, cause: str) -> DeviceError:
 
 @lru_cache(maxsize=1)
 def _idle_processes(owner: int) -> list[_ReaderProcess]:
-    """Return the idle children of a process; a fork of their owner has none."""
+    """Return the idle children of a process; a fork of the process has none."""
     return []
 
 
@@ -163,13 +163,13 @@ class _ReaderProcess:
         if self._timed_out:
             fault = f"takes longer than {self._seconds:.0f} s to read"
         else:
-            fault = f"ends the library that reads it ({exit_cause(self._process.returncode)})"
+            fault = f"crashes the library that reads it ({exit_cause(self._process.returncode)})"
         raise VolumeError(
             f"{query.path}: {fault}; the file is damaged, copy or export it again", code="damaged"
         )
 
     def take(self, voxels: Stored) -> NDArray[Any]:
-        """Map voxels in shared memory, and let the child forget them."""
+        """Map voxels in shared memory, and let the child release them."""
         # O_TEMPORARY: Windows deletes the file with the mapping.
         flags = getattr(os, "O_BINARY", 0) | getattr(os, "O_TEMPORARY", 0)
         handle = os.open(voxels.path, os.O_RDWR | flags)
@@ -193,7 +193,7 @@ class _ReaderProcess:
 
     def _send(self, line: bytes) -> None:
         assert self._process.stdin is not None
-        with suppress(OSError, ValueError):  # it has ended or is closed: no answer will come
+        with suppress(OSError, ValueError):  # the child has ended: no answer will come
             self._process.stdin.write(line + b"\n")
             self._process.stdin.flush()
 
@@ -218,7 +218,7 @@ class _ReaderProcess:
 
 
 def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], str]) -> None:
-    """Answer requests until none comes for a while, or the parent ends.
+    """Answer requests until there are none for a while, or the parent ends.
 
     ``reader_library`` returns the name of the module that a query's reader imports.
     """
@@ -277,7 +277,7 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
     except MemoryError:
         code = "size"
         fault = "takes more memory to read than its header accounts for; is it damaged?"
-    except Exception as error:  # a library's own, of a kind that its reader does not expect
+    except Exception as error:  # a library's error that its reader does not expect
         code = "damaged"
         fault = f"cannot be read ({type(error).__name__}: {one_line(error):.150}); is it damaged?"
     else:
@@ -294,7 +294,7 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
 
 
 def _folder_bytes(path: Path) -> int:
-    """Return the bytes a reader may have to search: each slice has a file of its own."""
+    """Return the bytes that a reader may have to search: each slice has its own file."""
     try:
         files = islice(path.rglob("*") if path.is_dir() else path.parent.iterdir(), _MOST_COUNTED)
         return sum(file.stat().st_size for file in files if file.is_file())
@@ -311,8 +311,8 @@ def _listen(requests: SimpleQueue[bytes]) -> None:
 def _shared(values: NDArray[Any]) -> tuple[Stored, int]:
     """Copy an array into shared memory; return its location and the handle that owns it.
 
-    Not ``multiprocessing.shared_memory``, which fills /dev/shm, small in containers, and leaves
-    names behind if a process is killed.
+    ``multiprocessing.shared_memory`` is not used: it fills /dev/shm, which is small in containers,
+    and leaves names behind if a process is killed.
     """
     if values.dtype.hasobject or not values.size:
         raise ValueError(f"values of type {values.dtype} and shape {values.shape}")

@@ -1,6 +1,6 @@
 """Convert volumes to and from pyvista (VTK).
 
-Cell scalars are taken if a grid has no point scalars; their lattice is the cells' centres.
+Cell scalars are used if a grid has no point scalars; their lattice is that of the cell centres.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def volume_from_pyvista(
 ) -> Volume:
     """Convert a pyvista ``ImageData``: its scalars, spacing, origin and direction.
 
-    Raises VolumeError if it is not one, has no such array, or one of several components.
+    Raises VolumeError if ``grid`` is not one, or its array is missing or has several components.
     """
     values, world = values_and_lattice(grid, scalars, name)
     return Volume(values, world_from_index=world, name=name)
@@ -49,7 +49,7 @@ def values_and_lattice(
     array = np.asarray(data[chosen])
     if array.ndim != 1:
         raise VolumeError(
-            f"{name}: {array.shape[-1]} components a voxel in {chosen!r}; a volume has one",
+            f"{name}: {array.shape[-1]} components per voxel in {chosen!r}; a volume has one",
             code="shape",
         )
     shape = tuple(n - 1 if cells else n for n in grid.dimensions)
@@ -80,6 +80,6 @@ def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:
         dimensions=volume.shape_xyz, spacing=volume.spacing_mm, origin=world[:3, 3]
     )
     grid.direction_matrix = world[:3, :3] / np.asarray(volume.spacing_mm)
-    # A copy: VTK writes where NumPy says read-only.
+    # A copy, since VTK writes to arrays that NumPy marks as read-only.
     grid.point_data["values"] = volume.values.flatten()
     return grid

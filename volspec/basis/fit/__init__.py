@@ -4,7 +4,7 @@
 
 ======================  ==========================================================================
 ``virtual-sensors``     the best componentwise colour (`volspec.basis.fit.sensors`)
-``reduced-rank``        the best colour by the exact light matrix (`volspec.basis.fit.linear`)
+``reduced-rank``        the best colour with the exact light matrix (`volspec.basis.fit.linear`)
 ``pca-sharpened``       the papers' spectral factor model (`volspec.basis.fit.linear`)
 ``pca``                 the papers' linear model, its reference (`volspec.basis.fit.linear`)
 ======================  ==========================================================================
@@ -29,19 +29,19 @@ Array = NDArray[np.float64]
 _LINEAR = {"reduced-rank": reduced_rank, "pca-sharpened": sharpened_pca, "pca": pca}
 METHODS = ("virtual-sensors", *_LINEAR)
 DEFAULT_SMOOTHNESS = 5e-6
-# Few light-reflectance pairs are of designed spectra, which oscillate: sensors must be able to.
+# Few light-reflectance pairs mean designed spectra, which oscillate: sensors must follow them.
 _FEW_PAIRS = 150
 _SCENE_SMOOTHNESS = 2e-7
-# Perturbed starts by the number of pairs: with few spectra there are several minima, and each
-# start is cheap.
+# Number of perturbed starts by number of pairs: few spectra have several minima, and each start is
+# cheap.
 _RESTARTS = ((_FEW_PAIRS, 4), (2000, 2))
 # Strength of the prior "spectra are smooth" against the training spectra's own covariance.
 _PRIOR = 1e-5
 _PRIOR_WIDTH_NM = 40.0
-# A penalty of the order of the colours' own errors leaves nothing but straight lines.
+# A penalty as large as the colour errors themselves leaves only straight lines.
 _MOST_SMOOTHNESS = 1.0
 _USUAL_SIZES = (5, 9)
-# Sensors of a larger condition number are refused.
+# Sensors with a larger condition number are refused.
 _REFUSED_ALIKE = 100.0
 
 
@@ -56,7 +56,7 @@ def fit_basis(
 ) -> tuple[Array, Array, Array]:
     """Fit A, B and D; `SpectralBasis.fit` documents the arguments.
 
-    On one thread: for small matrices more gain nothing, and change the last bits.
+    Runs on one thread: for small matrices more threads gain nothing, and change the last bits.
     """
     _check_method(method)
     _check_size(size, training)
@@ -84,7 +84,7 @@ def fit_basis(
 
 
 def best_synthesis(A: Array, training: Training) -> Array:
-    """Return B (N, m): the most likely reflectances of given coefficients, with B 1 = 1.
+    """Return B (N, m): the most likely reflectances for given coefficients, with B 1 = 1.
 
     Linear regression of spectra on their channels, B = C A^T (A C A^T)^-1 with C the training
     covariance plus a weak smooth prior (so that m may exceed the number of reflectances),
@@ -141,14 +141,14 @@ def _check_determined(A: Array, B: Array, training: Training, *, alike: float) -
         return
     most = min(int((strength > strength[0] / MOST_ALIKE).sum()), len(A) - 1)
     raise BasisError(
-        f"basis size {len(A)}: {training.label} do not determine so many channels, which became "
+        f"basis size {len(A)}: {training.label} do not determine this many channels, which became "
         f"mixtures of each other; {smaller_size(most)}",
         code="impossible",
     )
 
 
 def _refuse_options(method: str, **options: Any) -> None:
-    """Raise BasisError for options of ``virtual-sensors``."""
+    """Raise BasisError for options that belong to ``virtual-sensors``."""
     if options.pop("positive"):
         raise BasisError(
             f"{method} cannot keep its analysis positive; use method='virtual-sensors'",
@@ -157,7 +157,7 @@ def _refuse_options(method: str, **options: Any) -> None:
     for name, value in options.items():
         if value is not None:
             raise BasisError(
-                f"{method} takes no {name}; leave it out, or use method='virtual-sensors'",
+                f"{method} has no option {name}; leave it out, or use method='virtual-sensors'",
                 code="conflict",
             )
 

@@ -9,15 +9,15 @@ mean square colour error of the exact light matrix
 
 with G_jk the CIE94 metric. With one W for all reflectances that is a singular-value
 decomposition [1]; from there A and B are solved for in turn with every reflectance's own W_k.
-Any m independent mixtures of A's rows are as good; those that multiply best componentwise are
-chosen (`volspec.basis.fit.sensors.choose_channels`), with their D.
+Any m independent mixtures of A's rows are equally good; the mixtures that multiply best
+componentwise are chosen (`volspec.basis.fit.sensors.choose_channels`), with their D.
 
 ``pca`` and ``pca-sharpened`` use the first m right singular vectors of the colour signals
 E_i * S_j, uncentred, with the perfect diffuser added to the reflectances [2]. They differ in the
-vectors of that subspace that carry the channels, and so in the quality of a componentwise product;
-the full product inside the subspace, `SpectralBasis.illumination_matrix`, is the same. The papers'
-spectra span 400-700 nm: on a wider grid the bands outside count for little, or the invisible
-infrared of incandescent lamps would take up channels.
+vectors of that subspace that represent the channels, and so in the quality of a componentwise
+product; the full product inside the subspace, `SpectralBasis.illumination_matrix`, is the same. The
+papers' spectra span 400-700 nm: on a wider grid the bands outside are weighted little, or the
+invisible infrared of incandescent lamps would occupy channels.
 
 References
 ----------
@@ -38,11 +38,11 @@ from volspec.errors import BasisError
 
 Array = NDArray[np.float64]
 
-# Two bring most of the gain; more overfit the training set.
+# Two rounds bring most of the gain; more overfit the training set.
 _ITERATIONS = 2
 # Keeps each solution near the previous one if the training set does not determine it.
 _RIDGE = 1e-6
-# Directions in which reflectances vary less than this fraction of the most are left out.
+# Directions in which reflectances vary by less than this fraction of the most are left out.
 _VARIATION = 1e-5
 
 
@@ -64,7 +64,7 @@ def reduced_rank(training: Training, size: int) -> tuple[Array, Array, Array]:
 
 
 def _frame(training: Training, size: int) -> Array:
-    """Return (N, r) orthonormal: flat white, then the reflectances' variation about it."""
+    """Return (N, r) orthonormal columns: flat white, then the reflectances' variation about it."""
     N = training.grid.size
     S = training.S * np.sqrt(training.reflectance_weights)[:, None]
     _, strength, directions = np.linalg.svd(S - S.mean(1, keepdims=True), full_matrices=False)
@@ -84,7 +84,7 @@ def _colour_weights(training: Training, frame: Array) -> Array:
 
 
 def _one_metric_for_all(t: Array, W: Array, bands: int, size: int) -> tuple[Array, Array]:
-    """Return the best A (m, r) and B (r, m) for the sum of all W, white being a channel."""
+    """Return the best A (m, r) and B (r, m) for the sum of all W, with white as a channel."""
     power, directions = np.linalg.eigh(W.sum(0))
     root = np.sqrt(np.maximum(power, 1e-9 * power[-1]))
     half, inverse = (directions * root) @ directions.T, (directions / root) @ directions.T
@@ -94,7 +94,7 @@ def _one_metric_for_all(t: Array, W: Array, bands: int, size: int) -> tuple[Arra
     _, _, components = np.linalg.svd(rest, full_matrices=False)
     frame = np.vstack([white, components[: size - 1]])
     A, B = frame @ half, inverse @ frame.T
-    # White is 1 in the first channel and 0 in the others; added, it is 1 in all.
+    # White is 1 in the first channel and 0 in the others; adding the first makes it 1 in all.
     scale = A[0, 0] * np.sqrt(bands)
     mix = np.eye(size)
     mix[:, 0] = 1.0 / scale
@@ -102,14 +102,14 @@ def _one_metric_for_all(t: Array, W: Array, bands: int, size: int) -> tuple[Arra
 
 
 def _better_analysis(A: Array, B: Array, t: Array, W: Array) -> Array:
-    """Solve A for a given B; its first column, which makes white 1 in all channels, stays."""
+    """Solve for A given B; its first column, which makes white 1 in all channels, stays."""
     A = A.copy()
     A[:, 1:] += _solve_ridge(W, B, t[:, 1:], t - t @ A.T @ B.T)
     return A
 
 
 def _better_synthesis(A: Array, B: Array, t: Array, W: Array) -> Array:
-    """Solve B for a given A, among those with A B = I and the same B 1."""
+    """Solve for B given A, among the B with A B = I and the same B 1."""
     m = len(A)
     unseen = np.linalg.svd(A)[2][m:].T
     uneven = np.linalg.svd(np.ones((1, m)))[2][1:].T
@@ -119,7 +119,7 @@ def _better_synthesis(A: Array, B: Array, t: Array, W: Array) -> Array:
 
 
 def _reading_back(A: Array, B: Array, unseen: Array) -> Array:
-    """Return the B with A B = I that keeps white, nearest to B in A's null space."""
+    """Return the B with A B = I that keeps white and is nearest to ``B`` in A's null space."""
     plain = np.linalg.pinv(A)
     white = np.eye(A.shape[1])[0] * B.sum(1)[0]
     B = plain + unseen @ (unseen.T @ B)
@@ -127,7 +127,7 @@ def _reading_back(A: Array, B: Array, unseen: Array) -> Array:
 
 
 def _solve_ridge(W: Array, F: Array, x: Array, rest: Array) -> Array:
-    """Return the X of least sum_k || rest_k - F X x_k ||^2_Wk, with a ridge.
+    """Return the X that minimises sum_k || rest_k - F X x_k ||^2_Wk, with a ridge.
 
     Shapes: W (K, r, r), F (r, a), x (K, b), rest (K, r); X (a, b).
     """
@@ -142,12 +142,12 @@ def _solve_ridge(W: Array, F: Array, x: Array, rest: Array) -> Array:
 
 
 _PAPERS_NM = (400.0, 700.0)
-# Root weight of a band outside that range: a thousandth of the squares.
+# Root weight of a band outside that range: a thousandth in the squares.
 _OUTSIDE = 0.03
 
 
 def pca(training: Training, size: int) -> tuple[Array, Array, Array]:
-    """Fit A, B and D with the principal components, scaled by white, as B's columns."""
+    """Fit A, B and D, with the principal components, scaled by white, as B's columns."""
     return _scaled_by_white(training, _components(training, size))
 
 
@@ -162,7 +162,7 @@ def sharpened_pca(training: Training, size: int) -> tuple[Array, Array, Array]:
 
 
 def _components(training: Training, size: int) -> Array:
-    """Return B0 (N, m), orthonormal, of signals times the bands' root weights."""
+    """Return B0 (N, m), orthonormal, for signals times the bands' root weights."""
     spanned = training.with_white()
     # Singular vectors of all J K signals from the N x N sum of their outer products: the sum
     # over lights of diag(E) C diag(E) is C times that of E E^T, entry by entry.
@@ -175,7 +175,7 @@ def _components(training: Training, size: int) -> Array:
 
 
 def _scaled_by_white(training: Training, weighted: Array) -> tuple[Array, Array, Array]:
-    """Scale orthonormal ``weighted`` (N, m) to a B by which white analyses to ones; D = Q B.
+    """Scale orthonormal ``weighted`` (N, m) to a B for which white's channels are ones; D = Q B.
 
     A = B^+ for equal band weights. Raises BasisError if a channel does not respond to white.
     """

@@ -4,14 +4,13 @@
 
 J lights, K reflectances, m channels, P knots; the equations are in `volspec.basis.fit.sensors`.
 A residual depends on the sensors only through its light's channels e_j and its reflectance's s_k,
-so J^T J is summed up from small blocks by light and by reflectance; the Jacobian itself,
-(3 J K) x (m P), is never formed.
+so J^T J is a sum of small blocks by light and by reflectance; the Jacobian itself, (3 J K) x (m P),
+is never formed.
 
 References
 ----------
-[1] CIE 116:1995, the CIE94 colour difference: CIELAB, with errors of chroma and hue counting
-    the less the more chroma there is. The local form of CIEDE2000 but for its corrections of
-    blue and of near-grey.
+[1] CIE 116:1995, the CIE94 colour difference: CIELAB, with errors of chroma and hue weighted less
+    as chroma grows. The local form of CIEDE2000 except for its corrections of blue and near-grey.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ from volspec.basis.fit.training import Training
 
 Array = NDArray[np.float64]
 
-# Penalties in colour differences: a white off by 100 %, and an entry of D of 100 (all of Y).
+# Penalties in colour differences: of a white off by 100 %, and of a D entry of 100 (all of Y).
 _WHITE_WEIGHT = 20.0
 _DISPLAY_WEIGHT = 0.0012
 _LEAST_WHITE = 0.1
@@ -39,9 +38,9 @@ class Problem:
 
     E: Array  # (J, P), each light on the knots
     S: Array  # (K, P)
-    area: Array  # (P,), the knots' sums over bands
+    area: Array  # (P,), sums of the knots over bands
     white: Array  # (J, 3)
-    white_scale: Array  # (J, 3), a white off by 100 % costs this
+    white_scale: Array  # (J, 3), cost of a white off by 100 %
     target: Array  # (J, K, 3), XYZ / white
     metric: Array  # (J, K, 3, 3), G with the weights and 1/sqrt(JK) folded in
     roughness: Array  # (R, P), the penalty's rows
@@ -49,7 +48,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Unknowns: sensors A = heights @ knots, each of sum 1 over bands, and D."""
+    """Unknowns: sensors A = heights @ knots, each with sum 1 over bands, and D."""
 
     heights: Array  # (m, P), heights @ area = 1; positive=True keeps them >= 0
     D: Array  # (3, m)
@@ -118,7 +117,7 @@ def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Arra
     light = np.matmul(by_light.swapaxes(1, 2), by_light)  # (J, 4m + 1, 4m + 1)
     reflectance = np.matmul(by_reflectance[..., :m].swapaxes(1, 2), by_reflectance)
     cross = np.matmul(by_e.swapaxes(2, 3), by_s)  # (J, K, m, m)
-    # By the heights, before they are held to sum 1: axes (m, P, m, P).
+    # By the heights, before they are constrained to sum 1: axes (m, P, m, P).
     both = np.einsum("jp,jkx->pkx", problem.E, cross.reshape(J, K, -1), optimize=True)
     both = np.einsum("pkx,kq->pxq", both, problem.S, optimize=True).reshape(P, m, m, P)
     both = both.swapaxes(0, 1)
@@ -141,7 +140,7 @@ def normal_equations(problem: Problem, state: State, value: Value) -> tuple[Arra
 
 
 def _derivatives(problem: Problem, state: State, value: Value) -> tuple[Array, Array, Array]:
-    """Differentiate the residual: by e and by s, (J, K, 3, m), and by D, (J, K, 3, 3m).
+    """Differentiate the residual by e and s, (J, K, 3, m), and by D, (J, K, 3, 3m).
 
     ratio_c = D_c (e * s) / (D_c e): the quotient rule.
     """
@@ -175,7 +174,7 @@ def _outer_sum(weights: Array, spectra: Array) -> Array:
 
 
 def _fix_sums(by_heights: Array, state: State, problem: Problem) -> Array:
-    """Project derivatives (m, P, ...) to sensors divided by their sum, which is now 1."""
+    """Convert derivatives (m, P, ...) to those for sensors divided by their sum, now 1."""
     along = np.einsum("mp,mp...->m...", state.heights, by_heights)
     tail = (1,) * (by_heights.ndim - 2)
     return by_heights - problem.area.reshape(1, -1, *tail) * along[:, None]
@@ -193,12 +192,12 @@ _WHITE = np.ones(3)
 def relative_colours(training: Training) -> tuple[Array, Array, Array]:
     """Return whites (J, 3), XYZ / white (J, K, 3), and G (J, K, 3, 3) of every pair.
 
-    G includes the pair's weight and the number of pairs: the sum of squares of errors weighted by
-    it is their mean square.
+    G includes the pair's weight and the number of pairs, so that the sum of squares of errors
+    weighted by G is their mean square.
     """
     E, S, Q = training.E, training.S, training.Q
     white = E @ Q.T
-    # Without noticeable X or Z there is no ratio to fit; `display_matrix` derives it from Y.
+    # Without noticeable X or Z there is no ratio to fit; `display_matrix` uses Y instead.
     visible = white > NO_COLOUR * white[:, 1:2]
     white = visible_white(white)
     ratio = np.matmul(S, (Q * E[:, None]).swapaxes(1, 2)) / white[:, None]
@@ -220,7 +219,7 @@ def difference_metric(ratio: ArrayLike) -> Array:
     slope = cielab_derivative(ratio)
     _, a, b = np.moveaxis(cielab(ratio, _WHITE), -1, 0)
     chroma = np.hypot(a, b)
-    # Grey has no hue: any direction will do, as both losses are equal there.
+    # Grey has no hue: any direction will do, as both weights are equal there.
     hue = np.arctan2(b, a)
     toward = np.stack([np.cos(hue), np.sin(hue)], axis=-1)
     across = np.stack([-np.sin(hue), np.cos(hue)], axis=-1)

@@ -1,4 +1,4 @@
-"""Fit ``virtual-sensors``: m sensors with channels that multiply as spectra do.
+"""Fit ``virtual-sensors``: m sensors whose channels multiply as spectra do.
 
     training set -> [sensors] -> A, D
 
@@ -35,12 +35,12 @@ _CENTRES_NM = (440.0, 620.0)
 _COLOUR_NM = (420.0, 660.0)
 _ITERATIONS = 100
 _TOLERANCE = 1e-5
-# A start that reaches this mean square colour error needs no rival.
+# A start that reaches this mean square colour error ends the search.
 _GOOD_ENOUGH = 0.02**2
-# Lighter than for free sensors: not every space holds every light's white.
+# Lighter than for free sensors: not every space contains every light's white.
 _CHANNEL_WHITE_WEIGHT = 8.0
 MOST_ALIKE = 30.0
-"""Largest condition number of sensors; beyond, they are mixtures of each other."""
+"""Largest condition number of sensors; above it, they are mixtures of each other."""
 _KNOT_NM = 10.0
 _MOST_FREE_BANDS = 64
 
@@ -56,7 +56,7 @@ def fit_sensors(
     grid = training.grid
     at_nm, knots = _knots(grid)
     # Curvature of the sensor's density (mean 1) per (10 nm)^2, as a mean square over knots,
-    # so that one smoothness means the same on every grid.
+    # so that a smoothness has the same effect on every grid.
     second = np.diff(np.eye(at_nm.size), 2, axis=0) * (10.0 / (at_nm[1] - at_nm[0])) ** 2
     roughness = np.sqrt(smoothness / at_nm.size) * grid.size * second
     problem = pose_problem(training, knots, roughness)
@@ -65,10 +65,10 @@ def fit_sensors(
 
 
 def choose_channels(training: Training, rows: Array) -> tuple[Array, Array]:
-    """Return T (m, m) and D: the sensors T @ rows of a row space (m, N) that multiply best.
+    """Return T (m, m) and D for the sensors T @ rows, of a row space (m, N), that multiply best.
 
     The descent starts at the narrowest sensors of the space: the eigenvectors of diag(lambda) in
-    it, with lambda clipped to the wavelengths of colour. ``rows`` are orthonormal.
+    it, with lambda clipped to the wavelengths that affect colour. ``rows`` are orthonormal.
     """
     problem = pose_problem(training, rows, np.zeros((0, len(rows))), _CHANNEL_WHITE_WEIGHT)
     _, narrow = np.linalg.eigh(rows * np.clip(training.grid.wavelengths_nm, *_COLOUR_NM) @ rows.T)
@@ -77,7 +77,7 @@ def choose_channels(training: Training, rows: Array) -> tuple[Array, Array]:
 
 
 def _perturb(heights: Array, count: int) -> Iterator[Array]:
-    """Yield the heights, then so many random changes of them."""
+    """Yield the heights, then ``count`` random perturbations of them."""
     rng = np.random.default_rng(20090128)
     yield heights
     for _ in range(count):
@@ -85,7 +85,7 @@ def _perturb(heights: Array, count: int) -> Iterator[Array]:
 
 
 def _gaussians(at_nm: Array, size: int) -> Array:
-    """Return (m, P) values at P wavelengths of m Gaussians spread over the visible."""
+    """Return (m, P) values, at P wavelengths, of m Gaussians spread over the visible range."""
     low, high = max(_CENTRES_NM[0], at_nm[0]), min(_CENTRES_NM[1], at_nm[-1])
     centres = np.linspace(low, high, size)
     sigma = (high - low) / (size - 1) / 3
@@ -93,7 +93,7 @@ def _gaussians(at_nm: Array, size: int) -> Array:
 
 
 def _best_descent(problem: Problem, starts: Iterable[Array], positive: bool) -> State:
-    """Return the state of least cost over all starts; sensors too alike come last."""
+    """Return the state of least cost over all starts; sensors that are too alike rank last."""
     found: list[tuple[tuple[bool, float], State]] = []
     for heights in starts:
         state = _descend(problem, heights, positive)
@@ -130,7 +130,7 @@ def _descend(problem: Problem, heights: Array, positive: bool) -> State:
 
 
 def _scaled_display(training: Training, problem: Problem, state: State) -> Array:
-    """Return D with whites right in the mean, Y = 100 for the flat light of ones."""
+    """Return D with whites correct on average, Y = 100 for the flat light of ones."""
     predicted = evaluate(problem, state).e @ state.D.T
     scale = (problem.white * predicted).sum(0) / (predicted**2).sum(0)
     return state.D * scale[:, None] * (100.0 / training.Q[1].sum())
@@ -139,7 +139,7 @@ def _scaled_display(training: Training, problem: Problem, state: State) -> Array
 def _knots(grid: SpectralGrid) -> tuple[Array, Array]:
     """Return wavelengths (P,) and knots (P, N), the basis functions of sensors.
 
-    One a band; on fine grids hat functions every 10 nm keep the fit small.
+    One knot per band; on fine grids, hat functions every 10 nm keep the fit small.
     """
     w = grid.wavelengths_nm
     if grid.size <= _MOST_FREE_BANDS:
@@ -150,7 +150,7 @@ def _knots(grid: SpectralGrid) -> tuple[Array, Array]:
 
 
 def _start(problem: Problem, heights: Array, positive: bool) -> State:
-    """Solve the best D for fixed sensors by linear least squares, before white correction."""
+    """Solve for the best D of fixed sensors by linear least squares, before white correction."""
     heights = heights / (heights @ problem.area)[:, None]
     m = len(heights)
     e, s = problem.E @ heights.T, problem.S @ heights.T
@@ -158,7 +158,7 @@ def _start(problem: Problem, heights: Array, positive: bool) -> State:
     design = (problem.metric[..., None] * P[:, :, None]).reshape(-1, 3 * m)
     goal = np.einsum("jkrc,jkc->jkr", problem.metric, problem.target).ravel()
     H, gradient = design.T @ design, design.T @ goal
-    for c in range(3):  # whites too: none may become negative
+    for c in range(3):  # whites, too: they must not become negative
         block = slice(c * m, (c + 1) * m)
         rows = e / problem.white_scale[:, c, None]
         H[block, block] += rows.T @ rows
@@ -168,7 +168,7 @@ def _start(problem: Problem, heights: Array, positive: bool) -> State:
 
 
 def _step(state: State, H: Array, gradient: Array) -> Array:
-    """Minimise the quadratic model; heights of positive sensors stay at 0 or more.
+    """Minimise the quadratic model; heights of positive sensors stay at or above 0.
 
     An active set that only grows: heights that would fall below 0 are fixed there, and the rest
     is solved again.
@@ -191,8 +191,8 @@ def _take_step(problem: Problem, state: State, step: Array) -> State:
     cut = state.heights.size
     heights = state.heights + step[:cut].reshape(state.heights.shape)
     if state.positive:
-        heights = np.maximum(heights, 0.0)  # rounding
+        heights = np.maximum(heights, 0.0)  # against rounding
     area = heights @ problem.area
-    # A vanishing sensor costs more than any other; it only must not divide by zero.
+    # A vanishing sensor costs more than any other; just avoid division by zero.
     heights = heights / np.where(np.abs(area) < 1e-9, 1e-9, area)[:, None]
     return replace(state, heights=heights, D=state.D + step[cut:].reshape(state.D.shape))

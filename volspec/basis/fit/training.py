@@ -19,20 +19,20 @@ from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflecta
 
 Array = NDArray[np.float64]
 
-# Weight of the perfect diffuser in the training set if it must lie in the subspace: channels are
+# Weight of the perfect diffuser in the training set if it must lie in the subspace, as channels are
 # scaled by white.
 _WHITE_SHARE = 0.08
-# Directions weaker than this fraction of the strongest are rounding, also of squares.
+# Directions weaker than this fraction of the strongest are rounding errors, even of squares.
 _RANK = 1e-7
-# Reflectances below this are black.
+# Reflectances below this value are black.
 _BLACK = 1e-6
 LEAST_SIZE = 3
-"""Least number of channels: the numbers of a colour."""
+"""Least number of channels: a colour has three."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Training:
-    """J lights and K reflectances of N bands; made by `training_set`."""
+    """J lights and K reflectances in N bands; made by `training_set`."""
 
     E: Array  # (J, N), each with Y = 100 for a perfect diffuser
     S: Array  # (K, N)
@@ -62,7 +62,7 @@ class Training:
         return (self.S * self.reflectance_weights[:, None]).T @ self.S / len(self.S)
 
     def with_white(self) -> Training:
-        """Add the perfect diffuser, at a twelfth of the reflectances' weight together."""
+        """Add the perfect diffuser, with a twelfth of the reflectances' total weight."""
         weights = np.append(self.reflectance_weights, _WHITE_SHARE * len(self.S))
         S = np.concatenate([self.S, np.ones((1, self.grid.size))])
         return Training(
@@ -125,7 +125,7 @@ def check_rank(strength: Array, size: int, what: str) -> None:
 
 
 def smaller_size(most: int) -> str:
-    """Return the remedy if the spectra determine at most so many channels."""
+    """Return the error's remedy when the spectra determine at most ``most`` channels."""
     if most < LEAST_SIZE:
         return f"{LEAST_SIZE} is the least size: give more spectra"
     less = "" if most == LEAST_SIZE else " or less"
@@ -166,7 +166,7 @@ def _weights(values: ArrayLike | None, count: int, what: str) -> Array:
         raise BasisError.refused(
             f"{what}: number {worst + 1}",
             weights[worst],
-            "weights are above 0, leave out what shall not count",
+            "weights must be above 0, leave out spectra of no weight",
             "range",
         )
     return weights / weights.mean()

@@ -1,11 +1,10 @@
-"""DICOM series through SimpleITK (GDCM): choice, order and lattice of the slices.
+"""DICOM series, read with SimpleITK (GDCM): choice, order and lattice of the slices.
 
     folder, or one file of it -> headers -> [dicom] -> Reading
 
 Rescale slope and intercept are applied slice by slice (Hounsfield units, PET). Positions and
-directions are the patient's (LPS). ITK's own reader of series gives every stack the mean distance
-of its slices and right angles, even if slices are missing or tilted; hence the lattice is made
-here.
+directions are the patient's (LPS). ITK's own series reader gives every stack right angles and the
+mean distance between slices, even if slices are missing or tilted; hence the lattice is built here.
 
 References
 ----------
@@ -38,7 +37,7 @@ from volspec.volume.files.query import Query, Reading
 _Placed = tuple[NDArray[Any], NDArray[np.float64]]
 # Patient, study, series.
 _LEVELS = 3
-# Series that one line lists.
+# Most series that an error lists.
 _MOST_LISTED = 8
 
 
@@ -58,14 +57,14 @@ def series_folders(folder: Path) -> list[Path]:
 
 
 def read_series(query: Query) -> Reading:
-    """Read a folder's series, or the one that a file belongs to."""
+    """Read a folder's series, or the series that a file belongs to."""
     remarks: list[str] = []
-    guesses: list[str] = []  # about the slices' distance: dropped if the query gives it
+    guesses: list[str] = []  # about the slices' distance; dropped if the query states it
     series = _largest_stack(_requested_series(query), query, remarks)
     if series[0].components != 1:
         raise VolumeError(
-            f"{series[0].path}: holds {series[0].components} components a pixel (colour); a volume "
-            "has one, give a series of grey pictures",
+            f"{series[0].path}: holds {series[0].components} components per pixel (colour); a "
+            "volume has one, give a series of greyscale pictures",
             code="shape",
         )
     if series[0].size[2] > 1:
@@ -103,7 +102,7 @@ def _requested_series(query: Query) -> list[Slice]:
 
 
 def _choose_uid(found: list[Slice], query: Query) -> str:
-    """Return the UID of the only series, or of the one that ``series=`` names."""
+    """Return the UID of the only series, or of the series that ``series=`` names."""
     kinds: dict[str, list[Slice]] = {}
     for each in found:
         kinds.setdefault(each.series.uid, []).append(each)
@@ -135,7 +134,7 @@ def _order(series: Series) -> tuple[int, str]:
 
 
 def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Slice]:
-    """Return the slices of one size and orientation, without single others such as a scout."""
+    """Return the slices of one size and orientation, leaving out single others such as a scout."""
     stacks: list[list[Slice]] = []
     for each in series:
         for stack in stacks:
@@ -148,7 +147,7 @@ def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> lis
     if len(frames) > 1:
         raise VolumeError(
             f"{query.path}: holds {len(frames)} files of many frames, each a volume; give one of "
-            f"them, as {frames[0].path}",
+            f"them, such as {frames[0].path}",
             code="conflict",
         )
     stacks.sort(key=lambda stack: len(stack) * stack[0].size[2])
@@ -163,8 +162,8 @@ def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> lis
     if len(most) * most[0].size[2] < 2:
         columns, rows, _ = most[0].size
         raise VolumeError(
-            f"{query.path}: a single slice ({columns}x{rows}) is no volume; give the folder that "
-            "holds all slices of the series",
+            f"{query.path}: a single slice ({columns}x{rows}) is not a volume; give the folder "
+            "that holds all slices of the series",
             code="shape",
         )
     if others:
@@ -183,8 +182,8 @@ def _sorted_slices(series: list[Slice], query: Query) -> list[Slice]:
     if lost is not None:
         if any(each.placed for each in series):
             raise VolumeError(
-                f"{lost.path}: states no position in the patient, others of its series do; take "
-                "it out of the folder",
+                f"{lost.path}: states no position in the patient, but others of its series do; "
+                "take it out of the folder",
                 code="conflict",
             )
         query.index("time", 1, "time steps")
@@ -196,12 +195,12 @@ def _sorted_slices(series: list[Slice], query: Query) -> list[Slice]:
         a, b, *_ = next(stack for stack in stacks if len(stack) > 1)
         raise VolumeError(
             f"{query.path}: {series[a].path.name} and {series[b].path.name} lie at the same place, "
-            "and not all slices are there as often; leave one of each in the folder",
+            "and other places have more or fewer slices; leave one of each in the folder",
             code="duplicate",
         )
     if len(stacks) == 1:
         raise VolumeError(
-            f"{query.path}: all {times} slices lie at the same place; a volume has slices at two "
+            f"{query.path}: all {times} slices lie at the same place; a volume needs slices at two "
             "places or more",
             code="duplicate",
         )
@@ -218,8 +217,8 @@ def _read_slices(series: list[Slice], query: Query, guesses: list[str]) -> _Plac
         apart = first.thickness_mm or 1.0
         origin, step = np.zeros(3), directions[:, 2] * apart
         guesses.append(
-            f"{query.path}: the slices state no positions; taken in the order of their numbers, "
-            f"{apart:g} mm apart; give {query.name}?spacing=x,y,z where that is wrong"
+            f"{query.path}: the slices state no positions; they are ordered by number, "
+            f"{apart:g} mm apart; give {query.name}?spacing=x,y,z if that is wrong"
         )
     else:
         at = np.array([each.origin_mm for each in series])
@@ -239,8 +238,8 @@ def _read_frames(file: Slice, guesses: list[str]) -> _Placed:
         values = _read_pixels(file)
     z = file.spacing_mm[2]
     guesses.append(
-        f"{file.path}: its {file.size[2]} frames are taken for slices {z:g} mm apart; give "
-        f"{file.path.name}?spacing=x,y,z where that is wrong"
+        f"{file.path}: its {file.size[2]} frames are read as slices {z:g} mm apart; give "
+        f"{file.path.name}?spacing=x,y,z if that is wrong"
     )
     columns = file.directions * np.array(file.spacing_mm)
     return values, affine(columns, file.origin_mm)
@@ -249,7 +248,7 @@ def _read_frames(file: Slice, guesses: list[str]) -> _Placed:
 def _read_slice(file: Slice) -> NDArray[Any]:
     """Read one slice, (Y, X)."""
     values: NDArray[Any] = _read_pixels(file)[0]
-    # Rescaled 16-bit pixels come as 32-bit ones; most fit again.
+    # Rescaled 16-bit pixels arrive as 32-bit values; most fit into 16 bits again.
     if values.dtype == np.int32 and values.min() >= -(2**15) and values.max() < 2**15:
         return values.astype(np.int16)
     return values
@@ -264,7 +263,7 @@ def _read_pixels(file: Slice) -> NDArray[Any]:
     except RuntimeError as error:
         raise VolumeError(
             f"{file.path}: cannot be read ({itk_message(error, [])}); damaged, or compressed in "
-            "a way that GDCM does not know",
+            "a way that GDCM does not support",
             code="damaged",
         ) from error
     values: NDArray[Any] = sitk.GetArrayFromImage(image)

@@ -1,4 +1,4 @@
-"""Headers of DICOM files through GDCM: series, size and position in the patient.
+"""Headers of DICOM files, read with GDCM: series, size and position in the patient.
 
     files -> [dicom_headers] -> Slice -> dicom
 
@@ -24,8 +24,8 @@ from volspec.errors import VolumeError
 
 SUFFIXES = (".dcm", ".dicom", ".ima")
 _PREAMBLE = 128
-# Classes without pictures: DICOMDIR; waveforms, presentation states, raw data, reports,
-# documents, radiotherapy's structures and plans.
+# Classes without pictures: DICOMDIR; waveforms, presentation states, raw data, reports, documents,
+# radiotherapy structures and plans.
 _NO_PICTURES = re.compile(
     r"1\.2\.840\.10008\.(1\.3\.10|5\.1\.4\.(34\..*|1\.1\.((9|11|67|88|104)\..*|66(\.[1235])?"
     r"|481\.([3-9]|\d\d))))"
@@ -35,7 +35,7 @@ _CLASS = re.compile(rb"\x02\x00\x02\x00UI..([0-9.]+)", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Identity of a series: its UID, and number and description for people."""
+    """Identity of a series: its UID, and a number and a description for people."""
 
     uid: str
     number: str
@@ -44,23 +44,23 @@ class Series:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slice:
-    """Header of one file."""
+    """Header of one DICOM file."""
 
     path: Path
-    uid: str  # of the instance; copies of a file share it
+    uid: str  # the instance's UID; copies of a file share it
     series: Series
-    number: int  # of the instance in its series
+    number: int  # the instance's number in its series
     size: tuple[int, int, int]  # columns, rows, frames
     components: int  # values per pixel
     itemsize: int  # bytes per value
-    spacing_mm: tuple[float, float, float]  # the last is that of frames
-    directions: NDArray[np.float64]  # (3, 3), columns: those of columns, rows and frames
+    spacing_mm: tuple[float, float, float]  # the last is between frames
+    directions: NDArray[np.float64]  # (3, 3); columns: along columns, rows and frames
     origin_mm: NDArray[np.float64]  # (3,), centre of the first pixel
     placed: bool  # a position is stated for the file as a whole
-    thickness_mm: float | None  # distance of slices if stated, else their thickness
+    thickness_mm: float | None  # distance between slices if stated, else their thickness
 
     def fits_stack(self, other: Slice) -> bool:
-        """Return True if both have the same size and orientation, as slices of one stack."""
+        """Return True if both have the same size and orientation, like slices of one stack."""
         return (
             (self.size, self.components) == (other.size, other.components)
             and np.allclose(self.spacing_mm[:2], other.spacing_mm[:2], rtol=1e-3)
@@ -78,7 +78,7 @@ def is_dicom(path: Path) -> bool:
 
 
 def dicom_files(folder: Path) -> list[Path]:
-    """Return a folder's DICOM files, by suffix or first bytes, without hidden ones."""
+    """Return a folder's DICOM files, found by suffix or first bytes; hidden files are left out."""
     return sorted(
         path
         for path in folder.iterdir()
@@ -134,7 +134,7 @@ def _header(path: Path) -> Slice | None:
 def _text(reader: Any, tag: str) -> str:
     if not reader.HasMetaDataKey(tag):
         return ""
-    # Padded to an even length by a space or a zero.
+    # Padded to an even length with a space or a zero.
     return str(reader.GetMetaData(tag)).strip(" \0\n")
 
 

@@ -2,8 +2,8 @@
 
     path -> [headers] -> itk
 
-ITK mirrors an axis of negative spacing, passes MetaImage's ``ElementDataFile`` to C's ``sprintf``,
-and follows it to any folder.
+ITK mirrors an axis with negative spacing, passes MetaImage's ``ElementDataFile`` to C's
+``sprintf``, and follows it to any folder.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from volspec.errors import VolumeError, quoted
 
 TRUNCATED = "truncated, copy or download it again"
-# Limits of a header's lines and of their length.
+# Greatest number of a header's lines, and their greatest length.
 _MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
-# Limit of both formats; beyond it MetaIO loops over a count that overflows.
+# Most dimensions of both formats; beyond, MetaIO loops over a count that overflows.
 _MOST_DIMENSIONS = 16
-# The one conversion that MetaImage defines for names of slices: slice%03d.raw.
+# The only conversion that MetaImage defines in slices' names: slice%03d.raw.
 _PATTERN, _NUMBER = re.compile(r"[^%]*%0?\d{0,2}d[^%]*"), re.compile(r"-?\d+")
-# MetaIO accepts a colon as well, and without either takes the next line for the value.
+# MetaIO also accepts a colon, and without either reads the value from the next line.
 _META_LINE = re.compile(r"([^=:\r]+)[=:]([^\r]*)")
 
 
@@ -53,7 +53,7 @@ def check_itk_header(path: Path) -> None:
     sizes = fields.get("sizes") or fields.get("DimSize") or ""
     if not all(is_count(word) and int(word) > 0 for word in sizes.split()):
         raise VolumeError(
-            f"{path}: sizes {quoted(sizes)}; each must be a positive whole number, of less than 20 "
+            f"{path}: sizes {quoted(sizes)}; each must be a positive whole number of fewer than 20 "
             "digits",
             code="range",
         )
@@ -61,7 +61,7 @@ def check_itk_header(path: Path) -> None:
         parts = PurePath(name.replace("\\", "/"))
         if parts.is_absolute() or ".." in parts.parts or ":" in name:
             raise VolumeError(
-                f"{path}: its voxels are said to be in {quoted(name)}; a data file lies in the "
+                f"{path}: its voxels are said to be in {quoted(name)}; a data file must lie in the "
                 "header's folder or below it, move it there and correct the header",
                 code="unsupported",
             )
@@ -73,8 +73,8 @@ def _data_files(path: Path, header: HeaderFields) -> list[str]:
     name, *numbers = named.split() or [""]
     if "%" in named and not (_PATTERN.fullmatch(name) and all(map(_NUMBER.fullmatch, numbers))):
         raise VolumeError(
-            f"{path}: its voxels are said to be in {quoted(named)}; a pattern of names holds one "
-            "number, as slice%03d.raw 1 110 1",
+            f"{path}: its voxels are said to be in {quoted(named)}; a pattern of names has one "
+            "number, such as slice%03d.raw 1 110 1",
             code="syntax",
         )
     if name.upper() != "LIST":
@@ -84,13 +84,13 @@ def _data_files(path: Path, header: HeaderFields) -> list[str]:
 
 
 def data_field(fields: dict[str, str]) -> str:
-    """Return the data file's name, pattern or ``LIST``; ``LOCAL`` is the header's own file."""
+    """Return the data file's name, pattern or ``LIST``; ``LOCAL`` means the header's own file."""
     keys = ("ElementDataFile", "datafile")
     return next((fields[key] for key in keys if key in fields), "LOCAL")
 
 
 def is_meta(path: Path) -> bool:
-    """Return True for MetaImage, by the name's ending."""
+    """Return True for MetaImage, judged by the file name's ending."""
     return path.suffix.lower() in (".mhd", ".mha")
 
 
@@ -98,14 +98,14 @@ def is_meta(path: Path) -> bool:
 class HeaderFields:
     """Fields of an NRRD or MetaImage header."""
 
-    # NRRD's names in lower case and without spaces, as ``byteskip``; MetaImage's unchanged.
+    # NRRD's names in lower case without spaces, such as ``byteskip``; MetaImage's unchanged.
     named: dict[str, str]
     # First byte after the header, or after the line that begins a list of files.
     end: int = 0
 
     @classmethod
     def read(cls, path: Path) -> HeaderFields:
-        """Read a header; refuse a MetaImage line that is no field: MetaIO misreads it."""
+        """Read a header; refuse a MetaImage line that is not a field, since MetaIO misreads it."""
         read_line = cls._meta_field if is_meta(path) else cls._nrrd_field
         named: dict[str, str] = {}
         with path.open("rb") as file:
@@ -145,10 +145,10 @@ class HeaderFields:
     def _nrrd_field(line: str) -> tuple[str, str] | None:
         key, found, value = line.partition(":")
         if not found or key.startswith("#") or value.startswith("="):
-            return None  # a comment, or a pair of its own
+            return None  # a comment, or a custom key and value
         return key.strip().lower().replace(" ", ""), value.strip()
 
 
 def is_count(word: str) -> bool:
-    """Return True for a whole number that can count bytes: of less than 20 digits."""
+    """Return True for a whole number that can count bytes: one with fewer than 20 digits."""
     return word.isdecimal() and len(word) < 20

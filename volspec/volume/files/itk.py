@@ -1,9 +1,9 @@
-"""NRRD, MetaImage and NIfTI files through SimpleITK, with a check that all voxels are there.
+"""NRRD, MetaImage and NIfTI files, read with SimpleITK, with a check that no voxel is missing.
 
     header fields -> Layout -> [itk] -> Reading
 
 ITK reads some damaged files without an error: missing voxels become zeros or uninitialised memory,
-surplus bytes are dropped, NaN in NIfTI become 0. Voxels are therefore read here if their layout is
+surplus bytes are dropped, NaN in NIfTI becomes 0. Voxels are therefore read here if their layout is
 known.
 """
 
@@ -37,18 +37,18 @@ from volspec.volume.files.query import Query, Reading, Stored
 
 NIFTI_SUFFIXES = (".nii", ".nii.gz")
 _CHUNK = 1 << 22
-# Decompression stops at so many bytes more than the header declares.
+# Decompression stops at this many bytes more than the header declares.
 _SURPLUS = 1 << 24
-# NIfTI-1's codes of types, and the least byte at which voxels begin.
+# NIfTI-1's type codes, and the first byte at which voxels can begin.
 _NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8"}
 _NIFTI_TYPES |= {256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 _NIFTI_HEADER = 348
-# Run of voxels, those of it that are not finite, and their numbers.
+# Run of voxels, a mask of its non-finite voxels, and their values.
 _NonFinite = tuple[slice, NDArray[np.bool_], NDArray[Any]]
 
 
 def _is_true(word: str) -> bool:
-    """Return True for a word that MetaIO takes as true, by its first letter alone."""
+    """Return True for a word that MetaIO reads as true, judging by its first letter alone."""
     return word[:1] in ("T", "t", "1")
 
 
@@ -57,19 +57,19 @@ class Layout:
     """Location of a header's voxels: one run of bytes in one file."""
 
     path: Path  # the header's file, for messages
-    data: Path  # often the same
+    data: Path  # often the same file
     start: int  # first byte, counted after decompression if whole_packed
     encoding: str = "raw"  # gzip, or zlib (zlib's header or gzip's)
     order: str = "<"
     whole_packed: bool = False  # the compressed stream includes the header
-    stored: np.dtype[Any] | None = None  # of a NIfTI file, which ITK may convert to floats
+    stored: np.dtype[Any] | None = None  # a NIfTI file's type, which ITK may convert to floats
     rescaled: bool = False  # left to ITK
 
     @classmethod
     def of(cls, path: Path) -> Layout | None:
         """Return a file's layout; None if only ITK can read it: text, bzip2, several files.
 
-        A file that is no NIfTI although its name says so is refused; ITK would take it for Analyze.
+        A file named as NIfTI that is not NIfTI is refused; ITK would read it as Analyze.
         """
         if path.name.lower().endswith(NIFTI_SUFFIXES):
             return cls._from_nifti(path)
@@ -82,7 +82,7 @@ class Layout:
         encoding = fields.get("encoding", "raw").lower()
         encoding = "gzip" if encoding == "gz" else encoding
         order = ">" if fields.get("endian", "").lower() == "big" else "<"
-        # Lines before the voxels, or bytes before packed ones.
+        # Lines before the voxels, or bytes before packed voxels.
         skip = fields.get("byteskip", "0")
         if fields.get("lineskip", "0") != "0" or (encoding == "gzip" and skip != "0"):
             return None
@@ -99,7 +99,7 @@ class Layout:
         skip = fields.get("HeaderSize", "0")
         if is_packed and skip == "-1":  # at the file's end, but of unknown length
             skip = "0"
-        if skip != "0":  # of the file itself, too
+        if skip != "0":  # bytes of the file itself, too
             header = replace(header, end=0)
         encoding = "zlib" if is_packed else "raw"
         return cls._at(path, header, skip, encoding, ">" if _is_true(order) else "<")
@@ -108,7 +108,7 @@ class Layout:
     def _at(
         cls, path: Path, header: HeaderFields, skip: str, encoding: str, order: str
     ) -> Layout | None:
-        """Return the layout of voxels after a header or in a data file, from a byte on."""
+        """Return the layout of voxels that begin at a byte, after a header or in a data file."""
         name = data_field(header.named)
         data, start = (path, header.end) if name.upper() == "LOCAL" else (path.parent / name, 0)
         with _one_line_for(path):
@@ -126,7 +126,7 @@ class Layout:
         order = "<" if head[:4] == struct.pack("<i", 348) else ">"
         if len(head) < 352 or head[:4] != struct.pack(order + "i", 348) or head[344:347] != b"n+1":
             raise VolumeError(
-                f"{path}: holds no NIfTI-1 image; is the file complete and of the type its name "
+                f"{path}: not a NIfTI-1 image; is the file complete and of the type its name "
                 "says? Save NIfTI-2 and Analyze as NIfTI-1",
                 code="damaged",
             )
@@ -134,7 +134,7 @@ class Layout:
         start, slope, shift = struct.unpack_from(order + "3f", head, 108)
         if kind not in _NIFTI_TYPES:
             raise VolumeError(
-                f"{path}: its numbers are of NIfTI's type {kind}; known are "
+                f"{path}: its values have NIfTI type {kind}; supported are "
                 f"{', '.join(map(str, _NIFTI_TYPES))}, which are integers and floats",
                 code="unsupported",
             )
@@ -146,7 +146,7 @@ class Layout:
         return cls(path, path, first, encoding, order, packed, stored, rescaled)
 
     def holds(self, dtype: np.dtype[Any]) -> bool:
-        """Return True if the numbers in the file are the values, of ITK's type."""
+        """Return True if the file's numbers are the values themselves, in ITK's type."""
         if self.stored is None:
             return True
         return not self.rescaled and self.stored.str[1:] == dtype.str[1:]
@@ -169,10 +169,10 @@ class Layout:
     def voxels(
         self, size: Sequence[int], dtype: np.dtype[Any]
     ) -> tuple[Stored | NDArray[Any], int]:
-        """Return voxels (Z, Y, X), not ``rescaled``, and the bytes of them that the file holds.
+        """Return voxels (Z, Y, X), not ``rescaled``, and the number of their bytes in the file.
 
-        The size is (x, y, z), ``dtype`` of either byte order. Incomplete if the file ends early;
-        of a packed one at most a few bytes more than needed are counted.
+        The size is (x, y, z), ``dtype`` has either byte order. Voxels are incomplete if the file
+        ends early; in a packed file at most a few bytes more than needed are counted.
         """
         shape, code = tuple(size[::-1]), f"{self.order}{dtype.str[1:]}"
         nbytes = math.prod(shape) * dtype.itemsize
@@ -207,9 +207,9 @@ class Layout:
 
 
 def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:
-    """Yield the bytes of a file from its position on, decompressed a chunk at a time."""
+    """Yield a file's bytes from its current position, decompressed a chunk at a time."""
     if encoding == "zlib":
-        inflate = zlib.decompressobj(zlib.MAX_WBITS | 32)  # as MetaIO: zlib's header or gzip's
+        inflate = zlib.decompressobj(zlib.MAX_WBITS | 32)  # as in MetaIO: zlib's header or gzip's
         while not inflate.eof and (packed := inflate.unconsumed_tail or file.read(_CHUNK)):
             yield inflate.decompress(packed, _CHUNK)
         yield inflate.flush()
@@ -223,7 +223,7 @@ def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:
 
 @contextmanager
 def _one_line_for(path: Path) -> Iterator[None]:
-    """Turn a damaged stream or an invalid path into a one-line error."""
+    """Turn the error of a damaged stream or an invalid path into a one-line error."""
     try:
         yield
     except (OSError, EOFError, zlib.error) as error:
@@ -234,7 +234,7 @@ def _one_line_for(path: Path) -> Iterator[None]:
 
 
 def read_itk(query: Query) -> Reading:
-    """Read an image of three dimensions with one value a voxel."""
+    """Read a 3-D image with one value per voxel."""
     import SimpleITK as sitk
 
     path = query.path
@@ -280,14 +280,14 @@ def read_itk(query: Query) -> Reading:
 
 
 def _scalar_type(path: Path, reader: Any) -> np.dtype[Any]:
-    """Return the type of a voxel; refuse images other than 3-D with one value a voxel."""
+    """Return a voxel's type; refuse images that are not 3-D with one value per voxel."""
     import SimpleITK as sitk
 
     size, components = reader.GetSize(), reader.GetNumberOfComponents()
     if len(size) != 3 or components != 1:
         raise VolumeError(
-            f"{path}: is {len(size)}-D ({'x'.join(map(str, size))}) with {components} components a "
-            "voxel; a volume is 3-D with one. Choose one channel or time step",
+            f"{path}: is {len(size)}-D ({'x'.join(map(str, size))}) with {components} components "
+            "per voxel; a volume is 3-D with one. Choose one channel or time step",
             code="shape",
         )
     dtype: np.dtype[Any] = sitk.GetArrayFromImage(sitk.Image([1, 1, 1], reader.GetPixelID())).dtype
@@ -295,6 +295,6 @@ def _scalar_type(path: Path, reader: Any) -> np.dtype[Any]:
 
 
 def itk_message(error: RuntimeError, output: list[str]) -> str:
-    """Return ITK's innermost message, which comes last, as "expected 7208960 bytes but …"."""
+    """Return ITK's innermost message, the last one, such as "expected 7208960 bytes but …"."""
     lines = [line.strip() for line in [*str(error).splitlines(), *output] if line.strip()]
     return lines[-1]

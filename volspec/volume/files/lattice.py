@@ -2,8 +2,8 @@
 
     readers -> [lattice] -> values, world_from_index
 
-Slices shifted within their plane, as from a tilted gantry, make a sheared lattice, expressed by the
-affine map without resampling.
+Slices shifted within their plane, as from a tilted gantry, form a sheared lattice, which the affine
+map expresses without resampling.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import VolumeError
 from volspec.volume.files.query import Query
 
-# Fractions of the median distance: a wider or narrower gap is no jitter, but slices are missing or
-# belong to another stack.
+# Fractions of the median distance: a wider or narrower gap is not jitter, but means that slices are
+# missing or belong to another stack.
 _WIDE, _NARROW = 1.5, 0.5
-# Fraction of the step: headers round positions to a tenth of a millimetre or finer.
+# Fraction of the step: headers round positions to a tenth of a millimetre or less.
 _JITTER = 0.1
-# Fraction of the mean distance of neighbours.
+# Fraction of the mean distance between neighbours.
 _SAME_PLACE = 0.01
 Item = TypeVar("Item")
 _MM = {
@@ -49,7 +49,7 @@ def affine(columns: ArrayLike, origin: ArrayLike) -> NDArray[np.float64]:
 
 
 def group_slices(at_mm: NDArray[np.float64], normal: NDArray[np.float64]) -> list[list[int]]:
-    """Group slices of one orientation by position, in order along their normal: lists of indices.
+    """Group slices of one orientation by position along their normal; return lists of indices.
 
     ``at_mm`` (N, 3) is the centre of each slice's first voxel; slices of one position stay in
     order.
@@ -86,10 +86,10 @@ def slice_step_mm(
     usual = float(np.median(apart))
     odd = int(np.argmax(np.maximum(apart / usual, usual / apart)))
     if not _NARROW * usual <= apart[odd] <= _WIDE * usual:
-        what = "slices are missing" if apart[odd] > usual else "they are no even stack"
+        what = "slices are missing" if apart[odd] > usual else "they are unevenly spaced"
         raise VolumeError(
             f"{query.path}: {names[odd]} and {names[odd + 1]} lie {apart[odd]:.4g} mm apart, "
-            f"others {usual:.4g} mm: {what}; complete the folder, or take the slices for even with "
+            f"others {usual:.4g} mm: {what}; complete the folder, or treat the slices as even with "
             f"{query.name}?spacing=x,y,z",
             code="missing" if apart[odd] > usual else "conflict",
         )
@@ -103,11 +103,11 @@ def unevenness(at_mm: NDArray[np.float64]) -> str:
     step = float(np.linalg.norm(even[1] - even[0]))
     if off <= _JITTER * step:
         return ""
-    return f"slices lie up to {off:.3g} mm off even places {step:.4g} mm apart, and are shown there"
+    return f"slices lie up to {off:.3g} mm off even positions {step:.4g} mm apart; shown as even"
 
 
 def stack_slices(items: Sequence[Item], read: Callable[[Item], NDArray[Any]]) -> NDArray[Any]:
-    """Read slices (Y, X) of one shape into one array (Z, Y, X) of a type that holds them all.
+    """Read slices (Y, X) of one shape into an array (Z, Y, X) of a type for all their values.
 
     >>> stack_slices([1, -1], lambda n: np.full((2, 2), n, np.int16 if n < 0 else np.uint8)).dtype
     dtype('int16')
@@ -124,7 +124,7 @@ def stack_slices(items: Sequence[Item], read: Callable[[Item], NDArray[Any]]) ->
 
 
 def mm_per_unit(unit: str | None) -> float | None:
-    """Millimetres in a unit; None if it is no length, such as ``pixel``.
+    """Return the millimetres in a unit; None if it is not a length, such as ``pixel``.
 
     >>> mm_per_unit("micrometer"), mm_per_unit("\\u03bcm"), mm_per_unit("pixel")
     (0.001, 0.001, None)

@@ -24,7 +24,7 @@ from volspec.volume.files.lattice import affine, mm_per_unit
 from volspec.volume.files.query import Query, Reading
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
-# Greatest size of the default level.
+# Greatest size, in bytes, of the default level.
 _MOST_BYTES = 2**31
 _SPACE = ("z", "y", "x")
 _DAMAGE = (KeyError, TypeError, ValueError, IndexError, OSError, RuntimeError, AttributeError)
@@ -74,7 +74,7 @@ def read_ome_zarr(query: Query) -> Reading:
 
 
 def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
-    """Return axes and levels, the finest first, of a group's first picture."""
+    """Return the axes and the levels, finest first, of a group's first picture."""
     attributes = dict(group.attrs)
     stated = attributes.get("ome", attributes)
     if "multiscales" not in stated:
@@ -86,7 +86,7 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
             code="unsupported",
         )
     picture = stated["multiscales"][0]
-    # Version 0.3 names axes and no more.
+    # Version 0.3 states only the axes' names.
     axes = [axis if isinstance(axis, dict) else {"name": axis} for axis in picture["axes"]]
     whole = picture.get("coordinateTransformations", [])
     levels = []
@@ -138,7 +138,7 @@ def _level(levels: list[Level], names: list[str], query: Query, remarks: list[st
     chosen = next((k for k, size in enumerate(sizes) if size <= _MOST_BYTES), len(levels) - 1)
     if chosen:
         remarks.append(
-            f"{query.path}: level 0 takes {sizes[0] / 1e9:.3g} GB, level {chosen} is read; ask for "
+            f"{query.path}: level 0 takes {sizes[0] / 1e9:.3g} GB, level {chosen} is read; choose "
             f"another as {query.name}?level=0"
         )
     return chosen
@@ -164,8 +164,8 @@ def _world(
         shift.append(level.shift[places[name]] * (mm or 1.0))
     if unknown and query.spacing_mm is None:
         remarks.append(
-            f"{query.path}: the unit of its scale is {unknown[0]}, it is taken for millimetres; "
-            f"give {query.name}?spacing=x,y,z where that is wrong"
+            f"{query.path}: the unit of its scale is {unknown[0]}, millimetres are assumed; "
+            f"give {query.name}?spacing=x,y,z if that is wrong"
         )
     return affine(np.diag(scale), shift)
 

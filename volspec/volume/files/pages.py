@@ -1,16 +1,16 @@
-"""Pages of TIFF files and PNG pictures as arrays, and the spacing stated by TIFF files.
+"""Pages of TIFF files and PNG pictures as arrays, and the spacing stated in TIFF files.
 
     tiff -> [pages] -> (Y, X) or (Y, X, S) arrays, millimetres along x, y, z
 
-tifffile knows the dialects of microscopes. Without imagecodecs, a large package, it cannot decode
-LZW and JPEG: such pages are read by Pillow, which knows no dialects and few types. Types that it
+tifffile supports microscopes' dialects. Without imagecodecs, a large package, it cannot decode LZW
+and JPEG: such pages are read by Pillow, which supports no dialects and few types. Types that it
 would silently narrow or read in the wrong byte order are refused.
 
 References
 ----------
 [1] OME-XML 2016-06, Pixels: PhysicalSizeX and its unit, micrometres by default.
-[2] TIFF 6.0, XResolution, YResolution and ResolutionUnit: pixels an inch or a centimetre. ImageJ
-    writes pixels per unit of its own; the unit and the slices' distance are in its description.
+[2] TIFF 6.0, XResolution, YResolution and ResolutionUnit: pixels per inch or centimetre. ImageJ
+    writes pixels per its own unit; the unit and the slices' distance are in its description.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ _DAMAGE = (
 )
 Reserve = Callable[[Sequence[int], int], None]
 """`Query.reserve`, or a wrapper for one picture of several."""
-# Types that Pillow reads correctly, with the file's byte order; fewer for several samples a pixel.
+# Types that Pillow reads correctly, with the file's byte order; fewer for multi-sample pixels.
 _PILLOWS = ("<b1", ">b1", "<u1", ">u1", "<u2", ">u2", "<i2", "<i4", "<u4", "<f4")
 _PILLOWS_COLOURS = ("<u1", ">u1")
 # TIFF 6.0: PhotometricInterpretation, PlanarConfiguration.
 _WHITE_IS_ZERO, _CONTIGUOUS = 0, 1
 # Offset of the bits per sample in a PNG file.
 _PNG_BITS = 24
-# Dots an inch that programs write by default, unrelated to the voxels.
+# Dots per inch that programs write by default, unrelated to the voxels.
 _FOR_PRINT = (1, 72, 96, 100, 150, 200, 240, 300, 360, 400, 600, 720, 1200, 2400)
 _INCH, _CENTIMETRE = 2, 3
 
@@ -67,7 +67,7 @@ class _LogRecorder(logging.Handler):
 def picture_errors(path: Path) -> Iterator[None]:
     """Turn exceptions and logged errors of picture readers into one VolumeError.
 
-    tifffile logs an error and goes on with what it could read.
+    tifffile logs an error and continues with what it could read.
     """
     log, handler = logging.getLogger("tifffile"), _LogRecorder(logging.ERROR)
     messages = handler.messages
@@ -80,7 +80,7 @@ def picture_errors(path: Path) -> Iterator[None]:
             raise
         if _lacks_codec(error):
             raise VolumeError(
-                f"{path}: its pages are compressed in a way that needs another package; "
+                f"{path}: decoding its pages needs another package; "
                 "pip install imagecodecs, or save the stack without compression",
                 code="unsupported",
             ) from error
@@ -105,7 +105,7 @@ def _lacks_codec(error: Exception) -> bool:
 
 
 def page_values(page: Any) -> NDArray[Any]:
-    """Decode a tifffile ``TiffPage``, in its axes' order, by tifffile or else by Pillow."""
+    """Decode a tifffile ``TiffPage``, in its axes' order, with tifffile or else with Pillow."""
     try:
         return np.asarray(page.asarray())
     except (ValueError, ImportError) as error:
@@ -123,12 +123,12 @@ def page_values(page: Any) -> NDArray[Any]:
     # Pillow inverts these, tifffile does not.
     if page.keyframe.photometric == _WHITE_IS_ZERO and values.dtype.itemsize == 1:
         values = ~values
-    # Its integers of 32 bits are signed.
+    # Pillow's 32-bit integers are signed.
     return values.view(np.uint32) if page.dtype == np.uint32 else values
 
 
 def _pillow_can(page: Any) -> bool:
-    """Return True if Pillow gives the stored values unchanged."""
+    """Return True if Pillow returns the stored values unchanged."""
     if page.dtype is None or page.planarconfig != _CONTIGUOUS or page.imagedepth > 1:
         return False
     known = _PILLOWS if page.samplesperpixel == 1 else _PILLOWS_COLOURS
@@ -139,8 +139,7 @@ def _pillow_can(page: Any) -> bool:
 def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
     """Read the pixels of a PNG file, as indices if it has a palette.
 
-    ``reserve`` is called before decoding. Colours of 16 bits, which Pillow narrows to 8, are
-    refused.
+    ``reserve`` is called before decoding. 16-bit colours, which Pillow narrows to 8, are refused.
     """
     from PIL import Image
 
@@ -149,7 +148,7 @@ def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
             bits = file.read(_PNG_BITS + 1)[_PNG_BITS]
         if bits > 8 and len(image.getbands()) > 1:
             raise VolumeError(
-                f"{path}: holds colours of {bits} bits, of which 8 would be left; save it grey, or "
+                f"{path}: holds {bits}-bit colours, which would be cut to 8; save it grey, or "
                 "as TIFF",
                 code="unsupported",
             )
@@ -160,25 +159,25 @@ def png_values(path: Path, reserve: Reserve) -> NDArray[Any]:
 def resolve_spacing(
     stated: tuple[float | None, ...], query: Query, remarks: list[str]
 ) -> tuple[float, float, float]:
-    """Return the query's spacing, else the stated one (None: unknown), completed with remarks."""
+    """Return the query's spacing, else the stated one; gaps (None) are filled and remarked on."""
     x, y, z = stated
     if query.spacing_mm is not None:
         return query.spacing_mm
     remedy = f"give {query.name}?spacing=x,y,z in mm"
     if x is None or y is None:
-        remarks.append(f"{query.path}: states no spacing, voxels are taken for 1 mm; {remedy}")
+        remarks.append(f"{query.path}: states no spacing, 1 mm is assumed; {remedy}")
         return 1.0, 1.0, 1.0
     if z is None:
         remarks.append(
-            f"{query.path}: states {x:.4g} × {y:.4g} mm in the plane and no distance of slices, "
-            f"{x:.4g} mm is taken; {remedy}"
+            f"{query.path}: states {x:.4g} × {y:.4g} mm in the plane but no slice distance, "
+            f"{x:.4g} mm is assumed; {remedy}"
         )
         return x, y, x
     return x, y, z
 
 
 def stated_spacing_mm(tiff: Any, page: Any) -> tuple[float | None, float | None, float | None]:
-    """Return the spacing that a tifffile ``TiffFile`` states along x, y and z, or None of each."""
+    """Return a tifffile ``TiffFile``'s stated spacing along x, y and z, each None if missing."""
     if tiff.ome_metadata:
         x, y, z = _ome_spacing_mm(tiff.ome_metadata)
         return x, y, z
@@ -213,7 +212,7 @@ def _ome_spacing_mm(text: str) -> list[float | None]:
 
 
 def _pixel_mm(page: Any, name: str, mm: float | None) -> float | None:
-    """Return millimetres per pixel from a tag that holds pixels per unit as a fraction."""
+    """Return millimetres per pixel from a tag with pixels per unit as a fraction."""
     tag = page.tags.get(name)
     if tag is None or mm is None:
         return None

@@ -1,4 +1,4 @@
-"""Input and output of readers: a file's name with options, and its voxels with their lattice.
+"""Input and output of readers: a file name with options, and the file's voxels and lattice.
 
     load_volume -> [Query] -> reader -> [Reading] -> Volume
 
@@ -33,7 +33,7 @@ class Query:
 
     path: Path
     options: dict[str, str] = field(default_factory=dict)
-    # Called by `reserve` with the bytes a reader is about to allocate.
+    # Called by `reserve` with the number of bytes that a reader is about to allocate.
     declare: Callable[[int], None] = field(default=lambda nbytes: None, compare=False)
 
     @classmethod
@@ -43,13 +43,13 @@ class Query:
         try:
             if query and Path(text).exists():
                 return cls(Path(text))
-        except (OSError, ValueError) as error:  # too long a name, or a NUL in it
+        except (OSError, ValueError) as error:  # the name is too long or contains NUL
             raise VolumeError(
-                f"volume: {quoted(text)} is no path: {one_line(error)}", code="syntax", given=text
+                f"volume: invalid path {quoted(text)}: {one_line(error)}", code="syntax", given=text
             ) from error
         if not path:
             raise VolumeError(
-                "volume: the name is empty; give a file or a folder, as . for this one",
+                "volume: the name is empty; give a file or a folder, such as . for this one",
                 code="missing",
             )
         options: dict[str, str] = {}
@@ -65,7 +65,7 @@ class Query:
         return self.path.name or str(self.path)
 
     def allow(self, *known: str) -> None:
-        """Refuse options other than these."""
+        """Refuse options other than ``known``."""
         if unknown := sorted(set(self.options) - set(known)):
             raise VolumeError(
                 f"{self.path}: unknown option {unknown[0]!r}; known are {', '.join(known)}",
@@ -74,7 +74,7 @@ class Query:
 
     @property
     def spacing_mm(self) -> tuple[float, float, float] | None:
-        """``spacing=x,y,z`` in millimetres, positive if the volume accepts it; None if left out."""
+        """``spacing=x,y,z`` in mm, None if left out; `Volume` requires positive numbers."""
         given = self.options.get("spacing")
         if given is None:
             return None
@@ -90,23 +90,23 @@ class Query:
         return x, y, z
 
     def index(self, key: str, count: int, what: str) -> int:
-        """Return the index of one of several, from ``channel=N``, ``time=N``, counted from 0.
+        """Return the index chosen by an option such as ``channel=N`` or ``time=N``, counted from 0.
 
-        If there is one, the option may be left out. ``what`` is the plural noun for messages.
+        If there is only one, the option may be left out. ``what`` is the plural noun for messages.
         """
         given = self.options.get(key)
         if given is None and count == 1:
             return 0
         if count == 1 and given != "0":
             raise VolumeError(
-                f"{self.path}: {key}={given}, but there is one only; leave it out",
+                f"{self.path}: {key}={given}, but there is only one; leave it out",
                 code="conflict",
                 given=given,
             )
         if given is None or not given.isdecimal() or int(given) >= count:
-            wrong = "" if given is None else f" and {key}={given} is none of them"
+            wrong = "" if given is None else f" and {key}={given} is not one of them"
             raise VolumeError(
-                f"{self.path}: holds {count} {what}{wrong}, a volume is one; choose it as "
+                f"{self.path}: holds {count} {what}{wrong}, but a volume has one; choose it with "
                 f"{self.name}?{key}=0 … {count - 1}",
                 code="missing" if given is None else "range",
                 given=given,
@@ -116,7 +116,7 @@ class Query:
     def reserve(self, shape: Sequence[int], itemsize: int) -> None:
         """Refuse voxels that do not fit into memory, before allocating them.
 
-        The shape is a header's, and components, in any order; ``itemsize`` the bytes of a value.
+        The shape is the header's, with components, in any order; ``itemsize`` is a value's bytes.
         """
         nbytes = math.prod(shape) * itemsize
         counts = "x".join(map(str, shape))
@@ -135,20 +135,20 @@ class Query:
         self.declare(nbytes)
 
     def require_held(self, held: int, shape: Sequence[int], nbytes: int) -> None:
-        """Refuse a file that holds fewer bytes of voxels than its header asks for."""
+        """Refuse a file with fewer bytes of voxels than its header declares."""
         if held < nbytes:
             raise VolumeError(
-                f"{self.path}: holds {held} bytes of voxels, its header asks for {nbytes} "
+                f"{self.path}: holds {held} bytes of voxels, its header declares {nbytes} "
                 f"({'x'.join(map(str, shape))}); truncated, copy or download it again",
                 code="damaged",
             )
 
     def surplus(self, held: int | None, nbytes: int) -> list[str]:
-        """Return a remark on bytes of voxels that the header does not describe, if there are."""
+        """Return a remark on bytes of voxels that the header does not declare, if there are any."""
         if held is None or held <= nbytes:
             return []
         return [
-            f"{self.path}: {held} bytes of voxels, its header describes {nbytes} and the rest is "
+            f"{self.path}: {held} bytes of voxels, its header declares {nbytes} and the rest is "
             "not read; are its size and type right?"
         ]
 
@@ -165,7 +165,7 @@ class Stored:
     def read(self) -> NDArray[Any]:
         """Read the voxels. They are not mapped, since the file may change while they are in use.
 
-        They begin at a page of memory, so that Intel's OpenCL uses them without a copy.
+        They begin on a memory page, so that Intel's OpenCL uses them without a copy.
         """
         memory = mmap.mmap(-1, math.prod(self.shape) * np.dtype(self.dtype).itemsize)
         try:
@@ -180,17 +180,17 @@ class Stored:
             ) from error
         if left:
             raise VolumeError(
-                f"{self.path}: has become shorter while it was read; read it again", code="state"
+                f"{self.path}: became shorter while it was being read; read it again", code="state"
             )
         return np.ndarray(self.shape, self.dtype, memory)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """Voxels as a file stores them, and their lattice; `Volume` converts or refuses them."""
+    """Voxels as stored in a file, and their lattice; `Volume` converts or refuses them."""
 
     values: NDArray[Any] | Stored  # (Z, Y, X), of any type and number of axes
     spacing_mm: tuple[float, float, float] | None = None
     world_from_index: NDArray[np.float64] | None = None
     remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`
-    owner: Any = None  # of the memory of the values, if they do not own it themselves
+    owner: Any = None  # owner of the values' memory, if they do not own it themselves

@@ -20,20 +20,20 @@ _EXAMPLE = "shape=256x256x110&dtype=uint8&spacing=1,1,1"
 
 
 def read_npy(query: Query) -> Reading:
-    """Read a file of ``numpy.save``."""
+    """Read a file written by ``numpy.save``."""
     path = query.path
     with path.open("rb") as file:
         try:
             read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
             shape, columns_first, dtype = read_header(file)
-        # The header is a Python literal: its parser raises anything on a damaged one.
+        # The header is a Python literal, whose parser may raise any error if it is damaged.
         except Exception as error:
             raise VolumeError(
                 f"{path}: not a readable .npy file of numbers; is it complete, and saved by "
                 "numpy.save?",
                 code="damaged",
             ) from error
-        if dtype.kind not in "buif":  # others may have an item size of 0
+        if dtype.kind not in "buif":  # other kinds may have an item size of 0
             raise VolumeError(
                 f"{path}: values of type {dtype!s:.60} are not real numbers; save an array of "
                 "these",
@@ -54,7 +54,7 @@ def read_raw(query: Query) -> Reading:
     query.allow("shape", "dtype", "spacing", "offset", "order")
     if missing := [key for key in ("shape", "dtype") if key not in options]:
         raise VolumeError(
-            f"{path}: raw bytes need their layout, {missing[0]} is missing; write "
+            f"{path}: raw bytes need a layout, {missing[0]} is missing; write "
             f"{path.name}?{_EXAMPLE}",
             code="missing",
         )
@@ -67,7 +67,7 @@ def read_raw(query: Query) -> Reading:
             raise TypeError
         key = "offset"
         offset = int(options.get("offset", "0"))
-    except (ValueError, TypeError, SyntaxError, RecursionError) as error:  # the last two by dtype
+    except (ValueError, TypeError, SyntaxError, RecursionError) as error:  # the last two from dtype
         raise VolumeError(
             f"{path}: {key}={options[key]} cannot be read; write it as in {path.name}?{_EXAMPLE}",
             code="syntax",

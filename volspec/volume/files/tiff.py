@@ -1,4 +1,4 @@
-"""TIFF files of several pages (plain, ImageJ's, OME-TIFF), and folders of TIFF or PNG slices.
+"""Multi-page TIFF files (plain, ImageJ, OME-TIFF), and folders of TIFF or PNG slices.
 
 file -> tifffile: axes and pages -> [tiff] -> Reading
 folder -> names in order -> [tiff] -> Reading
@@ -52,14 +52,14 @@ def read_tiff(query: Query) -> Reading:
             if axis not in (through, "Y", "X")
         }
         if through == _TIME:
-            remarks.append(f"{path}: its pages are points in time, and are taken for slices")
+            remarks.append(f"{path}: its pages are points in time, but are read as slices")
         spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, remarks)
         values = _values(tiff, series, through, at, query)
     return Reading(values, spacing_mm=spacing, remarks=remarks)
 
 
 def _open_options(path: Path) -> dict[str, bool]:
-    """Return options that join pages written one by one, each of which tifffile makes a series."""
+    """Return options that join pages written one by one, which tifffile makes separate series."""
     from tifffile import TiffFile
 
     with TiffFile(path) as tiff:
@@ -68,7 +68,7 @@ def _open_options(path: Path) -> dict[str, bool]:
 
 
 def _only_series(tiff: Any, query: Query) -> Any:
-    """Return the series of a file, or the one stack among single pictures (labels, previews)."""
+    """Return a file's only series, or the only stack among single pictures (labels, previews)."""
     if len(tiff.series) == 1:
         return tiff.series[0]
     stacks = [series for series in tiff.series if len(series.pages) > 1]
@@ -76,8 +76,8 @@ def _only_series(tiff: Any, query: Query) -> Any:
         return stacks[0]
     sizes = ", ".join("x".join(map(str, series.shape[::-1])) for series in tiff.series[:8])
     raise VolumeError(
-        f"{query.path}: holds pictures of several sizes ({sizes}); a volume's slices have one, "
-        "save the stack alone",
+        f"{query.path}: holds pictures of several sizes ({sizes}); a volume's slices have the "
+        "same size, save the stack alone",
         code="conflict",
     )
 
@@ -94,19 +94,19 @@ def _slice_axis(series: Any, query: Query) -> str:
     counts = "x".join(map(str, series.shape[::-1]))
     if not others:
         raise VolumeError(
-            f"{query.path}: is a single picture ({counts}), a volume has several slices; give the "
-            f"folder that holds them, {query.path.absolute().parent}",
+            f"{query.path}: is a single picture ({counts}), a volume needs several slices; give "
+            f"the folder that holds them, {query.path.absolute().parent}",
             code="shape",
         )
     raise VolumeError(
-        f"{query.path}: holds {counts} values along {series.axes[::-1]}, of which no stack of "
-        "slices can be chosen; save one stack",
+        f"{query.path}: holds {counts} values along {series.axes[::-1]}, among which no stack of "
+        "slices is recognised; save one stack",
         code="shape",
     )
 
 
 def _names(axis: str, count: int) -> tuple[str, int, str]:
-    """Return the option that selects along an axis, the axis' length, and its noun."""
+    """Return the option that selects along an axis, the axis' length, and a noun for it."""
     if axis == _TIME:
         return "time", count, "time steps"
     return "channel", count, "channels"
@@ -116,7 +116,7 @@ def _values(tiff: Any, series: Any, through: str, at: dict[str, int], query: Que
     """Read (Z, Y, X) values without the other channels and times."""
     itemsize = series.dtype.itemsize
     index = tuple(at.get(axis, slice(None)) for axis in series.axes)
-    if series.dataoffset is not None:  # one block of bytes, even if ImageJ lists one page only
+    if series.dataoffset is not None:  # one block of bytes, even if ImageJ lists only one page
         from tifffile import memmap
 
         which = next(k for k, each in enumerate(tiff.series) if each is series)
@@ -167,8 +167,8 @@ def read_stack(query: Query) -> Reading:
     files = pictures_in(query.path)
     if len(files) == 1:
         raise VolumeError(
-            f"{query.path}: holds one picture, {files[0].name}, a volume has several slices; give "
-            "all of them, or a TIFF file of several pages itself",
+            f"{query.path}: holds one picture, {files[0].name}, but a volume has several slices; "
+            "give all of them, or a multi-page TIFF file itself",
             code="shape",
         )
     remarks: list[str] = []
@@ -184,12 +184,12 @@ def read_stack(query: Query) -> Reading:
 
 
 def _read_slice(path: Path, shape: tuple[int, ...], query: Query, reserve: Reserve) -> NDArray[Any]:
-    """Read (Y, X) of one file, which must be as large as the first."""
+    """Read (Y, X) from one file, which must have the first one's size."""
     values, _ = _read_picture(path, reserve)
     if values.shape != shape:
         raise VolumeError(
-            f"{path}: is {_size(values.shape)}, the first slice {_size(shape)}; take out what is "
-            "no slice, or make all of one size",
+            f"{path}: is {_size(values.shape)}, the first slice {_size(shape)}; remove what is "
+            "not a slice, or make all the same size",
             code="shape",
         )
     if values.ndim == 2:
@@ -205,7 +205,7 @@ def _size(shape: tuple[int, ...]) -> str:
 
 
 def _read_picture(path: Path, reserve: Reserve) -> tuple[NDArray[Any], tuple[float | None, ...]]:
-    """Read (Y, X) or (Y, X, S) of one file, and the spacing that it states."""
+    """Read (Y, X) or (Y, X, S) and the stated spacing from one file."""
     with picture_errors(path):
         if path.suffix.lower() == _PNG:
             return png_values(path, reserve), (None, None, None)
@@ -215,12 +215,12 @@ def _read_picture(path: Path, reserve: Reserve) -> tuple[NDArray[Any], tuple[flo
             page = tiff.pages[0]
             if (pages := len(tiff.pages) * page.imagedepth) > 1:
                 raise VolumeError(
-                    f"{path}: holds {pages} pages, and its folder other files; give a file of "
+                    f"{path}: holds {pages} pages, and its folder has other files; give a file of "
                     "several pages itself, or a folder of single ones",
                     code="conflict",
                 )
             reserve(page.shape, page.dtype.itemsize)
             values = page_values(page)
-            if page.axes.startswith(_SAMPLES):  # a plane for each colour
+            if page.axes.startswith(_SAMPLES):  # a plane per colour
                 values = np.moveaxis(values, 0, -1)
             return values, stated_spacing_mm(tiff, page)

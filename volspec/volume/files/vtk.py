@@ -1,4 +1,4 @@
-"""VTK image data, ``.vti`` and legacy ``.vtk``, through pyvista.
+"""VTK image data, ``.vti`` and legacy ``.vtk``, read with pyvista.
 
 load_volume -> [vtk] -> Reading
 
@@ -28,7 +28,7 @@ from volspec.volume.files.headers import TRUNCATED
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.vtk_interop import values_and_lattice
 
-# Bits of the legacy types; vtkIdType is stored as int.
+# Bits of the legacy format's types; vtkIdType is stored as int.
 _LEGACY_BITS = {
     **dict.fromkeys(("bit",), 1),
     **dict.fromkeys(("char", "signed_char", "unsigned_char"), 8),
@@ -40,7 +40,7 @@ _XML_BYTES = {
     f"{kind}{bits}": bits // 8 for kind in ("Int", "UInt", "Float") for bits in (8, 16, 32, 64)
 }
 _HEADER_TYPES = {"UInt32": "I", "UInt64": "Q"}
-# Elements within elements: VTK's files have seven, and its parser recurses.
+# Greatest depth of elements: VTK's files have seven levels, and its parser recurses.
 _DEEPEST = 32
 _CHUNK = 1 << 20
 
@@ -55,7 +55,7 @@ def read_vtk(query: Query) -> Reading:
     check_vtk(query)
     # VTK prints its errors and pyvista logs them again; both are replaced by one line.
     before = vtkLogger.GetCurrentVerbosityCutoff()
-    # If another library has switched VTK's warnings off, its errors would not be caught either.
+    # If another library has switched off VTK's warnings, errors would not be caught either.
     warnings_shown = vtkObject.GetGlobalWarningDisplay()
     vtkObject.SetGlobalWarningDisplay(1)
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
@@ -108,18 +108,18 @@ def _check_legacy(query: Query) -> None:
                     counts = [*(components or ["1"]), tuples]
                 case [_, per_tuple, count, kind]:  # an array of a FIELD
                     counts = [per_tuple, count]
-                case _:  # other words, or data of arrays that are never cast
+                case _:  # other words, or data of arrays that are not cast
                     continue
             if kind not in _LEGACY_BITS or not all(n.isdecimal() for n in counts):
                 continue
             values = math.prod(map(int, counts))
             stored = -(-values * _LEGACY_BITS[kind] // 8)
             nbytes += stored
-            # VTK itself finds values missing in ASCII; a value and a space take two bytes.
+            # VTK itself detects missing ASCII values; a value and a space take two bytes.
             least = file.tell() + (stored if binary else 2 * values - 1)
             if least > size:
                 raise VolumeError(
-                    f"{path}: holds {size} bytes, its header asks for {least} or more; {TRUNCATED}",
+                    f"{path}: holds {size} bytes, its header declares {least} or more; {TRUNCATED}",
                     code="damaged",
                 )
             if not binary:
@@ -137,7 +137,7 @@ class _Array:
     itemsize: int
     form: str
     offset: int
-    # For an array inside the element: its first characters, and counts of characters and words.
+    # For inline data: the first characters, and counts of characters and words.
     text: str = ""
     length: int = 0
     words: int = 0
@@ -158,7 +158,7 @@ class _XmlHeader:
         self._encoding, self._start = "", 0
         self._open: list[str] = []
         self._array: _Array | None = None
-        # Points and cells of the current piece, cells of all pieces so far and of the whole.
+        # Points and cells of the current piece; cells of all pieces so far, and of the whole.
         self._points = self._cells = self._covered = self._whole = 0
         self._parse()
 
@@ -220,14 +220,14 @@ class _XmlHeader:
 
     def _text(self, text: str) -> None:
         array, text = self._array, text.strip()
-        if array is None or self._open[-1] != "DataArray":  # an InformationKey's
+        if array is None or self._open[-1] != "DataArray":  # text of an InformationKey
             return
         array.length += len(text)
         array.words += len(text.split())
         array.text = (array.text + text)[:64] if len(array.text) < 64 else array.text
 
     def check(self, query: Query) -> None:
-        """Refuse arrays longer than their bytes in the file, or than memory."""
+        """Refuse arrays that exceed their bytes in the file, or memory."""
         if not self.arrays:
             return
         if self._covered != self._whole:
@@ -246,13 +246,13 @@ class _XmlHeader:
                     raise _unreadable(self.path) from error
                 if held < asked:
                     raise VolumeError(
-                        f"{self.path}: holds {held} bytes of voxels, its header asks for {asked}; "
+                        f"{self.path}: holds {held} bytes of voxels, its header declares {asked}; "
                         f"{TRUNCATED}",
                         code="damaged",
                     )
 
     def _held(self, array: _Array, file: Any) -> int:
-        """Return the bytes of an array in the file, by the lengths stored before them."""
+        """Return the size of an array in the file, from the lengths stored before its bytes."""
         if array.form == "ascii":
             return array.words * array.itemsize
         raw = array.form == "appended" and self._encoding == "raw"
@@ -274,7 +274,7 @@ class _XmlHeader:
 
 
 def _counts(extent: str) -> tuple[int, int]:
-    """Return points and cells of an extent, ``"0 5 0 4 0 39"``."""
+    """Return the numbers of points and cells in an extent, ``"0 5 0 4 0 39"``."""
     ends = [int(number) for number in extent.split()]
     sides = [high - low for low, high in zip(ends[::2], ends[1::2], strict=True)]
     if len(sides) != 3 or min(sides) < 0:
