@@ -43,7 +43,7 @@ def colour_space(space: str | Path | ColourSpace) -> ColourSpace:
     raise ViewingError.refused(
         "colour space",
         name,
-        f"{nearest(name, SPACES)}known: {', '.join(SPACES)}; any other as FILE.icc or as a "
+        f"{nearest(name, SPACES)}known: {', '.join(SPACES)}; give others as FILE.icc or a "
         "ColourSpace",
         "unknown",
     )
@@ -53,7 +53,7 @@ def _look_up(space: object) -> object:
     if not isinstance(space, str | Path) or space in SPACES:
         return space
     if not is_profile(str(space)):
-        remedy = f"{nearest(str(space), SPACES)}known: {', '.join(SPACES)}; any other as FILE.icc"
+        remedy = f"{nearest(str(space), SPACES)}known: {', '.join(SPACES)}; others as FILE.icc"
         raise ViewingError("", remedy, code="unknown", given=space)
     try:
         return colour_space(space)  # reads a profile now, once
@@ -134,7 +134,7 @@ class Display:
         has_white = self.L_A is None or self.white_cd_m2 != usual.white_cd_m2
         numbers = {key: getattr(self, key) for key in ROOM}
         numbers = {key: v for key, v in numbers.items() if v != getattr(usual, key)}
-        if has_white:  # which alone would also give L_A
+        if has_white:  # white_cd_m2 alone would also determine L_A
             numbers |= {"white_cd_m2": self.white_cd_m2, "L_A": self.L_A}
         return {key: plain(v) for key, v in numbers.items() if v is not None} | table
 

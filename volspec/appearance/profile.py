@@ -44,7 +44,7 @@ def is_profile(name: str) -> bool:
 
 
 def D50_from_white(white_XYZ: Array) -> Array:
-    """Return (3, 3): XYZ under a white to those under D50, by Bradford; Y = 1 for white."""
+    """Return (3, 3): XYZ under a white to XYZ under D50, by Bradford; Y = 1 for white."""
     gains = (BRADFORD_FROM_XYZ @ D50_XYZ) / (BRADFORD_FROM_XYZ @ white_XYZ)
     return np.asarray(np.linalg.solve(BRADFORD_FROM_XYZ, gains[:, None] * BRADFORD_FROM_XYZ))
 
@@ -94,7 +94,7 @@ def _read(path: Path) -> bytes:
             raise ViewingError(
                 f"the profile's {name} is {found.decode('latin-1').strip()!r}, not "
                 f"{expected.decode().strip()!r}",
-                "give the profile of a display, a matrix profile",
+                "give a display's matrix profile",
                 code="unsupported",
             )
     return data

@@ -207,7 +207,7 @@ class ColourSpace:
             raise ViewingError.refused("white_xy", self.white_xy, "give y above 0", "range")
         if abs(np.linalg.det([green - red, blue - red])) < 2.0 * _LEAST_AREA:
             raise ViewingError(
-                "they lie on a line",
+                "the primaries lie on a line",
                 "give a triangle",
                 code="range",
                 field="primaries_xy",
@@ -216,7 +216,7 @@ class ColourSpace:
         if not np.all(self.XYZ_from_RGB[1] * np.sign(primaries[:, 1]) > 0.0):
             raise ViewingError(
                 f"{self.white_xy} lies outside of the primaries' triangle",
-                "give a white inside",
+                "give a white inside of it",
                 code="range",
                 field="white_xy",
                 given=self.white_xy,

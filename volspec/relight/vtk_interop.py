@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 def to_texture(frame: Pixels) -> pyvista.Texture:
     """Make a pyvista texture of a relit frame, its first row at the top.
 
-    The texture holds the display's codes: draw it with ``lighting=False``, and leave
-    ``srgb`` off, which would decode them.
+    The texture contains the display's codes: draw it with ``lighting=False``, and leave ``srgb``
+    off, which would decode the codes.
 
     Parameters
     ----------

@@ -254,9 +254,7 @@ def light_power(
     own = f"light {light.name!r}" if isinstance(light, Spectrum) and light.name else "light"
     label = label or own
     if E.ndim != 1:
-        raise SpectrumError(
-            f"{label}: an array of shape {E.shape}; give one light at a time", code="shape"
-        )
+        raise SpectrumError(f"{label} has shape {E.shape}; give one light at a time", code="shape")
     lowest = int(E.argmin())
     if E[lowest] < -_ROUNDING * np.abs(E).max():
         raise SpectrumError(

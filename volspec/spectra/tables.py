@@ -170,7 +170,7 @@ def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
         guess = "are they wavenumbers in 1/cm? nm = 1e7 / wavenumber, then sort"
     else:
         return
-    raise SpectrumError(f"{label}: wavelengths of {low:g}-{high:g} nm, none visible; {guess}")
+    raise SpectrumError(f"{label}: wavelengths of {low:g}-{high:g} nm are not visible; {guess}")
 
 
 def _keep_note(line: str, notes: dict[str, str]) -> None:

@@ -101,7 +101,7 @@ def adapt(
 
     Examples
     --------
-    White paper under tungsten, as daylight shows it:
+    White paper under tungsten, adapted to daylight:
 
     >>> tungsten = ViewingConditions((109.85, 100, 35.58), D=1)
     >>> daylight = ViewingConditions((95.05, 100, 108.88), D=1)

@@ -52,7 +52,7 @@ References
     illuminance adaptations".
 [4] Guth (1991), "Model for color vision and light adaptation", JOSA A 8(6), 976-993.
 [5] Guth (1995), "Further applications of the ATD model for color vision", Proc. SPIE 2414,
-    12-26. doi:10.1117/12.206546, by way of colour-science's ATD95.
+    12-26. doi:10.1117/12.206546, via colour-science's ATD95.
 """
 
 from __future__ import annotations
