@@ -27,31 +27,31 @@ def notebook(
     lights: Mapping[str, LightLike] | Sequence[LightLike | NamedLight] | None = None,
     viewing: Viewing | None = None,
 ) -> RelightWidget:
-    """Show a coefficient image as a widget; lights and viewing change from either side.
+    """Show a coefficient image as a widget; page and Python can both change lights and viewing.
 
-    An image on the last line of a cell is shown so.
+    An image on the last line of a cell is shown this way.
 
     Parameters
     ----------
     image : CoefficientImage
     lights : sequence of str, Spectrum or NamedLight, or {name: str, Spectrum or LightRig}, optional
-        The first is switched on. Texts are in `volspec.light`'s notation; a scene's lights are
-        `Scene.lights`. The default is daylight, tungsten, a fluorescent tube and sodium.
+        Lights; the first is switched on. Strings are in `volspec.light`'s notation; a scene's
+        lights are `Scene.lights`. By default daylight, tungsten, a fluorescent tube and sodium.
     viewing : Viewing, optional
-        The first viewing; by default that of the image's scene.
+        Initial viewing; by default the viewing of the image's scene.
 
     Raises
     ------
     DeviceError
         If the extra ``notebook`` is not installed.
     ImageError, SpectrumError, ViewingError
-        If it is no coefficient image; if a light is missing, unknown or does not fit the image;
-        if the page does not support the viewing.
+        If ``image`` is not a coefficient image; if a light is missing, unknown or does not fit the
+        image; if the page does not support the viewing.
     """
     if not isinstance(image, CoefficientImage):
         raise ImageError(
             f"got {quoted(image)}",
-            "expected a CoefficientImage, as volspec.raycast gives",
+            "expected a CoefficientImage, as from volspec.raycast",
             code="type",
             field="notebook.image",
             given=image,

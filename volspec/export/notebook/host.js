@@ -1,15 +1,15 @@
-// The widget in a notebook's cell: the page in a frame, and settings in both directions.
+// Widget in a notebook's cell: the page in a frame, with settings in both directions.
 //
 //     traits of widget.py <-> [host] <-> port <-> web/widget.js, inside the frame
 
 const SETTINGS = ['weights', 'viewing', 'mode', 'backdrop', 'level', 'probe', '_room'];
 
-// JupyterLab's theme, light or dark, for the page; elsewhere the system's is used.
+// JupyterLab's theme, light or dark, for the page; elsewhere the system's theme is used.
 const scheme = () => ({ true: 'light', false: 'dark' })[document.body.dataset.jpThemeLight];
 
 function frameOf(page) {
   const frame = document.createElement('iframe');
-  // Scripts without the notebook's own origin: nothing of the page reaches the notebook.
+  // Scripts run without the notebook's origin, so that the page cannot reach the notebook.
   frame.sandbox = 'allow-scripts allow-downloads';
   frame.title = 'Relightable picture';
   frame.style.cssText = 'position: absolute; inset: 0; width: 100%; height: 100%; border: 0';
@@ -19,9 +19,9 @@ function frameOf(page) {
 
 function render({ model, el }) {
   el.style.position = 'relative';
-  // The visible frame, and the newest: the same once that is loaded.
+  // The visible frame and the newest: the same once the newest is loaded.
   let frame = null, newest = null, port = null, hearing = false;
-  // Only the changes: the rest may be older than the page's own news.
+  // Send only changes: other settings may be older than the page's own.
   const send = (names) => {
     if (hearing) return;
     const settings = Object.fromEntries(names.map((name) => [name, model.get(name)]));
@@ -37,7 +37,7 @@ function render({ model, el }) {
   };
 
   // The last page stays until the next one is loaded. A frame that the notebook removes and
-  // inserts loads again, and gets all settings again.
+  // inserts is loaded again, and receives all settings again.
   const loaded = (next) => {
     port?.close();
     const channel = new MessageChannel();

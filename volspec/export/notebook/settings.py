@@ -28,9 +28,9 @@ from volspec.spectra import Spectrum, light
 
 LightLike = str | Spectrum | LightRig
 
-# Lights offered for an image that names none.
+# Lights offered for an image without lights of its own.
 DEFAULT_LIGHTS = ("D65", "A", "FL11", "HP1")
-# Keys of a look in web/state.js that a Viewing holds.
+# Keys of a look in web/state.js that are fields of a Viewing.
 _LOOK = ("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure", "gamut", "mark")
 
 
@@ -38,13 +38,13 @@ _LOOK = ("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure", 
 class PixelReading:
     """Colour of a pixel."""
 
-    x: int  # Row 0 is the top
-    y: int
+    x: int
+    y: int  # row 0 is the top
     opacity: float  # 0 to 1
-    # (X, Y, Z): Tristimulus values in the scene; Y = 100 for a perfect diffuser.
+    # Tristimulus values (X, Y, Z) in the scene; Y = 100 for a perfect diffuser.
     XYZ: tuple[float, float, float]
-    # Lightness, chroma, hue in degrees by the viewing's model, or by CIECAM02 if that only
-    # adapts; None if undefined there.
+    # Lightness, chroma and hue (degrees) by the viewing's model, or by CIECAM02 if the model only
+    # adapts; None if undefined.
     J: float | None
     C: float | None
     h: float | None
@@ -54,7 +54,7 @@ def named_lights(
     given: Mapping[str, LightLike] | Sequence[LightLike | NamedLight] | None,
     image: CoefficientImage,
 ) -> tuple[NamedLight, ...]:
-    """Name the lights of a widget, and refuse those that do not fit the image.
+    """Name the lights of a widget; refuse lights that do not fit the image.
 
     >>> import numpy as np
     >>> from volspec.basis import SpectralBasis
@@ -71,7 +71,7 @@ def named_lights(
     elif isinstance(given, Sequence) and not isinstance(given, str):
         pairs = ((None, each) for each in given)
     else:
-        remedy = "give several in a list, as ['D65', 'A'], or by name in a dict"
+        remedy = "give several in a list, such as ['D65', 'A'], or by name in a dict"
         raise ImageError.refused("notebook.lights", given, remedy, "type")
     named = tuple(_named(name, each, image) for name, each in pairs)
     if not named:
@@ -79,8 +79,8 @@ def named_lights(
     names = [lamp.name for lamp in named]
     if twice := [name for name in dict.fromkeys(names) if names.count(name) > 1]:
         raise ImageError(
-            f"two lights are {twice[0]!r}",
-            "give them names, as a dict",
+            f"two lights are named {twice[0]!r}",
+            "give them names in a dict",
             code="duplicate",
             field="notebook.lights",
             given=given,
@@ -90,14 +90,14 @@ def named_lights(
 
 
 def require_lit(lights: Iterable[NamedLight], image: CoefficientImage) -> None:
-    """Refuse lights that do not cover the image's grid, or shine from a group that it lacks."""
+    """Refuse lights that do not cover the image's grid, or shine from a group it does not have."""
     for lamp in lights:
         with _naming_light(lamp.name):
             Illumination.of(image.basis, lamp.rig, RelightSpec(), image.groups)
 
 
 def weighted_rig(lights: Sequence[NamedLight], weights: Sequence[float]) -> LightRig | None:
-    """Mix the lights; None if every weight is 0. The mix has lux if all its lights have."""
+    """Mix the lights; None if every weight is 0. The mix has lux if all of its lights do."""
     if not any(weights):
         return None
     return mixed_rig([lamp.rig for lamp in lights], weights)
@@ -117,7 +117,7 @@ def _named(name: str | None, given: LightLike | NamedLight, image: CoefficientIm
         rig = given
     else:
         raise SpectrumError.refused(
-            "notebook.lights", given, "give a name, as 'D65', a Spectrum or a LightRig", "type"
+            "notebook.lights", given, "give a name like 'D65', a Spectrum or a LightRig", "type"
         )
     if not (isinstance(name, str) and name.strip()):
         raise SpectrumError(
@@ -133,7 +133,7 @@ def _named(name: str | None, given: LightLike | NamedLight, image: CoefficientIm
 
 @contextmanager
 def _naming_light(name: str) -> Iterator[None]:
-    """Put a light's name before the message of its error."""
+    """Prefix a light's error with its name."""
     try:
         yield
     except (SpectrumError, ViewingError) as error:
@@ -143,7 +143,7 @@ def _naming_light(name: str) -> Iterator[None]:
 def initial_spec(
     image: CoefficientImage, lights: Sequence[NamedLight], viewing: Viewing | None
 ) -> RelightSpec:
-    """Return a widget's first settings: as given, else as in the image's scene.
+    """Return a widget's initial settings: as given, else as in the image's scene.
 
     Settings of the scene that the page does not support are replaced, with a warning.
     """
@@ -165,28 +165,28 @@ def checked_viewing(viewing: object) -> Viewing:
     if viewing.model not in CLOSED and viewing.model not in ADAPTATIONS:
         raise ViewingError(
             f"{viewing.model!r} has no closed form, which the page needs",
-            f"take {', '.join(CLOSED)}, or volspec.relight",
+            f"use {', '.join(CLOSED)}, or volspec.relight",
             code="unsupported",
             field="notebook.viewing.model",
             given=viewing.model,
         )
     if viewing.adapting != "given":
         raise ViewingError(
-            f"{viewing.adapting!r} is measured in the picture, which the page does not",
-            "take 'given', or volspec.relight",
+            f"{viewing.adapting!r} is measured in the picture, which the page cannot do",
+            "use 'given', or volspec.relight",
             code="unsupported",
             field="notebook.viewing.adapting",
             given=viewing.adapting,
         )
     if viewing.display.space != "sRGB":
         raise ViewingError(
-            f"{viewing.display.colours.name!r} is no space of the page",
-            "take sRGB, or volspec.relight",
+            f"{viewing.display.colours.name!r} is not supported by the page",
+            "use sRGB, or volspec.relight",
             code="unsupported",
             field="notebook.viewing.display.space",
             given=viewing.display.space,
         )
-    Screen.of(viewing.display, viewing.model)  # refuses a gamut that cannot be reduced to
+    Screen.of(viewing.display, viewing.model)  # refuses a display without a gamut to reduce to
     return viewing
 
 
@@ -197,7 +197,7 @@ def look_from_viewing(viewing: Viewing, lights: Sequence[NamedLight]) -> dict[st
 
 
 def viewing_from_look(look: Mapping[str, Any], display: Display) -> Viewing:
-    """Convert the page's state to a viewing, on a display with its own surround."""
+    """Convert the page's state to a viewing on a display."""
     settings = {name: look[name] for name in _LOOK}
     display = replace(display, gamut=settings.pop("gamut"), mark=settings.pop("mark"))
     ratio: Any = settings.pop("surround")
@@ -213,7 +213,7 @@ def viewing_from_look(look: Mapping[str, Any], display: Display) -> Viewing:
 def read_pixel(
     image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
 ) -> PixelReading:
-    """Read a pixel, as the page's probe does."""
+    """Read a pixel like the page's probe."""
     x, y = pixel
     lit = Illumination.of(image.basis, rig, spec, image.groups)
     opacity = float(image.alpha[y, x])

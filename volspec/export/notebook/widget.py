@@ -1,9 +1,9 @@
-"""The notebook widget: traits synchronised with a page in both directions.
+"""Notebook widget: traits synchronised with a page in both directions.
 
     image, lights, RelightSpec -> [widget] <-> host.js <-> page's web/widget.js
 
 Traits set in Python are shown at once; changes in the page arrive about ten times a second, when
-the kernel is free. Only `notebook` imports this module: it needs anywidget.
+the kernel is idle. Only `notebook` imports this module, because it needs anywidget.
 """
 
 from __future__ import annotations
@@ -46,46 +46,46 @@ _SETTINGS = ("image", "weights", "viewing", "mode", "backdrop", "level", "probe"
 
 
 class _Checked(traitlets.TraitType):
-    """Trait with values checked at once by a method of the widget, in this package's words."""
+    """Trait whose values a method of the widget checks at once, with volspec's own errors."""
 
     def validate(self, widget: RelightWidget, value: object) -> Any:
         return getattr(widget, f"_checked_{self.name}")(value)
 
 
 class RelightWidget(anywidget.AnyWidget):
-    """A coefficient image in a cell; made by `volspec.notebook`.
+    """Coefficient image in a cell; made by `volspec.notebook`.
 
-    Every attribute but the lights can be set, and observed with ``observe`` as any trait. An
-    invalid value is refused without any change. While the page compares two settings, the
-    attributes are those of its side A.
+    Every attribute but the lights can be set, and observed with ``observe`` like any trait. An
+    invalid value is refused and changes nothing. While the page compares two settings, the
+    attributes are the settings of side A.
 
     Parameters
     ----------
     image : CoefficientImage
-        Another may have another size, basis and groups.
+        Image; a later one may differ in size, basis and groups.
     lights : sequence of NamedLight
-        The first is switched on.
+        Lights; the first is switched on.
     relight_spec : RelightSpec
-        The first settings, and those after the page's Reset.
+        Initial settings, also restored by the page's Reset.
 
     Attributes
     ----------
     weights : {name: float}
-        Weight of each light, 0 to 1; those that an assignment leaves out are off.
+        Weight of each light, 0 to 1; lights omitted in an assignment are off.
     viewing : Viewing
     mode, level : str
-        As `RelightSpec`.
+        As in `RelightSpec`.
     backdrop : float
-        A reflectance, 0 to 1.
+        Reflectance, 0 to 1.
     probe : (x, y) or None
-        The pixel that is read; row 0 is the top.
+        Pixel that is read; row 0 is the top.
     probed : volspec.export.notebook.settings.PixelReading or None
-        Its colour; None if no pixel is read, or every light is off. Read only.
+        Colour of the pixel; None if no pixel is read or every light is off. Read-only.
 
     Raises
     ------
     ImageError, ViewingError
-        If an image, a probe, a light's name or a weight is none, or the page does not support a
+        If an image, probe, light's name or weight is invalid, or the page does not support a
         viewing.
     """
 
@@ -152,7 +152,7 @@ class RelightWidget(anywidget.AnyWidget):
         Parameters
         ----------
         dtype : numpy.uint8 or numpy.float32
-            8-bit codes, or codes 0 to 1 before rounding; another is a `RelightError`.
+            8-bit codes, or codes 0 to 1 before rounding; any other type is a `RelightError`.
 
         Returns
         -------
@@ -169,7 +169,7 @@ class RelightWidget(anywidget.AnyWidget):
         return f"RelightWidget({width}x{height}, {', '.join(self._names)})"
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
-        """Add a still picture for readers without widgets, such as of a saved notebook."""
+        """Add a still picture for viewers without widgets, such as of saved notebooks."""
         from PIL import Image
 
         bundle = super()._repr_mimebundle_(**kwargs)
@@ -184,13 +184,13 @@ class RelightWidget(anywidget.AnyWidget):
 
     @traitlets.observe("image")
     def _update_page(self, _: object) -> None:
-        """Build a page for another picture; settings stay."""
+        """Build a page for a new picture; settings are kept."""
         title = self.image.notes.get("scene") or PageSpec().title
         self._page = page_html([PageView(self.image)], self._lights, self._initial, PageSpec(title))
 
     @traitlets.observe("viewing")
     def _update_room(self, _: object) -> None:
-        """Send the display's surround, which only Python changes."""
+        """Send the display's conditions, which only Python changes."""
         self._room = payload.page_viewing(self.viewing)
 
     @traitlets.observe(*_SETTINGS)
@@ -211,7 +211,7 @@ class RelightWidget(anywidget.AnyWidget):
 
     def _checked_weights(self, weights: object) -> Mapping[str, float]:
         if not isinstance(weights, Mapping):
-            remedy = f"give them by name, as {{{self._names[0]!r}: 1.0}}"
+            remedy = f"give them by name, such as {{{self._names[0]!r}: 1.0}}"
             raise ViewingError.refused("notebook.weights", weights, remedy, "type")
         for name, weight in weights.items():
             if name not in self._names:
@@ -247,7 +247,7 @@ class RelightWidget(anywidget.AnyWidget):
         dark = [lamp.name for lamp in self._lights if lamp.rig.illuminance_lux is None]
         if level == "absolute" and dark:
             raise ViewingError(
-                f"'absolute' needs the lux of every light, {dark[0]!r} has none",
+                f"'absolute' needs the lux of every light, but {dark[0]!r} has none",
                 "give it as LightRig(..., illuminance_lux=...)",
                 code="missing",
                 field="notebook.level",
@@ -261,7 +261,7 @@ class RelightWidget(anywidget.AnyWidget):
         if not (isinstance(probe, Sequence) and len(probe) == 2 and _inside(probe, self.image)):
             width, height = self.image.size
             raise ImageError.refused(
-                "notebook.probe", probe, f"give (x, y) inside of {width}x{height}, or None", "range"
+                "notebook.probe", probe, f"give (x, y) within {width}x{height}, or None", "range"
             )
         return int(probe[0]), int(probe[1])
 

@@ -2,8 +2,8 @@
 
     scene -> views, lights, RelightSpec -> [build] -> PAGE.html
 
-Its content security policy forbids the network: scripts and styles are allowed by their hashes,
-pictures are data. Users' texts are escaped.
+The page's content security policy forbids network access: scripts and styles are allowed by their
+hashes, pictures are data URLs. Users' texts are escaped.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ Codes = NDArray[np.int64]
 BITS = (8, 12)
 MOST_VIEWS = 360
 _WEB = Path(__file__).parent / "web"
-# Joined in this order: each uses those before it. illumination, conditions and transforms are the
-# third copy of light matrices and CIECAM, after NumPy and GLSL: a page computes them offline, for
-# any weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares them.
+# Joined in this order: each uses the scripts before it. illumination, conditions, view_transform
+# are the third copy of light matrices and CIECAM, after NumPy and GLSL: pages work offline for any
+# weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares the copies.
 _SCRIPTS = (
     "algebra illumination conditions view_transform looks channels relight lighting state elements "
     "spectrum dial lights viewing errors probe stage share widget main"
@@ -64,12 +64,12 @@ _POLICY = (
 @settings(ImageError)
 @dataclass(frozen=True, slots=True)
 class PageSpec:
-    """Title of a page, and precision of its channels.
+    """Title of a page and precision of its channels.
 
     Raises
     ------
     ImageError
-        If the title or caption is no text, or bits are out of range.
+        If the title or caption is not text, or bits are out of range.
     """
 
     title: str = "Relightable picture"
@@ -77,7 +77,7 @@ class PageSpec:
     caption: str = ""
     """Plain text below the title."""
     bits: Annotated[int, Field(ge=BITS[0], le=BITS[1])] = 8
-    """Bits of a channel's code: 8, or up to 12 for twice the size."""
+    """Bits of a channel's code: 8, or up to 12 at twice the file size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -108,9 +108,9 @@ def write_page(
     Parameters
     ----------
     path : str or path
-        Ends in ``.html``, else `ImageError`.
+        Name that ends in ``.html``, else `ImageError`.
     views, lights, relight_spec, spec
-        As `page_html`, which names the other errors.
+        As in `page_html`, and so are the other errors.
 
     Returns
     -------
@@ -137,9 +137,9 @@ def page_html(
     Parameters
     ----------
     views : iterable of PageView
-        All of one size, basis and light groups; the first is shown. Consumed one at a time.
+        Views of equal size, basis and light groups; the first is shown. Consumed one at a time.
     lights : sequence of NamedLight
-        The first is switched on.
+        Lights; the first is switched on.
     relight_spec : RelightSpec, optional
         Settings of the page when it is opened.
     spec : PageSpec, optional
@@ -147,7 +147,7 @@ def page_html(
     Raises
     ------
     ImageError, ShapeError
-        If there is no view or no light; if views differ.
+        If there are no views or lights; if views differ.
     ViewingError
         If the backdrop is a spectrum.
     """
@@ -202,9 +202,9 @@ def scene_views(
     ----------
     scene : Scene
     count : int
-        Cameras on a circle around the scene's ``up``; the first is the scene's own.
+        Number of cameras on a circle around the scene's ``up``; the first is the scene's own.
     size, device, progress
-        As for `Scene.render`.
+        As in `Scene.render`.
     """
     volume = scene.volume()
     caster = Raycaster(volume, device=device)
@@ -226,9 +226,9 @@ def scene_views(
 class PackedView:
     """Channels of a view in a page."""
 
-    # Base64 of the deflated residuals: plane after plane, above 8 bits high bytes before low.
+    # Base64 of the deflated residuals, plane by plane; above 8 bits, high bytes before low bytes.
     text: str
-    # Roots of the least and the greatest value of each plane; opacity is the last.
+    # Roots of the least and the greatest value of each plane; opacity is the last plane.
     low: tuple[float, ...]
     high: tuple[float, ...]
 
@@ -238,8 +238,8 @@ def pack_view(image: CoefficientImage, bits: int) -> PackedView:
 
     A channel's value v is the signed square of a root, root = low + code (high - low) / (2^bits -
     1): steps are finest near black, where differences are most visible. A plane of codes is
-    written as its difference to the channel before, since channels of one spectrum resemble each
-    other; and that as its difference to the prediction from the left and above (the median of
+    replaced by its difference from the previous channel, as channels of a spectrum are similar;
+    that in turn is written as its difference from the prediction by its neighbours (the median of
     west, north and west + north - corner). Measured on the engine: docs/page.md.
     """
     alpha = clamp_finite(np.asarray(image.alpha, np.float32))
@@ -257,7 +257,7 @@ def pack_view(image: CoefficientImage, bits: int) -> PackedView:
 
 
 def residual_bytes(codes: Codes, bits: int) -> bytes:
-    """Return the residuals of (H, W, N) codes to their predictions, modulo 2^bits."""
+    """Return the residuals of (H, W, N) codes from their predictions, modulo 2^bits."""
     parts = []
     before = np.zeros(codes.shape[:2], np.int64)
     for plane in np.moveaxis(codes, -1, 0):
@@ -316,8 +316,8 @@ def _require_alike(image: CoefficientImage, first: CoefficientImage, number: int
     )
     if not alike:
         raise ShapeError(
-            f"view {number + 1} is {image!r}, the first {first!r}",
-            "cast all views of one size, basis and light groups",
+            f"view {number + 1} is {image!r}, but the first is {first!r}",
+            "cast all views with the same size, basis and light groups",
             field="page.views",
         )
 
@@ -334,13 +334,13 @@ def _still(image: CoefficientImage, light: NamedLight, relight_spec: RelightSpec
 
 
 def _text(words: str) -> str:
-    """Escape text for HTML, all but ASCII as character references."""
+    """Escape text for HTML, with character references for everything but ASCII."""
     printable = "".join(c if c.isprintable() or ord(c) > 127 else " " for c in words)
     return html.escape(printable).encode("ascii", "xmlcharrefreplace").decode("ascii")
 
 
 def _json(numbers: dict[str, Any]) -> str:
-    """Encode as JSON that no HTML parser ends early: ASCII without <, > and &."""
+    """Encode as JSON that an HTML parser cannot end early: ASCII without <, > and &."""
     plain = json.dumps(numbers, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     for mark in "<>&":
         plain = plain.replace(mark, f"\\u{ord(mark):04x}")

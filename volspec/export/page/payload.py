@@ -1,9 +1,9 @@
-"""Data of a page besides its channels: lights, basis, viewing, constants, shaders; all JSON.
+"""Data of a page besides its channels, as JSON: lights, basis, viewing, constants, shaders.
 
     lights, basis, RelightSpec -> [payload] -> web/*.js
 
-The page has spectra, and computes mixes, matrices and white as the desktop does, for any weights,
-model and surround. Two models without a closed form are left out.
+The page has spectra and computes mixtures, matrices and white like the desktop, for any weights,
+model and surround. The two models without a closed form are left out.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from volspec.spectra.spectrum import light_power
 
 _GLSL = "300 es"
 _HEATS = 129
-# Constants of volspec.appearance.constants that web/*.js uses.
+# Constants of volspec.appearance.constants used by web/*.js.
 _CONSTANTS = """
     CAT02_FROM_XYZ CAT16_FROM_XYZ HPE_FROM_XYZ HPE_FROM_CAT02
     RESPONSE_POLE RESPONSE_HALF RESPONSE_POWER RESPONSE_NOISE RESPONSE_LIMIT
@@ -50,7 +50,7 @@ _CONSTANTS = """
 
 
 def constants() -> dict[str, Any]:
-    """Return the constants of adaptations and models, by their names in web/*.js."""
+    """Return the constants of adaptations and models under their names in web/*.js."""
     numbers = {name: _plain(getattr(k, name)) for name in _CONSTANTS.split()}
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
     return numbers | {
@@ -115,11 +115,11 @@ def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, A
     model = viewing.model
     if model not in CLOSED and model not in ADAPTATIONS:
         model = "CIECAM02"
-        _warn(f"{viewing.model} has no closed form, which a page needs; it opens with {model}")
+        _warn(f"{viewing.model} has no closed form; the page opens with {model}")
     if viewing.adapting != "given":
-        _warn("a page measures no Y_b and L_A in its picture; it opens with those given")
+        _warn("a page cannot measure Y_b and L_A in its picture; it opens with the given ones")
     if viewing.display.space != "sRGB":
-        _warn("a page is made for sRGB, whatever the scene's display")
+        _warn("a page is always sRGB; the scene's display space is ignored")
     return {
         "weights": [1.0] + [0.0] * (len(lights) - 1),
         "solo": -1,
@@ -157,7 +157,7 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
 
 
 def shaders(channels: int, height: int) -> dict[str, str]:
-    """Assemble the relighting shaders for WebGL 2, without variants; L·M channels."""
+    """Assemble the relighting shaders for WebGL 2, without variants, for L·M channels."""
     fixed: dict[str, ArrayLike] = {
         "LAYERS": layer_count(channels),
         "IMAGE_HEIGHT": height,
@@ -182,7 +182,7 @@ def models() -> dict[str, list[str]]:
 
 
 def _gamut(display: Display, model: str) -> dict[str, Any] | None:
-    """Return uniforms of shaders/include/gamut.glsl; None if no grey can be shown."""
+    """Return the uniforms of shaders/include/gamut.glsl; None if no grey can be shown."""
     try:
         screen = Screen.of(_srgb(display, gamut="reduce"), model)
     except ViewingError:

@@ -1,4 +1,4 @@
-// Vectors and matrices as plain arrays, a matrix as its rows; double precision.
+// Vectors and matrices as plain arrays in double precision; a matrix is an array of rows.
 
 const dot = (a, b) => a.reduce((sum, x, i) => sum + x * b[i], 0);
 
@@ -15,7 +15,7 @@ const diagonal = (v) => v.map((x, i) => v.map((_, j) => (i === j ? x : 0)));
 
 const identity = () => diagonal([1, 1, 1]);
 
-// Each row times a number of its own: diag(v) · m.
+// Row i times v[i]: diag(v) · m.
 const scaledRows = (m, v) => m.map((row, i) => row.map((x) => x * v[i]));
 
 const scaled = (m, factor) => m.map((row) => row.map((x) => x * factor));
@@ -37,7 +37,7 @@ const clamped = (x, low, high) => Math.min(Math.max(x, low), high);
 // |x|^p with the sign of x.
 const signedPower = (x, p) => Math.sign(x) * Math.abs(x) ** p;
 
-// Linear between points in ascending order; the end values go on beyond.
+// Linear between points in ascending order; constant beyond the ends.
 function interpolated(x, at, values) {
   if (x <= at[0]) return values[0];
   for (let i = 1; i < at.length; i++) {

@@ -1,8 +1,8 @@
-// A view's channels: from the text in the page to the texels that the shader reads.
+// Unpack a view's channels: from text in the page to texels for the shader.
 //
 //     base64 -> deflate -> residuals -> codes -> half floats, four channels to a layer
 //
-// Undoes `residual_bytes` of volspec/export/page/build.py, which says how values became codes.
+// Inverse of `pack_view` and `residual_bytes` in volspec/export/page/build.py.
 
 function bytesOf(base64) {
   const text = atob(base64.trim()), bytes = new Uint8Array(text.length);
@@ -17,7 +17,7 @@ async function inflated(bytes) {
 
 const singles = new Float32Array(1), bitsOfSingle = new Uint32Array(singles.buffer);
 
-// Bits of the nearest half float; underflow becomes 0, overflow the largest.
+// Bits of the nearest half float; underflow becomes 0, overflow the largest number.
 function halfOf(x) {
   singles[0] = clamped(x, -65504, 65504);
   const bits = bitsOfSingle[0], sign = (bits >>> 16) & 0x8000;
@@ -34,7 +34,7 @@ function fromHalf(bits) {
   return sign * (exponent ? 2 ** (exponent - 15) * (1 + mantissa / 1024) : mantissa / 2 ** 24);
 }
 
-// Half floats by code: values are the squares, with their sign, of equal steps.
+// Half floats by code: values are signed squares of evenly spaced roots.
 function halvesByCode(low, high, bits) {
   const last = 2 ** bits - 1;
   return Uint16Array.from({ length: last + 1 }, (_, code) => {
@@ -43,10 +43,10 @@ function halvesByCode(low, high, bits) {
   });
 }
 
-// Adds a plane's residuals to what its neighbours predict; leaves differences of codes in `plane`.
+// Add residuals to a plane's predictions from neighbours; leave differences of codes in `plane`.
 function unpredicted(residuals, plane, before, width, mask) {
   for (let at = 0, x = 0; at < plane.length; at++, x = x + 1 === width ? 0 : x + 1) {
-    // At the edges all neighbours are the one that there is.
+    // At the edges the only neighbour counts for all.
     let north = at < width ? 0 : plane[at - width], west = north, corner = north;
     if (x > 0) {
       west = plane[at - 1];
@@ -60,7 +60,7 @@ function unpredicted(residuals, plane, before, width, mask) {
   }
 }
 
-// A plane's residuals; above 8 bits their high bytes come before their low ones.
+// A plane's residuals; above 8 bits, the high bytes come before the low bytes.
 function residualsOf(bytes, start, pixels, wide) {
   if (!wide) return bytes.subarray(start, start + pixels);
   const low = start + pixels;
@@ -68,7 +68,7 @@ function residualsOf(bytes, start, pixels, wide) {
     { length: pixels }, (_, at) => (bytes[start + at] << 8) | bytes[low + at]);
 }
 
-// Uint16 halves, layer after layer of RGBA texels: what texSubImage3D takes.
+// Half floats as Uint16, layer by layer of RGBA texels, as texSubImage3D takes them.
 async function texelsOf(text, view, { width, height, count, bits }) {
   const bytes = await inflated(bytesOf(text));
   const pixels = width * height, layers = Math.ceil(count / 4), wide = bits > 8;
@@ -85,7 +85,7 @@ async function texelsOf(text, view, { width, height, count, bits }) {
   return texels;
 }
 
-// The channels of one pixel, opacity the last.
+// The channels of a pixel; opacity is the last.
 function channelsAt(texels, { width, height, count }, x, y) {
   const pixels = width * height, at = 4 * (y * width + x);
   return Array.from({ length: count }, (_, channel) => (

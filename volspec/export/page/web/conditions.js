@@ -1,9 +1,9 @@
-// One viewing condition as CIECAM02's and CAM16's scalars, and the transform between two of them.
+// Viewing conditions as scalars of CIECAM02 and CAM16, and the transform between two conditions.
 //
-// Twin of volspec/appearance/models/cam.py and level.py; `k` is volspec/appearance/
-// constants.py as the page carries it.
+// Twin of volspec/appearance/models/cam.py and level.py; `k` has the constants of
+// volspec/appearance/constants.py.
 
-// F, c and N_c at a surround's ratio to white, linear between dark, dim and average.
+// F, c and N_c by the surround's ratio to white, linear between dark, dim and average.
 function surroundAt(k, ratio) {
   const of = (name) => interpolated(
     ratio, k.surrounds.map((s) => s.ratio), k.surrounds.map((s) => s[name]));
@@ -51,7 +51,7 @@ function conditionsOf(k, seen, model) {
   };
 }
 
-// What carries J, C and h from the scene to the display: uniforms of shaders/include/cam.glsl.
+// Transform of J, C and h from the scene to the display: uniforms of shaders/include/cam.glsl.
 function camTransform(k, model, scene, display) {
   const [from, to] = [scene, display].map((seen) => conditionsOf(k, seen, model));
   const chroma = (from.chromaScale / to.chromaScale) ** (1 / k.CHROMA_POWER);

@@ -1,18 +1,18 @@
-// The dial: lights on a rim, a place between them that blends them, and their names around it.
+// Dial: lights on a rim, a knob between them that blends them, and their names around the rim.
 //
 //     look -> [dial] -> edit
 //
-// A unit of the drawing is a pixel of the page, so that names stay as large as the page's words.
+// A unit of the drawing is a pixel of the page, so that names are as large as other text.
 
 const DIAL_REACH = 52, DIAL_HALF_HEIGHT = 96;
-// Between the rim and a name: for the light's dot.
+// Gap between the rim and a name, for the light's dot; height of a line.
 const NAME_GAP = 9, NAME_LINE = 15;
-// Beyond the first names have one line each; beyond the second only one light is named.
+// With more lights than the first, names have one line; with more than the second, one is shown.
 const MOST_IN_TWO_LINES = 10, MOST_NAMED = 12;
-// From this number of lights on, names near the top and bottom are moved out, by this much.
+// From this number of lights, names at the top and bottom are moved outwards by this distance.
 const CROWDED = 8, FURTHER_OUT = 16;
 
-// Drag, or the arrow keys, between the lights on the rim.
+// Dragging or the arrow keys move the knob between the lights on the rim.
 function lightDial(app, colours) {
   const { page } = app, host = byId('dial'), count = page.lights.length;
   const spokes = svg('g', {}), names = svg('g', {});
@@ -78,7 +78,7 @@ function dragged(app, host, drawing, rim) {
   return () => hovered;
 }
 
-// Light with its dot at a point of the drawing, or null.
+// The light whose dot is at a point of the drawing, or null.
 function nearestOn(rim, [x, y]) {
   const away = rim.map(([cx, cy]) => Math.hypot(cx - x, cy - y)), least = Math.min(...away);
   return least < 12 ? away.indexOf(least) : null;
@@ -88,7 +88,7 @@ const dotOf = (name, [cx, cy], fill, count) => svg(
   'circle', { cx, cy, r: count > MOST_NAMED ? 4 : 6, fill, class: 'corner' },
   svg('title', {}, name));
 
-// Writes the names: all of them, or where they are too many for that, that of one light.
+// Write the names of all lights, or of a single one if there are too many.
 function namesAround(lights, rim, host, drawing, names) {
   const pen = document.createElement('canvas').getContext('2d');
   let written = '';
@@ -118,7 +118,7 @@ function nameOf(name, at, lines, out) {
   const [x, y] = at, beside = isBeside(at), tall = lines.length * NAME_LINE;
   const middle = y + (y / DIAL_REACH) * (NAME_GAP + tall / 2 + (beside ? 0 : out));
   const left = beside ? x + Math.sign(x) * (NAME_GAP + 2) : x;
-  // The baseline is at 0.75 of a line's height.
+  // The baseline is at 0.75 of the line's height.
   const first = middle - tall / 2 + 0.75 * NAME_LINE;
   const anchor = beside ? (x > 0 ? 'start' : 'end') : 'middle';
   return svg('g', {}, svg('title', {}, name), ...lines.map((line, i) => svg('text', {
@@ -126,7 +126,7 @@ function nameOf(name, at, lines, out) {
   }, isolated(line))));
 }
 
-// Wrap words into a number of lines that fit the width; the rest becomes an ellipsis.
+// Wrap words into at most a number of lines that fit the width; the rest becomes an ellipsis.
 function inLines(words, room, most, wide) {
   let left = words.replace(/[\p{Cc}\s]+/gu, ' ').trim();
   const lines = [];
@@ -140,14 +140,14 @@ function inLines(words, room, most, wide) {
   return [...lines, `${fittingHead(left, room - wide('\u2026'), wide).trim()}\u2026`];
 }
 
-// As many letters as there is room for, and no fewer than one.
+// As many letters as there is room for, but at least one.
 function fittingHead(words, room, wide) {
   const letters = [...words.slice(0, 200)];
   while (letters.length > 1 && wide(letters.join('')) > room) letters.pop();
   return letters.join('');
 }
 
-// The names of what shines, in words.
+// Names of the lights that are on, as text.
 function namesOf(page, look) {
   const lit = page.lights.filter((_, i) => shining(look)[i] > 0).map(({ name }) => isolated(name));
   return lit.slice(0, 3).join(' + ') + (lit.length > 3 ? ' + \u2026' : '') || 'no light';

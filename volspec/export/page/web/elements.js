@@ -1,4 +1,4 @@
-// Making and filling elements. Text goes in as text, never as markup.
+// Make and fill elements. Text is inserted as text, never as markup.
 
 const SVG = 'http://www.w3.org/2000/svg';
 
@@ -20,11 +20,11 @@ const svg = (tag, attributes = {}, ...children) => (
 
 const byId = (id) => document.getElementById(id);
 
-// A user's words between others: marks that turn the writing direction end with them. Their own
-// isolates go, of which one could close this one early.
+// Isolate a user's text, so that its direction marks do not affect the text around it. Isolates
+// within it are removed, as they could close this one early.
 const isolated = (words) => `\u2068${words.replace(/[\u2066-\u2069]/g, '')}\u2069`;
 
-// Numbers as people read them: three digits, no exponent where it can be helped.
+// Readable numbers: three digits, without an exponent if possible.
 function figures(x, digits = 3) {
   if (x === 0) return '0';
   const size = Math.floor(Math.log10(Math.abs(x)));
@@ -32,12 +32,12 @@ function figures(x, digits = 3) {
   return x.toFixed(clamped(digits - 1 - size, 0, 6));
 }
 
-// Directions of the arrow keys, across and down.
+// Directions of the arrow keys: across, down.
 const ARROWS = {
   ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1],
 };
 
-// Call a function once before the next frame, however often it is requested.
+// Call a function once before the next frame, however often it is requested until then.
 function perFrame(call) {
   let requested = false;
   return () => {

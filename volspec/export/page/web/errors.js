@@ -1,10 +1,10 @@
-// Overlay of the picture's errors: CIEDE2000 to the exact light matrix.
+// Overlay of the picture's errors: CIEDE2000 from the exact light matrix.
 //
-// Twin of volspec/relight/error_map.py; worked out while nobody moves anything.
+// Twin of volspec/relight/error_map.py; computed when the user pauses.
 
-// So many pixels are looked at: finer than an eye asks of a map.
+// Approximate number of sampled pixels: finer than needed for a map.
 const LOOKED_AT = 60000, COVERED = 0.05, HEAT_ALPHA = 230;
-// The scale ends at one of these; below is the rounding of the page's channels, which no eye sees.
+// The scale ends at one of these; smaller errors are invisible rounding of the page's channels.
 const TOPS = [0.5, 1, 2, 5, 10, 20, 50, 100];
 
 function errorsPanel(app) {
@@ -19,7 +19,7 @@ function errorsPanel(app) {
   };
 }
 
-// CIEDE2000 between a look's colours and the exact ones, as a function of channels and opacity.
+// CIEDE2000 between a look's colours and exact ones, as a function of channels and opacity.
 function errorOf(page, look) {
   const plain = { ...look, exposure: 1, level: 'relative' };
   const parts = rigOf(page.lights, shining(look));
@@ -67,7 +67,7 @@ function paintHeat(canvas, found, alphas, top, heat) {
   const context = canvas.getContext('2d');
   const picture = context.createImageData(canvas.width, canvas.height);
   found.forEach((delta, i) => {
-    // Half of the colours for the first quarter, where most errors lie.
+    // Half of the colours are for the first quarter, where most errors are.
     const colour = heat[Math.round(Math.sqrt(Math.min(delta / top, 1)) * (heat.length - 1))];
     picture.data.set([...colour, alphas[i] > 0 ? HEAT_ALPHA : 0], 4 * i);
   });

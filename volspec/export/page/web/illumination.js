@@ -1,16 +1,16 @@
-// A light as what it does to a pixel: one 3 x L·M matrix, the white, the backdrop's colour.
+// A light's effect on a pixel: one 3 x L·M matrix, the white, and the backdrop's colour.
 //
 //     e = Σ_j w_j A E_j
 //     XYZ = Σ_g D_g (e_g ∘ C_g) + (1 - alpha) XYZ_backdrop     componentwise
 //     XYZ = Σ_g P_E_g C_g       + (1 - alpha) XYZ_backdrop     exact
 //
 // Twin of volspec/relight/illumination.py, volspec/relight/spec.py (LightRig) and
-// volspec/basis/display.py; `basis` is what volspec/export/page/payload.py writes of a basis.
+// volspec/basis/display.py; `basis` is from `basis_numbers` in volspec/export/page/payload.py.
 
 const NO_COLOUR = 1e-3, LEAST_STRETCH = 0.5, MOST_STRETCH = 2;
 
-// The lights that shine, as parts {power, weight, lux, unit_lux, group}; null where all are off.
-// Lux count where every light that shines carries them.
+// The lights that are on, as parts {power, weight, lux, unit_lux, group}; null if all are off.
+// Lux are used if every light that is on has them.
 function rigOf(lights, weights) {
   const lit = lights.map((light, i) => [light, weights[i]]).filter(([, weight]) => weight > 0);
   if (!lit.length) return null;
@@ -20,7 +20,7 @@ function rigOf(lights, weights) {
   })));
 }
 
-// The sum of the parts' spectra; W / (m² nm) where they carry lux.
+// Sum of the parts' spectra; in W / (m² nm) if they have lux.
 function mixedPower(parts) {
   const total = new Array(parts[0].power.length).fill(0);
   for (const part of parts) {
@@ -46,7 +46,7 @@ function whiteOf(basis, E) {
   return basis.Q.map((row) => 100 * dot(row, E) / Y);
 }
 
-// A row in proportion to the channels' luminances, 1 for the diffuser.
+// A row proportional to the channels' luminances, 1 for the diffuser.
 function luminousShare(luminous, channels, Y) {
   const total = dot(luminous, channels), scale = Math.max(total, Y);
   const most = Math.max(...channels.map(Math.abs));
@@ -55,7 +55,7 @@ function luminousShare(luminous, channels, Y) {
   return luminous.map((x, i) => x / scale + unit[i] * missing);
 }
 
-// Rows stretched, by two at most, until the matrix gives the white.
+// Stretch rows, by a factor of at most two, so that the matrix yields the white.
 function whiteExact(matrix, channels, white) {
   const stretched = matrix.map((row, i) => {
     const least = Math.max(white[i] / MOST_STRETCH, 1e-12);
@@ -69,7 +69,7 @@ function whiteExact(matrix, channels, white) {
   });
 }
 
-// K with XYZ = K (e * c); what the light has nearly nothing of follows Y.
+// K with XYZ = K (e * c); X or Z that the light nearly lacks follows Y.
 function displayMatrix(D, e, E, Q) {
   const flat = Q[1].reduce((sum, q) => sum + q, 0);
   const kappa = 100 / dot(Q[1], E);
@@ -82,7 +82,7 @@ function displayMatrix(D, e, E, Q) {
   });
 }
 
-// kappa Q diag(E) B: exact but for how well B holds the reflectances.
+// kappa Q diag(E) B: exact but for the basis's error in reflectances.
 function litMatrix(B, E, Q) {
   const kappa = 100 / dot(Q[1], E);
   return product(Q.map((row) => row.map((q, k) => kappa * q * E[k])), B);
@@ -114,7 +114,7 @@ function illuminationOf(basis, shares, parts, look) {
   for (const group of Object.keys(shares)) {
     const own = shinesFrom(parts, group);
     const E = own && mixedPower(own);
-    // The basis scales to Y = 100 for the group alone; the white is that of the groups together.
+    // The basis scales each group to Y = 100; the white is of all groups together.
     const brightness = own && gain * dot(V, E) / dot(V, power);
     const columns = own
       ? scaled(colourMatrix(basis, E, look.mode), brightness) : matrix.map(() => dark);
@@ -123,7 +123,7 @@ function illuminationOf(basis, shares, parts, look) {
   return { matrix, white, lux, gain, power, backdrop: white.map((x) => x * gain * look.backdrop) };
 }
 
-// XYZ of one pixel: its channels, and its opacity after them.
+// XYZ of a pixel from its channels and opacity.
 function sceneXYZ(light, channels, alpha) {
   return light.matrix.map((row, i) => (
     row.reduce((sum, x, k) => sum + x * channels[k], 0) + (1 - alpha) * light.backdrop[i]

@@ -1,4 +1,4 @@
-// Weights of the lights: what counts after solo, and the dial that blends them.
+// Weights of the lights: effective ones with solo, and the dial that blends lights.
 //
 // Twin of volspec/viewer/model/{lights,light_rows}.py [Bergner et al. 2005: the light dial].
 
@@ -12,8 +12,8 @@ const dialCorners = (count) => Array.from({ length: count }, (_, i) => {
   return [Math.sin(angle), -Math.cos(angle)];
 });
 
-// Weights at a point of the dial, with a rim of radius 1; they sum to 1. Linear in each triangle
-// of the fan around the centre, where all count alike; places outside go to its edge.
+// Weights, of sum 1, at a point of a dial of radius 1: linear in each triangle of the fan around
+// the centre, where all weights are equal; points outside are moved to the edge.
 function dialWeights(count, x, y) {
   if (count < 2) return new Array(count).fill(1);
   if (count === 2) {
@@ -33,7 +33,7 @@ function dialWeights(count, x, y) {
   return weights;
 }
 
-// Point of weights on the dial: the lights' centroid.
+// Point of the dial for weights: the centroid of the lights.
 function dialPlace(weights) {
   const total = weights.reduce((a, b) => a + b, 0);
   if (total <= 0) return [0, 0];
@@ -41,7 +41,7 @@ function dialPlace(weights) {
     dialCorners(weights.length).reduce((sum, p, i) => sum + weights[i] * p[axis], 0) / total));
 }
 
-// The lights at a place of the dial, the strongest at weight 1.
+// Weights at a point of the dial, scaled so that the strongest is 1.
 function blendedWeights(count, x, y) {
   const weights = dialWeights(count, x, y), most = Math.max(...weights);
   return weights.map((weight) => weight / most);

@@ -1,4 +1,4 @@
-// The panel of lights: a row for each, the dial, and the spectrum of what shines together.
+// Panel of the lights: a row for each, the dial, and the spectrum of their mixture.
 
 function lightsPanel(app) {
   const { page } = app, list = byId('light-list');
@@ -28,7 +28,7 @@ function whiteInWords({ white: [X, Y, Z], lux }) {
   return lux === null ? text : `${text}; ${figures(lux)} lx`;
 }
 
-// Illumination by one light alone: for its swatch and its small spectrum.
+// Illumination by one light alone, for its swatch and small spectrum.
 function alone(page, light) {
   const parts = facing(light.parts, page.groups);
   const power = mixedPower(parts.some((part) => part.weight > 0) ? parts : light.parts);

@@ -1,8 +1,8 @@
-// Appearance of a colour, for the probe, and differences of colours.
+// Appearance of a colour, for the probe, and colour differences.
 //
 // Twins of volspec/appearance/models/{cam,cielab,rlab}.py and of delta_E_2000.
 
-// J, C and h of CIECAM02 or CAM16; null where the model says nothing.
+// J, C and h of CIECAM02 or CAM16; null where the model is undefined.
 function camLook(k, XYZ, scene, model) {
   const own = conditionsOf(k, scene, model);
   const R = applied(own.responseFromXYZ, XYZ).map((r) => compressed(k, r));
@@ -36,7 +36,7 @@ function cielabOf(XYZ, white) {
   return [116 * y - 16, 500 * (x - y), 200 * (y - z)];
 }
 
-// The look by the model of the picture; CIECAM02's where that only adapts.
+// Appearance by the picture's model, or by CIECAM02 if the model only adapts.
 function lookOf(k, XYZ, scene, model) {
   if (model === 'CIELAB') {
     const defined = XYZ.every((x, i) => x >= -1e-12 * scene.white[i]);

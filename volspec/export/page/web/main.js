@@ -1,9 +1,9 @@
-// The page: its state, its drawing, and their timing.
+// The page: state, drawing, and timing.
 //
 //     inputs -> edit, put -> state -> refresh -> picture, panels, address
 
-// Of a frame that has taken too long, how many such in a row make pictures coarse, and how long
-// nothing changes until they are whole again.
+// Time of a slow frame, number of slow frames in a row that makes pictures coarse, and time
+// without changes after which pictures are drawn in full again.
 const SLOW_MS = 42, FEW = 2, REST_MS = 250;
 
 class App {
@@ -11,7 +11,7 @@ class App {
     this.page = page;
     this.state = readFrom(location.hash.slice(1), page);
     this.decoded = new Map();
-    // View that is unpacked and drawn.
+    // Texels and number of the view that is drawn.
     this.texels = null;
     this.shown = -1;
     this.turning = false;
@@ -20,7 +20,7 @@ class App {
     this.spoken = false;
     this.relighter = new Relighter(byId('picture'), page);
     this.forget();
-    // Whole pictures in a row that took too long.
+    // Number of full pictures in a row that took too long.
     this.late = 0;
     this.refresh = perFrame(() => this.refreshed());
     this.sharpenLater = whenQuiet(() => { this.forget(); this.refresh(); }, REST_MS);
@@ -51,7 +51,7 @@ class App {
     try {
       history.replaceState(null, '', words ? `#${words}` : location.pathname);
     } catch {
-      // A frame that its host has shut off has no address of its own; sharing still works.
+      // A sandboxed frame has no address of its own; sharing still works.
     }
   }
 
@@ -60,13 +60,13 @@ class App {
     return parts && illuminationOf(this.page.basis, this.page.groups, parts, look);
   }
 
-  // Value of a slider while the model has its own: the start of a given one.
+  // Value of a slider, from which a given value starts when it replaces the model's own.
   shownNumber(field) {
     const input = byId(field);
     return SCALES[input.dataset.scale ?? 'plain'].of(input.valueAsNumber);
   }
 
-  // Pixel that is read: under the mouse, else the pinned one.
+  // Pixel that is read: the one under the mouse, else the pinned one.
   get probe() { return this.hovered ?? this.state.probe; }
 
   hover(pixel) {
@@ -74,7 +74,7 @@ class App {
     this.refresh();
   }
 
-  // Show another view: while one is unpacked, only the last request waits.
+  // Show another view; while one is being unpacked, only the last request waits.
   async turnTo(view) {
     if (view !== this.state.view) this.put({ view });
     if (this.turning) return;
@@ -91,24 +91,24 @@ class App {
     }
   }
 
-  // Show a view, or say why the one before stays.
+  // Show a view, or explain why the previous one stays.
   async unpack(view) {
     try {
       this.texels = await this.decode(view);
     } catch (error) {
       if (this.shown < 0) throw error;
-      notify(`This view cannot be unpacked: ${error.message}. You see the one before.`);
-      // A view requested meanwhile is shown.
+      notify(`This view cannot be unpacked: ${error.message}. You see the previous one.`);
+      // A view requested in the meantime is shown.
       if (this.state.view === view) this.put({ view: this.shown });
       return;
     }
     this.shown = view;
-    // Message about an earlier view; a refusal stays.
+    // Hide a message about an earlier view, but not a refusal.
     byId('notice').hidden = !byId('controls').disabled;
     this.refresh();
   }
 
-  // A view's texels, decoded once while there is room.
+  // A view's texels, kept while there is room.
   decode(view) {
     const { page, decoded } = this;
     if (!decoded.has(view)) {
@@ -138,13 +138,13 @@ class App {
       : [{ drawing: left, from: 0, to: 1 }], every);
   }
 
-  // State that the picture depends on; the probe, for one, does not count.
+  // State on which the picture depends; the probe, for example, is not part of this.
   get pictured() {
     const { texels, state: { sides, compare, divide } } = this;
     return [texels, sides, compare, compare && divide];
   }
 
-  // Draw the picture if it is another; coarsely while it changes and the browser is slow at it.
+  // Draw the picture if it has changed; coarsely while it keeps changing in a slow browser.
   redraw() {
     const pictured = this.pictured, now = performance.now();
     if (pictured.every((part, i) => part === this.drawn[i])) return;
@@ -152,14 +152,14 @@ class App {
     this.drawn = pictured;
     this.draw(coarse ? 2 : 1);
     if (coarse) this.sharpenLater();
-    // A browser that is behind asks late for the next frame.
+    // A browser that falls behind requests the next frame late.
     requestAnimationFrame(() => {
       this.drawnAt = performance.now();
       if (!coarse) this.late = this.drawnAt - now > SLOW_MS ? this.late + 1 : 0;
     });
   }
 
-  // Draw the next picture whole, whatever was drawn before.
+  // Draw the next picture in full, even if nothing has changed.
   forget() {
     this.drawn = [];
     this.drawnAt = -Infinity;
@@ -209,7 +209,7 @@ class App {
   }
 }
 
-// A long caption is three lines until it is expanded; then it may scroll.
+// A long caption has three lines until it is expanded; then it may scroll.
 function captioning() {
   const caption = byId('caption'), more = byId('more');
   const put = (whole) => {
@@ -227,7 +227,7 @@ function captioning() {
 }
 
 function comparing(app) {
-  // The second side begins as the first, and is the one to be changed.
+  // The second side begins like the first, and is the one that is edited.
   byId('compare').addEventListener('change', ({ target: { checked } }) => {
     const [first, second] = app.state.sides;
     const sides = [first, checked ? first : second];
@@ -285,7 +285,7 @@ function notify(words) {
   byId('notice').hidden = false;
 }
 
-// The still picture stays, with the reason next to it.
+// Keep the still picture, and show the reason.
 function refuse(error) {
   const reason = error instanceof Refused
     ? error.message : `The picture cannot be relit: ${error.message}.`;

@@ -1,4 +1,4 @@
-// Reading of the pixel under the pointer: XYZ, appearance, error, and reflected spectrum.
+// Reading of the pixel under the pointer: XYZ, appearance, error and reflected spectrum.
 //
 // Twin of volspec/viewer/work/probe.py.
 
@@ -42,7 +42,7 @@ function readAt(app) {
   return { rows, ...spectraAt(page, look, lit, channels, alpha) };
 }
 
-// The light, and what comes back of it, both 1 at the light's highest.
+// The light and its reflected part, scaled so that the light's peak is 1.
 function spectraAt(page, look, lit, channels, alpha) {
   const parts = rigOf(page.lights, shining(look)), top = Math.max(...lit.power, 1e-12);
   const back = lit.power.map((E) => (1 - alpha) * look.backdrop * E);

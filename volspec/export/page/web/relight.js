@@ -1,15 +1,15 @@
-// The picture on WebGL 2: shaders/relight.frag, the desktop's own, one pass a light change.
+// The picture on WebGL 2: the desktop's shaders/relight.frag, one pass per light change.
 //
 //     illumination, transform -> uniforms -> [relight] -> canvas
 //
-// Twin of volspec/relight/programs.py; a half-float texture of channels for each view.
+// Twin of volspec/relight/programs.py; each view has a half-float texture of channels.
 
-// Decoded views beyond this are made anew when they are turned to.
+// Bytes of decoded views that are kept; others are decoded again when needed.
 const KEPT_BYTES = 256e6;
 
 class Refused extends Error {}
 
-// What one side of the picture is drawn with: uniforms by GLSL name, and what is compiled in.
+// Data for drawing one side of the picture: uniforms by GLSL name, and compile-time definitions.
 function drawingOf(page, light, look) {
   const k = page.constants, channels = page.channels.count - 1;
   const transform = viewTransform(k, look, light.white, light.lux, page.display);
@@ -50,7 +50,7 @@ class Relighter {
     this.page = page;
     this.programs = new Map();
     this.textures = new Map();
-    // On the page it is as large as the picture, however few pixels are drawn.
+    // The canvas is shown as large as the picture, even if fewer pixels are drawn.
     canvas.style.width = `${page.channels.width}px`;
     canvas.style.height = `${page.channels.height}px`;
     this.resize(1);
@@ -63,7 +63,7 @@ class Relighter {
     this.gl.enable(this.gl.SCISSOR_TEST);
   }
 
-  // Say what does not fit before the driver does.
+  // Refuse what does not fit before the driver fails.
   requireRoom() {
     const { gl, page: { channels } } = this, layers = Math.ceil(channels.count / 4);
     const side = Math.max(channels.width, channels.height);
@@ -80,7 +80,7 @@ class Relighter {
     }
   }
 
-  // A program for what is compiled in; the `#define` lines follow the version's.
+  // Program for compile-time definitions; the `#define` lines follow the `#version` line.
   program(form) {
     const { gl, page: { shader } } = this;
     const lines = Object.entries(form)
@@ -106,7 +106,7 @@ class Relighter {
     return this.programs.get(lines);
   }
 
-  // How each uniform of a program is set, by its name.
+  // Setters of a program's uniforms, by name.
   settersOf(program) {
     const { gl } = this, setters = new Map();
     const calls = {
@@ -124,7 +124,7 @@ class Relighter {
     return setters;
   }
 
-  // Upload a view's texels, unless the device has them; the view longest unseen makes room.
+  // Upload a view's texels unless the device has them; the least recently shown view makes room.
   show(view, texels) {
     const { gl, page: { channels: { width, height } } } = this;
     const layers = texels.length / (4 * width * height);
@@ -153,7 +153,7 @@ class Relighter {
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
   }
 
-  // As many pixels as there are, or of every second column and row.
+  // Resize the canvas to all pixels, or to every second column and row.
   resize(every) {
     const { canvas, page: { channels } } = this;
     const [width, height] = [channels.width, channels.height].map((n) => Math.ceil(n / every));
@@ -161,7 +161,7 @@ class Relighter {
     if (canvas.height !== height) canvas.height = height;
   }
 
-  // Draw sides next to each other: [{drawing, from, to}], shares of the width. A null one is dark.
+  // Draw adjacent sides: [{drawing, from, to}] in fractions of the width; black if drawing is null.
   draw(sides, every) {
     this.resize(every);
     const { gl, canvas: { width, height } } = this;
@@ -183,7 +183,7 @@ class Relighter {
     }
   }
 
-  // Everything on the device is gone after the browser took it away.
+  // Forget the device's objects after the browser has lost the context.
   forget() {
     this.programs.clear();
     this.textures.clear();

@@ -1,10 +1,10 @@
-// Taking the picture along: its address, a frame for other pages, a PNG.
+// Sharing the picture: its address, a frame for other pages, a PNG.
 
 const ENTITIES = { '&': '&amp;', '"': '&quot;', '<': '&lt;', '>': '&gt;' };
 
 const attribute = (text) => text.replace(/[&"<>]/g, (mark) => ENTITIES[mark]);
 
-// Address of the page: complete on a server; on a disk the file's name only, for privacy.
+// Address of the page: complete on a server; for a local file only its name, for privacy.
 function addressOf() {
   const { protocol, href, pathname, hash } = location;
   return protocol.startsWith('http') ? href : (pathname.split('/').pop() || 'page.html') + hash;
@@ -41,7 +41,7 @@ async function copy(field) {
   }
 }
 
-// The picture as it is drawn, at its own size.
+// The picture as drawn, at its own size.
 function download(app) {
   app.draw();
   app.relighter.canvas.toBlob((blob) => {

@@ -1,6 +1,6 @@
-// Spectra as drawings: bars in the colours of their wavelengths, a line for the light.
+// Drawings of spectra: bars in the colours of their wavelengths, a line for the light.
 
-// Bars of `values` up to `top`, in a box of width x height that stretches to its place.
+// Bars of `values` up to `top`, in a width x height box that stretches to the space it gets.
 function spectrumBars(basis, values, top, { width, height, line = null }) {
   const step = width / values.length, at = (x) => clamped(x / top, 0, 1) * height;
   const bars = values.map((value, i) => svg('rect', {

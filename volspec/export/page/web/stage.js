@@ -1,11 +1,11 @@
-// The picture's place on the screen: zoom and pan, turning to other views, probe and divide.
+// The picture on the screen: zoom and pan, turning to other views, probe, and dividing line.
 //
-// One finger or button turns (or pans where there is one view), two fingers pinch, the wheel zooms.
+// One finger or button turns (or pans if there is one view), two fingers pinch, the wheel zooms.
 
 const MOST_ZOOM = 40, NEAR_DIVIDE = 16, MOVED = 5, MARGIN = 24;
-// A picture's shorter side is shown no thinner, in pixels of the screen.
+// Least displayed length of a picture's side, in screen pixels.
 const LEAST_SIDE = 6;
-// Attributes that make the port a control while there is a picture to relight.
+// Attributes that make the port a control while the picture can be relit.
 const HEARS_KEYS = { tabindex: 0, role: 'application', 'aria-describedby': 'keys' };
 
 class Stage {
@@ -18,8 +18,8 @@ class Stage {
     this.listen();
   }
 
-  // Pixels of the screen for one of the picture's, across and down, and where its corner is. They
-  // differ only in pictures too thin to see.
+  // Screen pixels per picture pixel, across and down, and the position of the picture's corner. The
+  // two scales differ only for pictures too thin to see.
   get box() {
     const { width, height } = this.app.page.channels, { clientWidth, clientHeight } = this.port;
     const scale = Math.min(clientWidth / width, clientHeight / height) * this.place.zoom;
@@ -34,7 +34,7 @@ class Stage {
     const { across, down, left, top } = this.box, { app } = this, { width } = app.page.channels;
     this.frame.style.transform = `translate(${left}px, ${top}px) scale(${across}, ${down})`;
     this.frame.classList.toggle('coarse', Math.max(across, down) >= 3);
-    // While it is all there a finger may scroll the page up and down.
+    // While the whole picture is visible, a finger may scroll the page vertically.
     this.port.style.touchAction = this.place.zoom > 1 ? 'none' : 'pan-y';
     const divide = byId('divide-line'), at = left + app.state.divide * width * across;
     divide.hidden = !app.state.compare;
@@ -45,7 +45,7 @@ class Stage {
       const [x, y] = this.placeOf(probe);
       cross.style.transform = `translate(${x}px, ${y}px)`;
     }
-    // Not `disabled`, which would take the focus away from who presses them.
+    // Not `disabled`, which would take away the focus of a pressed button.
     for (const id of ['zoom-out', 'zoom-fit']) {
       byId(id).setAttribute('aria-disabled', this.place.zoom <= 1);
     }
@@ -67,7 +67,7 @@ class Stage {
     const before = this.box, zoom = clamped(this.place.zoom * factor, 1, MOST_ZOOM);
     this.place.zoom = zoom;
     const after = this.box;
-    // The points under the fingers stay there.
+    // The point under the fingers stays in place.
     this.moved(
       x - after.across / before.across * (x - before.left) - after.left,
       y - after.down / before.down * (y - before.top) - after.top);
@@ -83,7 +83,7 @@ class Stage {
     this.app.refresh();
   }
 
-  // Pan until a pixel is visible: without a pointer one pans by the probe.
+  // Pan until a pixel is visible; with the keyboard, moving the probe pans.
   reveal(pixel) {
     const { clientWidth, clientHeight } = this.port, [x, y] = this.placeOf(pixel);
     const into = (at, size) => clamped(at, MARGIN, size - MARGIN) - at;
@@ -95,7 +95,7 @@ class Stage {
     this.app.refresh();
   }
 
-  // Pixel at a point of the port; null outside of the picture.
+  // Pixel at a point of the port; null outside the picture.
   pixelAt(x, y) {
     const { across, down, left, top } = this.box, { width, height } = this.app.page.channels;
     const [i, j] = [Math.floor((x - left) / across), Math.floor((y - top) / down)];
@@ -114,7 +114,7 @@ class Stage {
       if (event.pointerType === 'mouse' && !this.pointers.size) app.hover(null);
     });
     port.addEventListener('wheel', (event) => {
-      // Inside another page the wheel scrolls that page, unless Ctrl is held.
+      // In a frame, the wheel scrolls the outer page unless Ctrl is held.
       if (window.parent !== window && !event.ctrlKey) return;
       event.preventDefault();
       this.zoomed(Math.exp(-clamped(event.deltaY, -120, 120) / 300), this.within(event));
@@ -179,7 +179,7 @@ class Stage {
     this.pointers.delete(event.pointerId);
     if (!held || held.task === 'pinch' || event.type === 'pointercancel') return;
     const still = Math.hypot(held.at[0] - held.from[0], held.at[1] - held.from[1]) < MOVED;
-    // A tap or click pins the pixel; outside of the picture it unpins it.
+    // A tap or click pins the pixel; outside the picture it removes the pin.
     if (still && held.task !== 'divide') this.app.put({ probe: this.pixelAt(...held.at) });
   }
 

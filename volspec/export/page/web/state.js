@@ -1,7 +1,7 @@
-// State of the page as plain data, and its text after the # of the address.
+// State of the page as plain data, and as text after the # of the address.
 //
-// A look is one side of the picture: lights, eye, picture. Only what differs from how the page
-// opens is written. An address may contain anything: only valid values are read.
+// A look is the settings of one side of the picture: lights, eye, picture. Only differences from
+// the page's initial state are written. An address may contain anything; only valid values count.
 
 const within = (low, high) => ({
   write: (x) => String(+x.toPrecision(6)),
@@ -55,7 +55,7 @@ const desktopFields = (page) => ({
   probe: orNone(numbers(2, 0, Math.max(page.channels.width, page.channels.height))),
 });
 
-// How a page opens: side A, side B the same, nothing compared.
+// Initial state of a page: sides A and B are equal, and not compared.
 const opened = (page) => ({
   sides: [page.look, page.look], edited: 0, compare: false, divide: 0.5, view: 0, errors: false,
   probe: null,

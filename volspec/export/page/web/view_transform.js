@@ -1,9 +1,9 @@
-// From a scene under a light to the display: the transform that a look asks for.
+// Transform of a look, from the scene under a light to the display.
 //
-// Twin of volspec/appearance/scene_to_display.py and of what it calls: adaptation/*.py, models/rlab.py,
-// models/cielab.py. What the shader draws has one of three forms: LINEAR, CURVE, CAM.
+// Twin of volspec/appearance/scene_to_display.py and the modules that it calls: adaptation/*.py,
+// models/rlab.py, models/cielab.py. Transforms have one of three forms: LINEAR, CURVE, CAM.
 
-// Cone responses to the white over its Y, kept within 1e-6 to 1e6.
+// Cone responses to the white divided by its Y, kept within 1e-6 to 1e6.
 function relativeWhite(matrix, seen) {
   return applied(matrix, seen.white.map((x) => x / seen.white[1])).map(boundedGain);
 }
@@ -46,7 +46,7 @@ function curve(response_from_XYZ, XYZ_from_response, values) {
   };
 }
 
-// Fairchild's model of 1990: incomplete adaptation, and cones that mix.
+// Fairchild's model of 1990: incomplete adaptation and mixing of cone responses.
 function fairchild(k, scene, display) {
   const adapted = (seen) => {
     const cones = conesOfWhite(k, seen);
@@ -64,7 +64,7 @@ function fairchild(k, scene, display) {
   return linear(product(inverted(adapted(display)), adapted(scene)));
 }
 
-// Nayatani's nonlinear model, and CIE 109 of 1994, which keeps the grey of 20 %.
+// Nayatani's nonlinear model, and CIE 109 of 1994, which preserves the 20 % grey.
 function nayatani(k, levelled, scene, display) {
   const background = (seen, Y_o = toPercent(seen) * seen.Y_b) => (
     conesOfWhite(k, seen).map((x) => Y_o * x + 1));
@@ -105,7 +105,7 @@ function guth(k, scene, display) {
   });
 }
 
-// RLAB's exponent at a surround, and the matrix to its reference.
+// RLAB's exponent for a surround, and the matrix to its reference conditions.
 const rlabExponent = (ratio) => interpolated(ratio, [0, 0.1, 0.2], [1 / 3.5, 1 / 2.9, 1 / 2.3]);
 
 function rlabReference(k, seen) {
@@ -138,7 +138,7 @@ const ADAPTATIONS = {
   'Fairchild 1990': fairchild,
 };
 
-// What the eye in the scene is adapted to; lux are the light's, or null where it carries none.
+// Conditions to which the eye in the scene adapts; `lux` is the light's, or null if it has none.
 function sceneConditions(look, white, lux) {
   const L_A = look.L_A ?? (lux ?? look.lux) / Math.PI * look.Y_b / 100;
   return {
@@ -150,7 +150,7 @@ function sceneConditions(look, white, lux) {
 function viewTransform(k, look, white, lux, display) {
   const scene = sceneConditions(look, white, lux);
   if (!(look.model in ADAPTATIONS)) return TRANSFORMS[look.model](k, scene, display);
-  // The white moves, tones stay: the models that carry level are given one for both.
+  // Only the white changes, tones stay: models that depend on level get one level for both.
   const { L_A, Y_b, surround } = scene;
   return ADAPTATIONS[look.model](k, scene, { ...display, L_A, Y_b, surround });
 }

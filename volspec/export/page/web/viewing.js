@@ -1,6 +1,6 @@
-// The panel of the eye and the picture: inputs in the HTML, bound by the field they change.
+// Panel of the eye and the picture: inputs in the HTML, bound to the fields that they change.
 
-// How a slider's number becomes the field's, and how the field is read out.
+// Conversions between a slider's number and its field, and the field's text.
 const SCALES = {
   plain: { of: (x) => x, from: (x) => x },
   log10: { of: (x) => 10 ** x, from: (x) => Math.log10(Math.max(x, 1e-12)) },
@@ -37,7 +37,7 @@ function viewingPanel(app) {
   };
 }
 
-// D of the model if none is given: only some have one of their own.
+// Degree of adaptation: the given D, or else the model's own, which only some models have.
 function degreeShown(page, look, scene) {
   if (look.discount) return 1;
   if (look.D !== null) return look.D;
@@ -58,13 +58,13 @@ function fillChoices(page) {
   byId('surround').append(
     ...ratios.reverse().map(([ratio, name]) => el('option', { value: ratio }, name)));
   const fields = lookFields(page);
-  // Channels that are materials have exact colours in every mode.
+  // If channels are materials, colours are exact in every mode.
   byId('mode-row').hidden = byId('errors-row').hidden = page.basis.kind === 'materials';
   byId('level-row').hidden = fields.level.read('absolute') === undefined;
   byId('gamut-row').hidden = fields.gamut.read('reduce') === undefined;
 }
 
-// Ties one input to its field; gives the function that shows the field's value.
+// Bind an input to its field; return the function that shows the field's value.
 function binding(app, input) {
   const field = input.dataset.look, scale = SCALES[input.dataset.scale ?? 'plain'];
   const output = input.closest('.row')?.querySelector('output');

@@ -1,31 +1,31 @@
-// In a notebook's cell: show settings from the kernel, and send it those made here.
+// In a notebook's cell: show settings from the kernel, and send it the changes made here.
 //
 //     volspec/export/notebook/host.js <-> port <-> [widget] <-> state
 
 const TOLD_EVERY_MS = 100;
 
-// State shared with a notebook: side A, and the pinned pixel.
+// State shared with a notebook: side A and the pinned pixel.
 function changesOf({ sides: [look], probe }) {
   const { mode, backdrop, level, weights, solo, ...viewing } = look;
-  // Discounting is D = 1; the state keeps a D of its own for later.
+  // Discounting means D = 1; the page's state keeps its own D for later.
   if (viewing.discount) viewing.D = null;
   return { weights: shining(look), viewing, mode, backdrop, level, probe };
 }
 
-// Takes the notebook's theme for the system's, in the page's own styles.
+// Use the notebook's theme instead of the system's in the page's styles.
 function themed(rules, scheme) {
   if (!scheme) return;
   document.documentElement.style.colorScheme = scheme;
   for (const [rule, wanted] of rules) rule.media.mediaText = wanted === scheme ? 'all' : 'not all';
 }
 
-// The styles' rules for a system of one theme, and which.
+// Rules of the styles that depend on the system's theme, each with that theme.
 const themeRules = () => [...document.styleSheets]
   .flatMap(({ cssRules }) => [...cssRules])
   .map((rule) => [rule, rule.media?.mediaText.match(/prefers-color-scheme: (\w+)/)?.[1]])
   .filter(([, wanted]) => wanted);
 
-// Shows what the notebook has changed.
+// Apply the notebook's changes.
 function taken(app, { viewing, weights, probe, _room, scheme, ...settings }) {
   Object.assign(app.page, _room);
   const [look, other] = app.state.sides;
@@ -35,14 +35,14 @@ function taken(app, { viewing, weights, probe, _room, scheme, ...settings }) {
   app.put(probe === undefined ? { sides } : { sides, probe });
 }
 
-// Add an option for a ratio without one.
+// Add an option for a ratio that has none.
 function offerSurround(ratio) {
   const select = byId('surround');
   if ([...select.options].some(({ value }) => Number(value) === ratio)) return;
   select.append(el('option', { value: ratio }, `ratio ${ratio}`));
 }
 
-// Throttle: call at once, and again after a pause if requested meanwhile.
+// Throttle: call at once, and again after a pause if requested in the meantime.
 function atMostEvery(call, milliseconds) {
   let resting = false, requested = false;
   return function ask() {
@@ -59,8 +59,8 @@ function atMostEvery(call, milliseconds) {
 }
 
 function connected(app, port) {
-  // The notebook's value of each setting, by name. Nothing is sent before it has sent its own:
-  // that would overwrite them.
+  // The notebook's value of each setting, by name. Nothing is sent until the notebook has sent its
+  // settings, which would otherwise be overwritten.
   const known = new Map(), rules = themeRules();
   const news = () => Object.entries(changesOf(app.state))
     .filter(([name, value]) => known.get(name) !== JSON.stringify(value));
@@ -78,12 +78,12 @@ function connected(app, port) {
   app.panels.push(send);
 }
 
-// Listen to the notebook if the page is in the frame that host.js has filled.
+// Listen to the notebook if the page is in a frame made by host.js.
 function inNotebook(app) {
   if (!location.href.startsWith('about:srcdoc')) return;
   window.addEventListener('message', ({ data, source, ports: [port] }) => {
     if (source !== window.parent || data !== 'volspec' || !port) return;
-    // The frame has no address that could be shared.
+    // The frame has no address to share.
     byId('share').hidden = true;
     connected(app, port);
   });
