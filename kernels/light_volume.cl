@@ -1,6 +1,6 @@
-// The light volume: the part of each source's light that arrives at the nodes of a coarse grid.
+// The light volume: the fraction of each source's light that reaches the nodes of a coarse grid.
 //
-//     σ = mean over the voxels nearest to a node of −log(1 − opacity(v)) / reference step
+//     σ = mean of −log(1 − opacity(v)) / reference step over the voxels nearest to a node
 //     T = exp(−∫ σ ds) towards a light;  open = min(1, 2 · mean of T over the sphere)
 //
 // NumPy twin: volspec/raycast/reference.py (layers). Same steps, same order.
@@ -9,14 +9,14 @@
 // for each layer, `parallel` or `converging` has one per packet of LANES nodes along x.
 //
 // The padded grid float[nz + 2][ny + 2][nx + 2 LANES] holds σ per cell, 0 in the padding: packets
-// read whole vectors at any shift, and light that leaves the grid meets nothing.
+// read whole vectors at any shift, and light that leaves the grid is not absorbed.
 //
-// extinction  reads   voxels VOXEL[nz][ny][nx]; spans Span[nx + ny + nz], the voxels of each node,
+// extinction  reads   voxels VOXEL[nz][ny][nx]; spans Span[nx + ny + nz], the voxels per node,
 //                     axis by axis; grid Grid, settings; table float2[rows][entries]: σ
 //                     per cell and difference to the next entry; BY_SURFACE: (level, optical depth)
 //             writes  the padded grid
-// parallel    reads   the padded grid; steps Step[], direction after direction; ends int[] of each
-// converging  reads   the padded grid; the light's place
+// parallel    reads   the padded grid; steps Step[], by direction; ends int[] per direction
+// converging  reads   the padded grid; the light's position
 //             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives
 //
 // The host sets LANES, VOXEL, KIND (one of the four below) and the structs Span, Grid and Step
@@ -29,12 +29,12 @@
 #define BY_LABEL 2     // entry i is for label i; labels beyond the table are transparent
 #define BY_SURFACE 3   // levels
 
-// Transmittance of less than half of 1/65535.
+// Optical depth at which the transmittance is below half of 1/65535.
 #define DARK 12.0f
 
 #if KIND == BY_SURFACE
-// Extinction of the voxel (x, y, z), number `at`: optical depth of the surfaces between it and the
-// next along each axis, per cell.
+// Extinction at voxel (x, y, z), flat index `at`: optical depth per cell of the surfaces crossed
+// on the way to the next voxel along each axis.
 static inline float extinction_at(__global const VOXEL *voxels, __global const float2 *table,
                                   const Grid *grid, int x, int y, int z, size_t at) {
     const int row = grid->voxels.x, slice = row * grid->voxels.y;
@@ -64,7 +64,7 @@ static inline float interpolate_entry(__global const float2 *row, int j, float f
     return pair.x + f * pair.y;
 }
 
-// Extinction of the voxel (x, y, z), number `at`.
+// Extinction at voxel (x, y, z), flat index `at`.
 static inline float extinction_at(__global const VOXEL *voxels, __global const float2 *table,
                                   const Grid *grid, int x, int y, int z, size_t at) {
     const float value = voxels[at];
@@ -145,7 +145,7 @@ typedef struct {
     __global const float *sigma;  // that node, in the padded grid
 } Packet;
 
-// This work-item's packet; false if there is none left.
+// Set this work-item's packet; false if none is left.
 static inline bool make_packet(const int4 nodes, __global const float *sigma, Packet *p) {
     const uint item = get_global_id(0), columns = (nodes.x + LANES - 1) / LANES;
     if (item >= columns * nodes.y * nodes.z) return false;
@@ -171,7 +171,7 @@ typedef struct __attribute__((packed)) { floatN v; } Nodes;
 #define NODES(offset) (((__global const Nodes *)(first + (offset)))->v)
 
 // Light along directions that are the same for all nodes: neighbours read neighbours, with the
-// same weights. gain: factor of the mean over the directions; clipped to 1.
+// same weights. gain: factor of the mean over the directions; the product is clipped to 1.
 __kernel void parallel(__global const float *restrict sigma, __global const Step *restrict steps,
                        __global const int *restrict ends, const int directions, const float gain,
                        const int4 nodes, const int layer,
@@ -184,7 +184,7 @@ __kernel void parallel(__global const float *restrict sigma, __global const Step
         floatN depth = 0.0f;
         for (; s < end; ++s) {
             __global const Step *step = steps + s;
-            // Beyond the grid for all lanes: a straight line does not come back.
+            // All lanes have left the grid, and a straight ray cannot re-enter it.
             if ((uint)(p.x + step->x + LANES) >= (uint)(nodes.x + LANES) ||
                 (uint)(p.y + step->y + 1) > (uint)nodes.y ||
                 (uint)(p.z + step->z + 1) > (uint)nodes.z)

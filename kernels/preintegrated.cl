@@ -1,7 +1,7 @@
 // Cast rays as raycast.cl, with the transfer function integrated over each step.
 //
 //     τ = mean over the values between the step's ends,  α = 1 − e^(−τ length / step)
-//     s = mean of τ s over them, divided by τ
+//     s = mean of τ s over the same values, divided by τ
 //
 // Means are differences of running integrals over the table, divided by the distance of the two
 // values: no value between them is missed, however steep the transfer function. NumPy twin:
@@ -11,8 +11,8 @@
 //         material_weights  floatV[4][last_entry + 1][VECTORS]: with c = (τ s₁ … τ s_K, τ) of a
 //                  whole step, the integral up to an entry as a sum of two, c there, and the rise
 //                  of c to the next; WEIGHTS is K + 1
-// opacity is not read. The host sets NEAREST in addition to the constants of raycast.cl: ends
-// closer to each other than that, in entries, take the value in their middle.
+// opacity is not read. The host sets NEAREST in addition to the constants of raycast.cl: if
+// the two ends are closer than NEAREST, in table entries, the table is read at their midpoint.
 
 #include "lanes.clh"
 #include "rays.clh"
@@ -21,7 +21,7 @@
 #include "picture.clh"
 #include "step_ends.clh"
 
-// The integral up to a position clamped to the table; beyond the table it goes on at `rate`.
+// The integral up to a position clamped to the table; beyond the table it continues at `rate`.
 typedef struct { floatV high[VECTORS], low[VECTORS], rate[VECTORS]; float beyond; } Integral;
 
 // The integral up to position p of the table, in entries.

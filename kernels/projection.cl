@@ -1,4 +1,4 @@
-// Cast rays through a scalar volume and show the greatest or the mean value along each.
+// Cast rays through a scalar volume and show the maximum or the mean value along each.
 //
 //     C = opacity(v) · Σ light · s(v),  v = max or mean of the values at the steps' middles
 //
@@ -6,8 +6,8 @@
 // (_Projection).
 //
 // Launch and arguments: as raycast.cl, but
-//         brick_codes  VOXEL per brick: its greatest value, by which MAXIMUM skips bricks
-//         opacity      of the reference step, not of a step, and no logs
+//         brick_codes  VOXEL per brick: its greatest value, which MAXIMUM uses to skip bricks
+//         opacity      over the reference step instead of a step, and no logs
 // The host sets MAXIMUM (1, or 0 for the mean) in addition to the constants of raycast.cl.
 
 #include "lanes.clh"

@@ -28,8 +28,8 @@
 //         depth_out and first_out float[height][width] (expected and first depth in smallest
 //         spacings, inf for empty pixels), from the band's first row on
 //
-// The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, STEPS (samples taken at once, so that
-// one's loads overlap another's sums), and the constants of the includes.
+// The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, STEPS (samples processed together, so
+// that loads of one overlap sums of another), and the constants of the includes.
 
 #include "lanes.clh"
 #include "rays.clh"
@@ -65,8 +65,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
             skip_empty_bricks(&cast, &r, brick_codes, &m);
             if (!ANY(m.live)) break;
         }
-        // Steps, clipped, and sampled at their middles: STEPS at once and stage by stage, so that
-        // one's loads overlap another's.
+        // Steps are clipped and sampled at their midpoints, STEPS together and stage by stage, so
+        // that their loads overlap.
         floatN middle[STEPS], alpha[STEPS], steps[STEPS];
         floatN fraction[STEPS];  // the clipped length, in steps
         floatN nx[STEPS], ny[STEPS], nz[STEPS];
@@ -99,7 +99,7 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
 #endif
             alpha[s] = entry[s].opacity;
 #if ADAPTIVE
-            // Not by way of 1 − alpha, which has no digits left for faint media.
+            // Not via 1 − alpha, which loses all precision for faint media.
             const floatN two = alpha[s] * (2.0f - alpha[s]), four = two * (2.0f - two);
             alpha[s] = SELECT(MASK(steps[s] == 2.0f), two, alpha[s]);
             alpha[s] = SELECT(MASK(steps[s] == 4.0f), four, alpha[s]);
@@ -111,8 +111,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
         UNROLL(s, STEPS) {
             nx[s] = ny[s] = nz[s] = 0.0f;
 #if NORMALS
-            // In one block they overlap; with rows of two-byte voxels that would need more
-            // registers than there are.
+            // In one block, loads overlap; with rows of two-byte voxels that would need too many
+            // registers.
             if (FOUR_SHORTS ? ANY(MASK(alpha[s] > 0.0f)) : !transparent)
                 gradient_at(&cast, voxels, opacity, &f[s], &nx[s], &ny[s], &nz[s]);
 #endif

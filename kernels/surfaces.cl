@@ -2,15 +2,15 @@
 //
 //     C += T a (g s + k_s),  T ← T (1 − a)      at each crossing of a level of opacity a
 //
-// A level lies in a step when the values at the step's two ends lie on either side of it (below,
-// or at and above); its place follows from ITERATIONS of the rule of false position. NumPy twin:
+// A step crosses a level if the values at its two ends are on different sides (below, or at and
+// above); ITERATIONS of the rule of false position find the crossing. NumPy twin:
 // volspec/raycast/reference.py (_Surfaces).
 //
 // Launch and arguments: as raycast.cl, but
-//         opacity           float2[SURFACES]: level and opacity of a surface, by rising level
+//         opacity           float2[SURFACES]: level and opacity of a surface, by increasing level
 //         material_weights  floatV[SURFACES][VECTORS]
 // The host sets SURFACES and ITERATIONS in addition to the constants of raycast.cl; TABLE_ROWS and
-// LABELS have no meaning.
+// LABELS are not used.
 
 #include "lanes.clh"
 #include "rays.clh"
@@ -19,7 +19,7 @@
 #include "picture.clh"
 #include "step_ends.clh"
 
-// Place between the step's ends at which the value is `level`.
+// Position between the step's ends at which the value is `level`.
 static inline floatN find_crossing(const Cast *cast, __global const VOXEL *voxels,
                                    __global const float2 *opacity, const Rays *r,
                                    const StepEnds *e, floatN level) {
@@ -62,7 +62,7 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
         read_ends(&cast, voxels, opacity, &r, &m, 1, &e);
         const intN rising = MASK(e.back > e.front);
         for (int s = 0; s < SURFACES; ++s) {
-            // Levels in the order the ray meets them.
+            // Levels in the order in which the ray meets them.
             const float2 up = opacity[s], down = opacity[SURFACES - 1 - s];
             const floatN level = SELECT(rising, (floatN)(up.x), (floatN)(down.x));
             const intN met = m.live & (MASK(e.front < level) ^ MASK(e.back < level));

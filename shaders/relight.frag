@@ -20,7 +20,7 @@
 //         gamut          the display's gamut, see include/gamut.glsl; if REDUCE.
 // Writes  frame          code values of the display, 0 to 1, alpha 1.
 // Host    LAYERS, FORM (LINEAR, CURVE, CAM or LUT), CHECKED, the forms' constants, FIELD (1 if the
-//         view transform changes over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1 if the
+//         view transform varies over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1 if the
 //         picture will be read back, GL's rows running up; 0 for a canvas or window),
 //         IMAGE_HEIGHT (pixels; used if FIRST_ROW_AT_BOTTOM is 0), EVERY (1 draws all pixels, 2
 //         every second column and row), REDUCE and MARK (1 if the display does so), and the

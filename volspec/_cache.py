@@ -1,7 +1,7 @@
 """Cache of arrays in the user's cache folder.
 
-Cached arrays equal computed ones to the last bit. A file that is missing, damaged, from another
-version or not writable is no error: the arrays are computed.
+Cached arrays equal computed ones to the last bit. If a file is missing, damaged, from another
+version or not writable, the arrays are computed without an error.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from volspec._files import clear_unfinished, keep_newest, write_whole
 from volspec.errors import InputError
 
 Arrays = dict[str, NDArray[Any]]
-# Files in one folder; the oldest of more are deleted.
+# Most files in a folder; beyond that, the oldest are deleted.
 _MOST_FILES = 100
 
 
@@ -32,11 +32,11 @@ def cache_folder() -> Path:
 def cached_arrays(name: str, maker: str, make: Callable[[], Mapping[str, NDArray[Any]]]) -> Arrays:
     """Read ``FOLDER/NAME`` of the cache as {name: read-only array}, or make and cache it.
 
-    A file of another ``maker``, the version of everything that the arrays depend on, is replaced.
-    Exceptions of ``make`` are passed on, and nothing is cached.
+    ``maker`` is the version of everything that the arrays depend on; a file with another one is
+    replaced. Exceptions of ``make`` propagate, and nothing is cached.
     """
     file = cache_folder() / f"{name}.npz"
-    clear_unfinished(file.parent)  # from a run that was killed; this one may only read
+    clear_unfinished(file.parent)  # of killed runs; this run may only read
     arrays = _read(file, maker)
     if arrays is None:
         arrays = {key: np.array(array) for key, array in make().items()}

@@ -13,8 +13,8 @@ _PATHS = "import json, sys; sys.path[:] = json.loads(sys.argv[1])\n"
 def child_command(code: str) -> list[str]:
     """Return the command that runs ``code``; appended arguments become ``sys.argv[2:]``.
 
-    The child has this process's module path, whatever its working folder and environment. Without
-    an interpreter's path ``subprocess`` raises a TypeError.
+    The child has this process's module path, regardless of working folder and environment. If
+    Python has no interpreter path, ``subprocess`` raises a TypeError.
     """
     searched = [entry for entry in sys.path if isinstance(entry, str)]
     return [sys.executable, "-I", "-c", _PATHS + code, json.dumps(searched)]

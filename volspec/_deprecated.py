@@ -1,4 +1,4 @@
-"""Old names of what was renamed: usable for one version, each use a `DeprecationWarning`.
+"""Deprecated names: usable for one version, with a `DeprecationWarning` at each use.
 
     [_deprecated] -> volspec, its packages
 
@@ -6,7 +6,7 @@ A module that renamed something public ends in
 
     __getattr__ = renamed(__name__, {"passage_of": "view_transform"})
 
-and a function that renamed a keyword takes it under both names by ``@renamed_keyword``.
+and a function that renamed a keyword accepts both names with ``@renamed_keyword``.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ R = TypeVar("R")
 def renamed(
     module: str, names: Mapping[str, str], otherwise: Callable[[str], Any] | None = None
 ) -> Callable[[str], Any]:
-    """Make a module's ``__getattr__``, which answers to old names.
+    """Make a module's ``__getattr__`` that resolves old names.
 
     Parameters
     ----------
     module : str
         ``__name__`` of the module.
     names : {old: new}
-        A new name is one of the module, or ``"package.module:name"`` of another.
+        A new name is in the module, or ``"package.module:name"`` in another module.
     otherwise : function of a name, optional
-        The module's own ``__getattr__``, called for all other names.
+        The module's own ``__getattr__``, for all other names.
 
     Examples
     --------
@@ -45,7 +45,7 @@ def renamed(
     ...     old_names("hypotenuse")(3, 4), old_names("root")(-1)
     (5.0, 1j)
     >>> str(caught[0].message)
-    'math.hypotenuse is now hypot; the old name goes with the next version'
+    'math.hypotenuse is now hypot; the next version removes the old name'
     """
 
     def __getattr__(name: str) -> Any:
@@ -88,7 +88,7 @@ def renamed_attribute(new: str) -> Any:
 
 
 def renamed_keyword(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Make a decorator for functions that take keywords under their old names, too.
+    """Make a decorator for functions that also accept keywords by their old names.
 
     Parameters
     ----------
@@ -123,5 +123,5 @@ def renamed_keyword(**names: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
 
 
 def _warn(what: str) -> None:
-    message = f"{what}; the old name goes with the next version"
+    message = f"{what}; the next version removes the old name"
     warnings.warn(message, DeprecationWarning, stacklevel=3)

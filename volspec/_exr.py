@@ -20,10 +20,10 @@ from volspec._files import captured_output, write_whole
 from volspec.errors import InputError
 
 Channels = dict[str, NDArray[Any]]
-"""(H, W) by name."""
+"""Channels, (H, W), by name."""
 
 _WORD = 4  # bytes of the largest pixel type
-# Greatest compression ratio of ZIP; and bytes allowed for any file, however it is packed.
+# Greatest compression ratio of ZIP; and size in bytes that is allowed for any file.
 _MOST_RATIO, _ALWAYS_ALLOWED = 1032, 1 << 27
 
 
@@ -36,8 +36,8 @@ def read_exr(
 ) -> tuple[dict[str, Any], Channels]:
     """Read the header and every channel, (H, W) float32, float16 or uint32, of an OpenEXR file.
 
-    Raises an ``error`` if it is ``missing`` (the problem's words), unreadable or damaged; ``again``
-    is the remedy of a damaged one.
+    Raises ``error`` if the file is missing, unreadable or damaged; ``missing`` is the message for
+    a missing file, ``again`` the remedy for a damaged one.
     """
     name, channels = os.fspath(path), Channels()
     _require_file(name, error, missing)
@@ -61,7 +61,7 @@ def read_exr(
 
 
 def read_header(path: str | os.PathLike[str], error: type[InputError]) -> dict[str, Any]:
-    """Read the header of an OpenEXR file, or of its first part; errors as `read_exr`."""
+    """Read the header of an OpenEXR file, or of its first part; raises as `read_exr`."""
     name = os.fspath(path)
     _require_file(name, error, "no such file")
     with (
@@ -79,10 +79,10 @@ def _open(name: str, **options: bool) -> Any:
 
 
 def _known_attributes(header: Mapping[str, Any]) -> dict[str, Any]:
-    """Return attributes of types that OpenEXR knows; others cannot even be printed."""
+    """Return the attributes whose types OpenEXR supports; others cannot even be printed."""
     import OpenEXR
 
-    opaque = getattr(OpenEXR, "OpaqueAttribute", ())  # older ones leave them out
+    opaque = getattr(OpenEXR, "OpaqueAttribute", ())  # older versions omit such attributes
     return {k: v for k, v in header.items() if not isinstance(v, opaque)}
 
 
@@ -97,14 +97,14 @@ def _require_held(
         held += width * height * _WORD * len(header["channels"])
         if max(held, width, height) > max(most, _ALWAYS_ALLOWED):
             raise error(
-                f"{name}: says that it is {width}×{height} pixels of {len(header['channels'])} "
+                f"{name}: its header has {width}×{height} pixels of {len(header['channels'])} "
                 f"channels, which {Path(name).stat().st_size} bytes cannot hold; {again}",
                 code="damaged",
             )
 
 
 def _require_file(name: str, error: type[InputError], missing: str) -> None:
-    """Refuse missing files, folders and others, all of which OpenEXR calls truncated."""
+    """Refuse missing files, folders and the like, which OpenEXR would report as truncated."""
     try:
         Path(name).open("rb").close()
     except FileNotFoundError:
@@ -114,12 +114,12 @@ def _require_file(name: str, error: type[InputError], missing: str) -> None:
     except OSError as fault:
         raise error(f"{name}: cannot be read: {fault.strerror}", code="damaged") from None
     except ValueError:  # a NUL character
-        raise error(f"{name!r} is no path; give an .exr file", code="syntax") from None
+        raise error(f"{name!r} is not a path; give an .exr file", code="syntax") from None
 
 
 @contextmanager
 def _one_line_errors(name: str, error: type[InputError], again: str) -> Iterator[None]:
-    """Turn OpenEXR's exceptions into one line."""
+    """Turn OpenEXR's exceptions into one-line errors."""
     try:
         yield
     except error:
@@ -128,7 +128,7 @@ def _one_line_errors(name: str, error: type[InputError], again: str) -> Iterator
         raise error(
             f"{name}: too large for this machine's memory; {again}, smaller", code="size"
         ) from fault
-    # A damaged file raises anything: C++ exceptions, and errors of its names and numbers here.
+    # A damaged file may raise anything: C++ exceptions, and errors from its names and numbers.
     except Exception as fault:
         raise error(
             f"{name}: not a readable OpenEXR file, or truncated; {again}", code="damaged"
@@ -143,9 +143,9 @@ def write_exr(
 ) -> None:
     """Write an OpenEXR file of scan lines, losslessly compressed, atomically.
 
-    The header is without type and compression, which are set here. Channels of float16 are
-    written as such, all others as float32. Raises an ``error`` if the file cannot be written, an
-    `InputError` itself if it is the folder.
+    The header must not have type and compression, which are set here. Float16 channels are
+    written as such, all others as float32. Raises ``error`` if the file cannot be written, and a
+    plain `InputError` if the folder is the cause.
     """
     import OpenEXR
 
@@ -169,7 +169,7 @@ def chromaticities(
 
 
 def to_half(pixels: ArrayLike) -> NDArray[np.float16]:
-    """Convert to half floats, clipped to the largest; NaN becomes 0."""
+    """Convert to half floats, clipped to the largest finite value; NaN becomes 0."""
     largest = float(np.finfo(np.float16).max)
     return np.clip(np.nan_to_num(pixels, nan=0.0), -largest, largest).astype(np.float16)
 

@@ -39,9 +39,9 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 
 def write_figure(figure: Figure, path: str | os.PathLike[str]) -> None:
-    """Write a figure in the format of the file's suffix; whole or not at all."""
+    """Write a figure atomically, in the format of the file's suffix."""
     kind = Path(path).suffix.lstrip(".").lower()
-    metadata = {"Date": None} if kind == "svg" else {}  # the same file tomorrow
+    metadata = {"Date": None} if kind == "svg" else {}  # no date, so that output is reproducible
     with write_whole(path) as temporary:
         figure.savefig(temporary, format=kind, dpi=DPI, metadata=metadata)
 
@@ -53,7 +53,7 @@ def inch_axes(figure: Figure, left: float, bottom: float, width: float, height: 
 
 
 def write(on: Axes | Figure, x: float, y: float, words: str, **style: Any) -> Text:
-    """Add a text in one literal line: no mathtext, a box for characters the font lacks."""
+    """Add text as one literal line: no mathtext, and a box for characters that the font lacks."""
     drawn = "".join(c if _in_font(c) else "\N{WHITE SQUARE}" for c in " ".join(words.split()))
     return on.text(x, y, drawn, parse_math=False, **style)
 
@@ -67,7 +67,7 @@ def _in_font(character: str) -> bool:
 
 
 def shorten(text: Text, width_in: float) -> None:
-    """Cut a text to a width, with an ellipsis."""
+    """Shorten a text to a width, with an ellipsis."""
     figure = text.get_figure()
     assert figure is not None
     words = text.get_text()

@@ -1,4 +1,4 @@
-"""Atomic writes of files, their locks, and capture of native libraries' output."""
+"""Atomic file writes, file locks, and capture of native libraries' output."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from typing import IO
 
 from volspec.errors import ImageError, InputError
 
-# An unfinished file lies next to its target, and next to a file that is locked while its writer
-# runs: .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock. They start with the same digits.
+# An unfinished file is next to its target, with a file that is locked while the writer runs:
+# .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock, with the same name before the suffixes.
 _UNFINISHED = re.compile(r"(\.volspec-[0-9a-f]{8}-[0-9a-f]{8}-[0-9a-f]{8})\.(lock|part.*)")
 _TRIES = 9
 # Without locks, the writer of a file unchanged for this time counts as dead.
 _DEAD_S = 86400.0
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
-# Step between corrected dates.
+# Step between corrected modification times.
 _STEP_NS = 1_000_000
 
 
@@ -35,11 +35,11 @@ _STEP_NS = 1_000_000
 def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Write a file atomically: yield a temporary path, renamed to ``path`` on success.
 
-    The data are on the disk before the file has its name, so that a power cut leaves no half file.
-    The temporary name has the same suffix, since writers choose their format by it. Parent
+    The data are synced to disk before the rename, so that a power cut leaves no partial file.
+    The temporary name has the same suffix, since writers choose their format by suffix. Parent
     folders are made. If the body raises, the temporary file is removed and an existing file at
     ``path`` is untouched. Leftovers of killed processes in the same folder are removed as well.
-    A link stays one; its target is written. Permissions are those of a plain ``open``.
+    For a link, its target is written. Permissions are those of a plain ``open``.
 
     Raises `InputError` if the path is a folder or a device, its folder cannot be made or written
     to, or the disk is full.
@@ -60,7 +60,7 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         _to_disk(temporary)
         temporary.replace(target)
     except OSError as error:
-        # Of another file, or without an errno: from reading in the body, not from writing.
+        # About another file, or without an errno: raised by a read in the body, not by the write.
         if error.errno is None or error.filename not in (None, str(temporary)):
             raise
         raise InputError(
@@ -76,16 +76,16 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
 def clear_unfinished(folder: Path) -> None:
     """Delete unfinished files in a folder whose writers were killed.
 
-    Files of running writers stay: they hold a lock, which the system frees when they end. Process
-    ids are no use, since they are reused and equal in two containers. If another machine wrote, or
-    the file system has no locks, a file must also be unchanged for a day.
+    Running writers hold a lock, which the system releases when they end, so their files stay.
+    Process ids are useless, as they are reused and may coincide in two containers. If the writer
+    was on another machine, or the file system has no locks, a file must be unchanged for a day.
     """
     try:
         with os.scandir(folder) as entries:
             found = {
                 match[1]
                 for entry in entries
-                # The name first: a folder may hold 100 000 files.
+                # Check the name first: a folder may have 100 000 files.
                 if (match := _UNFINISHED.fullmatch(entry.name))
                 and entry.is_file(follow_symlinks=False)
             }
@@ -101,8 +101,8 @@ _clear_once = cache(clear_unfinished)
 
 
 def _clear(lock_file: Path) -> None:
-    """Delete an unfinished file if its writer is dead and this process may."""
-    # Created if it is gone, so that the deleter holds a lock; links are not ours.
+    """Delete an unfinished file if its writer is dead and permissions allow."""
+    # Recreate a missing lock file, so that the deleter holds a lock; we never create links.
     handle = os.open(lock_file, os.O_CREAT | os.O_RDWR | getattr(os, "O_NOFOLLOW", 0), 0o666)
     held = lock_file_handle(handle)
     files = list(lock_file.parent.glob(f"{lock_file.stem}.part*"))
@@ -113,9 +113,9 @@ def _clear(lock_file: Path) -> None:
 
 
 def _made_here(lock_file: Path) -> bool:
-    """Return True if this machine wrote it: not all network folders share locks with others."""
+    """Return True if this machine wrote it: some network folders do not share locks."""
     _, name, boot, _ = lock_file.name.split("-")
-    # Either is enough: containers differ in name, a restarted machine in its boot.
+    # Either is enough: names differ between containers, boot ids after a restart.
     return name == _machine()[0] or boot == _machine()[1]
 
 
@@ -132,42 +132,42 @@ def _machine() -> tuple[str, str]:
 
 
 def _is_old(files: list[Path]) -> bool:
-    """Return True if files have not changed for a day; a date far in the future is no change."""
+    """Return True if files have not changed for a day; far-future dates count as old, too."""
     changed = max(file.stat().st_mtime for file in files)
     return abs(time.time() - changed) > _DEAD_S
 
 
 def _make_lock(folder: Path) -> tuple[Path, int]:
-    """Create and lock the file that shows that its writer runs.
+    """Create and lock the file that shows that its writer is running.
 
-    It is created by the kernel's own rules (umask, the folder's ACL): files of `tempfile` are
-    private, and a process can read its umask only by changing it, also for other threads' files.
+    Its permissions follow the umask and the folder's ACL: files from `tempfile` are private, and a
+    process can read its umask only by changing it, which affects other threads.
     """
     tries_left = _TRIES
     while True:
         lock_file = folder / f"{'-'.join(('.volspec', *_machine(), token_hex(4)))}.lock"
         handle = os.open(lock_file, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         tries_left -= 1
-        # Before it was locked another process may have deleted it as a dead one's.
+        # Before it was locked, another process may have deleted it as a leftover.
         if (lock_file_handle(handle) is not False and lock_file.exists()) or not tries_left:
             return lock_file, handle
         os.close(handle)
 
 
 def _remove(files: list[Path], lock_file: Path, handle: int) -> None:
-    """Delete unfinished files, then their lock: a kill in between leaves what can be cleared."""
+    """Delete unfinished files, then their lock, so that later calls can finish after a kill."""
     try:
         for file in files:
             file.unlink(missing_ok=True)
-        if sys.platform != "win32":  # while it is locked, so that no other process locks it
+        if sys.platform != "win32":  # while locked, so that no other process can lock it
             lock_file.unlink(missing_ok=True)
     finally:
         os.close(handle)
-    lock_file.unlink(missing_ok=True)  # Windows deletes no open file
+    lock_file.unlink(missing_ok=True)  # Windows cannot delete an open file
 
 
 def lock_file_handle(handle: int) -> bool | None:
-    """Lock an open file until it is closed, or its process ends.
+    """Lock an open file until it is closed or the process ends.
 
     Returns False if another handle has the lock, None if the file system has no locks.
     """
@@ -188,9 +188,9 @@ def lock_file_handle(handle: int) -> bool | None:
 def keep_newest(written: Path, pattern: str, most: int) -> None:
     """Delete the oldest files of a ``pattern`` until ``most`` are left, but never ``written``.
 
-    Dates of others after its own, from a wrong clock, are set to just before it, since nothing was
-    written later. Names that start with a dot are unfinished files and do not count. Errors are
-    ignored until the next call.
+    Other files with later dates, from a wrong clock, are dated just before ``written``, which is
+    the newest. Names that start with a dot are unfinished files and do not count. Errors are
+    ignored; the next call tries again.
     """
     with suppress(OSError):
         now = written.stat().st_mtime_ns
@@ -209,7 +209,7 @@ def newest_first(paths: Iterable[Path]) -> list[Path]:
 
 
 def _to_disk(path: Path) -> None:
-    handle = os.open(path, os.O_RDWR)  # Windows syncs no file that is only read
+    handle = os.open(path, os.O_RDWR)  # Windows cannot sync a file opened only for reading
     try:
         os.fsync(handle)
     finally:
@@ -231,7 +231,7 @@ class _Capture:
         self._sink: IO[bytes]
 
     def begin(self) -> int:
-        """Redirect them, unless another thread has; return the offset of this thread's part."""
+        """Redirect the streams, unless already done; return the offset of this thread's part."""
         with self._lock:
             if not self._threads:
                 with ExitStack() as stack:
@@ -246,7 +246,7 @@ class _Capture:
             return os.fstat(self._sink.fileno()).st_size
 
     def end(self, start: int) -> list[str]:
-        """Restore them, if no other thread captures; return lines printed since ``start``."""
+        """Restore the streams if no other thread captures; return lines printed since ``start``."""
         with self._lock:
             text = self._since(start)
             self._threads -= 1
@@ -269,8 +269,8 @@ _capture = cache(_Capture)
 def captured_output(lines: list[str]) -> Iterator[None]:
     """Collect the output of C++ libraries to stdout and stderr into ``lines``.
 
-    It redirects the file descriptors of the whole process while the body runs. Several threads may
-    do so: each collects everything printed meanwhile, by any of them.
+    The file descriptors of the whole process are redirected while the body runs. Several threads
+    may capture at once: each collects everything that any thread prints meanwhile.
     """
     start = _capture().begin()
     try:
@@ -290,7 +290,7 @@ def require_writable(path: str | os.PathLike[str]) -> None:
 def require_suffix(
     path: str | os.PathLike[str], what: str, *suffixes: str, error: type[InputError] = ImageError
 ) -> Path:
-    """Return the path of a file; refuse a suffix not of its kind, ``what`` in the plural."""
+    """Return a file's path; refuse a wrong suffix. ``what`` is the kind of file, in the plural."""
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         problem = f"{target}: {what} are {', '.join(suffixes)} files"
@@ -323,7 +323,7 @@ def _output(path: str | os.PathLike[str]) -> Path:
         target = Path(os.path.realpath(named))
         is_folder, is_other = target.is_dir(), target.exists() and not target.is_file()
     except (TypeError, ValueError):
-        raise InputError(f"{path!r} is no path; give a file name", code="type") from None
+        raise InputError(f"{path!r} is not a path; give a file name", code="type") from None
     except OSError as error:
         raise InputError(
             f"{named}: cannot write there: {error.strerror}", code="unwritable"

@@ -2,9 +2,9 @@
 
     errors -> [_parse] -> spectra, basis, palette, scene, export, viewer
 
-Python's parsers recurse as deeply as a text is nested and make integers of any length; both cause
-errors far from the file: RecursionError in code that walks the value, OverflowError in NumPy. Both
-are refused here with a one-line `ValueError`.
+Python's parsers accept any nesting depth and integers of any length, which cause errors far from
+the file: RecursionError in code that walks the value, OverflowError in NumPy. Both are refused
+here with a one-line `ValueError`.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from typing import Any
 from volspec.errors import InputError, quoted
 
 MOST_LEVELS = 64
-"""Greatest nesting of lists and tables in a file; ours have up to ten."""
-_INTEGERS = range(-(2**63), 2**63)  # TOML's, and what NumPy holds
+"""Greatest nesting of lists and tables in a file; volspec's own have up to ten."""
+_INTEGERS = range(-(2**63), 2**63)  # the range of TOML, and of NumPy's int64
 _TOO_DEEP = f"it is nested too deeply, more than {MOST_LEVELS} levels"
 
 
 def parse_json(text: Any) -> Any:
     """Parse a JSON text.
 
-    Raises ValueError if it is no JSON, nested too deeply, or holds an integer beyond 64 bits.
+    Raises ValueError if it is not JSON, nested too deeply, or has an integer beyond 64 bits.
 
     >>> parse_json('{"a": [1, 2.5]}')
     {'a': [1, 2.5]}
@@ -41,7 +41,7 @@ def parse_json(text: Any) -> Any:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Parse a TOML text; errors of `parse_json`."""
+    """Parse a TOML text; raises as `parse_json`."""
     tables: dict[str, Any] = _checked(tomllib.loads, text)
     return tables
 
@@ -49,8 +49,8 @@ def parse_toml(text: str) -> dict[str, Any]:
 def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) -> str:
     """Read a text file without its byte order mark.
 
-    Raises an ``error`` if it is missing, unreadable or no UTF-8; ``what`` is the expected kind of
-    file in its message, as ``"a scene file (.toml)"``.
+    Raises ``error`` if it is missing, unreadable or not UTF-8; ``what`` is the expected kind of
+    file in the message, such as ``"a scene file (.toml)"``.
     """
     name = os.fspath(path)
     try:
@@ -61,7 +61,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
         raise error(f"{name}: is a folder; give {what}", code="type") from None
     except UnicodeDecodeError as fault:
         if 0 in fault.object:
-            raise error(f"{name}: is no text; give {what}", code="type") from None
+            raise error(f"{name}: is not text; give {what}", code="type") from None
         raise error(
             f"{name}: is not UTF-8 text ({fault.reason} at byte {fault.start}); give {what}, and "
             "save it as UTF-8",
@@ -74,7 +74,7 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
             code="damaged",
         ) from fault
     except ValueError:  # a NUL character
-        raise error(f"{name!r} is no path; give {what}", code="syntax") from None
+        raise error(f"{name!r} is not a path; give {what}", code="syntax") from None
 
 
 def _checked(parse: Callable[[str], Any], text: str) -> Any:
@@ -91,7 +91,7 @@ def _checked(parse: Callable[[str], Any], text: str) -> Any:
 
 
 def _children(container: Any) -> list[Any]:
-    """Return the lists and tables in one; refuse integers beyond 64 bits."""
+    """Return the lists and tables in a container; refuse integers beyond 64 bits."""
     if not isinstance(container, dict | list):
         return []
     values = container.values() if isinstance(container, dict) else container

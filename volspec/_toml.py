@@ -1,9 +1,9 @@
-"""Layout of TOML that is added to a document.
+"""Layout of additions to a TOML document.
 
 [_toml] -> palettes, scenes
 
-tomlkit preserves a document's text. Additions are laid out here: a row of a list to a line, many
-numbers in lines of eight, keys below the last key instead of below the next table's comments.
+tomlkit preserves a document's text. Additions are laid out here: lists with one row per line, long
+lists of numbers eight per line, and new keys below the last key, above the next table's comments.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _A_LINE = 8
 
 
 def toml_text(value: Any) -> str:
-    """Write a value in TOML: text, number, list or inline table.
+    """Return a value as TOML: text, number, list or inline table.
 
     >>> toml_text({"value": 90.0, "material": "bone", "up": (0, 0, 1)})
     '{ value = 90.0, material = "bone", up = [0, 0, 1] }'
@@ -40,14 +40,14 @@ def toml_text(value: Any) -> str:
 
 
 def key_text(key: str) -> str:
-    """Write a key in TOML, quoted if it must be."""
+    """Return a key as TOML, quoted if necessary."""
     import tomlkit
 
     return tomlkit.key(key).as_string()
 
 
 def toml_item(value: Any) -> Item:
-    """Make a tomlkit item of a value, laid out by `toml_text`."""
+    """Return a value as a tomlkit item, laid out by `toml_text`."""
     import tomlkit
 
     parsed: Any = tomlkit.parse(f"x = {toml_text(value)}\n")["x"]
@@ -55,9 +55,9 @@ def toml_item(value: Any) -> Item:
 
 
 def set_key(table: Any, key: str, value: Any) -> None:
-    """Set a key of a document's table; a new one goes below the last key.
+    """Set a key of a document's table; a new key goes below the last key.
 
-    tomlkit itself would put it below the comments that lead the next table.
+    tomlkit itself would put it below the comments above the next table.
     """
     item = toml_item(value)
     if key in table:
@@ -72,9 +72,9 @@ def set_key(table: Any, key: str, value: Any) -> None:
 
 
 def bind_comments(document: Any) -> None:
-    """Attach the comments above each header to it, so that they move with their table.
+    """Attach the comments above each header to that header, so that they move with the table.
 
-    tomlkit attaches them to the table before, as its last lines.
+    tomlkit attaches them to the previous table, as its last lines.
     """
     from tomlkit.items import Comment, Null, Whitespace
 
@@ -86,7 +86,7 @@ def bind_comments(document: Any) -> None:
             run = [*run, (body, index)] if blank else []
             first = first and blank
             continue
-        # The first comments of a file are about the file.
+        # The first comments in a file are about the file.
         if not first:
             leading = _leading(run)
             above = "".join(b[i][1].as_string() for b, i in leading)

@@ -1,8 +1,7 @@
 """Diagnose this machine: OpenCL and GL devices, versions, and remedies for missing ones.
 
-Every OpenCL device is tried. Casts run on the first that works; the environment variable
-``VOLSPEC_DEVICE`` (part of a device's, platform's or driver's name, or the number shown here)
-chooses another.
+Every OpenCL device is tested. Casts run on the first that works; to choose another, set
+``VOLSPEC_DEVICE`` to a part of its device, platform or driver name, or to the number shown here.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ _PACKAGES = (
     *("SimpleITK", "colour-science", "OpenEXR", "imageio"),
 )
 _NOT_HERE = "not here"
-# Features of the package's extras: the extra's name, and the distributions that it needs.
+# Features by the package's extras: the extra's name, and the distributions that it needs.
 _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
     "several machines": ("distributed", ("dask", "zarr")),
@@ -44,17 +43,17 @@ class Examination:
     faults: tuple[str, ...]  # why a device cannot run a kernel; empty if it can
     casts_on: int | None  # index of the device for casts
     gl: str | None  # renderer and version of the headless context
-    no_sharing: str | None  # why casts cannot pass pictures to GL on the device, if they cannot
+    no_sharing: str | None  # reason that casts cannot pass pictures to GL on the device, if so
     extras: dict[str, str]  # optional features: versions, or the command that installs them
     problems: tuple[str, ...]  # missing parts, each with the command that installs it
-    healthy: bool  # pictures can be made; without GL more slowly
+    healthy: bool  # pictures can be made, if slowly without GL
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to JSON types."""
         return {"volspec": __version__, **asdict(self)}
 
     def print(self, console: Console) -> None:
-        """Print it as a table."""
+        """Print the result as a table."""
         from rich.markup import escape
         from rich.table import Table
 
@@ -74,7 +73,9 @@ class Examination:
         variable = os.environ.get(opencl_devices.DEVICE_VARIABLE)
         table.add_row(
             opencl_devices.DEVICE_VARIABLE,
-            escape(variable) if variable else "not set; a name's part or a number chooses a device",
+            escape(variable)
+            if variable
+            else "not set; a number or part of a name chooses a device",
         )
         table.add_row("GL", self.gl or "[yellow]no context: relighting uses NumPy[/yellow]")
         table.add_row("CL-GL sharing", escape(self.no_sharing or "offered: Raycaster(context=…)"))
@@ -98,7 +99,7 @@ def examine() -> Examination:
         try:
             versions[package] = version(package)
         except PackageNotFoundError:
-            # Not every system has wheels of these; missing devices have rows of their own.
+            # Some systems have no wheels for these; missing devices are reported in their rows.
             if package not in ("pocl-binary-distribution", "moderngl"):
                 problems.append(f"{package}: pip install {package}")
     devices = opencl_devices.devices()
@@ -149,7 +150,7 @@ def _extras() -> dict[str, str]:
 
 
 def _ffmpeg() -> str | None:
-    """Return the version of ffmpeg for films, or why it is unusable; None without ffmpeg."""
+    """Return ffmpeg's version for films, or the reason that it is unusable; None without it."""
     try:
         from imageio_ffmpeg import get_ffmpeg_version
 

@@ -1,9 +1,9 @@
-"""Every exception volspec raises: one hierarchy, so that one ``except`` can catch it.
+"""Every exception that volspec raises: one hierarchy, so that one ``except`` catches them all.
 
-``VolspecError`` splits in two: what the user gave (`InputError`, exit code 1 of the
-command line, one line on stderr) and what the machine lacks (`DeviceError`). A message
-says what it is about, what it got, what it expected, and the likely remedy; an error carries
-the same as fields, so that programs need not parse English.
+``VolspecError`` has two branches: bad input (`InputError`, exit code 1 of the command line, one
+line on stderr) and missing hardware or drivers (`DeviceError`). A message names its subject, the
+given and the expected value, and the likely remedy; an error has the same as fields, so that
+programs need not parse English.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from typing import Literal, Self, get_args
 from volspec._deprecated import renamed
 
 Code = Literal[
-    "conflict",  # two things that were given contradict each other
-    "damaged",  # a file's contents cannot be what they claim to be
-    "duplicate",  # a name that is taken
+    "conflict",  # two inputs contradict each other
+    "damaged",  # a file's contents contradict its format
+    "duplicate",  # a name is already taken
     "impossible",  # no result exists, or none can be computed
     "missing",  # something needed was left out, or a list is empty
     "not-found",  # no such file or folder
     "range",  # a number out of range, or not finite
-    "shape",  # an array's shape, or how many there are
-    "size",  # more than memory, a format or a device holds
-    "state",  # closed already, or changed meanwhile
+    "shape",  # an array's shape, or the number of items
+    "size",  # too large for memory, a format or a device
+    "state",  # already closed, or changed meanwhile
     "syntax",  # a text that cannot be parsed
-    "type",  # a value of another kind
-    "unknown",  # a name of nothing
-    "unsupported",  # valid, and not implemented or not installed
+    "type",  # a value of the wrong kind
+    "unknown",  # a name that does not exist
+    "unsupported",  # valid, but not implemented or not installed
     "unwritable",  # an output that cannot be made
     "invalid",  # none of these
 ]
@@ -39,13 +39,13 @@ CODES: tuple[Code, ...] = get_args(Code)
 class VolspecError(Exception):
     """Base of every exception raised on purpose by this package.
 
-    Its text is one line, ``field: problem; remedy``. Left without a problem, it is what was
-    given: ``field is given; remedy``.
+    The text is one line, ``field: problem; remedy``, or without a problem, ``field is given;
+    remedy``.
 
     Parameters
     ----------
     problem : str
-        The problem, and after its last ``"; "`` the remedy if that is not given apart.
+        The problem; if ``remedy`` is empty, the part after the last ``"; "`` is the remedy.
     remedy : str
         The action that helps.
     code : Code, optional
@@ -84,7 +84,7 @@ class VolspecError(Exception):
 
     @classmethod
     def refused(cls, field: str, given: object, remedy: str, code: Code | None = None) -> Self:
-        """Return the error of a value that cannot be used: ``field is given; remedy``."""
+        """Return the error for a value that cannot be used: ``field is given; remedy``."""
         return cls("", remedy, code=code, field=field, given=given)
 
     def __str__(self) -> str:
@@ -97,11 +97,11 @@ class VolspecError(Exception):
         return f"{text}; {self.remedy}" if self.remedy else text
 
     def at(self, field: str) -> Self:
-        """Return the same error about another field: the name that the user knows it by."""
+        """Return the same error with another field, the name known to the user."""
         return type(self)(self.problem, self.remedy, code=self.code, field=field, given=self.given)
 
     def within(self, place: str, kind: type[VolspecError] | None = None) -> VolspecError:
-        """Return the same error with a place before its field, of this or another class.
+        """Return the error with a place before its field, optionally as another class.
 
         >>> str(InputError.refused("D", 3.0, "give 0 to 1", "range").within("a.toml", SceneError))
         'a.toml: D is 3.0; give 0 to 1'
@@ -116,7 +116,7 @@ class VolspecWarning(UserWarning):
 
 
 class InputError(VolspecError, ValueError):
-    """Something the user gave cannot be used; the message names it and the remedy."""
+    """An input cannot be used; the message names it and the remedy."""
 
 
 class ShapeError(InputError):
@@ -144,7 +144,7 @@ class TransferError(InputError):
 
 
 class PaletteError(InputError):
-    """A palette is empty, contradicts itself, or asks for what no spectrum can do."""
+    """A palette is empty, contradicts itself, or has a target that no spectrum can reach."""
 
 
 class CameraError(InputError):
@@ -164,7 +164,7 @@ class ViewingError(InputError):
 
 
 class RelightError(InputError):
-    """A relighter cannot do what is asked: it is closed, or the kind of frame is unknown."""
+    """A relighter is closed, or the kind of frame is unknown."""
 
 
 class SceneError(InputError):
@@ -172,19 +172,19 @@ class SceneError(InputError):
 
 
 class CastCancelled(VolspecError):
-    """A cast was ended by the one who asked for it; what was there before stays."""
+    """A cast was cancelled by its caller; earlier results stay."""
 
     code = "state"
 
 
 class LutCancelled(VolspecError):
-    """A table of appearance was given up by the one who asked for it."""
+    """The computation of a colour LUT was cancelled by its caller."""
 
     code = "state"
 
 
 class DeviceError(VolspecError, RuntimeError):
-    """The machine lacks something, or a driver refused."""
+    """The machine lacks something, or a driver failed."""
 
 
 class OpenCLError(DeviceError):
@@ -195,12 +195,12 @@ class OpenGLError(DeviceError):
     """No GL context could be made; see ``volspec doctor``."""
 
 
-# What a terminal obeys instead of showing it; and of that what joins letters of some scripts.
+# Categories that a terminal interprets instead of showing; exempt: joiners of some scripts.
 _UNSEEN, _JOINERS = ("Cc", "Cf", "Cs", "Zl", "Zp"), "\u200c\u200d"
 
 
 def visible(text: str) -> str:
-    """Text with its control characters and marks of direction escaped.
+    """Return a text with control characters and direction marks escaped.
 
     >>> visible("a\\x1b[31m\\u202eb\\nc"), visible("größer 骨")
     ('a\\\\x1b[31m\\\\u202eb\\\\nc', 'größer 骨')
@@ -214,7 +214,7 @@ def visible(text: str) -> str:
 
 
 def one_line(said: object) -> str:
-    """A message that is one line, as `visible`; of an error that says nothing its class's name.
+    """Return a message as one `visible` line; for an error without text, its class name.
 
     >>> one_line(InputError("no such\\n  file")), one_line(MemoryError())
     ('no such file', 'MemoryError')
@@ -229,21 +229,21 @@ def quoted(given: object, most: int = 40) -> str:
     >>> quoted("8"), quoted(["a\\n", 1.0]), quoted("x" * 99, 9)
     ("'8'", "['a\\\\n', 1.0]", "'xxxxxxx…")
     """
-    if getattr(given, "shape", None) == ():  # a number of NumPy's
+    if getattr(given, "shape", None) == ():  # a NumPy scalar
         given = given.item()  # type: ignore[attr-defined]
     text = " ".join(line.strip() for line in repr(given).splitlines())
     return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
-# Letters from which on a name may be the beginning of another; and the most that are compared,
-# as time grows with their square.
+# Fewest characters to match as the beginning of a name; and most characters to compare, as time
+# grows with their square.
 _LEAST_BEGINNING, _LONGEST_NAME = 3, 200
 
 
 def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
-    """Guess a misspelt name, in words that a message continues; ``""`` if no known name is near.
+    """Return "did you mean …? " for a misspelt name; ``""`` if no known name is similar.
 
-    Names that begin with the given one come first; one with a ``/`` is found by its last part, too.
+    Names that begin with the given one come first; names with a ``/`` also match by the last part.
 
     >>> nearest("d56", ["D50", "D65", "FL2"], count=2)
     "did you mean 'D65' or 'D50'? "
@@ -257,7 +257,7 @@ def nearest(name: str, known: Iterable[str], count: int = 3) -> str:
     words = tuple(known)
     folded = {word.rpartition("/")[2].casefold(): word for word in reversed(words)}
     folded |= {word.casefold(): word for word in reversed(words)}
-    # Twice as many: a word may be hit whole and by its last part.
+    # Twice as many: a name may match both as a whole and by its last part.
     given = str(name).casefold()[:_LONGEST_NAME]
     hits = difflib.get_close_matches(given, folded, n=2 * count, cutoff=0.5)
     if len(given) >= _LEAST_BEGINNING:

@@ -1,7 +1,7 @@
-"""Cast once, relight many times: the two stages that everything else is built on.
+"""Cast once, relight many times: the two stages on which everything else is built.
 
     image = raycast(volume, transfer, camera)        slow: when one of these changes
-    frame = relighter.frame(light, spec)             fast: at every light change
+    frame = relighter.frame(light, spec)             fast: on every light change
 
 The demo, the command line, the exporters and the viewer all use these functions.
 """
@@ -54,7 +54,7 @@ def raycast(
     Parameters
     ----------
     volume : Volume, pyvista ImageData or array (Z, Y, X)
-        NumPy and Zarr arrays count as 1 mm voxels, and so do xarray's without coordinates.
+        NumPy and Zarr arrays have 1 mm voxels, and so have xarray's without coordinates.
     transfer : TransferFunction, TransferFunction2D, LabelFunction or Isosurfaces
     camera : Camera
     size : (width, height)
@@ -64,16 +64,16 @@ def raycast(
     device : str, optional
         Part of an OpenCL device's name.
     progress : callable, optional
-        Called with the finished fraction, 0…1.
+        Called with the completed fraction, 0…1.
     cancel : callable, optional
         Called every few milliseconds; True ends the cast.
     caster : Raycaster, optional
-        A Raycaster of the volume, for several casts; ``device`` is then the caster's.
+        A Raycaster of the volume, for several casts; its device replaces ``device``.
     into : Relighter, optional
         Updated with the picture, as by its ``update``; unchanged if the cast fails. A caster
-        made with the Relighter's ``context`` fills it on the device.
+        made with the Relighter's ``context`` updates it on the device.
     notes : {str: str}, optional
-        Added to the image's notes, next to those of this function.
+        Added to the image's notes.
 
     Returns
     -------
@@ -83,10 +83,10 @@ def raycast(
     Raises
     ------
     OpenCLError
-        If there is no device or the volume does not fit it, or the caster shares another
-        OpenGL context than ``into`` draws in.
+        If there is no device or the volume does not fit on it, or the caster shares a different
+        OpenGL context than ``into``.
     ShapeError
-        If the picture's size or channels are not those ``into`` was made for.
+        If the picture's size or channels differ from those of ``into``.
     VolumeError, RaycastError
         If the volume or the picture's size cannot be cast, or the caster holds another volume.
     CastCancelled
@@ -114,7 +114,7 @@ def raycast(
     elif caster.volume is not volume:
         raise RaycastError(
             f"raycast: the caster holds {caster.volume!r}, the volume is {volume!r}",
-            "give the caster's own",
+            "give the caster's volume",
             code="conflict",
         )
     table = caster.bake(transfer)
@@ -163,31 +163,31 @@ def refine(
     into: Relighter | None = None,
     notes: Mapping[str, str] | None = None,
 ) -> Iterator[CoefficientImage]:
-    """Cast progressively: pictures of 1/4, 1/2 and all of the size, each when it is done.
+    """Cast progressively: yield pictures at 1/4, 1/2 and full size, each when it is done.
 
-    A viewer shows each, enlarged, while the next is cast; ``cancel`` ends the current one.
+    A viewer shows each picture, enlarged, while the next is cast; ``cancel`` ends the current cast.
 
     Parameters
     ----------
     volume, transfer, camera, size, spec
         See `raycast`.
     coarsest : int
-        The first picture's sides are divided by this; halved until 1. Pictures of fewer than
-        8 pixels across are left out.
+        Divisor of the first picture's sides, then halved until 1. Pictures narrower than 8 pixels
+        are skipped.
     device, progress, cancel, caster, notes
         See `raycast`.
     into : Relighter, optional
-        Updated with the last picture, whose size it must have.
+        Updated with the last picture; must have its size.
 
     Yields
     ------
     CoefficientImage
-        The last has the whole size.
+        The last has the full size.
 
     Raises
     ------
     RaycastError
-        If ``size`` or ``coarsest`` are out of range; and as `raycast`.
+        If ``size`` or ``coarsest`` is out of range; also raises as `raycast`.
     """
     whole("refine: coarsest", coarsest, 1, MAX_SIDE)
     full_size = checked_size(size, "refine")
@@ -230,8 +230,8 @@ def absorption_error(
 ) -> ErrorMap:
     """Measure the error of a basis under spectral absorption, against full spectra.
 
-    Light that passes filters is multiplied repeatedly, and every product has the basis' error: a
-    small picture is cast with the basis, and again with a channel for each band.
+    Light through filters is multiplied repeatedly, and each product has the basis's error: a small
+    picture is cast with the basis, and again with a channel per band.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def absorption_error(
     Returns
     -------
     ErrorMap
-        CIEDE2000; its ``str`` has mean, 95 % and maximum.
+        CIEDE2000; its ``str`` gives mean, 95th percentile and maximum.
 
     Raises
     ------
@@ -293,7 +293,7 @@ def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, 
 
 
 def _empty_picture_warning(volume: Volume, table: TransferTable | SurfaceTable) -> str:
-    """Return the warning for an empty picture, with its likely causes."""
+    """Return the warning about an empty picture, with its likely causes."""
     if isinstance(table, SurfaceTable):
         levels = ", ".join(f"{value:g}" for value in table.values)
         content = f"The isosurfaces lie at {levels}"
@@ -303,7 +303,7 @@ def _empty_picture_warning(volume: Volume, table: TransferTable | SurfaceTable) 
             f"opacity up to {table.opacity.max():g}"
         )
     return (
-        f"{volume.name}: the picture is empty. {content}, the volume's values from "
+        f"{volume.name}: the picture is empty. {content}, but the volume's values from "
         f"{volume.range[0]:g} to {volume.range[1]:g}; or the camera looks past it, or crop and "
         "clip planes leave nothing of it"
     )

@@ -1,10 +1,10 @@
-"""Settings described once: type, range, unit, default and meaning at the field.
+"""Settings described once: type, range, unit, default and description at the field.
 
     [settings] -> specs -> constructors, scene files, command line, JSON schema, docs/reference
 
-`settings` makes a frozen dataclass check itself: its constructor raises the house's error, and a
-table of a TOML file becomes an instance with every fault in it found, each with its path. Checks
-are pydantic's; the words are made here, in one place, from the field's annotation.
+`settings` makes a frozen dataclass check itself: its constructor raises a volspec error, and
+reading a TOML table reports every fault, each with its path. pydantic does the checks; the
+messages are made here, from the field's annotation.
 
 Examples
 --------
@@ -55,7 +55,7 @@ from pydantic_core import ArgsKwargs, PydanticCustomError, core_schema
 from volspec.errors import Code, InputError, nearest
 
 Spec = TypeVar("Spec")
-# Below it whole numbers are short.
+# Largest whole float to write as an integer.
 _EXACT = 1e15
 _CONFIG = ConfigDict(extra="forbid", strict=True, arbitrary_types_allowed=True)
 
@@ -69,7 +69,7 @@ class Unit:
 
 @dataclass(frozen=True, slots=True)
 class Hint:
-    """A few words on a field's values, added to what its type says; or in place of that."""
+    """Words on a field's values, added to its type's description; if ``whole``, replacing it."""
 
     text: str
     whole: bool = False
@@ -80,15 +80,15 @@ class _Marker:
 
 
 PYTHON_ONLY = _Marker()
-"""A field that no file has: what runs on this machine, or what the file has elsewhere."""
+"""Marks a field that files lack: it is specific to this machine, or elsewhere in the file."""
 FLAT = _Marker()
-"""A field of settings whose keys a file has among those around it."""
+"""Marks a field of settings whose keys are in the enclosing table of a file."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
-# TOML has lists where Python has tuples; everything else is taken as it is written.
+# TOML has lists where Python has tuples; all other types must match strictly.
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 Vector = Annotated[tuple[Finite, Finite, Finite], Field(strict=False)]
 Box = Annotated[tuple[Pair, Pair, Pair], Field(strict=False)]
@@ -106,17 +106,17 @@ Name = Annotated[str, AfterValidator(_name)]
 def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
     """Make a frozen dataclass check its fields, and readable from tables of files.
 
-    Fields are described by the docstrings below them and limited by their annotations. What
-    concerns several fields is checked in ``__post_init__``, which raises an `InputError` whose
-    ``field`` is the field's name, or empty. The constructor raises the given class of errors.
+    Fields are described by the docstrings below them and limited by their annotations. Checks
+    across fields are in ``__post_init__``, which raises an `InputError` whose ``field`` is the
+    field's name, or empty. The constructor raises the given class of errors.
 
     A class may have
 
-    - ``from_table(table, folder)``, a static method: a file's table to the constructor's fields,
-    - ``file_keys``, {key: `pydantic.Field`}: keys that only the file has,
-    - ``to_table(self)``: its table for a file, defaults left out,
-    - ``kind``, a text: a file's ``kind`` where several classes are possible (`kind_of`),
-    - ``row_keys``: keys that identify a row of a list, which are written first.
+    - ``from_table(table, folder)``, a static method: converts a file's table to fields,
+    - ``file_keys``, {key: `pydantic.Field`}: keys only in files,
+    - ``to_table(self)``: returns the table for a file, without defaults,
+    - ``kind``, a text: the ``kind`` in a file if several classes are possible (`kind_of`),
+    - ``row_keys``: keys that identify a row of a list, and are written first.
     """
 
     def decorate(cls: type[Spec]) -> type[Spec]:
@@ -147,7 +147,7 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
 
 
 class _LazyAdapter:
-    """Class attribute that becomes the class's `TypeAdapter`: all at import would take a second."""
+    """Attribute with the class's `TypeAdapter`, made on first use: all at import would take 1 s."""
 
     def __get__(self, instance: object, owner: Any) -> TypeAdapter[Any]:
         owner.settings_adapter = TypeAdapter(owner)
@@ -166,7 +166,7 @@ def _kind(cls: Any) -> str:
 
 
 def value_or_table(value: object) -> str:
-    """Discriminate a single ``<value>`` and a ``<table>``."""
+    """Discriminate a single ``<value>`` from a ``<table>``."""
     return "<table>" if isinstance(value, Mapping) or is_settings(type(value)) else "<value>"
 
 
@@ -176,7 +176,7 @@ def is_settings(cls: object) -> bool:
 
 
 def read_table(cls: type[Spec], table: Any, error: type[InputError], folder: object = None) -> Spec:
-    """Make settings of a table of TOML or JSON; names of files in it are relative to ``folder``.
+    """Make settings from a table of TOML or JSON; paths in it are relative to ``folder``.
 
     Raises the first of `try_table`'s faults, of the given class.
     """
@@ -189,7 +189,7 @@ def read_table(cls: type[Spec], table: Any, error: type[InputError], folder: obj
 def try_table(
     cls: type[Spec], table: Any, error: type[InputError], folder: object = None
 ) -> tuple[Spec | None, list[InputError]]:
-    """Make settings as `read_table`; return them, or None, and every fault in the table."""
+    """Make settings as `read_table`; return them or None, and all faults in the table."""
     adapter: TypeAdapter[Spec] = cls.settings_adapter  # type: ignore[attr-defined]
     try:
         return adapter.validate_python(table, context={"folder": folder}), []
@@ -198,7 +198,7 @@ def try_table(
 
 
 def plain(value: Any, defaults: bool = False) -> Any:
-    """Return settings as a table of a file; keys equal to their defaults only if asked to.
+    """Return settings as a table of a file, without keys equal to defaults unless ``defaults``.
 
     Examples
     --------
@@ -212,7 +212,7 @@ def plain(value: Any, defaults: bool = False) -> Any:
         return {key: plain(each, defaults) for key, each in value.items()}
     if isinstance(value, list | tuple):
         return [plain(each, defaults) for each in value]
-    # As people write them; every such field takes whole numbers.
+    # As people write them: every float field also accepts whole numbers.
     if isinstance(value, float) and value.is_integer() and abs(value) < _EXACT:
         return int(value)
     return value
@@ -249,7 +249,7 @@ def hints(cls: Any) -> dict[str, Any]:
 
 @cache
 def descriptions(cls: Any) -> dict[str, str]:
-    """Return the docstrings below a class's fields, each in one line."""
+    """Return the docstrings below a class's fields, each as one line."""
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__[:-1]):
         tree: Any = ast.parse(textwrap.dedent(inspect.getsource(base)))
@@ -278,13 +278,13 @@ def json_schema(cls: Any) -> dict[str, Any]:
     """Return the JSON schema of a class's tables in files."""
     schema = cls.settings_adapter.json_schema()
     for each in (*schema.get("$defs", {}).values(), schema):
-        if "description" in each:  # of a class the first paragraph
+        if "description" in each:  # a class docstring's first paragraph
             each["description"] = " ".join(each["description"].split("\n\n")[0].split())
     return schema
 
 
 def _json_schema(cls: Any, source: Any, handler: Any) -> dict[str, Any]:
-    """Describe a class's table: pydantic's account, without what Python alone takes."""
+    """Return pydantic's schema of a class's table, without Python-only fields."""
     made = handler(source)
     schema = handler.resolve_ref_schema(made)
     properties: dict[str, Any] = {}
@@ -309,7 +309,7 @@ def _json_schema(cls: Any, source: Any, handler: Any) -> dict[str, Any]:
 
 
 def classes_in(hint: Any) -> list[type]:
-    """Return the settings classes among which a value of an annotation is, lists not entered."""
+    """Return the settings classes in an annotation, except inside lists."""
     if is_settings(hint):
         return [hint]
     if get_origin(hint) is Annotated:
@@ -320,7 +320,7 @@ def classes_in(hint: Any) -> list[type]:
 
 
 def choices(hint: Any) -> tuple[Any, ...]:
-    """Return the words, or numbers, of the `Literal` in an annotation; empty if there is none."""
+    """Return the values of the `Literal` in an annotation; empty without one."""
     if get_origin(hint) is Literal:
         return get_args(hint)
     if get_origin(hint) in (Annotated, Union, types.UnionType):
@@ -333,7 +333,7 @@ _NUMBER_WORDS = {2: "two", 3: "three"}
 
 
 def expected(hint: Any) -> str:
-    """Return the values that an annotation takes, in words.
+    """Describe the values that an annotation accepts, in words.
 
     >>> expected(Annotated[float, Field(gt=0, le=9), Unit("mm")] | None)
     'a number above 0, up to 9 (mm), or leave it out'
@@ -405,24 +405,24 @@ def _listed(words: Sequence[str]) -> str:
 
 
 def metadata(hint: Any) -> list[Any]:
-    """Return what an annotation adds to its type; a `pydantic.Field` as its limits."""
+    """Return an annotation's metadata, with each `pydantic.Field` expanded to its limits."""
     found = []
     for mark in get_args(hint)[1:] if get_origin(hint) is Annotated else ():
         found += mark.metadata if isinstance(mark, FieldInfo) else [mark]
     return found
 
 
-# From tables of files.
+# Reading tables of files.
 
 
 def _core_schema(cls: type, source: Any, handler: Any) -> Any:
     schema = handler(source)
-    schema["strict"] = False  # for tables; instances of the class are taken as they are
+    schema["strict"] = False  # for tables; instances of the class are used unchanged
 
     def prepare(value: Any, info: core_schema.ValidationInfo) -> Any:
         if not isinstance(value, Mapping):
             return value
-        if info.context is None:  # a constructor takes settings, not their tables
+        if info.context is None:  # constructors take settings, not tables
             raise PydanticCustomError("dataclass_type", "no table")
         return _fields_from_table(cls, value, info.context["folder"])
 
@@ -451,7 +451,7 @@ def _unknown_key(cls: type, key: str) -> InputError:
     return InputError("unknown key", remedy, code="unknown", field=key)
 
 
-# Faults in words.
+# Messages of faults.
 
 _CODES: dict[str, Code] = {
     "extra_forbidden": "unknown",
@@ -466,21 +466,21 @@ _CODES: dict[str, Code] = {
 
 @dataclass(frozen=True, slots=True)
 class _Fault:
-    """One fault: where it is, and pydantic's account of it."""
+    """A fault: its field, and pydantic's report of it."""
 
     field: str
     hint: Any
-    # The classes whose key is unknown or missing, or that are possible.
+    # Classes whose key is unknown or missing, or that are possible here.
     classes: tuple[type, ...]
     account: Mapping[str, Any]
 
     @classmethod
     def at(cls, account: Mapping[str, Any], root: Any) -> _Fault:
-        """Follow pydantic's location, which also has tags of unions and names of flat fields."""
+        """Follow pydantic's location, which includes union tags and names of flat fields."""
         path, hint = "", root
         owners: tuple[type, ...] = (root,)
         steps = account["loc"]
-        if account["type"] == "missing" and isinstance(steps[-1], int):  # the tuple is too short
+        if account["type"] == "missing" and isinstance(steps[-1], int):  # tuple too short
             steps = steps[:-1]
         for part in steps:
             if isinstance(part, int):
@@ -501,14 +501,14 @@ class _Fault:
                     continue
             elif _is_mapping(hint) and part != "[key]":
                 hint = item_hint(hint, part)
-            else:  # a kind of value that pydantic has tried
+            else:  # the name of a type that pydantic tried
                 continue
             path = f"{path}.{part}" if path else part
         return cls(path, hint, tuple(classes_in(hint)) or owners, account)
 
     @property
     def fault(self) -> str:
-        """Pydantic's name of the kind of fault."""
+        """Pydantic's name for the kind of fault."""
         return str(self.account["type"]).replace("unexpected_keyword_argument", "extra_forbidden")
 
     @property
@@ -516,7 +516,7 @@ class _Fault:
         return self.field.rpartition(".")[2]
 
     def as_error(self, make: type[InputError], root: str = "") -> InputError:
-        """Return it as an error; ``root`` is the name of the class that its field is in."""
+        """Return the fault as an error; ``root`` is the name of the class that has the field."""
         field = f"{root}.{self.field}".strip(".") if root else self.field
         given = self.account["input"]
         cause = self.account.get("ctx", {}).get("error")
@@ -585,11 +585,11 @@ class _Fault:
 
 
 def _faults(error: ValidationError, root: type) -> list[_Fault]:
-    """Return each fault once; an unknown key goes before the key that it made miss."""
+    """Return each fault once, unknown keys first and without the missing keys that they meant."""
     found: dict[str, _Fault] = {}
     for account in error.errors(include_url=False):
         fault = _Fault.at(account, root)
-        # Of several tries at one value, a number and a word, say.
+        # pydantic may report several types tried for one value, such as number and word.
         found.setdefault(f"{fault.fault == 'missing'} {fault.field}", fault)
     ordered = sorted(found.values(), key=lambda fault: fault.fault != "extra_forbidden")
     meant = set()
@@ -611,9 +611,9 @@ def _faults(error: ValidationError, root: type) -> list[_Fault]:
 
 
 class FileFaults(InputError):
-    """Faults of one file; its text is the first, after the file's name.
+    """Faults of one file; its text is the first fault, after the file's name.
 
-    ``rows``, {key: names}, are the names of the rows of ``[[key]]``: people find a row by its name.
+    ``rows``, {key: names}, are the names of the rows of ``[[key]]``, to name rows in messages.
     """
 
     def __init__(
@@ -654,7 +654,7 @@ def row_names(tables: Mapping[str, Any]) -> dict[str, list[object]]:
 
 
 def _constructor_error(error: ValidationError, cls: Any) -> Exception:
-    """Return the first fault as the class's error; arguments that are none, as Python does."""
+    """Return the first fault as the class's error; a TypeError for wrong arguments."""
     fault = _faults(error, cls)[0]
     name = cls.__name__
     if len(fault.account["loc"]) == 1 and fault.account["loc"] == error.errors()[0]["loc"]:
@@ -676,9 +676,7 @@ def _constructor_error(error: ValidationError, cls: Any) -> Exception:
 def _by_name(cls: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> dict[str, Any]:
     names = [field.name for field in dataclasses.fields(cls)]
     if len(args) > len(names):
-        raise TypeError(
-            f"{cls.__name__}() takes up to {len(names)} arguments, {len(args)} are given"
-        )
+        raise TypeError(f"{cls.__name__}() takes up to {len(names)} arguments, {len(args)} given")
     for name in names[: len(args)]:
         if name in kwargs:
             raise TypeError(f"{cls.__name__}() got multiple values for argument {name!r}")
@@ -686,7 +684,7 @@ def _by_name(cls: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> dict[s
 
 
 def item_hint(hint: Any, index: Any) -> Any:
-    """Return the annotation of an entry of a list, tuple or mapping."""
+    """Return the annotation of an item of a list, tuple or mapping."""
     base = get_args(hint)[0] if get_origin(hint) is Annotated else hint
     if get_origin(base) in (Union, types.UnionType):
         found = [item_hint(part, index) for part in get_args(base)]
@@ -723,7 +721,7 @@ def _has_numpy(value: Any) -> bool:
 
 
 def _without_numpy(value: Any) -> Any:
-    """Return numbers and lists of Python's in place of NumPy's."""
+    """Return NumPy's numbers and arrays as Python's numbers and lists."""
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):

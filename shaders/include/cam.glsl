@@ -1,4 +1,4 @@
-// CIECAM02 or CAM16 forward under the scene's conditions and inverse under the display's, in one.
+// CIECAM02 or CAM16: forward under the scene's conditions and inverse under the display's, in one.
 //
 //     R  = sign(r) 400 f / (27.13 + f), f = |r|^0.42, r = response_from_XYZ XYZ
 //     x  = 2R + G + B/20 (p2 - 0.305),  a = R - 12G/11 + B/11,  b = (R + G - 2B) / 9
@@ -9,12 +9,12 @@
 //
 // J, C and h are the same on both sides, so t, e_t and the hue fall out: nothing is divided by
 // t or by a sine, and no angle is formed (CamTransform derives it).
-// The 0.1 of the compression cancels in a and b and is the 0.305 in p2.
+// The 0.1 of the compression cancels in a and b, and adds up to the 0.305 in p2.
 //
-// NumPy twin: volspec/appearance/models/cam.py, CamTransform.apply. The two models differ in
-// the matrices alone.
-// Total: finite input gives finite output. x <= 0 is black; |R'| stops at RESPONSE_LIMIT, short
-// of the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
+// NumPy twin: volspec/appearance/models/cam.py, CamTransform.apply. The two models differ only
+// in their matrices.
+// Total: finite input gives finite output. x <= 0 is black; |R'| is clamped to RESPONSE_LIMIT,
+// below the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
 //
 // Reads   view_transform, computed by the host in double precision when the white changes.
 //         field     if FIELD: the scene's side of the transform at the nodes of a grid from edge to
@@ -22,16 +22,16 @@
 //                   of RGBA float: a column of response_from_XYZ each, and in alpha
 //                   scene_achromatic, lightness_power, chroma_gain. NumPy twin:
 //                   volspec/appearance/adaptation_grid.py.
-// Host sets SAME_SURROUND if γ = κ = 1 (equal Y_b and surround, the default): a power and the
-// skew less, a tenth of the frame; and the numbers of
+// Host sets SAME_SURROUND if γ = κ = 1 (equal Y_b and surround, the default), which saves a pow
+// and the skew term, a tenth of the frame time; and the constants of
 // volspec.appearance.constants.shader_constants().
 
 struct ViewTransform {
     mat3 response_from_XYZ;    // the scene's F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, or
                                // F_L/100 · diag(D_RGB) · CAT16
-    mat3 linear_from_response; // the display's inverse of it · 27.13^(1/0.42), to linear RGB
+    mat3 linear_from_response; // the display's inverse · 27.13^(1/0.42), to linear RGB
     float scene_achromatic;    // w, the scene white's p2 - 0.305
-    float display_achromatic;  // w', the display white's
+    float display_achromatic;  // w', the same of the display white
 #if !SAME_SURROUND
     float lightness_power;     // γ = cz / (c'z')
     float chroma_gain;         // κ

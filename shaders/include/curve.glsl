@@ -12,7 +12,7 @@
 
 struct ViewTransform {
     mat3 response_from_XYZ;
-    mat3 linear_from_response;  // the display's inverse of it, to linear RGB
+    mat3 linear_from_response;  // the display's inverse, to linear RGB
     vec3 gain;
     vec3 power;
     vec3 shift;

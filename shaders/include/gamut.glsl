@@ -6,14 +6,14 @@
 //     R1 = RESPONSE_FROM_OPPONENT (0, a - a_g, b - b_g)
 //     s  : the largest multiple of last_step, by halving, for which linear(R0 + s R1) is shown
 //
-// The same for every form of view transform: signals are computed again from the linear RGB. Only
-// pixels outside of the display's cube pay for it; on software GL all pay for the signals and one
-// halving.
+// The same for every form of view transform: the signals are recomputed from the linear RGB. Only
+// pixels outside the display's cube run the search; on software GL every pixel pays for the
+// signals and one bisection step.
 //
 // NumPy twin and derivation: volspec/appearance/gamut_mapping.py. Total: finite input gives finite output.
 //
 // Reads   gamut  if REDUCE; computed in double precision when the display or the model changes
-// Host sets REDUCE, MARK, and the numbers of volspec.appearance.gamut_mapping.SHADER_CONSTANTS.
+// Host sets REDUCE, MARK, and the constants of volspec.appearance.gamut_mapping.SHADER_CONSTANTS.
 
 #if REDUCE || MARK
 bool is_shown(vec3 linear) {
@@ -29,7 +29,7 @@ struct Gamut {
     float top;        // the display white's x
     float knee;       // up to here grey has no chroma
     vec2 knee_slope;
-    float last_step;  // of the halvings
+    float last_step;  // step of the last bisection
 };
 uniform Gamut gamut;
 
@@ -50,7 +50,7 @@ vec3 reduce_chroma(vec3 linear) {
     vec3 R0 = RESPONSE_FROM_OPPONENT * vec3(x, grey);
     vec3 R1 = RESPONSE_FROM_OPPONENT * vec3(0.0, way);
     float s = 0.0;
-    // No constant ends the loop: unrolled, all halvings would be run on software GL by all pixels.
+    // The bound is no constant: unrolled, software GL would run all bisections for all pixels.
     for (float step = 0.5; step >= gamut.last_step; step *= 0.5) {
         if (is_shown(linear_from_compressed(R0 + (s + step) * R1))) s += step;
     }

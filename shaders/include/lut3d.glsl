@@ -5,9 +5,9 @@
 //     code = lut(u)                 linear between NODES nodes, NODE_STEP apart, along each axis;
 //                                   NODES_BELOW of them are below 0
 //
-// If CHECKED, pixels in invalid cells and outside of the LUT are discarded: the host counts those drawn,
-// and draws the closed form if any is missing. If not, colours brighter than the LUT's top are scaled
-// down to it at their chromaticity.
+// If CHECKED, pixels in invalid cells or outside the LUT are discarded: the host counts the drawn
+// pixels, and draws the closed form if any is missing. If not CHECKED, colours brighter than the
+// LUT's top are scaled down to the top at equal chromaticity.
 //
 // NumPy twin: volspec/appearance/lut3d.py, Lut3D.apply.
 //
@@ -19,7 +19,7 @@ uniform highp sampler3D lut;
 
 // The code, not clipped, and in alpha 1 if all cells around are valid, else less.
 vec4 look_up(vec3 adapted) {
-    // |r|^(1/4) · |r|^(1/16): on software GL four roots cost half of a power.
+    // |r|^(1/4) · |r|^(1/16): on software GL four square roots cost half of a pow.
     vec3 fourth = sqrt(sqrt(abs(adapted)));
     vec3 u = sign(adapted) * (fourth * sqrt(sqrt(fourth)));
     // The first and last nodes are at the centres of their texels.
