@@ -158,7 +158,7 @@ def _is_meant(wanted: str, index: int, device: DeviceInfo) -> bool:
 
 
 def unusable_error(meant: list[int], found: list[DeviceInfo]) -> OpenCLError:
-    """Return the error for devices that cannot run kernels: each one's fault, and the remedy."""
+    """Return the error for devices that cannot run kernels: the fault of each, and the remedy."""
     faults = "; ".join(
         f"{found[i].name} ({found[i].platform}, {found[i].driver}): {fault(i, found)}"
         for i in meant

@@ -26,8 +26,8 @@ MINIMUM_VERSION = 330
 _EGL = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
 _GLX = {"libgl": "libGL.so.1", "libx11": "libX11.so.6"}
 _REMEDIES = {
-    "darwin": "log in at the Mac's own screen: macOS brings OpenGL 4.1 with its graphics",
-    "win32": "install the graphics card's driver from its maker; Windows' own has OpenGL 1.1 only",
+    "darwin": "log in at the Mac's own screen: macOS includes OpenGL 4.1 with its graphics",
+    "win32": "install the graphics card maker's driver; Windows' own has only OpenGL 1.1",
     "linux": "install EGL and a driver, on Debian or Ubuntu: "
     "apt-get install libegl1 libgl1 libgl1-mesa-dri",
 }

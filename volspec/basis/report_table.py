@@ -187,8 +187,8 @@ def verdict(errors: ErrorTable) -> str:
         if ours > 1e-6:
             times = float(f"{theirs / ours:.2g}")
             heading = class_heading(name, 0).partition(" (")[0]
-            parts.append(f"{times:,.{0 if times >= 10 else 1}f} times as far under {heading}")
-    return f"RGB light times RGB surface is off {', '.join(parts)}." if parts else ""
+            parts.append(f"{times:,.{0 if times >= 10 else 1}f} times the error under {heading}")
+    return f"RGB light times RGB surface has {', '.join(parts)}." if parts else ""
 
 
 def _rows(report: BasisReport) -> list[tuple[str, ErrorSummary, ErrorSummary | None]]:

@@ -99,9 +99,9 @@ def head_from_dict(data: Any, names: Sequence[str]) -> dict[str, Any]:
 
 
 def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
-    """Write one matrix row a line, so that two files can be compared.
+    """Write one matrix row per line, so that two files can be compared.
 
-    Raises BasisError unless the path ends in ``.json``, by which `load` knows a file from a name.
+    Raises BasisError unless the path ends in ``.json``, by which `load` recognises files.
     """
     if isinstance(path, str | os.PathLike) and Path(path).suffix.lower() != ".json":
         raise BasisError(
@@ -123,7 +123,7 @@ def load(name_or_path: str | os.PathLike[str], from_dict: Callable[[Any], _Basis
 
 
 def _path(name_or_path: str | os.PathLike[str]) -> Path:
-    """Return the file of a name or a path."""
+    """Return the file for a basis name or a path."""
     if not isinstance(name_or_path, str | os.PathLike):
         raise BasisError(
             f"{name_or_path!r:.40} is neither the name of a basis nor the path of a .json file",

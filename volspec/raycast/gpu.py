@@ -55,8 +55,8 @@ class Raycaster:
     Raises
     ------
     RaycastError, OpenCLError
-        If an argument has a wrong type; if there is no device, the volume does not fit on it, or it
-        cannot share the context.
+        If an argument has the wrong type; if there is no device, the volume does not fit on it, or
+        it cannot share the context.
     """
 
     def __init__(

@@ -58,7 +58,7 @@ def from_plotter(
         Name of the volume, if there are several: from `add_volume`, or a key of
         ``plotter.actors``. A hidden volume is found only by name.
     basis : SpectralBasis, optional
-        Basis of the transfer function; ``general-7`` when left out.
+        Basis of the transfer function; ``general-7`` if left out.
 
     Returns
     -------
