@@ -440,7 +440,7 @@ def _interpolated_points(scene: Scene, keys: Keys, at_s: Array) -> Array | None:
             if unknown := [name for name in row.material_weights if name not in names]:
                 raise SceneError(
                     f"points: material {unknown[0]!r} at {time:g} s is unknown",
-                    f"there is {', '.join(names)}",
+                    f"known: {', '.join(names)}",
                     code="unknown",
                 )
     numbers = [

@@ -79,9 +79,7 @@ class Recipe:
 
     def __post_init__(self) -> None:
         if not self.lights:
-            raise ImageError(
-                "there is no light", "give at least one", code="missing", field="recipe"
-            )
+            raise ImageError("has no lights", "give at least one", code="missing", field="recipe")
         for channel in (name for names in self.channels.values() for name in names):
             # Names become part of expressions that compositors evaluate.
             if not (isinstance(channel, str) and _CHANNEL.fullmatch(channel)):
@@ -263,8 +261,8 @@ def _require_fit(who: str, light: CompositorLight, channels: Mapping[str, tuple[
         for group, array in rows.items():
             if group not in channels:
                 raise ImageError(
-                    f"{who}: {what} of group {quoted(group)}",
-                    f"there is {', '.join(channels)}",
+                    f"{who}: {what} of unknown group {quoted(group)}",
+                    f"known: {', '.join(channels)}",
                     code="unknown",
                 )
             name = f"{who}: {what} of group {quoted(group)}"

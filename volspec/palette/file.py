@@ -216,7 +216,7 @@ class _Reader:
             raise fault("", problem, "missing")
         for name in names:
             if name not in known:
-                hint = f"{nearest(name, known)}there is {', '.join(known)}"
+                hint = f"{nearest(name, known)}known: {', '.join(known)}"
                 raise fault("", f"no {kind} is named {name!r}; {hint}", "unknown")
         return names
 

@@ -1,4 +1,4 @@
-"""A palette: lights are columns, reflectances rows, and cells hold the wanted colours.
+"""Palettes: lights are columns, reflectances are rows, and cells have the wanted colours.
 
     spectra, appearance -> [model] -> linearisation -> optimisation -> report
 
@@ -85,7 +85,7 @@ class Cell:
         for name in ("colour", "group", "other"):
             needed, given = needs.get(self.kind) == name, bool(getattr(self, name))
             if needed != given:
-                problem = f"kind {self.kind!r} {'needs' if needed else 'takes no'} {name}"
+                problem = f"kind {self.kind!r} {'needs' if needed else 'cannot have'} {name}"
                 code: Code = "missing" if needed else "conflict"
                 raise fault(f"Cell.{name}", problem, code, getattr(self, name))
         for name in ("weight", "distance"):
@@ -212,14 +212,14 @@ class Palette:
             members = tuple(getattr(self, name))
             object.__setattr__(self, name, members)
             if not members:
-                raise fault(f"Palette.{name}", "there are none; give at least one", "missing")
+                raise fault(f"Palette.{name}", "is empty; give at least one", "missing")
             names = [member.name for member in members]
             if twice := next((n for n in names if names.count(n) > 1), None):
                 problem = f"two are named {twice!r}; rename one"
                 raise fault(f"Palette.{name}", problem, "duplicate", twice)
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))
         if not self.cells:
-            problem = "there are none; give at least one wanted colour"
+            problem = "is empty; give at least one wanted colour"
             raise fault("Palette.cells", problem, "missing")
         if self.level not in LEVELS:
             remedy = f"{nearest(str(self.level), LEVELS)}expected {' or '.join(LEVELS)}"
@@ -294,7 +294,7 @@ class Palette:
         found = next((member for member in members if member.name == name), None)
         if found is None:
             names = [member.name for member in members]
-            hint = f"{nearest(name, names)}there is {', '.join(names)}"
+            hint = f"{nearest(name, names)}known: {', '.join(names)}"
             problem = f"no {kind} is named {name!r}; {hint}"
             raise fault(f"Palette.{kind}s", problem, "unknown", name)
         return found

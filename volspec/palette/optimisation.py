@@ -144,7 +144,7 @@ class Phase:
                 yield Term({name: luminance}, np.ones(1), math.inf, f"the luminance of {name}")
 
     def _subspace_terms(self, equations: CellEquations, basis: SpectralBasis) -> Iterator[Term]:
-        """Yield F of [1, eq. 20]: colours of all bands minus those of the basis, componentwise."""
+        """Yield F of [1, eq. 20]: colours of all bands minus the basis's componentwise colours."""
         state, variables = self.state, equations.at_current.variables
         subspace = state.palette.criteria.subspace
         channels = state.S @ basis.analysis.T

@@ -69,7 +69,7 @@ class LightEvaluation:
 class Changes:
     """New rows of a scene's file."""
 
-    materials: tuple[str, ...]  # those with reflectances from the palette
+    materials: tuple[str, ...]  # materials with reflectances from the palette
     light: str | None = None  # a new light, from the palette too
     exact: bool = False  # the scene now casts materials, as its basis would blur the design
 

@@ -156,7 +156,7 @@ def _require_name(
     scene: Scene, kind: str, name: str, known: Mapping[str, object], field: str = "", hint: str = ""
 ) -> str:
     if name not in known:
-        remedy = f"{nearest(str(name), known)}there is {', '.join(known)}{hint}"
+        remedy = f"{nearest(str(name), known)}known: {', '.join(known)}{hint}"
         problem, field = f"{name!r} is unknown", field or kind
         raise SceneError(problem, remedy, code="unknown", field=field, given=name)
     return name

@@ -217,7 +217,7 @@ class RelightWidget(anywidget.AnyWidget):
             if name not in self._names:
                 raise ViewingError(
                     f"no light {name!r}",
-                    f"{nearest(str(name), self._names)}there are {', '.join(self._names)}",
+                    f"{nearest(str(name), self._names)}known: {', '.join(self._names)}",
                     code="unknown",
                     field="notebook.weights",
                     given=name,
