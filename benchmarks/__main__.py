@@ -1,6 +1,6 @@
-"""``make bench``: every figure on screen, the times behind them in ``build/bench.json``.
+"""``make bench``: print every figure, and write the times behind them to ``build/bench.json``.
 
-``python -m benchmarks --keep`` puts the figures into ``docs/benchmarks.md``, too.
+``python -m benchmarks --keep`` also writes the figures to ``docs/benchmarks.md``.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from benchmarks import (
 from benchmarks.measure import PAGE, commit, replaced, report, save
 from volspec._gpu.opencl import Compute
 
-# VTK's GPU mapper opens windows, which end other GL contexts: it comes late.
+# VTK's GPU mapper opens windows, which end other GL contexts, so it runs late.
 FIGURES = (
     *(memory.figures, reading.figures, cast.channel_figures, cast.edit_figures),
     *(cast.shadow_figures, palette.figures, limits.figures, models.figures, picture.figures),
@@ -34,7 +34,7 @@ FIGURES = (
 
 
 def keep(table: str) -> None:
-    """Put the table into the page, with where and when it was made."""
+    """Write the table to the page, with its device, date and commit."""
     where = f"{Compute.open().info.name}, {datetime.now(UTC).date().isoformat()}, {commit()}"
     content = f"\n```text\n{where}\n{table}\n```\n"
     text = PAGE.read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def keep(table: str) -> None:
 
 
 def main() -> None:
-    """Measure everything; the table comes last."""
+    """Measure everything, then print the table."""
     figures = [figure for figures_of in FIGURES for figure in figures_of()]
     save(figures)
     table = report(figures)

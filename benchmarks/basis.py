@@ -1,10 +1,10 @@
 """How good are bases, and how long does a fit take? ``python -m benchmarks.basis``.
 
 CIEDE2000 against 31 bands: trained on the 128 training reflectances, measured on the 84 held-out
-ones, the light as white; then the general bases on reflectances that nobody looked at while they
-were made. Then median seconds of five fits, imports and tables warm: for designed spectra alone,
-for scenes as they are trained (their own lights, and those of the library at a tenth of the
-weight), and for the bases that ship. Takes two minutes.
+ones, with the light as white; then the general bases on reflectances that were not used in their
+development. Then median seconds of five fits, with imports and tables warm: for designed spectra
+alone, for scenes (their own lights, and the library's at a tenth of the weight), and for the
+shipped bases. Takes two minutes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ FINE = SpectralGrid(360, 830, 1)
 
 
 def bases() -> Iterator[SpectralBasis]:
-    """The papers' methods, trained on the 26 smooth lights, and the bases that ship."""
+    """Yield the papers' methods, trained on the 26 smooth lights, and the shipped bases."""
     lights, reflectances = light_set("smooth"), reflectance_set("training")
     for method in ("pca", "pca-sharpened"):
         for size in SIZES:
@@ -46,7 +46,7 @@ def print_errors() -> None:
         _print("", "exact", [str(r.exact) for r in reports])
         _print("", "linear-model", [str(r.linear_model) for r in reports])
 
-    print("\nnever looked at before, componentwise")
+    print("\nnot used in development, componentwise")
     for kind in ("natural", "patches"):
         samples = reflectance_set(kind)
         for name in ("general-5", "general-7", "general-9"):

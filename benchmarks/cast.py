@@ -1,4 +1,4 @@
-"""Times of casts and of light changes, on the same data, camera, points and step as the peer's.
+"""Times of casts and of light changes, with the peer's data, camera, points and step.
 
 Against VTK's fixed-point mapper and its GPU mapper; sixteen channels against three; a cast after
 an edit of the transfer function; shadows; a change of the light.
@@ -29,25 +29,25 @@ SPECS = {
     "shaded": RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24),
 }
 ASKED = 3
-# Against VTK's GPU mapper on llvmpipe; on a GPU it is another race.
+# Against VTK's GPU mapper on llvmpipe; on a GPU the comparison differs.
 ASKED_VTK_GPU = {"flat": 6, "shaded": 10}
 MANY_CHANNELS, FEW_CHANNELS, ASKED_CHANNELS = 16, 3, 1.15
 ASKED_EDIT_MS = 10
 ASKED_SHADOWS = 2
 TOWARDS = ((1.0, 1.0, 1.0), (1.0, 1.1, 1.0), (1.1, 1.0, 1.0))
-# Ours ends a ray where the fixed-point mapper does.
+# End rays at the same transmittance as the fixed-point mapper.
 STOPPED = {name: replace(spec, alpha_stop=ALPHA_STOP) for name, spec in SPECS.items()}
 
 
 def grey_points(scene: BenchScene) -> Points:
-    """Return the scene's opacities for VTK, in one colour: the cast is timed, not its look."""
+    """Return the scene's opacities for VTK, in one colour, as only the time matters."""
     return [(value, opacity, (0.7, 0.7, 0.75)) for value, opacity, _ in scene.transfer.points]
 
 
 def peer_of(
     scene: BenchScene, spec: RaycastSpec, mapper: Callable[..., VtkPeer] = fixed_point
 ) -> VtkPeer:
-    """Return a mapper of VTK's for the scene."""
+    """Return a VTK mapper for the scene."""
     reference_mm = scene.transfer.reference_step_mm or min(scene.volume.spacing_mm)
     return mapper(scene.volume, grey_points(scene), reference_mm, scene.camera, SIZE, spec)
 
@@ -69,9 +69,9 @@ def against(
     peer_name: str = "vtk-fixed-point",
     runs: int = 7,
 ) -> Comparison:
-    """Time a cast against a mapper of VTK's that redraws with other colours.
+    """Time a cast against a VTK mapper that redraws with other colours.
 
-    Both sides take in other colours and deliver a picture.
+    Both sides receive other colours and return a picture.
     """
     spec = STOPPED[kind]
     peer = peer_of(scene, spec, mapper)
@@ -113,7 +113,7 @@ def channel_figures() -> Iterator[Figure]:
     scene = bench_scene("engine")
     caster = Raycaster(scene.volume)
     lights, reflectances = light_set("smooth"), reflectance_set("training")
-    # Principal components: the time of a cast does not depend on how a basis was fitted.
+    # Principal components: the time of a cast does not depend on the fitting method.
     many, few = (
         replace(
             scene.transfer,
@@ -133,14 +133,14 @@ def channel_figures() -> Iterator[Figure]:
 
 
 def edit_figures() -> Iterator[Figure]:
-    """Compare the first picture after an edit with a cast whose table is ready: the difference."""
+    """Compare the first picture after an edit with a cast whose table is ready."""
     scene = bench_scene("engine")
     caster = Raycaster(scene.volume)
     table = scene.transfer.bake(min(scene.volume.spacing_mm))
     edits = count()
 
     def edited() -> TransferFunction:
-        # Opaque enough to cost the same, never the same twice.
+        # Opaque enough to cost the same, but different each time.
         (value, opacity, mix), *rest = reversed(scene.transfer.points)
         last = (value, opacity - 1e-4 * (next(edits) % 100 + 1), mix)
         return replace(scene.transfer, points=[*reversed(rest), last])
@@ -169,15 +169,15 @@ def edit_figures() -> Iterator[Figure]:
 
 
 def shadow_spec(towards: tuple[float, float, float], shadows: bool) -> RaycastSpec:
-    """Return the shading under one light from over the camera's shoulder."""
+    """Return the spec of one light from over the camera's shoulder."""
     key = Directional(towards, frame="camera", shadows=shadows)
     return replace(STOPPED["shaded"], groups=(LightGroup("key", (Ambient(), key)),))
 
 
 def shadow_figures() -> Iterator[Figure]:
-    """Compare one light with shadows and without: the engine.
+    """Compare one light on the engine with and without shadows.
 
-    Every picture has its light elsewhere, so that each makes a new light volume.
+    The light moves for every picture, so that each needs a new light volume.
     """
     scene = bench_scene("engine")
     caster = Raycaster(scene.volume)
@@ -201,8 +201,8 @@ def shadow_figures() -> Iterator[Figure]:
 def light_figures() -> Iterator[Figure]:
     """Swap the light on the demo's engine: new light in, finished 8-bit frame out.
 
-    Ours is a drag of eight changes, per change; one alone takes a third longer, since the other
-    side has just emptied the caches.
+    Ours is the time per change in a drag of eight; a single change takes a third longer, since the
+    other side has just emptied the caches.
     """
     scene = Scene.load(asset("data/scenes/engine.toml"))
     lights = cycle([light.rig for light in scene.lights])

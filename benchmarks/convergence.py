@@ -1,7 +1,7 @@
-"""Does halving the step halve the error, or better? ``python -m benchmarks.convergence``.
+"""Does halving the step at least halve the error? ``python -m benchmarks.convergence``.
 
-Root mean square and greatest error of the channels against a very fine step, without jitter and
-without an early end; the order is the binary logarithm of what halving gains. The table goes into
+RMS and maximum error of the channels against a very fine step, without jitter or early ray
+termination; the order is log2 of the error ratio when the step is halved. The table goes into
 ``docs/benchmarks.md``.
 """
 
@@ -31,7 +31,7 @@ SPECS = {
 
 @dataclass(frozen=True, slots=True)
 class Error:
-    """Error of one step, in voxels, against the finest."""
+    """Error of one step size, in voxels, against the finest."""
 
     step: float
     rms: float
@@ -39,14 +39,14 @@ class Error:
 
 
 def ball() -> tuple[Volume, TransferTable, Camera]:
-    """A smooth phantom: opacity and grey rise linearly with a value that is a cone in space."""
+    """Return a smooth phantom: opacity and grey are linear in a value that is a cone in space."""
     volume = phantom.ball(64)
     rise = np.linspace(0, 1, 1024)
     return volume, TransferTable((0, 1), 0.1 * rise, rise[:, None], 1.0), Camera.orbit(volume)
 
 
 def engine() -> tuple[Volume, TransferTable, Camera]:
-    """The demo: edges of metal, a transfer function with corners."""
+    """Return the demo: metal edges, a transfer function with corners."""
     scene = bench_scene("engine")
     return scene.volume, scene.transfer.bake(min(scene.volume.spacing_mm)), scene.camera
 
@@ -68,7 +68,7 @@ def errors(
 
 
 def table() -> str:
-    """The page's table."""
+    """Return the table for the page."""
     lines = [
         "| volume | shading | step, voxels | RMS | greatest | order |",
         "|---|---|---|---|---|---|",

@@ -2,11 +2,12 @@
 
 Each of five shipped scenes is loaded in turn, cast with changing cameras, transfer functions and
 settings, and relit with a new light and viewing for every frame, on OpenGL and with NumPy. Kinds of
-lights, models and settings come round in the same order at every load, numbers are new: what a
-first time takes (a kernel, a shader, a library's code) has been taken after the fifth load.
+lights, models and settings repeat in the same order at every load, with new numbers: one-time
+allocations (a kernel, a shader, a library's code) are over after the fifth load.
 
-A line for each load tells leaks from fragmentation: the heap's blocks in use grow by the first
-alone, resident memory by both. Python's blocks, caches' entries and OpenCL's buffers say whose.
+A line per load separates leaks from fragmentation: leaks grow heap blocks in use and resident
+memory, fragmentation only the latter. Counts of Python blocks, cache entries and OpenCL buffers
+show the owner.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ from volspec.viewer.work.pictures import return_large_blocks
 ASKED = 1.0
 LOADS, WARM = 20, 5
 SCENES = ("engine", "engine-cut", "engine-groups", "engine-surfaces", "figure-6")
-# For each load: views of two casts, and frames for each cast. One in ten is NumPy's.
+# For each load: views of two casts, and frames for each cast. NumPy relights one in ten.
 VIEWS, FRAMES = 25, 20
 _SIZES = ((96, 72), (128, 96), (64, 64), (160, 120), (48, 96))
 _SETTINGS: tuple[dict[str, Any], ...] = (
@@ -49,7 +50,7 @@ _SETTINGS: tuple[dict[str, Any], ...] = (
     *({"crop_voxels": ((20, 200), (20, 200), (10, 100))}, {"light_cells": 32}),
     {"clip_planes": (ClipPlane((128, 128, 64), (1, 1, 0)),)},
 )
-# The host works tables out for Hunt and Nayatani 95, in a second each: those are left to NumPy.
+# The host computes LUTs for Hunt and Nayatani 95 in a second each, so only NumPy uses them.
 _CLOSED = [model for model in MODELS if not needs_host_lut(model)]
 
 
@@ -66,7 +67,7 @@ class _Heap(ctypes.Structure):
 
 
 def heap_in_use() -> int:
-    """Bytes of malloc's blocks that were not freed; 0 where the C library does not count them."""
+    """Return the bytes in malloc blocks that are in use; 0 if the C library does not count them."""
     count = getattr(ctypes.CDLL(None), "mallinfo2", None)
     if count is None:
         return 0
@@ -76,7 +77,7 @@ def heap_in_use() -> int:
 
 
 def cache_entries() -> int:
-    """Number of entries in all of the process's caches of functions' results."""
+    """Return the number of entries in all function caches of the process."""
     caches = (each for each in gc.get_objects() if isinstance(each, _lru_cache_wrapper))
     return sum(each.cache_info().currsize for each in caches)
 
@@ -99,7 +100,7 @@ class Cycle:
         self.casts = self.frames = 0
 
     def load(self, views: int = VIEWS, frames: int = FRAMES) -> str:
-        """Load a scene, cast and relight it, and give everything up; its name."""
+        """Load a scene, cast and relight it, and free everything; return its name."""
         name = next(self._names)
         scene = Scene.load(asset(f"data/scenes/{name}.toml"))
         caster = Raycaster(scene.volume())
@@ -161,13 +162,13 @@ class Cycle:
             self.frames += 1
 
     def _rig(self, grid: SpectralGrid, groups: list[str]) -> LightRig:
-        """One to three lights of new spectra, a weight, lux and a light group for each."""
+        """Return one to three lights with new spectra, weights, lux and light groups."""
         lights = tuple(self._light(grid) for _ in range(self._dice.randint(1, 3)))
         return LightRig(
             lights,
             [self._dice.uniform(0.1, 1.0) for _ in lights],
             [self._dice.uniform(50, 5000) for _ in lights],
-            # The first from all groups, as a setting may leave one of them dark.
+            # The first shines from all groups, so that none is dark.
             ["", *(self._dice.choice(["", *groups]) for _ in lights[1:])],
         )
 
@@ -185,10 +186,10 @@ class Cycle:
 
 
 def figures(loads: int = LOADS) -> Iterator[Figure]:
-    """Memory after the last load against that after the fifth.
+    """Compare memory after the last load with memory after the fifth.
 
-    Resident memory can hide a leak for a while, as freed blocks that the heap has kept are used up
-    first: blocks in use are held to the same figure.
+    Resident memory can hide a leak for a while, as freed blocks in the heap are used up first;
+    blocks in use have the same limit.
     """
     if loads <= WARM or loads % len(SCENES):
         raise ValueError(
@@ -221,7 +222,7 @@ def figures(loads: int = LOADS) -> Iterator[Figure]:
 
 
 def _row() -> tuple[int, int, int]:
-    """Resident bytes, bytes of the heap in use, number of Python's blocks."""
+    """Return resident bytes, heap bytes in use and the number of Python's blocks."""
     gc.collect()
     return resident("VmRSS"), heap_in_use(), sys.getallocatedblocks()
 

@@ -1,10 +1,9 @@
 """What does an export gain by casting once, and does it survive being killed?
 
-Many lights × one camera in one export, against a cast for each light; neither encodes files. And:
-an export killed at random times and repeated until it is done leaves the bytes of one that nobody
-disturbed.
+One export of many lights × one camera, against a cast per light; neither encodes files. An export
+killed at random times and repeated until done must leave the same bytes as an undisturbed one.
 
-``python -m benchmarks.export`` alone: 20 kills; ``figures()`` makes do with three.
+``python -m benchmarks.export`` alone: 20 kills; ``figures()`` uses three.
 """
 
 from __future__ import annotations
@@ -37,13 +36,13 @@ from volspec.spectra import light_set
 
 ASKED = 8.0
 SIZE, LIGHTS, KILLS = (1024, 1024), 24, 3
-# What survival is asked for; takes minutes.
+# Kills in the full test of survival; takes minutes.
 ALL_KILLS = 20
 _SEED, _RUNS = 7, 3
 
 
 def scene_of(lights: int) -> Scene:
-    """The demo under many lights of the library."""
+    """Return the demo under many lights of the library."""
     scene = Scene.load(asset("data/scenes/engine.toml"))
     rows = [
         {"name": f"{i:02d} {spectrum.name}", "spectrum": spectrum.name}
@@ -53,7 +52,7 @@ def scene_of(lights: int) -> Scene:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """Every file's bytes, in short."""
+    """Return a digest of every file."""
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
@@ -62,7 +61,7 @@ def digests(folder: Path) -> dict[str, str]:
 
 
 def once(scene: Scene, size: tuple[int, int]) -> tuple[np.ndarray, float, bool]:
-    """ms of all lights from one cast and of a cast for each, (runs, 2); with files; if equal."""
+    """Return ms of one cast and of a cast per light, (runs, 2); ms with files; True if equal."""
     volume = scene.volume()
     caster = Raycaster(volume)
     seen = scene.relight
@@ -100,7 +99,7 @@ def taken(call: Callable[[], object]) -> float:
 
 
 def survived(kills: int, size: tuple[int, int], frames: int = 24) -> int:
-    """Count the exports, each killed at a random time, that end as an undisturbed one."""
+    """Count the exports killed at a random time whose final files equal an undisturbed export's."""
     chance, equal = random.Random(_SEED), 0
     with tempfile.TemporaryDirectory() as root:
 
@@ -115,7 +114,7 @@ def survived(kills: int, size: tuple[int, int], frames: int = 24) -> int:
             subprocess.run(command(name), check=True, capture_output=True)
 
         def begun(name: str) -> subprocess.Popen[bytes]:
-            """An export whose manifest is there: casts and frames follow."""
+            """Return an export that has written its manifest: casts and frames follow."""
             export = subprocess.Popen(command(name), stdout=subprocess.DEVNULL)
             while export.poll() is None and not Path(root, name, "export.json").exists():
                 time.sleep(0.01)
@@ -145,7 +144,7 @@ def survived(kills: int, size: tuple[int, int], frames: int = 24) -> int:
 def figures(
     size: tuple[int, int] = SIZE, lights: int = LIGHTS, kills: int = KILLS
 ) -> Iterator[Figure]:
-    """The two figures."""
+    """Yield the two figures."""
     times, encoded, same = once(scene_of(lights), size)
     ours, peer = (float(ms) for ms in np.median(times, axis=0))
     ratio, device = float(np.median(times[:, 1] / times[:, 0])), Compute.open().info.name

@@ -4,8 +4,8 @@
 
 A finding is an exception that the reader may not raise, more than 10 s, memory beyond twice what
 the input declares and 200 MB, or a process that ended. Findings are shortened and written to
-``build/fuzz/TARGET/findings``; with ``--keep`` they go into the corpus that ``make test`` replays,
-beside inputs that are refused at places of their own. The exit code is the number of readers with
+``build/fuzz/TARGET/findings``; with ``--keep`` they are added to the corpus that ``make test``
+replays, with inputs that are refused at new places. The exit code is the number of readers with
 findings.
 """
 
@@ -76,7 +76,7 @@ HEAD = (
 
 
 class Run:
-    """One reader's processes: starts them again where one dies.
+    """Processes of one reader; a process that dies is restarted.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class Run:
         (folder / "state").write_bytes(bytes(STATE.size + MOST_BYTES))
 
     def fuzz(self, inputs: int, seconds: float, seed: int) -> Row:
-        """Fuzz until there were so many inputs, or so many seconds."""
+        """Fuzz for a number of inputs or seconds, whichever ends first."""
         row, restarts = self.row, 0
         with (self.folder / "state").open("r+b") as file:
             state = mmap.mmap(file.fileno(), 0)
@@ -131,7 +131,7 @@ class Run:
             )
 
     def _process(self, state: mmap.mmap, inputs: int, seconds: float, seed: int) -> str:
-        """Run one process; return how it died, or ``""`` where it came to its end."""
+        """Run one process; return the cause of its death, or ``""`` if it finished."""
         ready = self.folder / "ready"
         ready.unlink(missing_ok=True)
         child = self._child(self.engine, str(inputs), str(seconds), str(seed))
@@ -153,7 +153,7 @@ class Run:
                 seen, since = self.row.inputs, now
             elif now - since > LIMIT_S and self.row.seconds < seconds + spent + LIMIT_S:
                 return self._ended(child, "hang")
-            elif now - since > 6 * LIMIT_S:  # its own end hangs
+            elif now - since > 6 * LIMIT_S:  # its shutdown hangs
                 return self._ended(child, "")
         self._read(state)
         if not is_ready:
@@ -178,7 +178,7 @@ class Run:
 
 
 def keep(run: Run) -> None:
-    """Add findings to the corpus, and the shortest input of every new place."""
+    """Add findings to the corpus, and the shortest input for every new place."""
     name = run.row.name
     target, folder, kept = TARGETS[name], run.folder / "in", CORPUS / name
     target.lay_out(folder)
@@ -203,7 +203,7 @@ def keep(run: Run) -> None:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Fuzz the readers that are named, or all; print a line each."""
+    """Fuzz the named readers, or all; print a line for each."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.fuzz", description=__doc__)
     parser.add_argument("target", nargs="*", help=f"of {', '.join(TARGETS)}; all by default")
     parser.add_argument("--inputs", type=int, default=200_000, help="for each; 200,000 by default")
@@ -214,7 +214,7 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--folder", type=Path, default=ROOT / "build/fuzz")
     given = parser.parse_args(words)
     if unknown := [name for name in given.target if name not in TARGETS]:
-        parser.error(f"no reader {unknown[0]!r}; there is {', '.join(TARGETS)}")
+        parser.error(f"no reader {unknown[0]!r}; known: {', '.join(TARGETS)}")
     found_atheris = importlib.util.find_spec("atheris") is not None
     engine = "atheris" if found_atheris and not given.plain else "plain"
     os.nice(max(0, 10 - os.nice(0)))

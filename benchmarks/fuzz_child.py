@@ -1,10 +1,10 @@
-"""The process in which one reader is fuzzed; it may die.
+"""Process in which one reader is fuzzed, and which may die.
 
     fuzz -> [fuzz_child] -> state file, findings
 
-The input stands in a shared page before it is read, so that `fuzz` knows what hung or killed this
-process. Inputs are chosen by coverage where atheris is installed (``pip install atheris``), else by
-the place of their refusal: an input that is refused at a new place is mutated further.
+Each input is in a shared page before it is read, so that `fuzz` can find the input that hung or
+killed this process. With atheris (``pip install atheris``), inputs are chosen by coverage, else by
+the place of refusal: an input that is refused at a new place is mutated further.
 """
 
 from __future__ import annotations
@@ -31,9 +31,7 @@ MOST_BYTES = 1 << 16
 SPARE_BYTES = 200 << 20
 _SLACK_BYTES = 1 << 20
 STATE = struct.Struct("<QQQQ")  # inputs, largest allocation, places, length of the input
-_ADDRESS_SPACE = (
-    3 << 30
-)  # beyond what is in use at first: allocations past it fail, and harm nobody
+_ADDRESS_SPACE = 3 << 30  # beyond the initial use: larger allocations fail harmlessly
 _PAGE = os.sysconf("SC_PAGE_SIZE")
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 _NUMBERS = (b"0", b"-1", b"1e308", b"1e999", b"nan", b"-inf", b"4294967296", b"0.5", b"9" * 400)
@@ -85,9 +83,9 @@ def mutated(
 
 
 def place_of(error: BaseException | None) -> Key:
-    """Return where something was raised: its class and the last lines of code, of its cause too.
+    """Return an error's class and its last lines of code, and its cause's.
 
-    An error of another process has a ``place`` of its own.
+    An error of another process has its own ``place``.
     """
     if error is None:
         return ("read",)
@@ -96,7 +94,7 @@ def place_of(error: BaseException | None) -> Key:
     while cause is not None and len(lines) < 30:
         frames = traceback.extract_tb(cause.__traceback__)[-12:]
         own = [frame for frame in frames if "volspec" in frame.filename]
-        # Of a deep recursion the depth says nothing.
+        # The depth of a deep recursion is meaningless.
         frames = own[-2:] if isinstance(cause, RecursionError) else frames
         lines += [(Path(frame.filename).name, frame.lineno) for frame in frames]
         cause = cause.__cause__ or cause.__context__
@@ -110,7 +108,7 @@ class Session:
     ----------
     target : Target
     folder : Path
-        Of this run: ``in/`` for the reader, ``findings/``, ``state``.
+        Folder of this run: ``in/`` for the reader, ``findings/``, ``state``.
     """
 
     def __init__(self, target: Any, folder: Path) -> None:
@@ -125,12 +123,12 @@ class Session:
         self.known = {path.stem for path in self.findings.iterdir()}
 
     def run(self, data: bytes) -> Key | None:
-        """Read an input; return its place where that is a new one."""
+        """Read an input; return its place if that is new."""
         self.inputs += 1
         self.state[STATE.size : STATE.size + len(data)] = data
         self._tell(len(data))
         before = _resident()
-        if _peak() - before > _SLACK_BYTES:  # of an earlier input, or of libFuzzer's
+        if _peak() - before > _SLACK_BYTES:  # peak of an earlier input, or of libFuzzer
             _forget_peak()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -160,7 +158,7 @@ class Session:
 
 
 def _peak() -> int:
-    """Return the largest resident size, bytes; getrusage's begins at that of the parent."""
+    """Return the peak resident size, bytes; getrusage's value would start at the parent's."""
     with open("/proc/self/status", "rb") as file:
         return int(file.read().partition(b"VmHWM:")[2].split(maxsplit=1)[0]) * 1024
 
@@ -175,7 +173,7 @@ def _resident() -> int:
 
 
 def plain(session: Session, seeds: Sequence[bytes], runs: int, seconds: float, seed: int) -> None:
-    """Fuzz by mutations alone."""
+    """Fuzz by mutation alone."""
     rng, pool = random.Random(seed), list(seeds)
     corpus = session.findings.with_name("corpus")
     corpus.mkdir(exist_ok=True)
@@ -247,7 +245,7 @@ def shortened(target: Any, data: bytes, folder: Path, seconds: float = 20.0) -> 
 
 
 def _outcome(target: Any, data: bytes, folder: Path, limit_s: int = 11) -> str | None:
-    """Return what an input does, in a fork; None where nothing is wrong."""
+    """Return the fault of an input, read in a fork; None if it has none."""
     reader, writer = os.pipe()
     child = os.fork()
     if not child:
@@ -268,7 +266,7 @@ def _outcome(target: Any, data: bytes, folder: Path, limit_s: int = 11) -> str |
 def main(words: Sequence[str]) -> None:
     """``TARGET FOLDER ENGINE RUNS SECONDS SEED``, or ``TARGET FOLDER shorten FILE``."""
     name, folder, engine = words[0], Path(words[1]), words[2]
-    with _instrumented(engine):  # what readers import when they are first called, too
+    with _instrumented(engine):  # includes modules that readers import on their first call
         from benchmarks.fuzz_targets import TARGETS
 
         target = TARGETS[name]
@@ -297,18 +295,18 @@ def main(words: Sequence[str]) -> None:
 
 
 def _instrumented(engine: str) -> AbstractContextManager[Any]:
-    """Coverage of the project and of the parsers that it uses, under atheris."""
+    """Instrument the project and its parsers for coverage, under atheris."""
     if engine != "atheris":
         return nullcontext()
     import atheris
 
-    # Not tomlkit, whose parser takes minutes to instrument.
+    # Without tomlkit, whose parser takes minutes to instrument.
     names = ["volspec", "tomllib", "csv", "xml", "zipfile"]
     return atheris.instrument_imports(include=names)
 
 
 def kept_inputs(name: str) -> list[Path]:
-    """Inputs of the repository's corpus, which tests replay."""
+    """Return the inputs of the repository's corpus, which tests replay."""
     return sorted((Path(__file__).parents[1] / "tests/fuzz/corpus" / name).glob("*"))
 
 

@@ -19,27 +19,27 @@ class Target:
     Parameters
     ----------
     read : callable
-        Takes a path; raises one of ``allowed`` where it refuses what is there.
+        Reads a path; raises one of ``allowed`` to refuse it.
     seeds : callable
-        Gives files that the reader takes, as bytes.
+        Returns valid files, as bytes.
     file : str
-        The mutated file's name, in a folder of its own; its suffix chooses many a reader.
+        Name of the mutated file, in a folder of its own; its suffix often selects the reader.
     beside : callable
-        Gives what else stands in that folder, as {name: bytes}.
+        Returns the other files in that folder, as {name: bytes}.
     opens : str
-        What ``read`` is given, relative to the folder: ``"."`` is the folder itself; by default the
+        Argument of ``read``, relative to the folder: ``"."`` is the folder itself; by default the
         mutated file.
     tokens : tuple of bytes
         Words of the format, which mutations insert.
     most : int
         Largest input, bytes; up to 65,536.
     declared : callable
-        Bytes that a file may well need once it is read, from its own bytes; memory is a finding
-        above twice that and 200 MB.
+        Returns the memory that reading a file may need, given its bytes; more than twice that and
+        200 MB is a finding.
     peak : callable
-        Bytes that another process has taken at most for the last input.
+        Returns the peak bytes of another process for the last input.
     allowed : tuple of type
-        Exceptions that are no finding.
+        Exceptions that are not findings.
     """
 
     read: Callable[[Path], object]
@@ -69,10 +69,10 @@ class Target:
             self.read(folder / self.opens if self.opens else file)
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # SystemExit is a finding too
+        except BaseException as error:  # SystemExit is also a finding
             return error
         return None
 
     def is_finding(self, error: BaseException | None) -> bool:
-        """Return True where a reader may not raise that."""
+        """Return True if the reader must not raise that error."""
         return error is not None and not isinstance(error, self.allowed)

@@ -1,9 +1,9 @@
 """Readers under fuzzing: the project's own, as a table of name, seeds and function.
 
-    files that are read well -> [fuzz_targets] -> fuzz, tests/fuzz/test_fuzz.py
+    valid files -> [fuzz_targets] -> fuzz, tests/fuzz/test_fuzz.py
 
-A reader of another library goes into the same table, as one row of `TARGETS`. What it reads beside
-the file that is mutated (the other slices of a folder, the chunks of a store) is `Target.beside`.
+Readers of other libraries are rows of the same table, `TARGETS`. Files that they read in addition
+to the mutated file (the other slices of a folder, the chunks of a store) are `Target.beside`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from benchmarks.fuzz_volumes import volumes
 from volspec.errors import VolspecError
 
 ROOT = Path(__file__).resolve().parents[1]
-_PIXELS = 4  # of a seed picture, each way
+_PIXELS = 4  # width and height of a seed picture
 _GROUPS = {"key": 0.7, "sky": 0.3}
 _TEXTS = ("basis", "groups", "notes", "fov_deg", "compositing", "viewing")
 
@@ -59,7 +59,7 @@ def _spectral_images() -> Iterable[bytes]:
 
 
 def _uncompressed(stored: bytes) -> bytes:
-    """The same picture with pixels that mutations reach."""
+    """Return the same picture uncompressed, so that mutations reach its pixels."""
     import OpenEXR
 
     header, channels = _parts(stored)
@@ -67,7 +67,7 @@ def _uncompressed(stored: bytes) -> bytes:
 
 
 def _parts(stored: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Header and channels of a picture, to be written without compression."""
+    """Return the header and channels of a picture, to be written without compression."""
     import OpenEXR
 
     with tempfile.TemporaryDirectory() as folder:
@@ -120,7 +120,7 @@ def _image_texts() -> Iterable[bytes]:
 
 
 def _read_image(path: Path) -> None:
-    """Load, and make what other programs run."""
+    """Load an image, and make the scripts for other programs."""
     from volspec.export.compositing import Recipe
     from volspec.export.recipes import blender_script, nuke_group
     from volspec.raycast import CoefficientImage
@@ -143,7 +143,7 @@ def _read_image_text(path: Path) -> None:
     header, channels = _image_parts()
     try:
         OpenEXR.File({**header, f"volspec:{key}": text}, dict(channels)).write(str(exr))
-    except (RuntimeError, ValueError):  # a text that OpenEXR does not take
+    except (RuntimeError, ValueError):  # a text that OpenEXR refuses
         return
     _read_image(exr)
 
@@ -192,7 +192,7 @@ def _profiles() -> Iterable[bytes]:
 
 
 def _read_scene(path: Path) -> None:
-    """Read and resolve; to train a basis takes seconds, and is no reader's work."""
+    """Read and resolve a scene, without training a basis, which takes seconds."""
     from volspec.scene import Scene
     from volspec.scene.file import scene_data, scene_file
     from volspec.scene.specs import BasisSpec
@@ -203,7 +203,7 @@ def _read_scene(path: Path) -> None:
 
 
 def _scenes() -> Iterable[bytes]:
-    """The shipped ones, of the small ball; those that train a basis take seconds."""
+    """Yield the shipped scenes with the small ball, except those that train a basis for seconds."""
     for path in sorted((ROOT / "data/scenes").glob("*.toml")):
         text = path.read_text(encoding="utf-8")
         lines = (
@@ -225,7 +225,7 @@ def _read_palette(path: Path) -> None:
 
 
 def _rewrite_palette(path: Path) -> None:
-    """Write a palette into its own text, as tomlkit reads that."""
+    """Write a palette into its own text, which tomlkit parses."""
     from volspec.palette import load_palette, save_palette
 
     save_palette(load_palette(path), path.with_name("saved.toml"), path)
@@ -242,7 +242,7 @@ def _session_parts() -> dict[str, bytes]:
 
 
 def _read_kept(path: Path) -> None:
-    """Read what the user's own folders keep; damaged files are done without."""
+    """Read files from the user's folders; damaged files are ignored."""
     from volspec.export.manifest import ExportFolder
     from volspec.viewer.work.session_store import RecentFiles
 
@@ -282,7 +282,7 @@ def _read_basis(path: Path) -> None:
 
 
 def _read_words(path: Path) -> None:
-    """Read values of options, a line each."""
+    """Read option values, one per line."""
     from volspec.cli.arguments import read_setting
     from volspec.palette.model import parse_colour
     from volspec.spectra import DEFAULT_GRID, reflectance
@@ -316,7 +316,7 @@ def _pictures() -> Iterable[bytes]:
 
 
 def _pixels_declared(data: bytes) -> int:
-    """Pictures may be packed: what Pillow's own guard lets through, 4 bytes a pixel."""
+    """Return 4 bytes per pixel that Pillow's own guard permits, as pictures may be compressed."""
     return 4 * 89_478_485
 
 
@@ -334,7 +334,7 @@ def _tm27() -> Iterable[bytes]:
 
 
 def _scene_parts() -> dict[str, bytes]:
-    """The ball and the spectra that shipped scenes name."""
+    """Return the ball and the spectra that shipped scenes name."""
     tables = {f"spectra/{path.name}": path for path in (ROOT / "data/spectra").glob("e*.csv")}
     palettes = {f"palettes/{path.name}": path for path in (ROOT / "data/palettes").iterdir()}
     parts = {name: path.read_bytes() for name, path in (tables | palettes).items()}

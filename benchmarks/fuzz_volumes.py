@@ -1,9 +1,9 @@
 """Readers of volumes under fuzzing: whole, through their child process; their headers, by coverage.
 
-    files that are read well -> [fuzz_volumes] -> fuzz_targets
+    valid files -> [fuzz_volumes] -> fuzz_targets
 
-What a library does in the child cannot be seen from here but by what it takes: its peak is read
-after every input, and the words of the child's answer are the place that an input reached.
+Only the memory of a library in the child can be seen from here: its peak is read after every input,
+and the text of the child's answer counts as the place that an input reached.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from volspec.volume.files.vtk import check_vtk
 _VALUES = (np.arange(4 * 5 * 6) % 251).astype(np.uint8).reshape(4, 5, 6)
 _SHORTS = _VALUES.astype(np.int16) * 100 - 9000
 _FLOATS = np.where(_VALUES == 7, np.nan, _VALUES / 9).astype(np.float32)
-# Words of a message, behind the file's name, that stand for the place it comes from.
+# Number of words after the file's name in a message that identify the place.
 _WORDS, _PLACE = re.compile(r"[A-Za-z_]{3,}"), 6
 
 
@@ -45,14 +45,14 @@ def _load(path: Path) -> None:
 
 
 def _load_raw(path: Path) -> None:
-    """Load 60 voxels by a query: the file's text up to a newline is that query."""
+    """Load 60 voxels with a query: the file's text up to a newline."""
     query, _, voxels = path.read_bytes().partition(b"\n")
     path.with_name("voxels.raw").write_bytes(voxels.ljust(120, b"\1"))
     load_volume(f"{path.with_name('voxels.raw')}?{query.decode('utf-8', 'surrogateescape')}")
 
 
 def _header(path: Path) -> None:
-    """Read what `itk` reads of a header before ITK does."""
+    """Read the parts of a header that `itk` reads before ITK."""
     if not path.name.endswith((".nii", ".nii.gz")):
         check_itk_header(path)
     layout = Layout.of(path)
@@ -63,13 +63,13 @@ def _header(path: Path) -> None:
 
 
 class _Children:
-    """Memory of the processes that read."""
+    """Memory of the reading processes."""
 
     def __init__(self) -> None:
         self._before: dict[int, int] = {}
 
     def peak(self) -> int:
-        """Bytes that the child took at most for the last input; 0 of one that is new or ended."""
+        """Return the child's peak bytes for the last input; 0 if it is new or has ended."""
         most = 0
         for process in reader_process._idle_processes(os.getpid()):
             pid = process._process.pid
@@ -85,7 +85,7 @@ class _Children:
         return most
 
     def declared(self, data: bytes) -> int:
-        """Bytes of voxels that the last input's header declares, and its own."""
+        """Return the bytes of the last input, and of the voxels that its header declares."""
         idle = reader_process._idle_processes(os.getpid())
         return len(data) + max((each.declared_bytes for each in idle), default=0)
 

@@ -1,8 +1,8 @@
 """How fast is a GPU? ``python -m benchmarks.gpu [--device NAME]``.
 
-Casts the engine with one ray a work-item, as GPUs do it, and beside it on PoCL where that is
-here; prints milliseconds and pictures per second, and keeps a row in ``docs/benchmarks.md``'s
-table of devices. A second run of one device and commit replaces its row.
+Casts the engine with one ray per work-item, and for comparison on PoCL if installed; prints
+milliseconds and pictures per second, and writes a row to the table of devices in
+``docs/benchmarks.md``. A second run with the same device and commit replaces the row.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ HEAD = (
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A row of the table: where, when, what; a cell a size and shading."""
+    """A row of the table: device, date, commit; a cell for each size and shading."""
 
     device: str
     driver: str
@@ -46,20 +46,20 @@ class Record:
         return "| " + " | ".join(word.replace("|", "/") for word in (*words, *cells)) + " |"
 
     def replaces(self, line: str) -> bool:
-        """Return True if a row of the table is of this device and commit."""
+        """Return True if a row of the table has this device and commit."""
         cells = [cell.strip() for cell in line.split("|")]
         return len(cells) > 4 and (cells[1], cells[4]) == (self.device, self.commit)
 
 
 def recorded(text: str, record: Record) -> str:
-    """The page with the record in its table of devices."""
+    """Return the page with the record in its table of devices."""
     rows = between(text, TABLE).strip().splitlines()[2:]
     kept = [row for row in rows if not record.replaces(row)]
     return replaced(text, TABLE, "\n" + HEAD + "\n".join([*kept, record.line()]) + "\n")
 
 
 def measured(scene: BenchScene, caster: Raycaster, beside: Raycaster | None) -> tuple[str, ...]:
-    """A cell each, the peer's ratio where there is one."""
+    """Return the cells, with the ratio to the peer if there is one."""
     cells = []
     for label, size in SIZES.items():
         for kind, spec in SPECS.items():
@@ -77,12 +77,12 @@ def measured(scene: BenchScene, caster: Raycaster, beside: Raycaster | None) -> 
 
 
 def main() -> None:
-    """Measure, print and keep."""
+    """Measure, print and write the row."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--device", help="part of an OpenCL device's name; default the first GPU")
     wanted = parser.parse_args().device
     scene = bench_scene("engine")
-    # By number: several runtimes may have devices of one name.
+    # By number, as several runtimes may have devices of the same name.
     number, found = choose_device(wanted), devices()
     info = found[number]
     caster = Raycaster(scene.volume, device=str(number), lanes=1)

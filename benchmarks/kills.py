@@ -1,11 +1,11 @@
-"""Is a file torn, or left over, when a program is killed? ``python -m benchmarks.kills``.
+"""Does killing a program leave torn or stray files? ``python -m benchmarks.kills``.
 
-Every command that writes files is killed again and again, most times while it writes, and then run
-to its end. What stands at a final name must be whole at any moment; after the second run nothing of
-the first may be left, and the bytes are those of a run that nobody disturbed.
+Every command that writes files is killed repeatedly, mostly during writes, and then run to its
+end. A file with its final name must be whole at any moment; after the second run, no leftovers of
+the first may remain, and the bytes must equal those of an undisturbed run.
 
-``--kills N`` for each command, ``--only TEXT…`` for those whose names contain one of them. Needs a
-system that forks: a command starts from a process that has imported everything.
+``--kills N`` per command, ``--only TEXT…`` for commands whose names contain one of the texts. Needs
+a system that forks: a command starts from a process that has imported everything.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from volspec.viewer.work.session_store import SessionStore
 from volspec.volume import phantom
 
 KILLS, _SEED = 3, 11
-# Of the kills, those at any moment of the run; the others hit a write.
+# Fraction of kills at any moment of the run; the others hit a write.
 _ANYWHERE = 0.2
-# Runs that end before they are killed are made again, up to so often a kill.
+# Runs that end before they are killed are repeated, up to this often per kill.
 _MOST_RUNS = 5
 _PREFIX = ".volspec-"
-# Between two looks at a folder, so that the cores are left to what is watched.
+# Seconds between two looks at a folder, to leave the cores to the job.
 _LOOK_S = 1e-4
 _IMPORTS = (
     *("OpenEXR", "clarabel", "colour", "imageio_ffmpeg", "matplotlib.figure", "moderngl"),
@@ -104,11 +104,11 @@ class Job:
     ----------
     name : str
     run : callable
-        Takes the folder to write to.
+        Function of the folder to write to.
     replaces : bool
-        Writes over what it has written before; every other kill meets such files.
+        Overwrites its earlier files; every other kill starts with such files.
     varies : tuple of str
-        Patterns of files that no two runs write alike.
+        Patterns of files that differ between runs.
     """
 
     name: str
@@ -129,7 +129,7 @@ class Count:
 
 
 def command(name: str, *words: str | Path, **settings: bool) -> Job:
-    """A command as it is typed, with ``OUT`` in place of the folder to write to."""
+    """Return a command as typed, with ``OUT`` for the folder to write to."""
 
     def run(folder: Path) -> None:
         cli.main([str(word).replace("OUT", str(folder)) for word in words])
@@ -138,7 +138,7 @@ def command(name: str, *words: str | Path, **settings: bool) -> Job:
 
 
 def jobs(inputs: Path) -> Iterator[Job]:
-    """Everything that writes, on a volume of 12³ voxels and pictures of 32 x 32."""
+    """Yield everything that writes files, on a volume of 12³ voxels and pictures of 32 x 32."""
     scene, palette, image, photo = (
         inputs / name for name in ("ball.toml", "palette.toml", "ball.exr", "photo.png")
     )
@@ -174,7 +174,7 @@ def jobs(inputs: Path) -> Iterator[Job]:
             f"compositing .{suffix}", "compositing", image, *light, "-o", f"OUT/a.{suffix}"
         )
     opened = Scene.load(scene)
-    # The page and the sheet tell how long it took.
+    # The page and the sheet show the time taken.
     told = ("report.json", "sheet.png")
     yield Job("demo", lambda out: run_demo(opened, out, lambda *_: None), varies=told)
     yield command("appearance", "appearance", "--image", image, "-o", "OUT/models.png")
@@ -190,7 +190,7 @@ def jobs(inputs: Path) -> Iterator[Job]:
 
 
 def sessions(folder: Path, state: ViewState) -> None:
-    """Save as the viewer does while one works: twice the same file, then another document."""
+    """Save as the viewer does during work: the same file twice, then another document."""
     store = SessionStore(folder)
     store.ended_early()
     for title in ("one", "two"):
@@ -203,13 +203,13 @@ def sessions(folder: Path, state: ViewState) -> None:
 
 
 def cache(folder: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Have something made and kept in a cache of its own."""
+    """Make arrays in a cache of their own."""
     os.environ["XDG_CACHE_HOME"] = str(folder)
     _cache.cached_arrays("kills/arrays", "maker", lambda: arrays)
 
 
 def start(job: Job, folder: Path) -> BaseProcess:
-    """Run a job in a process of its own, its words in a file."""
+    """Run a job in its own process, with its output in a file."""
 
     def quiet() -> None:
         log = os.open(f"{folder}.log", os.O_CREAT | os.O_WRONLY | os.O_TRUNC)
@@ -236,7 +236,7 @@ def run_to_end(job: Job, folder: Path) -> None:
 
 
 def unfinished_files(folder: Path) -> set[str]:
-    """The files that are being written, or were when their writer died."""
+    """Return the files that are being written, or whose writer died."""
     return {
         name.split(".")[1]
         for _, _, names in os.walk(folder)
@@ -246,7 +246,7 @@ def unfinished_files(folder: Path) -> set[str]:
 
 
 def measure(job: Job, folder: Path) -> tuple[float, list[float]]:
-    """Run a job to its end: how long it takes, and each of its writes, in seconds."""
+    """Run a job to its end; return the time of the run and of each write, in seconds."""
     began, writes = time.perf_counter(), dict[str, tuple[float, float]]()
     process = start(job, folder)
     while process.exitcode is None:
@@ -260,7 +260,7 @@ def measure(job: Job, folder: Path) -> tuple[float, list[float]]:
 
 
 def kill(job: Job, folder: Path, whole_s: float, writes: list[float], dice: random.Random) -> bool:
-    """Kill a job while it writes, or anywhere; False if it ended before."""
+    """Kill a job during a write, or anywhere; return False if it ended before."""
     if writes and dice.random() >= _ANYWHERE:
         nth = dice.randrange(len(writes))
         after_s = dice.uniform(0.0, 1.2 * writes[nth])
@@ -280,7 +280,7 @@ def kill(job: Job, folder: Path, whole_s: float, writes: list[float], dice: rand
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """The files that have their final names."""
+    """Return the files that have their final names."""
     return {
         path.relative_to(folder).as_posix(): path.read_bytes()
         for path in folder.rglob("*")
@@ -289,7 +289,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 def is_whole(path: Path) -> bool:
-    """Return True if a file whose bytes are not known beforehand can be read to its end."""
+    """Return True if a file without known contents can be read to its end."""
     try:
         if path.name.endswith(".volspec.json"):
             read_session(path)
@@ -305,13 +305,13 @@ def is_whole(path: Path) -> bool:
 
 
 def count_damage(job: Job, kills: int, root: Path) -> Count:
-    """Kill a job so often, each time in a folder of its own, and look at what is there."""
+    """Kill a job repeatedly, each time in a new folder, and check its files."""
     dice, count = random.Random(f"{_SEED} {job.name}"), Count()
     run_to_end(job, root / "warm")  # kernels and caches
     for _ in range(_MOST_RUNS):
         shutil.rmtree(root / "whole", ignore_errors=True)
         whole_s, writes = measure(job, root / "whole")
-        if writes:  # else they were too quick to be seen
+        if writes:  # else they were too quick to observe
             break
     expected = contents(root / "whole")
 
@@ -346,9 +346,9 @@ def count_damage(job: Job, kills: int, root: Path) -> Count:
 
 
 def main() -> None:
-    """Print a row for each command; exit with 1 if one is torn, left over or other than it was."""
-    parser = argparse.ArgumentParser(description="Kill what writes files, and look.")
-    parser.add_argument("--kills", type=int, default=KILLS, help="of each command")
+    """Print a row for each command; exit with 1 if a file is torn, left over or different."""
+    parser = argparse.ArgumentParser(description="Kill commands that write, and check files.")
+    parser.add_argument("--kills", type=int, default=KILLS, help="kills per command")
     parser.add_argument("--only", nargs="+", default=[""], help="parts of the commands' names")
     asked = parser.parse_args()
     for name in _IMPORTS:

@@ -1,8 +1,8 @@
-"""How far is a cast from what the machine can do? ``python -m benchmarks.limits``.
+"""How far is a cast from the machine's limits? ``python -m benchmarks.limits``.
 
-Samples are counted on the host: every step of a ray in a brick that may be seen, until the ray
-ends (one pixel in 64). The machine's roofs are measured by three small kernels. What a sample
-needs is read off ``kernels/raycast.cl``; change `TAKEN` and `SEEN` with it.
+Samples are counted on the host: every step of a ray in a brick that may be visible, until the ray
+ends (one pixel in 64). Three small kernels measure the machine's roofs. The cost of a sample is
+read off ``kernels/raycast.cl``; change `TAKEN` and `SEEN` with it.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ class Need:
     loads: int
 
 
-# Every sample places itself (45), interpolates (21), looks up its opacity (10) and covers (10); it
-# loads four pairs of voxels and an entry of opacity.
+# Every sample computes its position (45), interpolates (21), looks up its opacity (10) and
+# composites (10); it loads four pairs of voxels and an entry of opacity.
 TAKEN = Need(86, 5)
-# One that is seen adds four shares (20) of two rows; shading adds gradients by the eight rows
-# around (80; what lies before and after a row came with it), their direction (35) and a highlight
-# (15).
+# A visible sample adds four weights (20) of two rows; shading adds gradients from the eight rows
+# around (80; the voxels before and after a row are loaded with it), their direction (35) and a
+# highlight (15).
 SEEN = {"flat": Need(20, 2), "shaded": Need(150, 10)}
 
 _KERNELS = """
@@ -77,7 +77,7 @@ _LOADS, _FUSED = 4 * 8, 10 * 8 * 2
 
 @dataclass(frozen=True, slots=True)
 class Roofs:
-    """Per second: bytes of memory, operations, loads from the nearest cache into vectors."""
+    """Rates per second: bytes of memory, operations, loads from the nearest cache into vectors."""
 
     bytes: float
     operations: float
@@ -85,7 +85,7 @@ class Roofs:
 
 
 def roofs() -> Roofs:
-    """Measure the device that casts run on; best of five."""
+    """Measure the device for casts; best of five."""
     compute = Compute.open()
     source = Source(_KERNELS, ("", "benchmarks/limits.py"))
     items, loops, floats = 64 * compute.info.compute_units, 50_000, 1 << 24
@@ -122,7 +122,7 @@ def _cast_seconds(caster: Raycaster, scene: BenchScene, spec: RaycastSpec) -> fl
 
 
 def samples(scene: BenchScene, spec: RaycastSpec) -> tuple[int, int]:
-    """Samples a cast of `SIZE` takes, in visible bricks before its rays end; and sees of them."""
+    """Return the samples of a cast of `SIZE`, in visible bricks until rays end; and the visible."""
     volume = scene.volume
     table = scene.transfer.bake(min(volume.spacing_mm))
     step = spec.step_of(volume)
@@ -142,7 +142,7 @@ def samples(scene: BenchScene, spec: RaycastSpec) -> tuple[int, int]:
         x, y, z = (point // BRICK).astype(int).T
         inside = visible[z, y, x]
         taken += int(inside.sum())
-        # The nearest voxel's value does for a count.
+        # The nearest voxel's value is accurate enough for a count.
         i, j, h = np.rint(point[inside]).astype(int).T
         covers = np.interp(volume.values[h, j, i], at, opacity)
         seen += int((covers > 0).sum())
@@ -152,7 +152,7 @@ def samples(scene: BenchScene, spec: RaycastSpec) -> tuple[int, int]:
 
 
 def _rays(scene: BenchScene, every: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Start and direction (index space, per millimetre) of one pixel in every²."""
+    """Return start and direction (index space, per millimetre) of one pixel in every²."""
     field = scene.camera.ray_field(*SIZE)
     pixels = np.mgrid[every // 2 : SIZE[1] : every, every // 2 : SIZE[0] : every]
     y, x = (grid.reshape(-1, 1) for grid in pixels)
@@ -166,7 +166,7 @@ def _rays(scene: BenchScene, every: int) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def figures() -> Iterator[Figure]:
-    """Samples per second, and the share of the lowest roof that is reached."""
+    """Yield samples per second, and the fraction of the lowest roof."""
     roof = roofs()
     yield Figure("limits/memory", roof.bytes / 1e9, unit="GB/s")
     yield Figure("limits/operations", roof.operations / 1e9, unit="G/s")

@@ -1,4 +1,4 @@
-"""Time two callables in turn, compare their ratio with its target, write it to the docs page."""
+"""Time two callables alternately, compare their ratio with a target, write it to the docs page."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A question's answer: what was reached, what was asked, and the times behind it.
+    """The result of a benchmark: value, target, and the times behind the value.
 
     Parameters
     ----------
     name : str
     reached : float, optional
-        None where it could not be measured; ``note`` then says why.
+        Value; None if it could not be measured, with the reason in ``note``.
     asked : float, optional
-        None where nothing was asked.
+        Target; None without one.
     at_most : bool
-        Whether less is better.
+        True if less is better.
     unit : str
     row : Comparison, optional
     note : str
@@ -57,7 +57,7 @@ class Figure:
 
     @property
     def met(self) -> bool | None:
-        """True if the figure is met; None if it has no target or was not measured."""
+        """True if the target is met; None if there is no target or no measurement."""
         if self.reached is None or self.asked is None:
             return None
         return self.reached <= self.asked if self.at_most else self.reached >= self.asked
@@ -66,11 +66,11 @@ class Figure:
 def in_turn(
     ours: Callable[[], object], peer: Callable[[], object], our_calls: int = 1, runs: int = 7
 ) -> NDArray[np.float64]:
-    """Milliseconds of both, run alternately: (runs, 2).
+    """Return milliseconds of both callables, run alternately: (runs, 2).
 
-    Each side is timed right after an untimed call of its own: neither pays for the caches the
-    other has filled, as neither does when a user drags a slider. What is made of them is to be
-    taken pair by pair, so that a machine whose speed drifts does not move it.
+    Each side is timed right after an untimed call of its own, so that neither pays for caches that
+    the other has filled, as when a user drags a slider. Compute statistics pair by pair, so that
+    drifts of the machine's speed cancel.
     """
     return np.array([(_warm_ms(ours, our_calls), _warm_ms(peer)) for _ in range(runs)])
 
@@ -84,7 +84,7 @@ def _warm_ms(call: Callable[[], object], calls: int = 1) -> float:
 
 
 def commit() -> str:
-    """The checkout's revision, with ``+`` where it has changes."""
+    """Return the checkout's revision, with ``+`` if there are changes."""
     try:
         return subprocess.run(
             ["git", "describe", "--always", "--dirty=+"], capture_output=True, text=True, check=True
@@ -104,7 +104,7 @@ def compare(
 ) -> Comparison:
     """Measure and print one row: medians, and the median ratio.
 
-    ``our_calls`` of ours are timed together, per call.
+    ``our_calls`` calls of ours are timed together; the result is per call.
     """
     pairs = in_turn(ours, peer, our_calls, runs)
     ours_ms, peer_ms = (float(n) for n in np.median(pairs, axis=0))
@@ -117,7 +117,7 @@ def compare(
 
 
 def save(figures: Iterable[Figure]) -> None:
-    """Write the rows for machines."""
+    """Write the rows as JSON."""
     rows = [asdict(figure.row) for figure in figures if figure.row]
     RESULTS.parent.mkdir(parents=True, exist_ok=True)
     RESULTS.write_text(json.dumps(rows, indent=2) + "\n")
@@ -125,7 +125,7 @@ def save(figures: Iterable[Figure]) -> None:
 
 
 def report(figures: Iterable[Figure]) -> str:
-    """A line each: the figure, what was asked, what was reached, whether it is met.
+    """Return a table with a line for each figure: name, target, value and verdict.
 
     >>> print(report([Figure("cast", 4.12, asked=3), Figure("scan", None, 3, note="no file")]))
     figure                                   asked        reached

@@ -1,9 +1,9 @@
-"""What memory does a cast take besides the volume? On the chest CT, or the largest there is.
+"""How much memory does a cast need besides the volume? On the chest CT, or the largest available.
 
-A process of its own loads the volume, casts a corner of it (so that compilers and libraries are
-there already) and then measures: bytes of live OpenCL buffers, and how much its resident memory
-grows, at its peak and after. A copy of the volume on the device, where there is one, is taken off,
-and of the process the images; buffers that share the host's memory count nothing.
+A separate process loads the volume, casts a corner of it (to load compilers and libraries) and then
+measures the bytes of live OpenCL buffers and the growth of its resident memory, at the peak and
+after. A copy of the volume on the device, if there is one, is subtracted, and so are the images
+from the process; buffers that share the host's memory do not count.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ _FIRST_CELLS = 24
 
 
 class Ledger:
-    """Bytes of the OpenCL buffers that live, and their peak."""
+    """Bytes of live OpenCL buffers, and their peak."""
 
     def __init__(self) -> None:
         self.live = self.peak = self.largest = 0
 
     def watch(self) -> None:
-        """Have every buffer from here on entered."""
+        """Record all buffers from now on."""
         ledger = self
 
         class Buffer(cl.Buffer):
@@ -59,7 +59,7 @@ class Ledger:
 
 
 def resident(field: str) -> int:
-    """VmRSS (now) or VmHWM (its peak) of this process, bytes."""
+    """Return VmRSS (current) or VmHWM (peak) of this process, bytes."""
     for line in Path("/proc/self/status").read_text().splitlines():
         if line.startswith(f"{field}:"):
             return int(line.split()[1]) * 1024
@@ -67,7 +67,7 @@ def resident(field: str) -> int:
 
 
 def measured(name: str) -> dict[str, int]:
-    """Bytes of one cast, beside the volume's and the images' own."""
+    """Return the bytes of one cast, without the volume and the images."""
     scene = bench_scene(name)
     volume, spec = scene.volume, STOPPED["shaded"]
     z, y, x = (n // 2 for n in volume.values.shape)
@@ -80,7 +80,7 @@ def measured(name: str) -> dict[str, int]:
     raycast(corner, scene.transfer, scene.camera, SIZE, spec, caster=Raycaster(corner))
     gc.collect()
     ledger.peak, ledger.largest = ledger.live, 0
-    Path("/proc/self/clear_refs").write_text("5")  # the peak starts anew
+    Path("/proc/self/clear_refs").write_text("5")  # reset the peak
     before = resident("VmRSS")
     caster = Raycaster(volume)
     image = raycast(volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
@@ -96,7 +96,7 @@ def measured(name: str) -> dict[str, int]:
 
 
 def figures() -> Iterator[Figure]:
-    """Shares of the volume's size."""
+    """Yield memory as percentages of the volume's size."""
     for name in NAMES:
         done = subprocess.run(
             [sys.executable, "-m", "benchmarks.memory", name], capture_output=True, text=True

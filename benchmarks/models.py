@@ -1,4 +1,4 @@
-"""What does appearance cost a frame? Against a shader that only reads channels and adds them up."""
+"""Cost of the appearance model per frame, against a shader that only sums channels."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ASKED = {"table": 1.8, "closed": 4.5}
 
 
 def bare(image: CoefficientImage, lit: Illumination, context: Any) -> Callable[[], None]:
-    """Draw ``bare.frag`` into a texture of bytes."""
+    """Draw ``bare.frag`` into an 8-bit texture."""
     height, width, channels = image.coefficients.shape
     lines = prelude({"LAYERS": layer_count(channels), "FIRST_ROW_AT_BOTTOM": 1}, "glsl")
     vertex = assemble("shaders/fullscreen.vert", lines, glsl_version="330 core")
@@ -51,7 +51,7 @@ def bare(image: CoefficientImage, lit: Illumination, context: Any) -> Callable[[
 
 
 def figures() -> Iterator[Figure]:
-    """The demo's engine under tungsten, 512², seven channels, CIECAM02; each frame waited for."""
+    """The demo's engine under tungsten, 512², seven channels, CIECAM02; waits for each frame."""
     scene = Scene.load(asset("data/scenes/engine.toml"))
     image = scene.render()
     context = headless_context()

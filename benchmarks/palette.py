@@ -1,4 +1,4 @@
-"""How fast is a palette redesigned, and how near do its colours come to those that were wanted?
+"""How fast is a palette redesigned, and how close do its colours come to their targets?
 
 ``python -m tools.palette_figures`` draws figures 3 and 4 of [1], and the tables of
 ``docs/gallery/palette-evaluation.md`` (minutes).
@@ -31,13 +31,13 @@ Array = NDArray[np.float64]
 
 SEEDS = 10
 ASKED_MS = {"10 x 10": 50.0, "joint": 30.0}
-# Rows that must hold, for a solver that knows no such rows.
+# Weight of exact rows for a solver without equality constraints.
 MUST = 1e3
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """What spectra are made of in [1], figure 3.
+    """A model of spectra in [1], figure 3.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Model:
     bands : int
         Between 400 and 700 nm.
     positive : bool
-        Whether lights and reflectances are at least 0. They have no upper bound.
+        True if lights and reflectances are at least 0. They have no upper bound.
     asked : float
         Mean ΔE*ab of a 7 × 7 palette.
     """
@@ -57,7 +57,7 @@ class Model:
 
     @property
     def grid(self) -> SpectralGrid:
-        """Its bands."""
+        """The model's bands."""
         return SpectralGrid(400.0, 700.0, 300.0 / (self.bands - 1))
 
 
@@ -71,7 +71,7 @@ MODELS = (
 def drawn(
     model: Model, rows: int, columns: int, seed: int, metric: str = "RGB", draw: str = "linear"
 ) -> Palette:
-    """A palette of random wishes.
+    """Return a palette with random targets.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def drawn(
 
 
 def with_colours(palette: Palette, codes: Array) -> Palette:
-    """The same with these (R, L, 3) display codes wanted."""
+    """Return the palette with (R, L, 3) display codes as targets."""
     reflectances, lights = palette.names
     cells = {
         (row, light): Cell(colour=tuple(codes[i, j].tolist()))
@@ -127,7 +127,7 @@ def with_colours(palette: Palette, codes: Array) -> Palette:
 
 
 def colours(palette: Palette) -> tuple[Array, Array]:
-    """(R, L, 3) CIELAB: wanted, and what the design came to."""
+    """Return (R, L, 3) CIELAB of the targets and of the design."""
     state = design(palette).state
     model, wanted = state.colour_models()[0], np.empty((*state.XYZ.shape[:2], 3))
     for place, cell in palette.cells.items():
@@ -138,21 +138,21 @@ def colours(palette: Palette) -> tuple[Array, Array]:
 def error(
     model: Model, rows: int, columns: int, metric: str = "RGB", draw: str = "linear"
 ) -> Array:
-    """(SEEDS,) mean ΔE*ab over a palette's cells."""
+    """Return (SEEDS,) mean ΔE*ab over a palette's cells."""
     palettes = [drawn(model, rows, columns, seed, metric, draw) for seed in range(SEEDS)]
     pairs = [colours(palette) for palette in palettes]
     return np.array([np.linalg.norm(got - wanted, axis=-1).mean() for wanted, got in pairs])
 
 
 def live() -> Palette:
-    """As edited in the designer: 10 × 10, all open, bounds, CIELAB, lights of Y = 100."""
+    """Return a palette as in the designer: 10 × 10, all open, bounds, CIELAB, lights of Y = 100."""
     wishes = drawn(MODELS[0], 10, 10, 0, "Lab", "codes")
     surfaces = tuple(PaletteSpectrum(r.name, None, True, 0.0, 1.0) for r in wishes.reflectances)
     return Palette(surfaces, wishes.lights, wishes.cells, criteria=Criteria(rounds=1))
 
 
 def joint() -> Palette:
-    """Ten reflectances that share one free colour: 313 unknowns, solved together."""
+    """Return ten reflectances that share one free colour: 313 unknowns, solved together."""
     wishes = live()
     lights = tuple(PaletteSpectrum(lamp.name, lamp.spectrum) for lamp in wishes.lights[:3])
     cells = {place: cell for place, cell in wishes.cells.items() if place[1] in ("l1", "l2")}
@@ -161,7 +161,7 @@ def joint() -> Palette:
 
 
 def by_scipy(palette: Palette) -> Callable[[], object]:
-    """`lsq_linear` on the same rows, stacked before the clock starts; solving alone."""
+    """Return `lsq_linear` on the same rows, stacked beforehand, so that only solving is timed."""
     state = State.start(palette)
     phases = [Phase(state, lights) for lights in (False, True)]
     problems = [dense(*phase.problem()) for phase in phases if phase.free]
@@ -172,7 +172,7 @@ def by_scipy(palette: Palette) -> Callable[[], object]:
 def dense(
     blocks: dict[str, Block], terms: list[Term]
 ) -> Iterator[tuple[Array, Array, tuple[Array, Array]]]:
-    """M, y and bounds of each block, or of all where a colour ties them together."""
+    """Return M, y and bounds of each block, or of all if a colour couples them."""
     groups = [list(blocks)] if any(len(t.parts) > 1 for t in terms) else [[n] for n in blocks]
     for names in groups:
         own = [term for term in terms if not term.parts.keys().isdisjoint(names)]
@@ -195,7 +195,7 @@ def dense(
 
 
 def figures() -> Iterator[Figure]:
-    """The time of a redesign, and the errors of 7 × 7 palettes in both metrics."""
+    """Yield the time of a redesign, and the errors of 7 × 7 palettes in both metrics."""
     device = f"{os.cpu_count()} cores, {platform.machine()}"
     for name, palette in (("10 x 10", live()), ("joint", joint())):
         peer, runs = by_scipy(palette), 15 if name == "10 x 10" else 7

@@ -1,10 +1,10 @@
-"""Is it the same picture? Grey materials, shaded, against VTK's fixed-point mapper.
+"""Is the picture the same as VTK's? Grey materials, shaded, against the fixed-point mapper.
 
-Compared are linear greys over black, without sRGB: our channel under flat white, VTK's picture.
-What can be made alike is: ambient and diffuse weights, no highlight (VTK's view direction is one
-for all pixels), no fade of flat gradients, and where a ray ends. Twice: as a user has it, and with
-two differences taken away, the direction of the headlight (parallel rays) and the stretch of VTK's
-picture by 1/511 when it is put on the screen (our camera sees as much less).
+Compares linear greys over black, without sRGB: our channel under flat white with VTK's picture.
+Settings are matched where possible: ambient and diffuse weights, no highlight (VTK uses one view
+direction for all pixels), no fade at small gradients, and the end of rays. Compared twice: as a
+user sees it, and without two differences, the direction of the headlight (parallel rays) and VTK's
+stretch of the picture by 1/511 on the screen (our field of view is reduced equally).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SPEC = RaycastSpec(ambient=0.3, diffuse=0.7, flat_gradient=0, alpha_stop=ALPHA_S
 
 
 def psnr(ours: ArrayLike, peer: ArrayLike) -> float:
-    """Peak signal to noise of two pictures of 0…1, dB.
+    """Return the peak signal-to-noise ratio of two pictures in 0…1, dB.
 
     >>> round(psnr([0.0, 1.0], [0.1, 0.9]), 6)
     20.0
@@ -43,14 +43,14 @@ def psnr(ours: ArrayLike, peer: ArrayLike) -> float:
 
 
 def grey_table(scene: BenchScene) -> TransferTable:
-    """The scene's opacities, one grey everywhere, one channel."""
+    """Return a table with the scene's opacities, one grey and one channel."""
     table = scene.transfer.bake(min(scene.volume.spacing_mm))
     grey = np.full((len(table.opacity), 1), GREY)
     return TransferTable(table.domain, table.opacity, grey, table.reference_step_mm)
 
 
 def parallel(camera: Camera) -> Camera:
-    """The camera with parallel rays, and as much in view at its target."""
+    """Return the camera with parallel rays and the same view size at its target."""
     distance = np.linalg.norm(np.subtract(camera.target_mm, camera.position_mm))
     return replace(
         camera, height_mm=float(2 * distance * math.tan(math.radians(camera.fov_deg) / 2))
@@ -60,7 +60,7 @@ def parallel(camera: Camera) -> Camera:
 def pictures(
     scene: BenchScene, ours: Camera, peers: Camera
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Linear greys of both sides, (H, W) each."""
+    """Return linear greys of both sides, (H, W) each."""
     table = grey_table(scene)
     grey = [(value, opacity, (GREY,) * 3) for value, opacity, _ in scene.transfer.points]
     peer = fixed_point(scene.volume, grey, table.reference_step_mm, peers, SIZE, SPEC)
@@ -70,7 +70,7 @@ def pictures(
 
 
 def figures() -> Iterator[Figure]:
-    """PSNR of the engine and the foot; pictures and |difference| times four go to ``build/``."""
+    """Yield PSNR of engine and foot; write pictures and four times |difference| to ``build/``."""
     for name in ("engine", "foot"):
         try:
             scene = bench_scene(name)

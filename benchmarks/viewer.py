@@ -1,6 +1,6 @@
-"""Is the viewer quick enough for a hand? ``python -m benchmarks.viewer``.
+"""Is the viewer quick enough for interaction? ``python -m benchmarks.viewer``.
 
-Figures come from its own trace, while a robot drags a light's slider and the picture.
+Figures come from the viewer's trace while a robot drags a light's slider and the picture.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ DRAG_S = 5.0
 
 
 def figures() -> Iterator[Figure]:
-    """Start, a light dragged, the view dragged; 1280 × 720, the bundled engine."""
+    """Time the start, drags of a light and drags of the view; bundled engine, 1280 × 720."""
     if why := missing():
         yield Figure("viewer", None, note=why)
         return
@@ -60,7 +60,7 @@ def _orbit(robot: Robot) -> Iterator[Figure]:
 
 
 def _drag(robot: Robot, places: list[tuple[float, float]]) -> tuple[float, float]:
-    """Times of press and release."""
+    """Drag; return the times of press and release."""
     before = robot.now()
     robot.drag(places)
     pressed = robot.wait_for(lambda row: row["event"] == "press", before)["t"]

@@ -1,4 +1,4 @@
-"""VTK's volume mappers on the scene the raycaster gets: same data, camera, points, step."""
+"""VTK's volume mappers on the raycaster's scene: same data, camera, points, step."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from vtkmodules.vtkRenderingVolumeOpenGL2 import vtkOpenGLGPUVolumeRayCastMapper
 from volspec.raycast import Camera, RaycastSpec
 from volspec.volume import Volume
 
-# A machine without a display is no warning: VTK then draws through EGL.
+# No warning about a missing display: VTK then draws through EGL.
 vtkObject.GlobalWarningDisplayOff()
 
 Points = Sequence[tuple[float, float, tuple[float, float, float]]]
-# Where the fixed-point mapper ends a ray: at 0xff of 0x7fff left.
+# Transmittance at which the fixed-point mapper ends a ray: 0xff of 0x7fff.
 ALPHA_STOP = 1 - 0xFF / 0x7FFF
 
 
@@ -97,20 +97,20 @@ class VtkPeer:
         return settings
 
     def redraw(self) -> None:
-        """Render again as after a change of colours: what a new light costs VTK."""
+        """Render again as after a change of colours: the cost of a new light in VTK."""
         self._shift = 0.02 - self._shift
         for value, _, rgb in self._points:
             self._colour.AddRGBPoint(value, *np.clip(np.array(rgb) + self._shift, 0, 1))
         self.draw()
 
     def draw(self) -> None:
-        """Render, to the last pixel."""
+        """Render, and wait for the last pixel."""
         self._window.Render()
         self._window.WaitForCompletion()
         self._window.ReleaseCurrent()
 
     def picture(self) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 of the last redraw, the first row on top."""
+        """Return (H, W, 3) uint8 of the last redraw, first row at the top."""
         grab = vtkWindowToImageFilter()
         grab.SetInput(self._window)
         grab.ShouldRerenderOff()
@@ -123,7 +123,7 @@ class VtkPeer:
 
 
 def place(view: vtkCamera, camera: Camera) -> None:
-    """Put VTK's camera where ours is."""
+    """Place VTK's camera like ours."""
     view.SetPosition(*camera.position_mm)
     view.SetFocalPoint(*camera.target_mm)
     view.SetViewUp(*camera.up)
@@ -141,7 +141,7 @@ def fixed_point(
     size: tuple[int, int],
     spec: RaycastSpec,
 ) -> VtkPeer:
-    """The fixed-point mapper at its best settings: every core, no automatic coarsening."""
+    """Return the fixed-point mapper at its best settings: all cores, no automatic coarsening."""
     mapper = vtkFixedPointVolumeRayCastMapper()
     mapper.SetAutoAdjustSampleDistances(False)
     mapper.SetLockSampleDistanceToInputSpacing(False)
@@ -160,7 +160,7 @@ def gpu_mapper(
     size: tuple[int, int],
     spec: RaycastSpec,
 ) -> VtkPeer:
-    """The OpenGL mapper, without coarsening or jitter; llvmpipe draws where there is no GPU."""
+    """Return the OpenGL mapper, without coarsening or jitter; on llvmpipe if there is no GPU."""
     mapper = vtkOpenGLGPUVolumeRayCastMapper()
     mapper.SetAutoAdjustSampleDistances(False)
     mapper.SetLockSampleDistanceToInputSpacing(False)

@@ -1,4 +1,4 @@
-"""Is the web page small, right and quick? ``python -m benchmarks.webpage``.
+"""Is the web page small, accurate and quick? ``python -m benchmarks.webpage``.
 
 The bundled engine, 512², 7 channels, in Chromium with its software GPU, from a file on disk.
 """
@@ -17,9 +17,9 @@ from volspec.export.page import PageSpec, PageView, scene_views, write_page
 from volspec.relight import Relighter
 from volspec.scene import Scene
 
-# Views of the whole turn, and how many of them are cast to tell its size.
+# Views of the full turn, and the number of them to cast for an estimate of its size.
 TURN, CAST = 36, 6
-# A slider dragged for some seconds; one change before every frame, as a hand makes them.
+# Drag a slider for some seconds, with one change per frame, like a user.
 _DRAG = """async (seconds) => {
     const slider = document.querySelector('#light-list input'), start = performance.now();
     let frames = 0;
@@ -33,7 +33,7 @@ _DRAG = """async (seconds) => {
 
 
 def figures() -> Iterator[Figure]:
-    """Sizes, colours under five lights beside the desktop's, frames a second."""
+    """Yield sizes, colour differences from the desktop under five lights, and frames per second."""
     if why := missing():
         yield Figure("page", None, note=why)
         return
@@ -62,7 +62,7 @@ def _written(path: Path, scene: Scene, views: list[PageView], bits: int) -> int:
 
 
 def _worst(page: Any, path: Path, scene: Scene, view: PageView) -> float:
-    """The greatest mean CIEDE2000 between page and desktop over the scene's lights."""
+    """Return the greatest mean CIEDE2000 between page and desktop over the scene's lights."""
     page.goto(path.as_uri())
     page.wait_for_selector("html.ready", state="attached")
     seen, found = scene.relight, []
