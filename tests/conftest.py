@@ -1,4 +1,4 @@
-"""Shared fixtures: where the volumes are, small scenes, and what a missing device means."""
+"""Shared fixtures: volumes, small scenes, and devices, with skips if one is missing."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from volspec.volume import Volume, load_volume
 
 ROOT = Path(__file__).resolve().parent.parent
 
-# Test files import colour-science as it is, which changes how NumPy prints: through its door first.
+# Test files import colour-science directly, which changes NumPy's print options, so this is first.
 colour_science()
-# The same examples in every run, and none that fails because the machine is busy.
+# The same examples in every run, and no deadline, as the machine may be busy.
 settings.register_profile("repeatable", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("repeatable")
 
@@ -34,7 +34,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Name the devices that ran; say what was left out, and where it is run."""
+    """Print the devices used, and the command for skipped cases."""
     terminalreporter.write_line(devices_line())
     if config.option.markexpr == "not slow":
         terminalreporter.write_line("Cases marked `slow` are left to `make trust`.")
@@ -59,7 +59,7 @@ def devices_line() -> str:
 
 @pytest.fixture(autouse=True, scope="session")
 def _empty_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """What the user's cache holds is neither relied upon nor changed."""
+    """Use an empty cache, so that tests neither rely on the user's nor change it."""
     folder = tmp_path_factory.mktemp("cache")
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("volspec._cache.cache_folder", lambda: folder)
@@ -80,7 +80,7 @@ def half_engine(engine: Volume) -> Volume:
 
 @pytest.fixture(scope="session")
 def volumes() -> Path:
-    """The folder of the larger real volumes; they do not ship with the project."""
+    """The folder of the larger real volumes, which are not shipped."""
     for folder in (os.environ.get("VOLSPEC_DATA"), ROOT.parent / "shared" / "data"):
         if folder and Path(folder).is_dir():
             return Path(folder)
@@ -100,7 +100,7 @@ def engine_table() -> TransferTable:
 
 @pytest.fixture(scope="session")
 def three_channels(engine_table: TransferTable) -> TransferTable:
-    """The first of them: a kernel that marches eight rays compiles in two thirds of the time."""
+    """The first three channels: a kernel for eight rays then compiles in 2/3 of the time."""
     table = engine_table
     return TransferTable(
         table.domain, table.opacity, table.material_weights[:, :3], table.reference_step_mm
@@ -129,7 +129,7 @@ def needs_gl() -> None:
 
 @pytest.fixture(params=["gl", "numpy"])
 def backend(request: pytest.FixtureRequest) -> str:
-    """Each way to relight."""
+    """Name of each relighting backend."""
     if request.param == "gl":
         request.getfixturevalue("needs_gl")
     return str(request.param)

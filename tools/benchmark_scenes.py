@@ -1,4 +1,4 @@
-"""The bench's five scenes under daylight: ``python -m tools.benchmark_scenes``.
+"""Draw the five benchmark scenes under daylight: ``python -m tools.benchmark_scenes``.
 
 Writes ``docs/images/benchmarks.png``: unshaded above, shaded below.
 """
@@ -19,7 +19,7 @@ TILE = (240, 240)
 
 
 def sheet() -> np.ndarray:
-    """A column a scene, a row a shading."""
+    """Return the sheet, with a column per scene and a row per shading."""
     daylight, columns = light("D65"), []
     for scene in bench_scenes():
         if not isinstance(scene, BenchScene):

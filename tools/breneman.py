@@ -1,9 +1,9 @@
-"""Breneman's corresponding chromaticities: how far each adaptation is from what people matched.
+"""Breneman's corresponding chromaticities: error of each adaptation against observers' matches.
 
     python -m tools.breneman
 
 prints the table of docs/adaptation.md. Observers saw one picture with each eye, under two lights,
-and matched 12 surfaces. What goes in, per experiment of colour-science's copy of the data:
+and matched 12 surfaces. Inputs, per experiment of colour-science's copy of the data:
 
 - direction: from the test light (A, projector, D55) to the match light (D65, D55, green);
 - whites: u'v' of the two "Illuminant" rows, Y = 100;
@@ -11,9 +11,9 @@ and matched 12 surfaces. What goes in, per experiment of colour-science's copy o
 - luminance of the white, the same in both eyes: the table of primaries, 75 to 11 100 cd/m²;
 - background Y_b = 30, hence L_A = 0.3 Y_n; surround average.
 
-Linear transforms of one D see only the chromaticities and the whites; Fairchild's and CAT02's
-own D the luminances too; Nayatani's and Guth's everything. Experiments 5, 7 and 10 tested other
-things than a change of light; colour-science cannot read 9 (IndexError).
+Linear transforms with a given D use only the chromaticities and the whites; Fairchild's and
+CAT02's own D also use the luminances; Nayatani's and Guth's use everything. Experiments 5, 7 and 10
+did not test a change of light; colour-science cannot read 9 (IndexError).
 
 References
 ----------
@@ -67,27 +67,27 @@ class Experiment(NamedTuple):
     source: ViewingConditions
     target: ViewingConditions
     XYZ: Array
-    """(12, 3), under the source."""
+    """(12, 3) under the source."""
     matched: Array
     """(12, 2) u'v' under the target."""
 
 
 def XYZ_from_uv(uv: ArrayLike, Y: ArrayLike) -> Array:
-    """(..., 2) u'v' of CIE 1976 and (...) Y to (..., 3) XYZ."""
+    """Convert (..., 2) u'v' of CIE 1976 and (...) Y to (..., 3) XYZ."""
     u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
     XYZ = np.stack([9.0 * u, 4.0 * v, 12.0 - 3.0 * u - 20.0 * v], axis=-1)
     return np.asarray(XYZ * (np.asarray(Y, dtype=np.float64) / (4.0 * v))[..., None])
 
 
 def uv_from_XYZ(XYZ: ArrayLike) -> Array:
-    """(..., 3) XYZ to (..., 2) u'v' of CIE 1976."""
+    """Convert (..., 3) XYZ to (..., 2) u'v' of CIE 1976."""
     X, Y, Z = np.moveaxis(np.asarray(XYZ, dtype=np.float64), -1, 0)
     return np.stack([4.0 * X, 9.0 * Y], axis=-1) / (X + 15.0 * Y + 3.0 * Z)[..., None]
 
 
 @cache
 def experiments() -> tuple[Experiment, ...]:
-    """The eight that can be used."""
+    """Return the eight usable experiments."""
     data = colour_science().corresponding
     found = []
     for number in EXPERIMENTS:
@@ -106,14 +106,14 @@ def experiments() -> tuple[Experiment, ...]:
 
 
 def errors(method: str, D: float | None = None, discount: bool = False) -> Array:
-    """Δu'v' between what a transform foretells and what was matched.
+    """Return Δu'v' between a transform's predictions and the matches.
 
     Parameters
     ----------
     method : str
         One of `volspec.appearance.adaptation.ADAPTATIONS`.
     D, discount
-        Of both sides, as `ViewingConditions`.
+        For both sides, as in `ViewingConditions`.
 
     Returns
     -------
@@ -130,7 +130,7 @@ def errors(method: str, D: float | None = None, discount: bool = False) -> Array
 
 
 def table() -> str:
-    """The means of `errors` as Markdown, in thousandths."""
+    """Return the means of `errors` as Markdown, in thousandths."""
     heads = [f"{e.number}: {e.lights}, {e.Y_n:g}" for e in experiments()]
     lines = ["| 1000 Δu'v' | mean | worst | " + " | ".join(heads) + " |"]
     lines.append("|" + "---|" * (len(heads) + 3))

@@ -1,11 +1,11 @@
-"""Check that volspec installs: on every system by the package index, on this one in earnest.
+"""Check that volspec installs: resolve for every system, and install on this one.
 
     python -m tools.installs
 
 uv resolves the requirements for four systems and four Pythons, from wheels alone. Then two
-throw-away environments, with the lowest versions that pyproject.toml allows and with the newest on
-the newest Python found here, install the package and run `volspec doctor`, `volspec demo` and a
-part of the tests. Exits with 1 if any of it fails.
+throw-away environments, one with the lowest versions that pyproject.toml allows and one with the
+newest on the newest Python found here, install the package and run `volspec doctor`, `volspec demo`
+and part of the tests. Exits with 1 if anything fails.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ SYSTEMS = {
 }
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 EXTRAS = "test,video,notebook,zarr,distributed"
-# Each requirement is used by one of these.
+# Together, these use every requirement.
 TESTS = (
     *("test_layers", "test_cli", "test_cli_basis", "test_scene", "test_scene_schema"),
     *("volume/test_files", "volume/test_series", "volume/test_tiff", "volume/test_zarr"),
@@ -44,7 +44,7 @@ def resolves(system: str, python: str, *extras: str) -> str:
         *(*UV, "pip", "compile", "--quiet", "pyproject.toml", *extras, "--only-binary", ":all:"),
         *("--python-platform", SYSTEMS[system], "--python-version", python),
     )
-    # imgui-bundle's wheels for macOS begin there.
+    # The first macOS version with imgui-bundle wheels.
     environment = {**os.environ, "MACOSX_DEPLOYMENT_TARGET": "14.0"}
     run = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
     return "" if run.returncode == 0 else " ".join(run.stderr.split()) or "uv failed"
@@ -64,7 +64,7 @@ def check_index() -> list[str]:
 
 
 def newest_python() -> str:
-    """Return the path of the newest CPython on this machine, those of pyenv among them."""
+    """Return the path of the newest CPython on this machine, including pyenv's."""
     words = (*UV, "python", "list", "--only-installed", "--output-format", "json")
     folders = [*map(str, Path.home().glob(".pyenv/versions/*/bin")), os.environ["PATH"]]
     environment = {**os.environ, "PATH": os.pathsep.join(folders)}
@@ -88,7 +88,7 @@ def check_here(python: str, resolution: str) -> list[str]:
             ),
             "doctor": (str(inside), "-m", "volspec", "doctor"),
             "demo": (str(inside), "-m", "volspec", "demo", "--out", str(folder / "demo")),
-            # Warnings of other packages' old and newest versions are theirs.
+            # Ignore warnings from old and newest versions of other packages.
             "tests": (
                 *(str(inside), "-m", "pytest", "-W", "default", "-p", "no:cacheprovider"),
                 *("-n", "auto", "--dist", "loadfile"),
@@ -96,7 +96,7 @@ def check_here(python: str, resolution: str) -> list[str]:
             ),
         }
         for step, command in steps.items():
-            # Outside the checkout all but the tests see the package that was installed.
+            # Outside the checkout, so that all but the tests use the installed package.
             run = subprocess.run(
                 command,
                 cwd=ROOT if step == "tests" else folder,

@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 SIZES = tuple(range(1, 13))
-# Of 100 bands every design takes ten times as long: fewer sizes.
+# With 100 bands each design takes ten times as long, so fewer sizes.
 SIZES_OF = {31: SIZES, 100: (1, 3, 5, 7, 10, 12)}
-# On the diagonal: figure 3's numbers in every way of drawing and comparing.
+# Square palettes: figure 3's numbers for every way to draw colours and compare them.
 SQUARES = (3, 5, 7, 10, 12)
 WAYS = (("linear", "RGB"), ("linear", "Lab"), ("codes", "RGB"), ("codes", "Lab"))
-# METHOD's reference, another program's, colours and lights drawn in a way it does not say.
+# METHOD's reference, from another program, with unknown distributions of colours and lights.
 REFERENCE = {
     "positive, 31": {5: 7.0, 7: 14.4, 10: 23.0},
     "positive, 100": {7: 2.1, 10: 9.5},
@@ -40,13 +40,13 @@ REFERENCE = {
 }
 ACCEPTABLE = 10.0
 """ΔE*ab that [1] calls acceptable."""
-# As figure 4 has them.
+# As in figure 4.
 ORDER = (MODELS[2], MODELS[0], MODELS[1])
 DPI = 150
 
 
 def draw() -> None:
-    """Measure, draw and write; minutes."""
+    """Measure, draw and write; takes minutes."""
     surfaces = {}
     for model in MODELS:
         sizes = SIZES_OF[model.bands]
@@ -68,14 +68,14 @@ def draw() -> None:
 
 
 def distances(model: Model, size: int = 10, seed: int = 0) -> Array:
-    """(2, P) ΔE*ab of all pairs of a palette's colours: wanted, and obtained."""
+    """Return (2, P) ΔE*ab of all pairs of a palette's colours: targets, and results."""
     Lab = np.reshape(colours(drawn(model, size, size, seed)), (2, -1, 3))
     one, other = np.triu_indices(Lab.shape[1], 1)
     return np.asarray(np.linalg.norm(Lab[:, one] - Lab[:, other], axis=-1))
 
 
 def surface_table(surfaces: Mapping[str, Array]) -> str:
-    """Squares of figure 3, beside the reference."""
+    """Return the square palettes of figure 3 with the reference."""
     heads = " | ".join(f"{n} × {n}" for n in SIZES)
     lines = [f"| mean ΔE*ab | {heads} |", "|---" * (len(SIZES) + 1) + "|"]
     for model in MODELS:
@@ -86,7 +86,7 @@ def surface_table(surfaces: Mapping[str, Array]) -> str:
 
 
 def square_table() -> str:
-    """Every way of drawing colours and of comparing them; mean and scatter over the seeds."""
+    """Return mean and deviation over the seeds for all ways to draw and compare colours."""
     heads = " | ".join(f"{n} × {n}" for n in SQUARES)
     lines = [f"| bands | colours | metric | {heads} |", "|---" * (len(SQUARES) + 3) + "|"]
     for model in MODELS:
@@ -103,7 +103,7 @@ def square_table() -> str:
 
 
 def distance_table(pairs: Mapping[str, Array]) -> str:
-    """Figure 4 in numbers."""
+    """Return the numbers of figure 4."""
     lines = ["| bands | correlation | mean change | greatest |", "|---|---|---|---|"]
     for name, (wanted, obtained) in pairs.items():
         change = np.abs(obtained - wanted)
@@ -115,7 +115,7 @@ def distance_table(pairs: Mapping[str, Array]) -> str:
 
 
 def surface_figure(surfaces: Mapping[str, Array]) -> Figure:
-    """Three surfaces on one scale, their squares marked."""
+    """Draw three surfaces on one scale, with square palettes marked."""
     from matplotlib.patheffects import withStroke
 
     figure = blank(10.0, 4.0)
@@ -156,7 +156,7 @@ def surface_figure(surfaces: Mapping[str, Array]) -> Figure:
 
 
 def distance_figure(pairs: Mapping[str, Array]) -> Figure:
-    """Three scatter plots: distance wanted, distance obtained, darker where points are many."""
+    """Draw three scatter plots of obtained against wanted distance, darker for more points."""
     from matplotlib.colors import LogNorm
 
     figure = blank(10.0, 3.95)
@@ -190,7 +190,7 @@ def distance_figure(pairs: Mapping[str, Array]) -> Figure:
 
 
 def two_digits(dE: float) -> str:
-    """Return a table's number: two digits, and no more than three places.
+    """Format a number for a table: two digits, and at most three decimal places.
 
     >>> two_digits(7.386), two_digits(0.00002)
     ('7.4', '<0.001')
@@ -199,7 +199,7 @@ def two_digits(dE: float) -> str:
 
 
 def tenths(dE: float) -> str:
-    """Return a number as short as it is sure: tenths, or a bound.
+    """Format a number to its certain digits: tenths, or a bound.
 
     >>> tenths(7.386), tenths(0.004)
     ('7.4', '<0.1')
@@ -208,13 +208,13 @@ def tenths(dE: float) -> str:
 
 
 def titled(figure: Figure, left: float, number: int, words: str) -> None:
-    """A panel's letter and name."""
+    """Add a panel's letter and name."""
     figure.text(left, 0.915, "abc"[number], fontsize=11, color=INK, fontweight="bold")
     figure.text(left + 0.02, 0.915, words, fontsize=11, color=INK)
 
 
 def blank(width_in: float, height_in: float) -> Figure:
-    """A figure on a canvas of its own."""
+    """Return a figure on a canvas of its own."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -224,7 +224,7 @@ def blank(width_in: float, height_in: float) -> Figure:
 
 
 def write(figure: Figure, name: str) -> None:
-    """As a PNG of 256 colours: small."""
+    """Write the figure as a PNG with 256 colours, to keep it small."""
     figure.canvas.draw()
     pixels: Any = figure.canvas
     image = Image.fromarray(np.asarray(pixels.buffer_rgba())[..., :3])

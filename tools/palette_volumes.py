@@ -23,7 +23,7 @@ _BYTES, _QUALITY = 200_000, 92
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A picture: its scene, what stands above it, and the width of a frame in it."""
+    """A picture: its scene, its title, and the width of a frame."""
 
     scene: str
     file: str
@@ -39,7 +39,7 @@ SHEETS = {
 
 
 def main() -> None:
-    """Make the sheets whose volumes are here."""
+    """Make the sheets whose volumes are available."""
     parser = argparse.ArgumentParser(prog="python -m tools.palette_volumes", description=__doc__)
     parser.add_argument("--only", choices=SHEETS, nargs="+", default=list(SHEETS))
     parser.add_argument("--out", type=Path, default=IMAGES, metavar="FOLDER")
@@ -57,13 +57,13 @@ def main() -> None:
 
 
 def volume_of(scene: vs.Scene) -> vs.Volume:
-    """The scene's volume, from data/ or where the larger volumes are."""
+    """Return the scene's volume, from data/ or the folder of the larger volumes."""
     own = scene.folder / scene.file.volume.file
     return vs.load_volume(own) if own.exists() else stored(own.stem)()
 
 
 def make(scene: vs.Scene, volume: vs.Volume, sheet: Sheet, path: Path) -> int:
-    """Cast once, relight under every light, write a JPEG; its bytes."""
+    """Cast once, relight under every light, write a JPEG; return its size in bytes."""
     image = scene.render(volume)
     relit = scene.relight
     columns = []

@@ -1,4 +1,4 @@
-"""The base spectra in one picture, after figure 1 of Wang, Xu & Sun (2004), and one mixture.
+"""Draw the base spectra, as in figure 1 of Wang, Xu & Sun (2004), and one mixture.
 
 ``python -m tools.recovery_figures`` draws both for docs/reflectance.md, and prints the base's span.
 """
@@ -39,7 +39,7 @@ _MARK_NM = (480, 500, 520, 540, 560, 580, 600, 620)
 
 
 def STAGES() -> list[tuple[str, BaseSpectra]]:
-    """The base before and after Bouguer's law, and with the paper's eq. 6 as printed besides."""
+    """Return the base before and after Bouguer's law, and also with eq. 6 as printed."""
     return [
         ("measured", base_spectra(powers=())),
         ("with Bouguer's law", base_spectra()),
@@ -48,25 +48,25 @@ def STAGES() -> list[tuple[str, BaseSpectra]]:
 
 
 def xy(XYZ: Array) -> Array:
-    """(n, 2) chromaticities; black has none and is left out."""
+    """Return (n, 2) chromaticities, without black, which has none."""
     total = XYZ.sum(-1)
     return XYZ[total > 1e-6, :2] / total[total > 1e-6, None]
 
 
 def locus() -> Array:
-    """(n, 2) chromaticities of monochromatic light."""
+    """Return (n, 2) chromaticities of monochromatic light."""
     return xy(colour_matching_functions(_LOCUS).T)
 
 
 def xy_share(base: BaseSpectra) -> float:
-    """Area of the chromaticities that mixtures have, of that within the spectral locus."""
+    """Return the fraction of the area within the spectral locus that mixtures cover."""
     return float(ConvexHull(_chromaticities(base)).volume / ConvexHull(locus()).volume)
 
 
 def solid_share(base: BaseSpectra) -> float:
-    """Volume of the colours that mixtures have, of that of all reflectances within 0 to 1."""
+    """Return the fraction of the colour solid of reflectances in 0 to 1 that mixtures cover."""
     E, N = light("D65"), base.grid.size
-    # The solid's extreme points reflect all or nothing, with two changes at most.
+    # The solid's extreme points reflect all or nothing, with at most two transitions.
     starts, stops = np.triu_indices(N + 1, 1)
     bands = np.arange(N)
     blocks = (bands >= starts[:, None]) & (bands < stops[:, None])
@@ -106,7 +106,7 @@ def _draw_curves(figure: Any, measured: BaseSpectra) -> None:
     w = measured.grid.wavelengths_nm
     axes.set(xlim=(w[0], w[-1]), ylim=(0, 1), yticks=[0, 0.5, 1])
     axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
-    # Black and white come first; they are no measurements.
+    # Black and white come first; they are not measured.
     for values in measured.values[2:]:
         axes.plot(w, values, color=line_colour(values, measured.grid), linewidth=0.45, alpha=0.55)
     title = f"{len(measured) - 2} measured reflectances"

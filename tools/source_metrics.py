@@ -59,7 +59,7 @@ def setting_lines(package: Path, trees: dict[Path, ast.Module]) -> int:
 
 
 def is_phrase(node: ast.AST) -> bool:
-    """Return True for a literal with two words in a row; names of files are none."""
+    """Return True for a literal with two words in a row, except file names."""
     return any(
         isinstance(part, ast.Constant)
         and isinstance(part.value, str)

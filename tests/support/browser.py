@@ -17,7 +17,7 @@ from volspec.appearance import spaces
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import sRGB_CURVE
 
-# No network, no first-run pages, a software GPU: the same everywhere.
+# No network, no first-run pages, a software GPU: reproducible everywhere.
 _FLAGS = [
     *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic"),
     *("--no-first-run", "--disable-background-networking", "--disable-component-update"),

@@ -1,4 +1,4 @@
-"""Drag files from another program onto a window and let go: the source's side of XDND [1].
+"""Drag and drop files from another program onto a window: the source side of XDND [1].
 
     robot -> [dropping] -> X server -> window
 
@@ -21,12 +21,12 @@ from Xlib.display import Display
 from Xlib.protocol.event import ClientMessage, SelectionNotify
 
 _VERSION = 5
-_STEPS = 4  # of the mouse, from the corner of the screen to where it lets go
+_STEPS = 4  # of the mouse, from the corner of the screen to the drop
 _PATIENCE_S = 10.0
 
 
 class DropError(Exception):
-    """A window does not take what is dragged onto it, or does not answer."""
+    """A window refuses the dragged files, or does not answer."""
 
 
 def drop(display: str, window: int, uris: Sequence[str], place: tuple[int, int]) -> None:
@@ -41,7 +41,7 @@ def drop(display: str, window: int, uris: Sequence[str], place: tuple[int, int])
 
 
 class _Source:
-    """A program from which files are dragged: it owns the selection and is asked for it."""
+    """The source program of a drag: it owns the selection and serves requests for it."""
 
     def __init__(self, server: Display, window: int, uris: Sequence[str]) -> None:
         self._server, self._atom = server, server.intern_atom
@@ -52,7 +52,7 @@ class _Source:
         self._list = "".join(f"{uri}\r\n" for uri in uris).encode("ascii")
 
     def drag(self, place: tuple[int, int]) -> None:
-        """Enter the window and go to a place; the mouse is the source's until it lets go."""
+        """Enter the window and go to a place; the source grabs the mouse until the drop."""
         aware = self._target.get_full_property(self._atom("XdndAware"), Xatom.ATOM)
         if aware is None or aware.value[0] < _VERSION:
             raise DropError(f"window {self._target.id}: takes no drops of XDND {_VERSION}")
@@ -71,7 +71,7 @@ class _Source:
             raise DropError(f"window {self._target.id}: takes no files at {place}")
 
     def let_go(self) -> None:
-        """Drop what was dragged, give it to the window, and wait until that has it."""
+        """Drop the files, send them to the window, and wait until it has them."""
         self._server.ungrab_pointer(X.CurrentTime)
         self._tell("XdndDrop", 0, X.CurrentTime)
         # GLFW 3.4 gives the count of bytes for the one bit that says whether it has them.

@@ -82,7 +82,7 @@ def surfaces(white: np.ndarray) -> np.ndarray:
 
 
 def opaque(XYZ: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.ndarray, Illumination]:
-    """Coefficients that are the XYZ themselves (a basis of three channels, D = identity)."""
+    """Return an image whose coefficients are XYZ (a basis of three channels, D = identity)."""
     coefficients = XYZ.astype(np.float32)
     alpha = np.ones(XYZ.shape[:2], np.float32)
     return coefficients, alpha, Illumination(np.eye(3), white, 0.2 * white)
@@ -96,7 +96,7 @@ def gl_frame(
     dtype: Any = np.float32,
     **options: Any,
 ) -> np.ndarray:
-    """The shader's frame."""
+    """Return the shader's frame."""
     gl = GLEngine(coefficients, alpha, **options)
     try:
         return gl.render(lit, viewing, dtype)
@@ -107,12 +107,12 @@ def gl_frame(
 def cpu_frame(
     coefficients: np.ndarray, alpha: np.ndarray, lit: Illumination, viewing: Viewing
 ) -> np.ndarray:
-    """The NumPy twin's frame."""
+    """Return the NumPy twin's frame."""
     return CpuEngine(coefficients, alpha).render(lit, viewing, np.float32)
 
 
 def assert_drawn_alike_by_webgl_2(draw: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw by the same source in both versions of GLSL."""
+    """Draw with the same source in both versions of GLSL, and compare."""
     frames = []
     for version in ("330 core", "300 es"):
         monkeypatch.setattr(programs, "_GLSL", version)
@@ -130,7 +130,7 @@ def assert_close(ours: np.ndarray, truth: np.ndarray, limit: float, what: str) -
 
 
 def assert_in_range(frame: np.ndarray, what: object = "") -> None:
-    """No NaN and nothing beyond the codes of a display."""
+    """Assert that a frame has no NaN and no value outside the display's codes."""
     assert np.isfinite(frame).all(), what
     assert frame.min() >= 0.0 and frame.max() <= 1.0, what
 
@@ -138,7 +138,7 @@ def assert_in_range(frame: np.ndarray, what: object = "") -> None:
 def ciede2000(
     one: np.ndarray, other: np.ndarray, space: ColourSpace = SPACES["sRGB"], what: str = ""
 ) -> np.ndarray:
-    """Differences of two frames, printed."""
+    """Print and return the differences of two frames."""
     import colour
 
     def lab(codes: np.ndarray) -> np.ndarray:

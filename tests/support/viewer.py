@@ -141,7 +141,7 @@ def read_scene(path: Path) -> ViewState:
 
 
 def picture(state: ViewState) -> NDArray[Any]:
-    """The frame a state shows, in floats."""
+    """Return the frame of a state, in floats."""
     volume = state.document.volume
     image = raycast(volume, state.transfer, state.view.camera(volume), state.size, state.shading)
     rig = light_rig(state.lights)
@@ -183,7 +183,7 @@ def of_kind(state: ViewState, kind: str) -> ViewState:
     return replace(state, document=document, transfer=document.transfer)
 
 
-# ΔE00 that side by side is just seen: what a reached target stays below.
+# ΔE00 just visible side by side: the limit for a reached target.
 VISIBLE = 1.0
 
 

@@ -27,7 +27,7 @@ RAW = VALUES.tobytes()
 
 
 def write_nrrd(path: Path, packed: bool = False, surplus: bytes = b"") -> Path:
-    """`VALUES` in an NRRD file."""
+    """Write `VALUES` to an NRRD file."""
     data = RAW + surplus
     header = NRRD.replace("raw", "gzip") if packed else NRRD
     path.write_bytes(header.encode() + (gzip.compress(data) if packed else data))
@@ -67,7 +67,7 @@ def nifti(values: np.ndarray, ras_from_index: np.ndarray, code: int = 4, order: 
 
 
 def load_silently(path: Path | str) -> Volume:
-    """Load a volume; any warning is an error."""
+    """Load a volume, with warnings as errors."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return load_volume(path)

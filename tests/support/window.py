@@ -20,7 +20,7 @@ from typing import Any, Self
 
 Row = dict[str, Any]
 Place = tuple[float, float]
-# How often a mouse reports where it is.
+# Interval of the mouse's position reports.
 MOUSE_S = 1 / 60
 # A key that does nothing.
 _MARK = "F12"
@@ -38,7 +38,7 @@ def missing() -> str:
 
 
 def small_engine(folder: Path) -> list[str]:
-    """Write the bundled scene with a voxel for every 2³, for quicker casts; return its name."""
+    """Write the bundled scene downsampled by 2, for quicker casts; return its name."""
     data = Path(__file__).resolve().parents[2] / "data"
     text = (data / "scenes" / "engine.toml").read_text(encoding="utf-8")
     text = text.replace('"../', f'"{data}/').replace('.nrrd"', '.nrrd"\ndownsample = 2')
@@ -77,7 +77,7 @@ class Robot:
             for key, value in os.environ.items()
             if key not in ("WAYLAND_DISPLAY", "XDG_SESSION_TYPE")
         }
-        # What it remembers is not the user's.
+        # Use its own settings, not the user's.
         self.environment.setdefault("VOLSPEC_STATE", str(folder / "state"))
         self.environment["DISPLAY"] = f":{self._server.stdout.readline().strip()}"
         if dpi != 96:
@@ -116,7 +116,7 @@ class Robot:
     def wait_for(
         self, wanted: Callable[[Row], bool], after: float = -1.0, seconds: float = 120
     ) -> Row:
-        """The first row after a time that is wanted; TimeoutError, with the last rows, if none is.
+        """Return the first wanted row after a time; TimeoutError, with the last rows, if none.
 
         A runtime that has no kernel in its cache compiles half a minute on a busy machine.
         """
@@ -146,7 +146,7 @@ class Robot:
         return self.wait_for(lambda row: row["event"] == "relight" and row["whole"], after)
 
     def rest(self, seconds: float = 120) -> float:
-        """Wait until all that was done has been answered, and nothing is left to do; the time."""
+        """Wait until the viewer has answered all input and is idle; return the time."""
         after = self.rows()[-1]["t"]
         self.key(_MARK)  # goes last through the window's queue
         marked = self.wait_for(lambda row: row.get("key") == _MARK.lower(), after, seconds)
@@ -165,7 +165,7 @@ class Robot:
         return x + width / 2, y + height / 2
 
     def do(self, *words: str | float) -> None:
-        """Have xdotool do something."""
+        """Run xdotool with arguments."""
         whole = [str(round(word)) if isinstance(word, float) else str(word) for word in words]
         subprocess.run(["xdotool", *whole], env=self.environment, check=True)
 
@@ -191,9 +191,9 @@ class Robot:
         self.do("mousemove", x, y, "sleep", "0.1", "click", "1")
 
     def memory(self) -> int:
-        """Bytes of RAM that the viewer has taken.
+        """Return the bytes of RAM that the viewer uses.
 
-        A counter of the kernel's: to add up its pages, as ``smaps`` does, holds the viewer up.
+        Read from a kernel counter, as adding up pages, like ``smaps``, would stall the viewer.
         """
         status = Path(f"/proc/{self.viewer.pid}/status").read_text(encoding="utf-8")
         (kilobytes,) = re.findall(r"^RssAnon:\s*(\d+) kB$", status, re.MULTILINE)
@@ -215,7 +215,7 @@ class Robot:
         drop(self.environment["DISPLAY"], int(self.find()), uris, (round(x), round(y)))
 
     def grab(self, path: Path) -> None:
-        """A picture of the whole screen."""
+        """Save a picture of the whole screen."""
         from PIL import ImageGrab
 
         ImageGrab.grab(xdisplay=self.environment["DISPLAY"]).save(path)
@@ -238,7 +238,7 @@ class Robot:
 
 
 def along(start: Place, end: Place, seconds: float) -> list[Place]:
-    """A way to and fro between two places, once in two seconds."""
+    """Return a path to and fro between two places, once in two seconds."""
     count = max(2, round(seconds / MOUSE_S))
     shares = [0.5 - 0.5 * math.cos(math.pi * i * MOUSE_S) for i in range(count)]
     (x0, y0), (x1, y1) = start, end

@@ -1,4 +1,4 @@
-"""Scenes and frames by which wizards are tested."""
+"""Scenes and frames for tests of the wizards."""
 
 from __future__ import annotations
 

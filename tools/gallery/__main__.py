@@ -26,7 +26,7 @@ FEATURES = (
 
 
 def main() -> None:
-    """Make the pictures whose volumes are here, then the page."""
+    """Make the pictures whose volumes are available, then the page."""
     names = [feature.name for feature in FEATURES]
     parser = argparse.ArgumentParser(prog="python -m tools.gallery", description=__doc__)
     parser.add_argument("--only", choices=names, nargs="+", default=names, metavar="NAME")
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def remake(feature: Feature, folder: Path) -> None:
-    """Cast and save a feature's pictures, or say why they stay as they are."""
+    """Cast and save a feature's pictures, or print the reason for keeping the old ones."""
     try:
         volumes = [READERS[name]() for name in feature.volumes]
     except (FileNotFoundError, ImportError) as error:

@@ -1,4 +1,4 @@
-"""The films of docs/export.md: ``python -m tools.gallery.film``.
+"""Make the films of docs/export.md: ``python -m tools.gallery.film``.
 
 engine.toml -> export -> [film] -> docs/images/engine.mp4, engine-sweep.webp
 
@@ -21,7 +21,7 @@ _SMALL, _BYTES = (480, 374), 900_000
 
 
 def main() -> None:
-    """Make the film, and a smaller picture that moves and begins anew without a jump."""
+    """Make the film, and a smaller animated picture that loops without a jump."""
     scene = engine_scene()
     turn = {"frames": FRAMES}
     film = FOLDER / "engine.mp4"

@@ -1,4 +1,4 @@
-"""Saves the pictures and writes the page around them, from captions and code as they are."""
+"""Save the pictures, and write their page from the features' own captions and code."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tools.gallery import studio
 from tools.gallery.studio import Feature, Picture
 
 _BYTES, _QUALITY = 250_000, 88
-_ROW = 3  # pictures beside each other
+_ROW = 3  # pictures per row
 _CASTS = "casts.json"
 
 _TOP = """# Gallery
@@ -50,7 +50,7 @@ Materials and their licences are in [data/README.md](../../data/README.md).
 
 
 def save(feature: Feature, pictures: dict[str, Picture], folder: Path) -> str:
-    """Write a feature's pictures, note its casts, and say how long they took."""
+    """Write a feature's pictures and record its casts; return the times and sizes as text."""
     width, height = studio.SIZE
     seconds = [round(s, 1) for s in studio.CLOCK.read()]
     sizes = [
@@ -69,7 +69,7 @@ def save(feature: Feature, pictures: dict[str, Picture], folder: Path) -> str:
 
 
 def write(features: Sequence[Feature], folder: Path) -> None:
-    """The page, of all sections that have pictures."""
+    """Write the page, with all sections that have pictures."""
     casts = _casts(folder)
     made = [feature for feature in features if feature.name in casts]
     devices = sorted({casts[feature.name]["device"] for feature in made})
@@ -91,7 +91,7 @@ def _files(feature: Feature, labels: Sequence[str] | dict[str, Picture]) -> list
 
 
 def _save(picture: Picture, path: Path) -> int:
-    """Bytes of the JPEG: of full colour resolution, and as good as its size allows."""
+    """Save a JPEG in full colour resolution, as good as its size permits; return its bytes."""
     for quality in range(_QUALITY, 40, -4):
         memory = io.BytesIO()
         image = Image.fromarray(picture)
@@ -130,7 +130,7 @@ def _pictures(feature: Feature, labels: list[str]) -> str:
 
 
 def _body(function: Any) -> str:
-    """A function's source without its head and docstring."""
+    """Return a function's source without its signature and docstring."""
     source = textwrap.dedent(inspect.getsource(function))
     head = ast.parse(source).body[0]
     assert isinstance(head, ast.FunctionDef)
@@ -139,7 +139,7 @@ def _body(function: Any) -> str:
 
 
 def _shared() -> str:
-    """What all pictures use, as the studio has it."""
+    """Return the section with the code that all pictures share."""
     source = inspect.getsource(studio)
     wanted = {"BASIS", "KEY", "FILL", "SKY", "STUDIO"}
     lamps = [

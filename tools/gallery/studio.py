@@ -1,4 +1,4 @@
-"""What every picture of the gallery shares: volumes, lamps, casting and showing."""
+"""Parts shared by all pictures of the gallery: volumes, lamps, casting and showing."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class Feature:
 
     @property
     def name(self) -> str:
-        """In file names and ``--only``."""
+        """Name in file names and ``--only``."""
         return self.make.__name__.replace("_", "-")
 
     @property

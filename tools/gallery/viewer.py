@@ -20,25 +20,25 @@ ROOT = Path(__file__).resolve().parents[2]
 GALLERY = ROOT / "docs" / "gallery"
 VOLUMES = Path(os.environ.get("VOLSPEC_DATA", ROOT.parent / "shared" / "data"))
 SIZE = (1280, 760)
-# Of the tabs at the lower right, beside the first row of the one that is in front.
+# Position in the tabs at the lower right, next to the first row of the front tab.
 TRANSFER, PALETTE = (1054.0, 395.0), (1140.0, 395.0)
 
 
 def click(robot: Robot, where: str | Place) -> None:
-    """Click, and see what comes of it."""
+    """Click, and wait for the result."""
     robot.click(where)
     robot.rest()
 
 
 def keys(robot: Robot, *names: str) -> None:
-    """Press keys, one after the other has been answered."""
+    """Press keys, each after the response to the previous one."""
     for name in names:
         robot.key(name)
         robot.rest()
 
 
 def command(robot: Robot, words: str) -> None:
-    """Find something in the command palette, and take it."""
+    """Find a command in the command palette, and run it."""
     keys(robot, "ctrl+p")
     robot.type(words)
     keys(robot, "Return")
@@ -52,7 +52,7 @@ def blended(robot: Robot) -> None:
 
 
 def compared(robot: Robot) -> None:
-    """Daylight at the right of the divide, a sodium lamp at its left; the transfer function."""
+    """Daylight right of the divide, a sodium lamp left of it; the transfer function."""
     robot.do("mousemove", 410.0, 350.0)
     keys(robot, "b", "space", "space", "space")
     click(robot, TRANSFER)
@@ -100,7 +100,7 @@ def cropped(robot: Robot) -> None:
 
 
 def erred(robot: Robot) -> None:
-    """Where channels are off."""
+    """The error map of the channels."""
     keys(robot, "space", "space", "space", "e")
 
 
@@ -111,7 +111,7 @@ def commanded(robot: Robot) -> None:
 
 
 def keyed(robot: Robot) -> None:
-    """The keys."""
+    """The list of keys."""
     keys(robot, "h")
 
 
@@ -130,7 +130,7 @@ PICTURES: dict[str, tuple[Path, Callable[[Robot], None]]] = {
 
 
 def main() -> None:
-    """Write all of them."""
+    """Write all pictures."""
     for name, (file, use) in PICTURES.items():
         if not file.exists():
             print(f"{name}: {file.name} is not here, left as it is")
@@ -142,11 +142,11 @@ def main() -> None:
                 robot.rest()
                 use(robot)
                 robot.rest()
-                # What was said about a step is gone, and what the mouse is over is explained.
+                # Wait until messages disappear, and the tooltip below the mouse appears.
                 time.sleep(2.0)
                 robot.rest()
                 robot.grab(shot)
-            # In full colour: of a palette's 256 the swatches would get none of their own.
+            # In full colour, as 256 palette entries would leave none for the swatches.
             Image.open(shot).convert("RGB").save(GALLERY / f"{name}.png", optimize=True)
 
 

@@ -1,4 +1,4 @@
-"""The pictures of docs/page.md: ``python -m tools.gallery.webpage``.
+"""Make the pictures of docs/page.md: ``python -m tools.gallery.webpage``.
 
 scenes -> pages -> [webpage] -> docs/images/page-engine.jpg, page-frog.jpg
 
@@ -47,7 +47,7 @@ def write(name: str, path: Path) -> Scene:
 
 
 def screens(browser: Any, path: Path, lights: list[int]) -> list[Image.Image]:
-    """The page under each of the lights, chosen as a finger does."""
+    """Return screenshots of the page under each of the lights, chosen by touch."""
     context = browser.new_context(viewport=_PHONE, device_scale_factor=2, color_scheme="dark")
     page = context.new_page()
     page.goto(path.as_uri())
@@ -73,7 +73,7 @@ def strip(shots: list[Image.Image]) -> Image.Image:
 
 
 def save(picture: Image.Image, path: Path) -> int:
-    """Bytes of the JPEG: as good as its size allows."""
+    """Save a JPEG, as good as its size permits; return its bytes."""
     for quality in range(92, 40, -4):
         memory = io.BytesIO()
         picture.save(memory, "JPEG", quality=quality, optimize=True)
