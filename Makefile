@@ -1,12 +1,11 @@
 # One command each on a machine with Python 3.11+, git and make.
 #   make demo    the bundled engine CT, cast once and relit
 #   make test    every check; what CI runs
-#   make bench   against peers, and what was asked of each figure
-#   make gallery docs/gallery/raycast.md, cast anew
-#   make trust   what is slow: further cases of tests, every basis against full
+#   make bench   comparisons with peers, each figure with its target
+#   make gallery docs/gallery/raycast.md, cast again
+#   make trust   the slow checks: further test cases, every basis against full
 #                spectra, the time of fits, other systems and versions, ten minutes
-#                in the viewer, readers under fuzzing, kills of what writes, memory
-#                over 20 scenes
+#                in the viewer, fuzzed readers, killed writers, memory over 20 scenes
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -21,11 +20,11 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV) || \
 		{ echo "no venv module; on Debian or Ubuntu: apt-get install python3-venv" >&2; exit 1; }
 
-# uv installs in ten seconds what takes pip two minutes; pip where uv cannot be had or fails.
+# uv installs in ten seconds, pip in two minutes; pip is the fallback if uv is missing or fails.
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 INSTALL = { $(PIP) uv && $(BIN)/uv pip install --quiet --python $(BIN)/python --editable '$(1)'; } || \
 	$(PIP) --editable '$(1)'
-# What is imported is compiled once: tests start some hundred programs.
+# Compile modules once, as tests start some hundred programs.
 unexport PYTHONDONTWRITEBYTECODE
 
 $(VENV)/.installed: pyproject.toml | $(BIN)/python
@@ -46,7 +45,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# A worker for each core, so none for BLAS besides; files in their order, the smallest at the end.
+# One worker per core, so BLAS gets one thread; files in order, the smallest last.
 test: lint
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
