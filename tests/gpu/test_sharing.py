@@ -26,7 +26,7 @@ from volspec._gpu import devices, sharing
 from volspec._gpu.devices import all_devices, choose_device
 from volspec._gpu.opencl import Compute
 from volspec.errors import CastCancelled, OpenCLError
-from volspec.raycast.row_batches import Bands
+from volspec.raycast.row_batches import RowBatches
 
 
 def device() -> cl.Device:
@@ -141,7 +141,7 @@ def driver(context: Any, monkeypatch: pytest.MonkeyPatch) -> Driver:
     watched("finish", "glFinish", moderngl.Context)
     watched("buffer", "glGenBuffers", moderngl.Context)
     watched("write", "glTexSubImage3D", moderngl.TextureArray)
-    watched("_launch", "band", Bands)
+    watched("_launch", "band", RowBatches)
     monkeypatch.setattr(cl, "CommandQueue", Queue)
     monkeypatch.setattr(cl, "GLBuffer", made.buffer, raising=False)
     monkeypatch.setattr(cl, "enqueue_acquire_gl_objects", made.acquire, raising=False)
