@@ -20,6 +20,8 @@ volspec.errors.ViewingError: Lamp.power_W is -3; give a number above 0 (W)
 >>> read_table(Lamp, {"power": 60}, ViewingError)
 Traceback (most recent call last):
 volspec.errors.ViewingError: power: unknown key; did you mean 'power_W'? known: power_W
+>>> list(inspect.signature(Lamp).parameters)
+['power_W']
 """
 
 from __future__ import annotations
@@ -125,6 +127,7 @@ def settings(error: type[InputError]) -> Callable[[type[Spec]], type[Spec]]:
         made.__get_pydantic_core_schema__ = classmethod(_core_schema)
         made.__get_pydantic_json_schema__ = classmethod(_json_schema)
         made.settings_error = error
+        made.__signature__ = inspect.signature(cls)
         made.settings_adapter = _LazyAdapter()
 
         def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
@@ -482,7 +485,8 @@ class _Fault:
         steps = account["loc"]
         if account["type"] == "missing" and isinstance(steps[-1], int):  # tuple too short
             steps = steps[:-1]
-        for part in steps:
+        raised = "error" in account.get("ctx", {})  # by the class at the end, which named a field
+        for index, part in enumerate(steps, 1):
             if isinstance(part, int):
                 path, hint = f"{path}[{part}]", item_hint(hint, part)
                 owners = tuple(classes_in(hint))
@@ -497,7 +501,7 @@ class _Fault:
             owner = next((each for each in owners if part in hints(each)), None)
             if classes_in(hint) and (owner is not None or part is steps[-1]):
                 hint = hints(owner)[part] if owner is not None else None
-                if FLAT in metadata(hint):
+                if FLAT in metadata(hint) and (raised or index < len(steps)):
                     continue
             elif _is_mapping(hint) and part != "[key]":
                 hint = item_hint(hint, part)
@@ -560,13 +564,18 @@ class _Fault:
         guess = nearest(given, map(str, words)) if isinstance(given, str) and words else ""
         if words and isinstance(given, str):
             code = "unknown"
-        if self.classes and is_settings(self.hint) and not in_python:
+        if not in_python and self.classes and all(map(_kind, self.classes)):
+            named = ", ".join(map(_kind, self.classes))
+            return "", f"give a table, {{ kind = …, … }}, of kind {named}", code
+        if not in_python and is_settings(self.hint):
             return "", "give a table, { key = value, … }", code
         if kind in ("too_short", "too_long") and _holds_many(self.hint):
             few, ends = kind == "too_short", self.account["ctx"]
             count = f"at least {ends['min_length']}" if few else f"up to {ends['max_length']}"
             return "", f"give {count}", "missing" if few else "size"
         wanted = expected(self.hint)
+        for cls in () if in_python else classes_in(self.hint):
+            wanted = wanted.replace(f"a {cls.__name__}", "a table, { key = value, … }")
         if kind == "finite_number":
             wanted = wanted.replace("a number", "a finite number", 1)
         return "", f"{guess}give {wanted}", code

@@ -114,6 +114,14 @@ def test_one_changed_value_is_one_changed_line(scene: Scene) -> None:
     ]
 
 
+def test_a_table_whose_keys_said_their_defaults_stays_where_it_is(scene: Scene) -> None:
+    text = scene.path.read_text().replace("[volume]", "# Few.\n[basis]\nsize = 7\n\n[volume]")
+    scene.path.write_text(text)
+    again = Scene.load(scene.path)
+    path = write_scene(changed(again, basis=BasisSpec(method="materials")), scene.path, again)
+    assert path.read_text() == text.replace("size = 7", 'method = "materials"')
+
+
 def test_defaults_are_left_out_unless_the_file_says_them(scene: Scene) -> None:
     table = CameraSpec(azimuth_deg=30.0, elevation_deg=20.0, zoom=1.0, fov_deg=10.0)
     path = write_scene(changed(scene, camera=table), scene.folder / "new.toml", scene)

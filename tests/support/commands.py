@@ -181,6 +181,8 @@ _TEXTS = {
     "gamut.toml": SCENE + '[viewing.display]\ngamut = "x"\n',
     "zoom.toml": SCENE + "[camera]\nzoom = 1e-300\n",
     "sweep.toml": SCENE + "[export]\nsweep = {}\n",
+    "no-table.toml": SCENE + '[export]\nsweep = 12\n[[group]]\nname = "g"\nsources = ["x"]\n',
+    "preset.toml": SCENE + "[viewing.display]\npreset = [1]\n",
     "keyframes.toml": SCENE
     + _KEY(0, "")
     + _KEY(1, "camera = { zoom = 1e-300 }")

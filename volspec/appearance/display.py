@@ -87,7 +87,7 @@ class Display:
         Annotated[str | Path, Tag("<value>")] | Annotated[ColourSpace, Tag("<table>")],
         Discriminator(value_or_table),
         BeforeValidator(_look_up),
-        Hint("a name such as sRGB, a profile FILE.icc, or a ColourSpace", whole=True),
+        Hint("a name such as sRGB, a profile FILE.icc, or its numbers", whole=True),
     ] = "sRGB"
     """Primaries, white and curve: a space by name, a display's profile FILE.icc, or its numbers.
     The picture is converted to this space, and the eye adapts to its white."""

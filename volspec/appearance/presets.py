@@ -122,7 +122,7 @@ PRESETS: Mapping[str, Preset] = MappingProxyType({preset.name: preset for preset
 
 def preset(name: str) -> Preset:
     """Return a preset by name; raise ViewingError if the name is unknown."""
-    if name in PRESETS:
+    if isinstance(name, str) and name in PRESETS:
         return PRESETS[name]
     raise ViewingError(
         f"viewing preset {name!r} is unknown",

@@ -186,7 +186,9 @@ class ColourSpace:
     white_xy: Annotated[Chromaticity, Field(examples=[[0.313, 0.329]])]
     """CIE 1931 chromaticity of all three together."""
     transfer: Annotated[
-        Transfer, Field(examples=[2.2]), Hint("a gamma such as 2.2, or a Transfer", whole=True)
+        Transfer,
+        Field(examples=[2.2]),
+        Hint("a gamma such as 2.2, or a table of the curve", whole=True),
     ]
     """A gamma, or a table of the curve."""
 

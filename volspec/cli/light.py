@@ -29,7 +29,7 @@ def light(
     ] = None,
     beam_deg: Annotated[
         float | None,
-        Parameter(converter=as_written, help="Full angle of a spotlight; default: everywhere."),
+        Parameter(converter=as_written, help="Full angle of a spotlight; default: all around."),
     ] = None,
     json: Json = False,
 ) -> None:

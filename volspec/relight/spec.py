@@ -215,7 +215,7 @@ class RelightSpec:
     model; exact, P_E C, the light matrix; linear-model, D R(e) C, the papers' linear model."""
     backdrop: Annotated[
         Fraction | Annotated[SkipJsonSchema[Spectrum], AfterValidator(_reflects)],
-        Hint("a reflectance from 0 to 1, or a Spectrum", whole=True),
+        Hint("a reflectance from 0 to 1", whole=True),
     ] = 0.2
     """Reflectance of the diffuser behind the volume, 0 (black) to 1; it faces every source. The
     default is the grey that appearance models assume for the surround."""

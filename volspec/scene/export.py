@@ -103,8 +103,16 @@ class ExportSpec:
         apart = self.spectral or form == "coefficients"  # files that compositors take apart
         frames = None if sweep is None or turntable is None else sweep.frames
         for field, refused, problem in (
-            ("shows", form != "exr" and self.shows == "scene", '"scene" is for format = "exr"'),
-            ("bits", form != "png" and self.bits != 8, f'{self.bits} is for format = "png"'),
+            (
+                "shows",
+                form != "exr" and self.shows == "scene",
+                f'"scene" is for format = "exr", not "{form}"',
+            ),
+            (
+                "bits",
+                form != "png" and self.bits != 8,
+                f'{self.bits} is for format = "png", not "{form}"',
+            ),
             (
                 "primaries",
                 form == "png" and self.primaries != "Rec. 709",

@@ -224,9 +224,12 @@ def _update(
             set_key(node, key, defaults[key])
         elif new is None:
             node.pop(key, None)
+        elif key in node and old is None and _are_tables(node[key], new):
+            # Each of its keys said its default.
+            _update(node[key], dict.fromkeys(node[key], ...), new)
         elif key not in node or old is None:
             _set(node, key, new)
-        elif isinstance(old, Mapping) and isinstance(new, Mapping):
+        elif _are_tables(old, new):
             _update(node[key], old, new, defaults.get(key) or {})
         elif _are_rows(old) and _are_rows(new):
             _update_rows(node, key, old, new)
@@ -328,6 +331,10 @@ def _table(table: Mapping[str, Any]) -> Any:
     for key in sorted(table, key=lambda key: key in _HEADED and isinstance(table[key], Mapping)):
         _set(made, key, table[key])
     return made
+
+
+def _are_tables(*values: Any) -> bool:
+    return all(isinstance(value, Mapping) for value in values)
 
 
 def _are_rows(value: Any) -> bool:
