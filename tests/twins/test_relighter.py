@@ -313,7 +313,7 @@ def test_an_unlit_rig_and_other_bad_arguments_are_refused():
         (lambda: RelightSpec(level="abs"), ViewingError, "unknown RelightSpec.level"),
         (lambda: RelightSpec(backdrop=1.2), ViewingError, "range RelightSpec.backdrop"),
         (lambda: RelightSpec(backdrop="grey"), ViewingError, "type RelightSpec.backdrop"),
-        (lambda: RelightSpec(viewing="CIECAM02"), ViewingError, "type RelightSpec"),
+        (lambda: RelightSpec(viewing="CIECAM02"), ViewingError, "type RelightSpec.viewing"),
         (lambda: Relighter(image, backend="vulkan"), RelightError, "unknown Relighter.backend"),
         (lambda: Relighter(image, lut_cache=3), RelightError, "type Relighter.lut_cache"),
         (lambda: Illumination(np.eye(3), [1, 2], np.ones(3)), ShapeError,
