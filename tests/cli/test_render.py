@@ -12,43 +12,24 @@ import numpy as np
 import pytest
 
 from tests.support.commands import call, figures
+from tests.support.scenes import BALL, DAY, SMALL, write_scene_text
 from volspec.errors import OpenCLError
 from volspec.raycast import CoefficientImage
 from volspec.raycast.gpu import Raycaster
-from volspec.volume import phantom
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENE = """
-[volume]
-file = "ball.npy"
-[[material]]
-name = "ball"
-reflectance = "copper"
-[transfer]
-points = [
-    { value = 0.1, opacity = 0.0, material = "ball" },
-    { value = 0.6, opacity = 0.4, material = "ball" },
-]
-[[group]]
+GROUPS = """[[group]]
 name = "key"
 sources = [{ kind = "directional", towards = [0, -1, 1], shadows = true }]
 [[group]]
 name = "sky"
 sources = [{ kind = "ambient" }]
-[[light]]
-name = "day"
-spectrum = "D65"
-[output]
-width = 24
-height = 16
 """
 
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
-    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
-    (tmp_path / "scene.toml").write_text(SCENE)
-    return tmp_path / "scene.toml"
+    return write_scene_text(tmp_path, BALL + GROUPS + DAY + SMALL, 16)
 
 
 def test_render_says_what_it_wrote(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -12,9 +12,9 @@ import numpy as np
 import OpenEXR
 import pytest
 
-import volspec as vs
 from tests.support.errors import raises, refuses
 from tests.support.relighting import box_basis
+from tests.support.scenes import BALL, write_scene_text
 from volspec.appearance import Viewing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.measured import adapting_fields, measured_conditions
@@ -210,18 +210,7 @@ def test_a_file_with_another_field_of_view_is_refused(tmp_path: Path, stored: st
     assert "image.exr" in str(caught.value)
 
 
-SCENE = """
-[volume]
-file = "ball.npy"
-[[material]]
-name = "copper"
-reflectance = "copper"
-[transfer]
-points = [
-  { value = 0.2, opacity = 0.0, material = "copper" },
-  { value = 0.6, opacity = 0.5, material = "copper" },
-]
-[basis]
+SCENE = f"""{BALL}[basis]
 name = "general-7"
 [[light]]
 name = "lamp"
@@ -238,9 +227,7 @@ height = 24
 
 
 def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
-    np.save(tmp_path / "ball.npy", vs.phantom.ball(16).values)
-    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
-    scene = Scene.load(tmp_path / "scene.toml")
+    scene = Scene.load(write_scene_text(tmp_path, SCENE, 16))
     assert (scene.relight.viewing.adapting, scene.relight.viewing.fov_deg) == ("picture", 25.0)
     image = scene.render()
     image.save(tmp_path / "image.exr")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.scenes import BALL, SMALL, write_scene_text
 from volspec.errors import SceneError
 from volspec.pipeline import raycast, relight
 from volspec.raycast import (
@@ -23,23 +24,7 @@ from volspec.scene import Scene, SceneFile
 from volspec.settings import plain, read_table
 from volspec.spectra import light
 from volspec.spectra.lamps import lamp_illuminance_lux
-from volspec.volume import phantom
 
-HEAD = """
-[volume]
-file = "ball.npy"
-[[material]]
-name = "ball"
-reflectance = "copper"
-[transfer]
-points = [
-    { value = 0.1, opacity = 0.0, material = "ball" },
-    { value = 0.6, opacity = 0.4, material = "ball" },
-]
-[output]
-width = 24
-height = 16
-"""
 KEY = '{ kind = "directional", towards = [0, -1, 1], shadows = true, intensity = 2 }'
 GROUPS = f"""
 [[group]]
@@ -72,10 +57,7 @@ def row(name: str, spectrum: str = "D65", group: str = "", more: str = "") -> st
 
 
 def load(folder: Path, text: str) -> Scene:
-    np.save(folder / "ball.npy", phantom.ball(12).values)
-    path = folder / "scene.toml"
-    path.write_text(HEAD + text, encoding="utf-8")
-    return Scene.load(path)
+    return Scene.load(write_scene_text(folder, BALL + SMALL + text))
 
 
 def test_groups_are_cast_as_their_tables_say(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.support.scenes import comments, lines, read
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES as COLOUR_SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.scene import Scene, SceneFile, write_scene
-from volspec.scene.file import scene_data, scene_file
+from volspec.scene.file import scene_file
 from volspec.scene.writing import rebased
 
 SHIPPED = sorted((Path(__file__).resolve().parents[2] / "data" / "scenes").glob("*.toml"))
@@ -104,18 +104,6 @@ CASTS = some(
     crop_voxels=st.tuples(RISING, RISING, RISING),
     clip_planes=st.lists(has({"point_mm": VECTORS, "normal": DIRECTIONS}), max_size=3),
 )
-
-
-def lines(path: Path) -> list[str]:
-    return path.read_text(encoding="utf-8").splitlines()
-
-
-def comments(text: str) -> list[str]:
-    return re.findall(r"(?:^|\s)(# .*)$", text, re.MULTILINE)
-
-
-def read(path: Path) -> SceneFile:
-    return scene_file(scene_data(path), path)
 
 
 @st.composite

@@ -9,35 +9,18 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene, write_scene
 from volspec.scene.specs import SpectrumNumbers
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
-from volspec.volume import phantom
 
-TEXT = """
-[volume]
-file = "ball.npy"
-[[material]]
-name = "ball"
-reflectance = REFLECTANCE
-[transfer]
-points = [
-    { value = 0.1, opacity = 0.0, material = "ball" },
-    { value = 0.6, opacity = 0.4, material = "ball" },
-]
-[[light]]
-name = "day"
-spectrum = LIGHT
-"""
 RAMP = "{ wavelengths_nm = [390, 710], values = [0.2, 0.8] }"
 
 
 def load(folder: Path, spectrum: str = '"D65"', paint: str = '"copper"', more: str = "") -> Scene:
-    np.save(folder / "ball.npy", phantom.ball(12).values)
-    text = TEXT.replace("LIGHT", spectrum).replace("REFLECTANCE", paint) + more
-    (folder / "scene.toml").write_text(text, encoding="utf-8")
-    return Scene.load(folder / "scene.toml")
+    text = BALL.replace('"copper"', paint) + DAY.replace('"D65"', spectrum) + more
+    return Scene.load(write_scene_text(folder, text))
 
 
 def test_numbers_are_what_a_file_of_them_is(tmp_path: Path) -> None:

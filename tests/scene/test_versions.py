@@ -6,38 +6,19 @@ from collections.abc import MutableMapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec.errors import SceneError
 from volspec.scene import Scene, file
-from volspec.volume import phantom
 
-TEXT = """# A ball.
-[volume]
-file = "ball.npy"
-[[material]]
-name = "ball"
-reflectance = "copper"
-[transfer]
-points = [
-    { value = 0.1, opacity = 0.0, material = "ball" },
-    { value = 0.6, opacity = 0.4, material = "ball" },
-]
-# By day.
-[[light]]
-name = "day"
-spectrum = "D65"
-"""
+TEXT = f"# A ball.{BALL}# By day.\n{DAY}"
 
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    np.save(tmp_path / "ball.npy", phantom.ball(12).values)
-    path = tmp_path / "scene.toml"
-    path.write_text(TEXT, encoding="utf-8")
-    return path
+    return write_scene_text(tmp_path, TEXT)
 
 
 def test_a_file_without_a_version_is_of_the_first(path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,9 +11,9 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from tests.support.scenes import comments, lines, read
 from volspec.errors import InputError, SceneError
 from volspec.scene import Scene, SceneFile, write_scene
-from volspec.scene.file import scene_data, scene_file
 from volspec.scene.specs import BasisSpec, CameraSpec, MaterialSpec, OutputSpec
 from volspec.scene.transfer import PointSpec
 from volspec.spectra import Spectrum
@@ -85,18 +84,6 @@ def scene(folder: Path) -> Scene:
 
 def changed(scene: Scene, **update: object) -> SceneFile:
     return replace(scene.file, **update)
-
-
-def lines(path: Path) -> list[str]:
-    return path.read_text(encoding="utf-8").splitlines()
-
-
-def comments(text: str) -> list[str]:
-    return re.findall(r"(?:^|\s)(# .*)$", text, re.MULTILINE)
-
-
-def read(path: Path) -> SceneFile:
-    return scene_file(scene_data(path), path)
 
 
 def test_saving_where_it_was_read_changes_nothing(scene: Scene) -> None:

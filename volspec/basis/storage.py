@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from volspec._files import write_whole
+from volspec._files import require_suffix, write_whole
 from volspec._gpu.sources import asset
 from volspec._parse import parse_json
 from volspec.errors import BasisError, SpectrumError, nearest
@@ -103,10 +103,7 @@ def write(path: str | os.PathLike[str], data: dict[str, Any]) -> None:
 
     Raises BasisError unless the path ends in ``.json``, by which `load` recognises files.
     """
-    if isinstance(path, str | os.PathLike) and Path(path).suffix.lower() != ".json":
-        raise BasisError(
-            f"{os.fspath(path)!r:.80}: bases are JSON; name the file .json", code="unsupported"
-        )
+    require_suffix(path, "bases", ".json", error=BasisError)
     lines = (f"  {json.dumps(key)}: {_rows(value)}" for key, value in data.items())
     with write_whole(path) as temporary:
         temporary.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")

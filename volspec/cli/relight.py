@@ -215,8 +215,6 @@ def _check_kind(
     output: Path, spectral: bool, viewing: PictureOptions, model: str | None, errors: bool
 ) -> None:
     """Refuse an output of the wrong kind, and options that do not apply to it."""
-    from volspec.export.frames import require_png
-
     suffix = output.suffix.lower()
     if not spectral:
         if suffix == ".exr":
@@ -224,7 +222,7 @@ def _check_kind(
                 f"{output}: frames are PNG files; name it .png, or add --spectral for a spectrum "
                 "in every pixel"
             )
-        require_png(output)
+        require_suffix(output, "frames", ".png")
         return
     require_suffix(output, "spectral pictures", ".exr")
     given = {"model": model, "errors": errors or None, **asdict(viewing)}

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._files import write_whole
+from volspec._files import require_suffix, write_whole
 from volspec.appearance.display import colour_space
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ImageError, InputError, VolspecWarning, one_line
@@ -64,7 +64,7 @@ def write_frame(
         Colour space of the codes: ``viewing.display.space``. sRGB is written as PNG's own chunk,
         any other space as an ICC profile, Display P3 also as code points.
     """
-    require_png(path)
+    require_suffix(path, "frames", ".png")
     colours = colour_space(space)
     if not (
         isinstance(frame, np.ndarray)
@@ -86,12 +86,6 @@ def write_frame(
         path, lambda file: PngWriter(file, (width, height), channels, bits, colours, text or {})
     ) as file:
         file.rows(frame)
-
-
-def require_png(path: str | os.PathLike[str]) -> None:
-    """Refuse a name without ``.png``."""
-    if Path(path).suffix.lower() != ".png":
-        raise ImageError(f"{os.fspath(path)}: frames are PNG files", "name it .png", code="type")
 
 
 class RowWriter(Protocol):

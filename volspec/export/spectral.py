@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec._exr import to_half
+from volspec._files import require_suffix
 from volspec.basis import Basis, SpectralBasis
-from volspec.errors import ImageError
 from volspec.export.exr import PRIMARIES, ExrBands, ExrHeader, ExrWriter, encoding_threads
 from volspec.export.frames import row_file
 from volspec.export.tiles import row_strips
@@ -140,10 +140,7 @@ def write_spectral_frame(
     unit in ``emissiveUnits``; R, G and B are for picture viewers. Mode, backdrop, level and
     exposure of ``spec`` apply, adaptation does not.
     """
-    if os.path.splitext(path)[1].lower() != ".exr":
-        raise ImageError(
-            f"{os.fspath(path)}: spectral frames are OpenEXR files", "name it .exr", code="type"
-        )
+    require_suffix(path, "spectral frames", ".exr")
     lit = SpectralIllumination.of(image.basis, light, spec, image.groups)
     header = ExrHeader(image.size, PRIMARIES["Rec. 709"], text, bands=lit.bands)
     with row_file(path, lambda file: ExrWriter(file, header, encoding_threads())) as rows:

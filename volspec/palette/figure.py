@@ -13,7 +13,6 @@ References
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,8 +30,8 @@ from volspec._figures import (
     write,
     write_figure,
 )
+from volspec._files import require_suffix
 from volspec.appearance.spaces import spectrum_colours
-from volspec.errors import ImageError
 from volspec.palette.optimisation import Design
 from volspec.palette.report import CellReport, DesignReport
 from volspec.spectra import SpectralGrid
@@ -86,9 +85,7 @@ def save_palette_figure(
     ImageError
         If the name has another suffix.
     """
-    if Path(path).suffix.lower() not in SUFFIXES:
-        problem = f"{path}: figures are {', '.join(SUFFIXES)} files; name it .png"
-        raise ImageError(problem, code="unsupported", field="path", given=path)
+    require_suffix(path, "figures", *SUFFIXES)
     write_figure(palette_figure(design, report, title), path)
 
 

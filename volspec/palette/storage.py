@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from volspec._files import line_end, write_whole
+from volspec._files import line_end, require_suffix, write_whole
 from volspec._toml import set_key
 from volspec.appearance.profile import is_profile
 from volspec.basis.storage import shipped_names
-from volspec.errors import SpectrumError, visible
+from volspec.errors import PaletteError, SpectrumError, visible
 from volspec.palette.file import palette_file, palette_text
 from volspec.palette.model import Cell, Palette, hexadecimal, parse_colour
 from volspec.palette.optimisation import Design
@@ -61,10 +61,7 @@ def save_palette(
         If the name is not ``.toml``, the source has different spectra, or the file format cannot
         express the viewing or the basis.
     """
-    target = Path(path)
-    if target.suffix.lower() != ".toml":
-        problem = f"{target}: palettes are TOML; name it .toml"
-        raise fault("path", problem, "unsupported", path)
+    target = require_suffix(path, "palettes", ".toml", error=PaletteError)
     palette = palette.palette if isinstance(palette, Design) else palette
     if source is None:
         document, ends = _new_document(palette, comment), "\n"

@@ -23,7 +23,6 @@ import re
 import unicodedata
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -32,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from volspec._exr import Channels, chromaticities, read_exr, write_exr
+from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
 from volspec.basis import basis_from_dict
@@ -134,10 +134,7 @@ def write_image(
 ) -> None:
     """Write an image; see `CoefficientImage.save`."""
     name = os.fspath(path)
-    if Path(path).suffix.lower() != ".exr":
-        raise ImageError(
-            f"{name}: coefficient images are OpenEXR", "name it .exr", code="unsupported"
-        )
+    require_suffix(path, "coefficient images", ".exr")
     header: dict[str, Any] = {
         "volspec:format": FORMAT,
         "volspec:basis": json.dumps(image.basis.to_dict()),

@@ -20,13 +20,13 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec._exr import read_exr, write_exr
+from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra.grid import SpectralGrid, require_grid
@@ -171,10 +171,7 @@ class SpectralImage:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an OpenEXR file (``.exr``) of float channels [1], atomically."""
         name = path_text(path)
-        if Path(name).suffix.lower() != ".exr":
-            raise SpectrumError(
-                f"{name}: spectral images are OpenEXR; use the suffix .exr", code="unsupported"
-            )
+        require_suffix(name, "spectral images", ".exr", error=SpectrumError)
         units = self.notes.get("emissive units", _DEFAULT_UNITS)
         header = spectral_header(self.kind, units) | {"volspec:notes": json.dumps(dict(self.notes))}
         names = spectral_channels(self.kind, self.wavelengths_nm)

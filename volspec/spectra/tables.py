@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._files import write_whole
+from volspec._files import require_suffix, write_whole
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra.spectrum import Spectrum
 
@@ -229,10 +229,7 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
         If the name does not end in ``.csv``, or the folder is not writable.
     """
     name = path_text(path)
-    if Path(name).suffix.lower() != ".csv":
-        raise SpectrumError(
-            f"{name}: spectra are written as text tables; use the suffix .csv", code="unsupported"
-        )
+    require_suffix(name, "spectra", ".csv", error=SpectrumError)
     lines = [
         f"# {key}: {' '.join(value.split())}"
         for key, value in spectrum.notes.items()

@@ -27,7 +27,7 @@ from pydantic import Field
 
 from volspec import __version__
 from volspec._deprecated import renamed_keyword
-from volspec._files import write_whole
+from volspec._files import require_suffix, write_whole
 from volspec.errors import ImageError, ShapeError
 from volspec.export.animation import turntable_cameras
 from volspec.export.page import payload
@@ -117,8 +117,7 @@ def write_page(
     int
         Bytes written.
     """
-    if Path(path).suffix.lower() not in (".html", ".htm"):
-        raise ImageError(f"{os.fspath(path)}: pages are HTML files", "name it .html", code="type")
+    require_suffix(path, "pages", ".html", ".htm")
     data = page_html(views, lights, relight_spec, spec).encode("utf-8")
     with write_whole(path) as temporary:
         temporary.write_bytes(data)

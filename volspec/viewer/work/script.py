@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 
 import volspec
-from volspec._files import write_whole
+from volspec._files import require_suffix, write_whole
 from volspec.basis import MaterialBasis
-from volspec.errors import InputError, SpectrumError, ViewingError
+from volspec.errors import SpectrumError, ViewingError
 from volspec.export.frames import file_stem
 from volspec.export.recipes import python_text
 from volspec.scene.file import SceneFile
@@ -47,9 +47,7 @@ def export_python(state: ViewState, path: str | os.PathLike[str]) -> Path:
     Raises VolspecError if the name is not ``.py``, if nothing can be written there, or as
     `script_from_state` does.
     """
-    target = Path(path)
-    if target.suffix.lower() != ".py":
-        raise InputError(f"{target}: a script is Python; name it .py", code="unsupported")
+    target = require_suffix(path, "scripts", ".py")
     basis_file = target.with_suffix(".basis.json")
     text = script_from_state(state, basis_file.name)
     if f"with_name({python_text(basis_file.name)})" in text:
