@@ -1,4 +1,4 @@
-"""How good are bases, and how long does a fit take? ``python -m benchmarks.basis``.
+"""Colour error of bases, and time of a fit: ``python -m benchmarks.basis``.
 
 CIEDE2000 against 31 bands: trained on the 128 training reflectances, measured on the 84 held-out
 ones, with the light as white; then the general bases on reflectances that were not used in their

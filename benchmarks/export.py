@@ -1,4 +1,4 @@
-"""What does an export gain by casting once, and does it survive being killed?
+"""Gain of an export from casting once, and its state after being killed.
 
 One export of many lights × one camera, against a cast per light; neither encodes files. An export
 killed at random times and repeated until done must leave the same bytes as an undisturbed one.
@@ -121,7 +121,7 @@ def survived(kills: int, size: tuple[int, int], frames: int = 24) -> int:
             return export
 
         run("warm")
-        # By a clock: the manifest is written again at the end, so that its date tells nothing.
+        # By a clock: the manifest is written again at the end, so its date says nothing.
         whole, started = begun("whole"), time.perf_counter()
         if whole.wait():
             raise subprocess.CalledProcessError(whole.returncode, whole.args)

@@ -24,7 +24,7 @@ class Target:
         Returns valid files, as bytes.
     file : str
         Name of the mutated file, in a folder of its own; its suffix often selects the reader.
-    beside : callable
+    companions : callable
         Returns the other files in that folder, as {name: bytes}.
     opens : str
         Argument of ``read``, relative to the folder: ``"."`` is the folder itself; by default the
@@ -45,7 +45,7 @@ class Target:
     read: Callable[[Path], object]
     seeds: Callable[[], Iterable[bytes]]
     file: str = "input"
-    beside: Callable[[], Mapping[str, bytes]] = dict
+    companions: Callable[[], Mapping[str, bytes]] = dict
     opens: str = ""
     tokens: tuple[bytes, ...] = ()
     most: int = 1 << 14
@@ -55,7 +55,7 @@ class Target:
 
     def lay_out(self, folder: Path) -> None:
         """Write the files next to the mutated one."""
-        for name, data in self.beside().items():
+        for name, data in self.companions().items():
             path = folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(data)

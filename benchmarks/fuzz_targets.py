@@ -3,7 +3,7 @@
     valid files -> [fuzz_targets] -> fuzz, tests/fuzz/test_fuzz.py
 
 Readers of other libraries are rows of the same table, `TARGETS`. Files that they read in addition
-to the mutated file (the other slices of a folder, the chunks of a store) are `Target.beside`.
+to the mutated file (the other slices of a folder, the chunks of a store) are `Target.companions`.
 """
 
 from __future__ import annotations

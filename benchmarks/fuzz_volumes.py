@@ -247,7 +247,7 @@ def volumes() -> Mapping[str, Target]:
     packed_nrrd, packed_mha = (_itk(f"v.{e}", _SHORTS, packed=True) for e in ("nrrd", "mha"))
     nifti, packed_nifti = _itk("v.nii", _SHORTS, _FLOATS), _itk("v.nii.gz", _SHORTS, _FLOATS)
     texts = b"shape=5x4x3&dtype=int16", b"shape=4x3x5&dtype=uint8&order=big&offset=3&spacing=1,2,3"
-    beside = {"v.raw": _SHORTS.tobytes()}
+    companions = {"v.raw": _SHORTS.tobytes()}
 
     def slices() -> Mapping[str, bytes]:
         return {name: data for name, data in _dicom().items() if name != "s0.dcm"}
@@ -264,9 +264,9 @@ def volumes() -> Mapping[str, Target]:
 
     return {
         "nrrd": whole(lambda: [*nrrd(), *packed_nrrd()], "v.nrrd", _NRRD),
-        "nhdr": whole(_itk("v.nhdr", _SHORTS), "v.nhdr", _NRRD, beside=lambda: beside),
+        "nhdr": whole(_itk("v.nhdr", _SHORTS), "v.nhdr", _NRRD, companions=lambda: companions),
         "mha": whole(lambda: [*mha(), *packed_mha()], "v.mha", _META),
-        "mhd": whole(_itk("v.mhd", _SHORTS), "v.mhd", _META, beside=lambda: beside),
+        "mhd": whole(_itk("v.mhd", _SHORTS), "v.mhd", _META, companions=lambda: companions),
         "nii": whole(nifti, "v.nii"),
         "nii.gz": whole(packed_nifti, "v.nii.gz"),
         "vti": whole(_vti, "v.vti", _VTI),
@@ -274,12 +274,12 @@ def volumes() -> Mapping[str, Target]:
         "npy": Target(_load, _npy, "v.npy", tokens=(b"'descr'", b"'shape': (", b"'|O'", b"((")),
         "raw": Target(_load_raw, lambda: texts, "query", tokens=(b"&dtype=", b"x", b"&time=1")),
         "tiff": whole(_tiff, "v.tif", (b"II*\0", b"MM\0*", b"<OME", b"ImageJ=")),
-        "dicom": whole(lambda: [_dicom()["s0.dcm"]], "s0.dcm", beside=slices, opens="."),
-        "png": whole(_png, "s0.png", (b"IHDR", b"IDAT"), beside=pictures, opens="."),
-        "zarr-2": whole(*store(2, "0/.zarray"), _ZARR, beside=parts(2), opens="z.zarr"),
-        "zarr-3": whole(*store(3, "0/zarr.json"), _ZARR, beside=parts(3), opens="z.zarr"),
-        "zarr-group": whole(*store(3, "zarr.json"), _ZARR, beside=parts(3), opens="z.zarr"),
-        "zarr-chunk": whole(*store(3, "0/c/0/0/0"), (), beside=parts(3), opens="z.zarr"),
+        "dicom": whole(lambda: [_dicom()["s0.dcm"]], "s0.dcm", companions=slices, opens="."),
+        "png": whole(_png, "s0.png", (b"IHDR", b"IDAT"), companions=pictures, opens="."),
+        "zarr-2": whole(*store(2, "0/.zarray"), _ZARR, companions=parts(2), opens="z.zarr"),
+        "zarr-3": whole(*store(3, "0/zarr.json"), _ZARR, companions=parts(3), opens="z.zarr"),
+        "zarr-group": whole(*store(3, "zarr.json"), _ZARR, companions=parts(3), opens="z.zarr"),
+        "zarr-chunk": whole(*store(3, "0/c/0/0/0"), (), companions=parts(3), opens="z.zarr"),
         "nrrd-header": header(_header, lambda: [*nrrd(), *packed_nrrd()], "v.nrrd", _NRRD),
         "meta-header": header(_header, lambda: [*mha(), *packed_mha()], "v.mha", _META),
         "nifti-header": header(_header, nifti, "v.nii"),

@@ -1,4 +1,4 @@
-"""How fast is a GPU? ``python -m benchmarks.gpu [--device NAME]``.
+"""Speed of a GPU: ``python -m benchmarks.gpu [--device NAME]``.
 
 Casts the engine with one ray per work-item, and for comparison on PoCL if installed; prints
 milliseconds and pictures per second, and writes a row to the table of devices in
@@ -58,7 +58,9 @@ def recorded(text: str, record: Record) -> str:
     return replaced(text, TABLE, "\n" + HEAD + "\n".join([*kept, record.line()]) + "\n")
 
 
-def measured(scene: BenchScene, caster: Raycaster, beside: Raycaster | None) -> tuple[str, ...]:
+def measured(
+    scene: BenchScene, caster: Raycaster, pocl_caster: Raycaster | None
+) -> tuple[str, ...]:
     """Return the cells, with the ratio to the peer if there is one."""
     cells = []
     for label, size in SIZES.items():
@@ -67,10 +69,12 @@ def measured(scene: BenchScene, caster: Raycaster, beside: Raycaster | None) -> 
             def cast(which: Raycaster, size=size, spec=spec) -> object:
                 return raycast(scene.volume, scene.transfer, scene.camera, size, spec, caster=which)
 
-            pairs = in_turn(lambda: cast(caster), lambda: cast(beside) if beside else None)
+            pairs = in_turn(
+                lambda: cast(caster), lambda: cast(pocl_caster) if pocl_caster else None
+            )
             ms = float(np.median(pairs[:, 0]))
             gain = float(np.median(pairs[:, 1] / pairs[:, 0]))
-            ratio = f", PoCL × {gain:.1f}" if beside else ""
+            ratio = f", PoCL × {gain:.1f}" if pocl_caster else ""
             cells.append(f"{ms:.1f} ms, {1e3 / ms:.3g}/s{ratio}")
             print(f"{kind} {label}: {cells[-1]}", flush=True)
     return tuple(cells)
@@ -87,10 +91,10 @@ def main() -> None:
     info = found[number]
     caster = Raycaster(scene.volume, device=str(number), lanes=1)
     pocl = (i for i, d in enumerate(found) if d.platform == POCL and i != number)
-    beside = next((Raycaster(scene.volume, device=str(i)) for i in pocl), None)
+    pocl_caster = next((Raycaster(scene.volume, device=str(i)) for i in pocl), None)
     driver = f"{info.platform} {all_devices()[number].driver_version.strip()}"
-    print(f"{info.name} ({driver})" + (f" beside {beside.device}" if beside else ""))
-    cells = measured(scene, caster, beside)
+    print(f"{info.name} ({driver})" + (f" next to {pocl_caster.device}" if pocl_caster else ""))
+    cells = measured(scene, caster, pocl_caster)
     date = datetime.now(UTC).date().isoformat()
     record = Record(info.name, driver, date, commit(), cells)
     PAGE.write_text(recorded(PAGE.read_text(encoding="utf-8"), record), encoding="utf-8")

@@ -175,8 +175,8 @@ def jobs(inputs: Path) -> Iterator[Job]:
         )
     opened = Scene.load(scene)
     # The page and the sheet show the time taken.
-    told = ("report.json", "sheet.png")
-    yield Job("demo", lambda out: run_demo(opened, out, lambda *_: None), varies=told)
+    varying = ("report.json", "sheet.png")
+    yield Job("demo", lambda out: run_demo(opened, out, lambda *_: None), varies=varying)
     yield command("appearance", "appearance", "--image", image, "-o", "OUT/models.png")
     basis = ("-o", "OUT/basis.json", "--figure", "OUT/basis.png")
     yield command("basis", "basis", "general-5", "--reflectances", "patches", *basis)

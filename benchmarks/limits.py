@@ -1,4 +1,4 @@
-"""How far is a cast from the machine's limits? ``python -m benchmarks.limits``.
+"""Distance of a cast from the machine's limits: ``python -m benchmarks.limits``.
 
 Samples are counted on the host: every step of a ray in a brick that may be visible, until the ray
 ends (one pixel in 64). Three small kernels measure the machine's roofs. The cost of a sample is

@@ -1,4 +1,4 @@
-"""How much memory does a cast need besides the volume? On the chest CT, or the largest available.
+"""Memory of a cast besides the volume, on the chest CT or the largest volume available.
 
 A separate process loads the volume, casts a corner of it (to load compilers and libraries) and then
 measures the bytes of live OpenCL buffers and the growth of its resident memory, at the peak and
@@ -87,12 +87,12 @@ def measured(name: str) -> dict[str, int]:
     gc.collect()
     images = image.coefficients.nbytes + image.alpha.nbytes + image.depth_mm.nbytes
     copy = volume.values.nbytes if ledger.largest >= volume.values.nbytes else 0
-    beside = {
+    tables = {
         "device": ledger.peak - copy,
         "peak": max(0, resident("VmHWM") - before - copy - images),
         "kept": max(0, resident("VmRSS") - before - copy - images),
     }
-    return {"volume": volume.values.nbytes, "images": images, **beside}
+    return {"volume": volume.values.nbytes, "images": images, **tables}
 
 
 def figures() -> Iterator[Figure]:

@@ -1,4 +1,4 @@
-"""How fast is a palette redesigned, and how close do its colours come to their targets?
+"""Time of a palette's redesign, and distance of its colours from their targets.
 
 ``python -m tools.palette_figures`` draws figures 3 and 4 of [1], and the tables of
 ``docs/gallery/palette-evaluation.md`` (minutes).

@@ -1,4 +1,4 @@
-"""How accurate are reflectances made from colours? ``python -m benchmarks.recovery``.
+"""Accuracy of reflectances made from colours: ``python -m benchmarks.recovery``.
 
 A reflectance is made from the XYZ of a test reflectance under D65, and the two are compared under
 A and FL11. Tests are the ColorChecker, which is not among the base spectra; then Vrhel's natural

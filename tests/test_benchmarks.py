@@ -1,4 +1,4 @@
-"""What the benchmarks stand on: their scenes, their arithmetic, their page; nothing is timed."""
+"""Foundations of the benchmarks: scenes, arithmetic, page; nothing is timed."""
 
 from __future__ import annotations
 

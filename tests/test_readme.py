@@ -1,4 +1,4 @@
-"""The README's example is pasted into Python as it stands."""
+"""The README's example is pasted into Python unchanged."""
 
 from __future__ import annotations
 

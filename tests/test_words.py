@@ -15,6 +15,14 @@ from tools.source_metrics import OPENINGS, WORDS, definitions
 
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = sorted((ROOT / "volspec").rglob("*.py"))
+# The list itself is in one of the tools.
+SOURCES = [
+    *MODULES,
+    *(ROOT / "tests").rglob("*.py"),
+    *(ROOT / "benchmarks").rglob("*.py"),
+    *(ROOT / "examples").rglob("*.py"),
+    *(path for path in (ROOT / "tools").rglob("*.py") if path.name != "source_metrics.py"),
+]
 SHADERS = sorted(
     path
     for folder in ("kernels", "shaders")
@@ -34,7 +42,7 @@ def prose(path: Path) -> Iterator[tuple[int, str]]:
 
 def test_docstrings_open_with_an_imperative_or_a_noun_phrase():
     found = []
-    for path in MODULES:
+    for path in SOURCES:
         for node in definitions(ast.parse(path.read_text(encoding="utf-8"))):
             text = ast.get_docstring(node) or ""
             if OPENINGS.match(text):
@@ -46,7 +54,7 @@ def test_docstrings_open_with_an_imperative_or_a_noun_phrase():
 def test_no_module_uses_a_word_of_the_list():
     found = [
         f"{path.relative_to(ROOT)}:{line}: {word.group()}"
-        for path in MODULES
+        for path in SOURCES
         for line, text in prose(path)
         for word in WORDS.finditer(text)
     ]

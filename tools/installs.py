@@ -57,9 +57,11 @@ def check_index() -> list[str]:
     for what, extras in {"": (), ", all extras": ("--all-extras",)}.items():
         for system in SYSTEMS:
             found = {python: resolves(system, python, *extras) for python in PYTHONS}
-            cells = "".join(f"{'no' if told else 'yes':>6}" for told in found.values())
+            cells = "".join(f"{'no' if message else 'yes':>6}" for message in found.values())
             print(f"{system + what:<28}{cells}", flush=True)
-            failures += [f"{system}{what}, {p}: {told}" for p, told in found.items() if told]
+            failures += [
+                f"{system}{what}, {p}: {message}" for p, message in found.items() if message
+            ]
     return failures
 
 

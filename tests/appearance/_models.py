@@ -60,6 +60,6 @@ def worst(ours: np.ndarray, theirs: np.ndarray, XYZ: np.ndarray, limit: float, w
 
 
 def worst_hue(ours, theirs, XYZ: np.ndarray, limit: float) -> None:
-    """As `worst`, in degrees times chroma: a neutral has any hue."""
+    """Same as `worst`, in degrees times chroma: a neutral has any hue."""
     turn = np.abs((ours.h - theirs.h + 180.0) % 360.0 - 180.0) * np.minimum(ours.C, 1.0)
     worst(turn, np.zeros_like(turn), XYZ, limit, "h")

@@ -115,7 +115,7 @@ def test_too_bright_greys_become_the_displays_white(seen):
 
 
 def test_ramps_out_of_the_gamut_are_continuous(seen):
-    """From grey through the border to Rec. 2020's corners and far beyond white: no jump.
+    """Colours from grey through the border to Rec. 2020's corners and far beyond white: no jump.
 
     A jump would stay as it is on a finer ramp. Eight times as fine, steps become an eighth,
     but near Rec. 2020's red, where a response passes 0 and its power 0.42 has no slope: 0.42.

@@ -1,4 +1,4 @@
-"""Where a model is defined: a mask for every colour, and within it the inverse comes back."""
+"""Domain of a model: a mask for every colour, inside which the inverse returns the colour."""
 
 import numpy as np
 import pytest
@@ -99,7 +99,7 @@ def test_inverse_of_what_nothing_looks_like_is_nan(each):
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)
 @pytest.mark.parametrize("where", ENDS)
 def test_inverse_gives_what_is_defined_and_looks_so_or_nan(name, where):
-    """Of looks down to the faintest and to the most chromatic."""
+    """Appearances down to the faintest and to the most chromatic."""
     conditions, model, rng = ENDS[where], APPEARANCE_MODELS[name], np.random.default_rng(3)
     J, C, h = rng.uniform([0.0, 0.0, 0.0], [140.0, 200.0, 360.0], (8000, 3)).T
     J[:1000], C[500:2000] = 10.0 ** rng.uniform(-9, 0, 1000), 10.0 ** rng.uniform(-6, 1, 1500)

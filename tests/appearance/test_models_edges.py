@@ -131,7 +131,7 @@ def test_example_of_the_docs_runs_as_written():
 def test_unknown_model_is_refused_with_a_guess():
     assert model("Nayatani95") is nayatani95
     assert {each.NAME for each in APPEARANCE_MODELS.values()} == set(APPEARANCE_MODELS)
-    # What a viewing may ask for is told, and has a note in the picture of all.
+    # Every setting of a viewing is reported, and noted in the comparison picture.
     assert sorted(VIEWED) == sorted([*APPEARANCE_MODELS, *ADAPTATIONS]) == sorted(NOTES)
     with raises(ViewingError, "unknown", "appearance model") as caught:
         model("nayatani")

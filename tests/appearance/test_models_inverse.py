@@ -81,7 +81,7 @@ def test_nayatani_with_settings_goes_both_ways():
 
 
 def test_nayatani_strength_of_chroma_is_above_0_at_every_hue():
-    """E_s(θ) of eq. 116-118 stands below a fraction in the inverse."""
+    """E_s(θ) of eq. 116-118 is a denominator in the inverse."""
     assert nayatani95._strength(np.linspace(0.0, 360.0, 3601)).min() > 0.3
 
 

@@ -1,4 +1,4 @@
-"""Where a model's inverse knows nothing: the nearest it knows, without a jump."""
+"""Nearest colour outside the domain of a model's inverse, without a jump."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def largest_step(shown):
 
 
 def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
-    """From grey to blues and to black: finer steps are smaller ones, as for no jump."""
+    """Paths from grey to blues and to black: finer steps are smaller ones, as for no jump."""
     ends = np.array([[20.0, -2.0, 110.0], [15.0, 1.0, 90.0], [10.1, 2.2, 50.0], [0.0, 0.0, 0.0]])
     start = 0.2 * np.asarray(D65)
 

@@ -46,7 +46,7 @@ def fits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 @pytest.fixture
 def quick(fits: list[int], monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """As `fits`, of a fit that takes no time."""
+    """Same as `fits`, with a fit that takes no time."""
 
     def fit(*given: Any, grid: SpectralGrid, **named: Any) -> SpectralBasis:
         fits.append(1)

@@ -219,7 +219,7 @@ def test_a_mark_of_byte_order_is_read_over(tmp_path: Path) -> None:
 
 
 def test_the_library_trains_components_on_smooth_lights() -> None:
-    """With virtual sensors its recipe is that of the shipped bases (test_colour)."""
+    """Virtual sensors: the recipe is that of the shipped bases (test_colour)."""
     assert "spiky" not in fit_library(5, "pca").trained_on
     with raises(BasisError, "unknown"):
         fit_library(5, lights="bright")

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def noted_fits(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
-    """What every fit is asked for; it gives a few channels at once, with these settings."""
+    """Record the arguments of each fit, which returns a few channels at once."""
     asked: list[dict[str, Any]] = []
     quick = SpectralBasis.fit
 
@@ -57,7 +57,7 @@ def scene(tmp_path: Path) -> str:
 
 @pytest.fixture(scope="module")
 def general() -> dict:
-    """What the command reports without a subject."""
+    """Report of the command without a subject."""
     with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as complaints:
         assert call("--json") == 0
     assert complaints.getvalue() == ""

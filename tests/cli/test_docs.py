@@ -1,4 +1,4 @@
-"""What the guide shows a command print is what it prints."""
+"""Commands in the guide print what it shows."""
 
 from __future__ import annotations
 

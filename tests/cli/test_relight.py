@@ -147,7 +147,7 @@ def test_a_setting_is_one_light_among_several(tmp_path: Path) -> None:
 def test_a_light_stays_one_whatever_its_file_is_called(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Here both a group's name stands before the first = and ; is in the name."""
+    """A group's name before the first =, and a ; in the file's name."""
     monkeypatch.chdir(tmp_path)
     chart = write_grouped_image(tmp_path / "chart.exr")
     Path("key=A; fill=D65.csv").write_text("390,1\n710,5\n")
@@ -198,7 +198,7 @@ def test_a_warning_tells_when_one_pixel_in_twenty_is_off_by_three(
 def test_lux_of_the_scene_s_lights_are_told_and_can_be_given(
     level: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What the note says to add gives the picture that an export has."""
+    """Options suggested by the note give the picture of an export."""
     image = CoefficientImage.load(write_image(tmp_path / "chart.exr"))
     noted = replace(image, notes={"viewing": f'{{"level": "{level}", "exposure": 0.8}}'})
     rig = LightRig((light("A"),), illuminance_lux=(500.0,))

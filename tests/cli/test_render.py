@@ -64,8 +64,8 @@ def test_a_device_that_refuses_is_told_in_one_line(
 TELLING_BANDS = (
     "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     "from volspec.raycast.row_batches import RowBatches; fetch = RowBatches._fetch\n"
-    "def told(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
-    "RowBatches._fetch = told; from volspec.cli import main; main()"
+    "def fetch_and_print(*a): fetch(*a); sys.stdout.write('band\\n'); sys.stdout.flush()\n"
+    "RowBatches._fetch = fetch_and_print; from volspec.cli import main; main()"
 )
 
 

@@ -1,4 +1,4 @@
-"""How `volspec relight` looks at a picture: options in place of what its scene says."""
+"""Viewing options of `volspec relight`, which replace the scene's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""As much of ``bpy`` as the shipped script asks for, evaluated as Blender does."""
+"""Subset of ``bpy`` that the shipped script uses, evaluated as Blender does."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class Socket:
-    """Of a node: what it is linked to, or holds."""
+    """Socket of a node: its link, or its value."""
 
     def __init__(self, read: Callable[[], Any] | None = None) -> None:
         self.default_value, self.read = 0.0, read
@@ -24,7 +24,7 @@ class Socket:
 
 
 class Node:
-    """Of a kind, with its sockets."""
+    """Node of a kind, with its sockets."""
 
     def __init__(self, kind: str, pixels: dict[str, NDArray[Any]]) -> None:
         self.kind, self.layer, self.operation, self.label = kind, "", "", ""

@@ -1,4 +1,4 @@
-"""Frames that show nothing: told once, and only where it is so."""
+"""Frames that show nothing: reported once, and only those."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_many_frames_and_their_strips_are_one_warning(
     assert {"lit/0000.png", "black", "2"} <= set(str(only.message).split())
 
 
-def told(pixels: np.ndarray, alpha: np.ndarray) -> list[str]:
+def messages(pixels: np.ndarray, alpha: np.ndarray) -> list[str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         blanks = BlankFrames("exposure")
@@ -64,18 +64,20 @@ def told(pixels: np.ndarray, alpha: np.ndarray) -> list[str]:
 def test_of_what_is_covered_all_but_a_thousandth_must_be_blank() -> None:
     frame, opaque = np.zeros((100, 100, 3), np.uint8), np.ones((100, 100))
     frame.reshape(-1, 3)[:10] = 9
-    assert ["black" in message for message in told(frame, opaque)] == [True]
+    assert ["black" in message for message in messages(frame, opaque)] == [True]
     frame.reshape(-1, 3)[10] = 9
-    assert told(frame, opaque) == []
+    assert messages(frame, opaque) == []
     frame[:50] = 77
-    assert len(told(frame, opaque * (np.arange(100) >= 50)[:, None])) == 1, "backdrop counts not"
-    assert told(frame, 0 * opaque) == [], "an empty picture is told by its cast"
+    assert len(messages(frame, opaque * (np.arange(100) >= 50)[:, None])) == 1, (
+        "backdrop counts not"
+    )
+    assert messages(frame, 0 * opaque) == [], "an empty picture is reported by its cast"
 
 
 def test_a_saturated_colour_is_clipped_where_no_channel_has_a_shade_left() -> None:
     opaque = np.ones((4, 4))
-    assert "clipped" in told(np.full((4, 4, 3), (255, 255, 0), np.uint8), opaque)[0]
-    assert told(np.full((4, 4, 3), (255, 200, 0), np.uint8), opaque) == []
+    assert "clipped" in messages(np.full((4, 4, 3), (255, 255, 0), np.uint8), opaque)[0]
+    assert messages(np.full((4, 4, 3), (255, 200, 0), np.uint8), opaque) == []
     half = np.full((4, 4, 4), 0.5, np.float32)
-    assert "clipped" in told(half, opaque / 2)[0], "white times its opacity"
-    assert told(half, opaque) == []
+    assert "clipped" in messages(half, opaque / 2)[0], "white times its opacity"
+    assert messages(half, opaque) == []

@@ -1,4 +1,4 @@
-"""Films: the frames' colours, told to players; whole or not at all."""
+"""Films: the frames' colours, tagged for players; whole or not at all."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from volspec.export.film import write_film
 
 
 def probe(path: Path) -> str:
-    """What ffmpeg says of a film."""
+    """Report of ffmpeg on a film."""
     from imageio_ffmpeg import get_ffmpeg_exe
 
     command = [get_ffmpeg_exe(), "-hide_banner", "-i", str(path)]
@@ -52,7 +52,7 @@ def test_a_film_has_the_frames_colours_and_says_what_they_are(
     made.export(tmp_path / "frames", **settings)
     expected = np.asarray(Image.open(tmp_path / "frames" / "lamp" / "0000.png")).astype(int)
     shown = first_frame(film, (64, 48)).astype(int)
-    # Chroma is shared by four pixels; the mean tells a wrong matrix, range or curve.
+    # Chroma is shared by four pixels; the mean reveals a wrong matrix, range or curve.
     off = (shown - expected).mean(axis=(0, 1))
     assert np.abs(off).max() < 3, off
     said = probe(film)

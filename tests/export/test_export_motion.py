@@ -1,4 +1,4 @@
-"""Between keyframes: smooth, level, never beyond the keys; what they cost in casts."""
+"""Interpolation of keyframes: smooth, level, never beyond the keys; cost in casts."""
 
 from __future__ import annotations
 
@@ -456,5 +456,5 @@ def test_a_scene_with_an_export_is_written_back_as_it_was(scene: Make) -> None:
     text = made.path.with_name("written.toml").read_text()
     assert "# Why." in text and "fps = 12.5 # slow" in text
     assert Scene.load(made.path.with_name("written.toml")).file == file
-    write_scene(file, made.path.with_name("anew.toml"))
-    assert Scene.load(made.path.with_name("anew.toml")).file == file
+    write_scene(file, made.path.with_name("again.toml"))
+    assert Scene.load(made.path.with_name("again.toml")).file == file

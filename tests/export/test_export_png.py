@@ -1,4 +1,4 @@
-"""PNG as written here: read back by others to the last bit, colours told, whole or not at all."""
+"""PNG as written here: read back by others to the last bit, colours tagged, whole or not at all."""
 
 from __future__ import annotations
 

@@ -25,12 +25,12 @@ KILLED = """
 import os, signal, sys
 from volspec.scene import Scene
 
-def tell(step, share):
+def report(step, share):
     if step == "export" and share >= float(sys.argv[3]):
         os.kill(os.getpid(), signal.SIGKILL)
 
 Scene.load(sys.argv[1]).export(
-    sys.argv[2], turntable={"frames": 4}, lights=["day", "lamp"], progress=tell
+    sys.argv[2], turntable={"frames": 4}, lights=["day", "lamp"], progress=report
 )
 """
 
@@ -58,7 +58,7 @@ def test_a_killed_export_goes_on_and_leaves_the_same_bytes(scene: Make, tmp_path
         assert process.wait(60) == -signal.SIGKILL
         folder = tmp_path / name
         there = contents(folder)
-        del there["export.json"]  # it tells sizes when all is done
+        del there["export.json"]  # it lists sizes when all is done
         for path, data in there.items():
             assert data == expected[path], "what is there is whole"
         assert "sheet.png" not in there

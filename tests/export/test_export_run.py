@@ -1,4 +1,4 @@
-"""What stands in exported frames: what relighting one cast gives, in any file and size."""
+"""Pixels of exported frames: those of relighting one cast, in any file and size."""
 
 from __future__ import annotations
 
@@ -156,8 +156,8 @@ def test_white_is_white_in_all_primaries(name: str, scene: Make, tmp_path: Path)
         assert white == pytest.approx([1, 1, 1], abs=1e-12)
     scene().export(tmp_path, lights=["day"], format="exr", primaries=name, size=(8, 8))
     header, _ = read_exr(tmp_path / "day.exr", ImageError)
-    told = [v for xy in (*to.primaries_xy, to.white_xy) for v in xy]
-    assert header["chromaticities"] == pytest.approx(told, rel=1e-6)
+    chromaticities = [v for xy in (*to.primaries_xy, to.white_xy) for v in xy]
+    assert header["chromaticities"] == pytest.approx(chromaticities, rel=1e-6)
     assert header["volspec:light"] == "day"
 
 

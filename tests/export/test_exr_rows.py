@@ -102,8 +102,8 @@ def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path: Path
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, before[1]))  # as if it were full there
     try:
-        told = raises(InputError, "unwritable")
-        with told, exr_file(path, header) as file:
+        refused = raises(InputError, "unwritable")
+        with refused, exr_file(path, header) as file:
             file.rows(picture((64, 50), 3, noise=True))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -1,4 +1,4 @@
-"""Files that appear whole: their permissions, whoever else writes."""
+"""Files that appear whole: their permissions, with other writers."""
 
 from __future__ import annotations
 
@@ -194,7 +194,7 @@ def test_files_are_whole_where_no_lock_can_be_had(
 
 
 def test_windows_locks_do_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """By its calls and its order of steps; what holds the locks here are those of Unix."""
+    """Check the calls and their order, with Unix's locks in place of Windows'."""
 
     def locking(handle: int, mode: int, count: int) -> None:
         try:

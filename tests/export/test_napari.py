@@ -1,6 +1,6 @@
 """napari's reader and dock, without napari: what they return, and what a slider does.
 
-Stand-ins offer what is used of napari 0.9 and magicgui 0.10, with which the two were tried.
+Fakes offer what is used of napari 0.9 and magicgui 0.10, with which both were tested.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Slider:
 
 @pytest.fixture
 def layers(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """The layers of a viewer; what is put into ``selection.active`` is told by ``emit``."""
+    """The layers of a viewer; ``emit`` reports what is put into ``selection.active``."""
     selection = SimpleNamespace(active=None, events=SimpleNamespace(active=Signal()))
     viewer = SimpleNamespace(layers=SimpleNamespace(selection=selection))
     widgets = SimpleNamespace(Container=list, FloatSlider=Slider, Label=SimpleNamespace)
@@ -89,7 +89,7 @@ def test_an_image_opens_with_lights_to_weigh(tmp_path: Path, scene: Make) -> Non
     ((data, settings, _),) = napari.read_layers(str(tmp_path / "ball.exr"))
     assert data.shape == (24, 32, 3) and settings["name"] == "ball"
     assert list(settings["metadata"]["weights"].values()) == [1.0, 0.0, 0.0, 0.0]
-    # Its stand-ins have no lux to be held against each other by.
+    # The fakes have no lux to be compared by.
     scene('[viewing]\nlevel = "absolute"\n').render().save(tmp_path / "lux.exr")
     assert np.array_equal(napari.read_layers(str(tmp_path / "lux.exr"))[0][0], data)
 

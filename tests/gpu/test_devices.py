@@ -215,7 +215,7 @@ def test_doctor_lists_devices_that_fail_next_to_the_one_that_works(put_devices: 
 def test_intel_s_wheel_is_registered_while_the_loader_looks(
     system: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """With a fake of the wheel: the variables' values, and that nothing stays."""
+    """Fake the wheel: the variables' values, and that nothing stays."""
     library = tmp_path / "libintelocl.so"
     (tmp_path / "vendors").mkdir()
     driver = "libgpu.so"

@@ -71,13 +71,13 @@ def seen(lab: Lab, size: tuple[int, int]) -> NDArray[np.uint8]:
 
 
 def clear(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """What neither label, buttons nor the probe's card stand before."""
+    """Crop the picture to what labels, buttons and the probe's card leave visible."""
     height, width = frame.shape[:2]
     return frame[height // 4 : -height // 4, 7 * width // 16 :]
 
 
 def shows(lab: Lab, wanted: NDArray[np.uint8]) -> bool:
-    """Whether a picture is seen, once a browser that is slow has drawn all of it."""
+    """Return True if a picture is visible, once a slow browser has drawn all of it."""
     size = wanted.shape[1], wanted.shape[0]
     pictures = (seen(lab, size) for _ in range(20))
     return any(mean_difference(clear(each), clear(wanted)) <= NEAR for each in pictures)
@@ -101,7 +101,7 @@ def test_one_picture_goes_to_and_fro(
     lab.frame.locator("#picture").click(position={"x": 300, "y": 250})
     card = lab.frame.locator("#probe-rows dd")
     place, XYZ = (card.nth(k).text_content() for k in (0, 2))
-    # The page tells up to ten times a second: a cell run at once may be before the click.
+    # The page reports up to ten times a second: a cell run at once may be before the click.
     answers = (json.loads(lab.run(1)) for _ in range(20))
     weights, _, probe, probed = next(answer for answer in answers if answer[2])
     assert weights["D65"] == 1.0 and abs(weights["A"] - 0.5) < 0.1 and weights["HP1"] == 0.0

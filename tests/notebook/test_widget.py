@@ -34,7 +34,7 @@ pytest.importorskip("anywidget")
 
 LIGHTS = ["D65", "A", "FL2"]
 P3 = Display(space="Display P3")
-# As the page tells it: every field of a look that a Viewing holds.
+# As the page sends it: every field of a Viewing.
 LOOK: dict[str, Any] = {
     "model": "CAM16",
     "lux": 300,
@@ -83,13 +83,13 @@ def test_what_the_page_tells_becomes_traits_and_is_not_sent_back(
 ) -> None:
     sent: list[dict[str, Any]] = []
     monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message))
-    told = {"weights": [0, 0.5, 1], "viewing": LOOK, "mode": "exact", "backdrop": 0.5}
-    widget.set_state({**told, "level": "relative", "probe": [5, 6]})
+    sent = {"weights": [0, 0.5, 1], "viewing": LOOK, "mode": "exact", "backdrop": 0.5}
+    widget.set_state({**sent, "level": "relative", "probe": [5, 6]})
     assert dict(widget.weights) == {"D65": 0.0, "A": 0.5, "FL2": 1.0}
     display = Display(gamut="reduce", mark=True)
     assert widget.viewing == Viewing("CAM16", 300, 12.5, 35, "dim", exposure=2, display=display)
     assert (widget.mode, widget.backdrop, widget.probe) == ("exact", 0.5, (5, 6))
-    # Other views are told what came (echo_update); an update would move back a slider in hand.
+    # Other views get what came (echo_update); an update would move back a slider in hand.
     assert [message["method"] for message in sent] == ["echo_update"]
 
 
@@ -111,8 +111,8 @@ def test_a_displays_room_reaches_the_page(widget: Any) -> None:
 
 
 def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: CoefficientImage) -> None:
-    told: list[Any] = []
-    widget.observe(lambda change: told.append(change["new"]), "probed")
+    probed: list[Any] = []
+    widget.observe(lambda change: probed.append(change["new"]), "probed")
     widget.probe = (40, 3)
     assert widget.probed.opacity == 1.0
     coefficients = colours.coefficients[3, 40]
@@ -121,8 +121,8 @@ def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: Coefficient
     np.testing.assert_allclose(widget.probed.XYZ, wanted, rtol=1e-9)
     widget.weights = {"A": 1.0}
     widget.weights = {}
-    assert [each is None for each in told] == [False, False, True]
-    assert told[0].XYZ[2] > 2 * told[1].XYZ[2], "tungsten has little blue"
+    assert [each is None for each in probed] == [False, False, True]
+    assert probed[0].XYZ[2] > 2 * probed[1].XYZ[2], "tungsten has little blue"
 
 
 def test_another_image_keeps_the_settings(widget: Any, colours: CoefficientImage) -> None:
@@ -249,7 +249,7 @@ def test_without_the_extra_an_image_shows_its_text(
 
 @pytest.fixture
 def bundles() -> Callable[[object], list[dict[str, Any]]]:
-    """What IPython shows of an object that is a cell's last line."""
+    """Output of IPython for an object in a cell's last line."""
     from IPython.core.interactiveshell import InteractiveShell
     from IPython.utils.capture import capture_output
 

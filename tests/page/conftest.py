@@ -45,7 +45,7 @@ class Opened:
         raise AssertionError(f"never true: {expression}")
 
     def picture(self) -> NDArray[np.uint8]:
-        """What the page saves."""
+        """Files that the page saves."""
         return saved_picture(self.page)
 
 

@@ -80,7 +80,7 @@ def ball(one_page: Opened) -> Iterator[Callable[..., Opened]]:
 
 
 def breaches(page: Any) -> list[str]:
-    """What axe-core finds wrong, and what it leaves undecided that no test here decides."""
+    """Violations by axe-core, and what it leaves undecided and no test here decides."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
     rules = {"runOnly": {"type": "tag", "values": RULES}}
     found = axe.run(page, options=rules).response
@@ -138,7 +138,7 @@ def test_axe_finds_nothing_wrong_with_the_still_picture(
 def test_words_on_the_picture_can_be_read_on_any_picture(
     ball: Callable[..., Opened], media: str
 ) -> None:
-    """What axe leaves undecided: 4.5 : 1 over black as over white."""
+    """Contrast that axe leaves undecided: 4.5 : 1 over black and over white."""
     ratios = ball(WIDE, media, **ALL_ON).page.evaluate(_CONTRASTS, ON_PICTURE)
     assert len(ratios) > 10
     assert [pair for pair in ratios if pair[1] < 4.5] == []
@@ -186,7 +186,7 @@ _ROLES = ("application", "button", "checkbox", "combobox", "radio", "slider", "t
 
 
 def exposed(page: Any) -> list[tuple[str, str]]:
-    """(role, name) of what Chromium tells a screen reader, as it works them out."""
+    """(role, name) pairs of Chromium's accessibility tree."""
     tree = page.context.new_cdp_session(page).send("Accessibility.getFullAXTree")
     nodes = [node for node in tree["nodes"] if not node["ignored"]]
     return [(node["role"]["value"], node.get("name", {}).get("value", "")) for node in nodes]
@@ -205,8 +205,8 @@ def test_tab_reaches_every_control_in_reading_order_and_ends(ball: Callable[...,
     after = page.evaluate(_STOP)
     assert after is None or after["what"] == wanted[0], "out again"
     for one, other in pairwise(stops):
-        below, beside = other["y"] >= one["y"], other["x"] >= one["x"] + one["width"]
-        assert below or beside, f"{one['what']} before {other['what']}"
+        below, to_the_right = other["y"] >= one["y"], other["x"] >= one["x"] + one["width"]
+        assert below or to_the_right, f"{one['what']} before {other['what']}"
 
 
 _WHAT = """(e) => e.id || e.getAttribute('aria-label') || e.dataset.look || e.textContent"""
@@ -224,7 +224,7 @@ _STOP = f"""() => {{
 
 @MEDIA
 def test_every_control_shows_that_it_has_the_focus(ball: Callable[..., Opened], media: str) -> None:
-    """As WCAG 2.2, 2.4.13: as many pixels as an outline of two has change by 3 : 1 or more."""
+    """Focus by WCAG 2.2, 2.4.13: as many pixels as an outline of two change by 3 : 1 or more."""
     page = ball(WIDE, media, **ALL_ON).page
     boxes = page.evaluate(_BOXES, CONTROLS)
     bare = luminance(page.screenshot())
@@ -233,7 +233,7 @@ def test_every_control_shows_that_it_has_the_focus(ball: Callable[..., Opened], 
     changed = np.maximum(bare, ringed) + 0.05 >= 3 * (np.minimum(bare, ringed) + 0.05)
     faint = []
     for what, x, y, width, height in boxes:
-        # Its ring stands at most four pixels off.
+        # Its ring is at most four pixels away.
         left, top = max(int(x) - 4, 0), max(int(y) - 4, 0)
         found = changed[top : int(y + height) + 5, left : int(x + width) + 5].sum()
         # Corners are round, and a ring may lie over its neighbour's line.

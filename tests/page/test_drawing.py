@@ -1,4 +1,4 @@
-"""When a page draws, and how many pixels: coarsely only while a slow browser's light moves."""
+"""Times and sizes of a page's drawing: coarse only while a slow browser's light moves."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def test_other_views_are_turned_to(
     page.page.focus("#port")
     page.page.keyboard.press("PageDown")
     page.until("document.getElementById('view-read').textContent === '180\u00b0'")
-    # It is drawn once it is unpacked, which nothing of the page tells.
+    # It is drawn once it is unpacked, which nothing on the page shows.
     pictures = (page.picture() for _ in range(20))
     assert any(mean_difference(picture, wanted[:, ::-1]) <= EIGHT for picture in pictures)
 
@@ -218,7 +218,7 @@ def test_words_of_users_stay_words(opened: Callable[..., Opened], files: Path) -
     page.click("#share")
     snippet = page.input_value("#share-snippet")
     title = "(text) => new DOMParser().parseFromString(text, 'text/html')"
-    # Parsed where no policy of the page stands in the way.
+    # Parsed outside the reach of the page's policy.
     blank = page.context.new_page()
     assert (
         blank.evaluate(f"(t) => ({title})(t).querySelector('iframe').title", snippet) == BAD_TITLE
@@ -268,9 +268,9 @@ def test_the_keyboard_reads_pixels_aloud(
     lit = Illumination.of(engine_image.basis, engine_scene.lights[0].rig, seen)
     XYZ = lit.scene_XYZ(engine_image.coefficients[y, x], engine_image.alpha[y, x])
     look = ciecam02.forward(XYZ, seen.viewing.conditions(lit.white_XYZ))
-    told = dict(zip(page.locator("#probe-rows dt").all_text_contents(),
+    shown = dict(zip(page.locator("#probe-rows dt").all_text_contents(),
                     page.locator("#probe-rows dd").all_text_contents(), strict=True))  # fmt: skip
-    J, C, _ = told["J C h"].split()
+    J, C, _ = shown["J C h"].split()
     # Half a step of eight bits moves J by a few tenths.
     assert abs(float(J) - float(look.J)) < 0.5 and abs(float(C) - float(look.C)) < 1.0
 

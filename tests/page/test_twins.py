@@ -181,17 +181,17 @@ def test_the_probe_reads_the_desktops_look(compute: Any) -> None:
         "([k, look, white, XYZ]) => lookOf(k, XYZ, sceneConditions(look, white, null), look.model)",
         given,
     )
-    told = 0
+    compared = 0
     for ours, each, colour in zip(got, seen, colours, strict=True):
         name = each.viewing.model if each.viewing.model in APPEARANCE_MODELS else "CIECAM02"
         theirs = APPEARANCE_MODELS[name].forward(colour, each.viewing.conditions(white))
         assert (ours is not None) == bool(theirs.defined), (name, colour)
         if ours is None:
             continue
-        told += 1
+        compared += 1
         for key in ("J", "C", "h", *(("Q", "M", "s") if theirs.Q is not None else ())):
             close(ours[key], np.asarray(getattr(theirs, key)), f"{name} {key}")
-    assert told > 40
+    assert compared > 40
 
 
 def test_colour_differences_are_the_desktops(compute: Any) -> None:

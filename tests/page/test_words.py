@@ -1,4 +1,4 @@
-"""A page's words, whoever wrote them: names around the dial, titles, marks that turn directions."""
+"""A page's words, from any author: names around the dial, titles, marks that turn directions."""
 
 from __future__ import annotations
 
@@ -79,8 +79,8 @@ def test_five_ordinary_names_are_written_out(page_of: Page) -> None:
     page = page_of(FIVE, caption="A few words").page
     assert not page.locator("#more").is_visible(), "all of the caption is shown"
     seen = page.evaluate(_NAMES)
-    told = [" ".join(word.strip("\u2068\u2069") for word in one["words"]) for one in seen]
-    assert told == list(FIVE)
+    words = [" ".join(word.strip("\u2068\u2069") for word in one["words"]) for one in seen]
+    assert words == list(FIVE)
 
 
 def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse(
@@ -96,7 +96,7 @@ def test_of_forty_lights_the_dial_names_the_strongest_or_the_one_under_the_mouse
 
 
 def test_a_name_that_turns_the_direction_turns_no_word_of_the_page(page_of: Page) -> None:
-    """Letters after it stand in their order: each right of the one before."""
+    """Letters after it are in order: each right of the previous one."""
     lefts = page_of(["A\u2069\u202eB"]).page.evaluate("""() => {
         const node = document.getElementById('label-a').firstChild;
         const start = node.data.indexOf('CIECAM02');

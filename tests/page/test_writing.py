@@ -1,4 +1,4 @@
-"""What goes into a page, and what is refused, without a browser."""
+"""Content of a page and its refusals, without a browser."""
 
 from __future__ import annotations
 

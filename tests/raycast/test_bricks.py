@@ -94,7 +94,7 @@ def test_labels_between_a_brick_s_least_and_greatest_count() -> None:
 
 
 def test_labels_beyond_the_table_are_nothing() -> None:
-    """With values they would take the table's ends, here both opaque."""
+    """Values would take the table's ends, here both opaque."""
     opacity = np.array([0.5, 0.0, 0.5])
     low = np.array([[[-3, -3, 3, 2, 2]]], np.int16)
     high = np.array([[[-1, 0, 9, 2, 9]]], np.int16)

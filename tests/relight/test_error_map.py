@@ -83,12 +83,12 @@ def test_the_scale_says_which_colour_is_which_error(monkeypatch: pytest.MonkeyPa
 
     def noted(draw: ImageDraw.ImageDraw, xy: tuple, text: str, *rest: Any, **more: Any) -> None:
         if text.replace(".", "").isdigit():
-            assert more["anchor"] == "lm", "the middle of a number stands beside its colour"
+            assert more["anchor"] == "lm", "the middle of a number is next to its colour"
             written[text] = xy[1]
         plain(draw, xy, text, *rest, **more)
 
     monkeypatch.setattr(ImageDraw.ImageDraw, "text", noted)
-    # 248 rows: the numbers stand 50 rows apart, on whole ones.
+    # 248 rows: the numbers are 50 rows apart, on whole ones.
     image = ErrorMap(np.zeros((248, 10), np.float32), np.ones((248, 10), np.float32)).image(2.0)
     assert sorted(written, key=written.__getitem__) == ["2", "1.5", "1", "0.5", "0"]
     for text, y in written.items():

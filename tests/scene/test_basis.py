@@ -1,4 +1,4 @@
-"""Which basis a scene is cast with, and why."""
+"""Choice of a scene's basis, with the reason."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def scene(
 
 @pytest.fixture
 def fits(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[dict[str, Any]]:
-    """What every fit was asked for; a shipped basis is given instead."""
+    """Record the arguments of each fit; a shipped basis is returned instead."""
     asked: list[dict[str, Any]] = []
 
     def fit(lights: Any, reflectances: Any, **settings: Any) -> SpectralBasis:
@@ -201,7 +201,7 @@ def test_use_is_opacity_over_values_and_none_is_forgotten() -> None:
 
 
 def test_a_mix_is_used_by_its_shares() -> None:
-    """By hand, the area under opacity times share, and a span's part for every point."""
+    """Computed by hand: the area under opacity times share, and a span's part for every point."""
     mix = {"a": 0.3, "b": 0.7}
     constant = [PointSpec(value=v, opacity=0.5, material=mix) for v in (0, 10)]
     assert use_of(TransferSpec(points=constant)) == pytest.approx({"a": 3 / 7, "b": 1.0})

@@ -25,7 +25,7 @@ EXAMPLES = re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where the examples stand: beside data/, and the segmentation that the text makes."""
+    """Folder of the examples: next to data/, with the segmentation that the text makes."""
     folder = tmp_path_factory.mktemp("docs")
     (folder / "data").symlink_to(ROOT / "data")
     (code,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)

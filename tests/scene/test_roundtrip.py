@@ -164,7 +164,7 @@ def test_any_scene_reads_back_as_it_was(tmp_path: Path, file: SceneFile) -> None
 def test_any_scene_is_written_into_any_file_and_leaves_its_first_lines(
     tmp_path: Path, file: SceneFile, shipped: Path
 ) -> None:
-    """Whatever is put into a file, what stands at its top is nobody's but the reader's."""
+    """The lines at the top of a file stay, whatever is written below."""
     source = tmp_path / shipped.name
     shutil.copy(shipped, source)
     like = Unresolved(read(source), source)
@@ -182,15 +182,15 @@ class Unresolved(Scene):
 
 @pytest.mark.parametrize("shipped", SHIPPED, ids=lambda path: path.stem)
 def test_a_scene_that_ships_is_written_as_it_stands(tmp_path: Path, shipped: Path) -> None:
-    """Beside it letter by letter; elsewhere its names of files lead back, its comments stay."""
-    beside = tmp_path / "scenes" / shipped.name
-    beside.parent.mkdir()
-    shutil.copy(shipped, beside)
-    like = Unresolved(read(beside), beside)
-    again = write_scene(like.file, beside.with_name("again.toml"), like)
+    """Next to it letter by letter; elsewhere its paths lead back, its comments stay."""
+    copied = tmp_path / "scenes" / shipped.name
+    copied.parent.mkdir()
+    shutil.copy(shipped, copied)
+    like = Unresolved(read(copied), copied)
+    again = write_scene(like.file, copied.with_name("again.toml"), like)
     assert again.read_bytes() == shipped.read_bytes()
     away = write_scene(like.file, tmp_path / "a" / "b" / "away.toml", like)
-    assert rebased(read(away), away.parent, beside) == like.file
+    assert rebased(read(away), away.parent, copied) == like.file
     assert comments(away.read_text("utf-8")) == comments(shipped.read_text("utf-8"))
     assert lines(away)[0] == "#:schema ../../scenes/scene.schema.json"
     anew = write_scene(like.file, tmp_path / "anew.toml")

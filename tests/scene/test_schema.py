@@ -1,4 +1,4 @@
-"""The JSON schema that ships beside the scenes."""
+"""The JSON schema that ships with the scenes."""
 
 from __future__ import annotations
 

@@ -130,7 +130,7 @@ def test_a_scene_casts_into_the_picture_of_its_transfer_function(tmp_path: Path,
 
 
 def test_use_sees_the_materials_of_every_kind() -> None:
-    """By hand: opacity times the values covered; of labels and surfaces the opacity alone."""
+    """Computed by hand: opacity times values covered; for labels and surfaces opacity."""
 
     def use(**rows: object) -> dict[str, float]:
         return use_of(read_table(TransferSpec, rows, SceneError))

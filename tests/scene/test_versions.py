@@ -22,7 +22,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_a_file_without_a_version_is_of_the_first(path: Path) -> None:
-    """As all files of the first release are; written again they say none either."""
+    """Files of the first release have no version, and get none when written again."""
     scene = Scene.load(path)
     assert scene.file.version == 1
     assert scene.save().read_text(encoding="utf-8") == TEXT
@@ -49,7 +49,7 @@ def test_another_version_is_refused_in_one_line(path: Path, version: str, messag
 def test_a_migration_is_applied_before_the_file_is_checked(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As if the next version called a light's spectrum its power: old files load, and are
+    """Suppose that the next version called a light's spectrum its power: old files load, and are
     written in the new form with their comments."""
 
     def renamed(data: MutableMapping[str, Any]) -> None:

@@ -242,7 +242,7 @@ def test_every_name_of_a_file_leads_back_from_another_folder(folder: Path) -> No
 
 
 def test_a_link_to_a_folder_is_no_detour(folder: Path) -> None:
-    """`..` of a folder behind a link is what stands above the folder itself."""
+    """`..` of a folder behind a link is the parent of the folder itself."""
     inner = folder / "inner"
     inner.mkdir()
     (inner / "scene.toml").write_text(

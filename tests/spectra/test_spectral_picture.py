@@ -36,7 +36,7 @@ def test_radiances_are_divided_by_the_light_they_were_taken_under() -> None:
 
 
 def test_a_hot_pixel_does_not_become_the_white() -> None:
-    """The brightest of a thousand is taken; here every patch stands in 20 of 1680 pixels."""
+    """The brightest of a thousand is taken; here every patch covers 20 of 1680 pixels."""
     lamp = light("A")
     large = np.tile(CHART, (4, 5, 1)) * lamp.values
 

@@ -150,7 +150,7 @@ def picture(state: ViewState) -> NDArray[Any]:
 
 
 def assert_same_picture(state: ViewState, folder: Path) -> ViewState:
-    """Write, read, compare: lights that are scaled anew differ in the last of float32's digits."""
+    """Write, read, compare: lights that are scaled again differ in the last of float32's digits."""
     again = read_scene(export_scene(replace(state, size=(40, 30)), folder / "again.toml"))
     one, other = picture(replace(state, size=(40, 30))), picture(again)
     assert one.std() > 0.01

@@ -10,7 +10,7 @@ import volspec as vs
 from volspec.appearance.display import colour_space
 from volspec.appearance.models.cielab import cielab
 
-SCENE = """# Kept where it stands.
+SCENE = """# Stays on top.
 [volume]
 file = "ball.npy"
 

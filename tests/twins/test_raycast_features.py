@@ -30,7 +30,7 @@ LAMP = LightGroup("lamp", (Point((140, 10, 200), falloff_mm=150), Point((-30, 20
 
 @pytest.fixture(scope="session")
 def tables(engine_table: TransferTable, three_channels: TransferTable) -> dict[int, TransferTable]:
-    """By lanes: one ray with shares in vectors of eight, several with shares in vectors of four."""
+    """Lanes: one ray with shares in vectors of eight, several with shares in vectors of four."""
     return {1: engine_table, 4: three_channels, 8: three_channels}
 
 
@@ -119,7 +119,7 @@ def labelled(dtype: type) -> tuple[Volume, TransferTable]:
     "dtype", [np.uint8, pytest.param(np.uint16, marks=pytest.mark.slow), np.int16]
 )
 def test_labels_match_reference(dtype: type) -> None:
-    """Where two labels cover alike within rounding either may show: few pixels may differ."""
+    """If two labels cover equally within rounding, either may show: few pixels may differ."""
     volume, table = labelled(dtype)
     assert_alike(volume, table, Camera.orbit(volume, azimuth_deg=37), RaycastSpec(specular=0.2))
 

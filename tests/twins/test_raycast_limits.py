@@ -1,4 +1,4 @@
-"""Where a ray loop goes wrong: leaps, faces, units, extreme values."""
+"""Weak points of a ray loop: leaps, faces, units, extreme values."""
 
 from __future__ import annotations
 

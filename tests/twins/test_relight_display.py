@@ -58,7 +58,7 @@ def bright_cube(white: np.ndarray) -> tuple[np.ndarray, np.ndarray, Illumination
 
 @pytest.fixture
 def tables(monkeypatch: pytest.MonkeyPatch) -> list[Lut3D]:
-    """Those that are made, in order; each takes the host up to a second."""
+    """LUTs that are made, in order; each takes the host up to a second."""
     made: list[Lut3D] = []
     make = Lut3D.of
 

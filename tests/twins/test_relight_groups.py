@@ -1,4 +1,4 @@
-"""With light groups the shader, its NumPy twin and the reference still make the same picture."""
+"""Light groups: the shader, its NumPy twin and the reference still make the same picture."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def picture(height: int, width: int, channels: int) -> tuple[np.ndarray, np.ndar
 def packed_on_the_device(
     compute: Compute, coefficients: np.ndarray, alpha: np.ndarray, lines: int, *, half: bool
 ) -> np.ndarray:
-    """In bands of so many lines; what no band writes stays NaN."""
+    """Write bands of so many lines; what no band writes stays NaN."""
     height, width, channels = coefficients.shape
     layers = np.full((layer_count(channels), height, width, 4), np.nan, np.float32)
     buffer = compute.output(layers.nbytes, layers)

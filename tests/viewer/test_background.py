@@ -55,7 +55,7 @@ class Slow(LatestWorker[str, str]):
 
 
 def all_of(worker: Slow) -> list[str]:
-    """What comes until it has nothing more to do."""
+    """Collect results until it has nothing more to do."""
     return take_until(worker.take, lambda _: not worker.busy)
 
 
@@ -224,7 +224,7 @@ def job(state: ViewState, *divisors: int, zoom: float = 1.0) -> CastJob:
 
 
 class SlowCasts:
-    """Stands in for `volspec.raycast`: asks ``cancel`` for as long as it is held up."""
+    """Fake of `volspec.raycast`: polls ``cancel`` while it is held up."""
 
     def __init__(self) -> None:
         self.begun: list[tuple[int, int]] = []
@@ -286,7 +286,7 @@ def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> 
 
 
 @pytest.mark.parametrize(
-    ("error", "told"),
+    ("error", "message"),
     [
         (RaycastError("no\nsuch thing"), "no such thing"),
         (MemoryError(), "no memory for the picture; make the window smaller"),
@@ -295,7 +295,7 @@ def test_closing_ends_even_a_coarse_cast(state: ViewState, casts: SlowCasts) -> 
     ],
 )
 def test_the_thread_outlives_errors(
-    state: ViewState, monkeypatch: pytest.MonkeyPatch, error: Exception, told: str
+    state: ViewState, monkeypatch: pytest.MonkeyPatch, error: Exception, message: str
 ) -> None:
     def refuse(*what: Any, **more: Any) -> None:
         raise error
@@ -306,7 +306,7 @@ def test_the_thread_outlives_errors(
     for _ in range(2):
         scheduler.request(job(state, 4, 1))
         (done,) = drained(scheduler, 1)
-        assert told in done.error
+        assert message in done.error
     assert woken.is_set()
     scheduler.close()
 

@@ -108,7 +108,7 @@ def test_a_light_of_real_lamps_is_a_sum_of_them(state: ViewState) -> None:
     values = made.lights[2].rig.lights[0].values
     lamps = np.stack([light(name).values for name in ("A", "D65")], axis=1)
     shares, *_ = np.linalg.lstsq(lamps, values, rcond=None)
-    # What the solver leaves beside the two lamps is rounding.
+    # Everything besides the two lamps is rounding.
     np.testing.assert_allclose(lamps @ shares, values, atol=1e-6 * values.max())
     assert shares.min() > -1e-6
 
@@ -234,7 +234,7 @@ def test_a_wizard_s_result_needs_its_materials(
 def test_a_wizard_waits_for_the_running_design(
     state: ViewState, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It began at once, and was dropped when the design's last pass changed the materials."""
+    """The design began at once, and was dropped when the last pass changed the materials."""
     pick = Pick(place=("gold", "A"))
     begun = with_target(replace(state, interface=replace(state.interface, pick=pick)), 5)
     result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()

@@ -59,7 +59,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 def edited(state: ViewState) -> ViewState:
-    """What a script has most to say of: groups, a drawn light, a mix, another view."""
+    """State with the longest script: groups, a drawn light, a mix, another view."""
     state = camera.orbit(state, 0.2, 0.1)
     state = transfer_edits.move_point(state, 1, 0.8, 0.7)
     nm = state.document.grid.wavelengths_nm
@@ -80,7 +80,7 @@ def edited(state: ViewState) -> ViewState:
 
 @pytest.mark.parametrize("basis", ['method = "materials"', 'train = "scene"\nsize = 4'])
 def test_a_script_makes_the_frame_that_the_viewer_shows(tmp_path: Path, basis: str) -> None:
-    """To the byte: the same numbers go the same way, on the same device."""
+    """Equal to the byte: the same numbers go the same way, on the same device."""
     state = edited(opened(tmp_path, basis=basis))
     script = export_python(state, tmp_path / "ball.py")
     (tmp_path / "elsewhere").mkdir()
@@ -149,7 +149,7 @@ def test_dropped_files_mean_one_scene_or_one_volume() -> None:
     assert dropped_path(["/a/x.nrrd"]) == "/a/x.nrrd"
     assert dropped_path(["/a/x.raw", "/a/x.mhd"]) == "/a/x.mhd"
     assert dropped_path([f"/a/stack/{i}.tif" for i in range(9)]) == "/a/stack"
-    assert dropped_path(["/a/1.dcm", "/a/2.DCM"]) == "/a/1.dcm"  # one of a series stands for it
+    assert dropped_path(["/a/1.dcm", "/a/2.DCM"]) == "/a/1.dcm"  # one file represents its series
     for several in (["/a/x.nrrd", "/a/y.nrrd"], ["/a/1.tif", "/b/2.tif"], ["/a/1.tif", "/a/x.png"]):
         with raises(InputError, "conflict"):
             dropped_path(several)

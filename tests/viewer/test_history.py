@@ -249,7 +249,7 @@ def test_another_file_chooses_its_shining_light_and_keeps_the_window(state: View
 
 
 def steps(given: Sequence[tuple[float, Input]]) -> int:
-    """How many steps of undo inputs at their times are."""
+    """Count the steps of undo that timed inputs make."""
     gestures = Gestures()
     numbers = set()
     for now, each in given:
@@ -397,8 +397,8 @@ def test_a_frame_takes_one_gesture(
     monkeypatch.setattr(module.glfw, "get_key", lambda *_: module.glfw.RELEASE)
     context = module.imgui.create_context()
     try:
-        told: list[int] = []
-        inputs = module.Inputs(None, lambda _, key, *__: told.append(key))
+        keys: list[int] = []
+        inputs = module.Inputs(None, lambda _, key, *__: keys.append(key))
         heard["set_mouse_button_callback"](None, 0, module.glfw.PRESS, 0)
         heard["set_cursor_pos_callback"](None, 3.0, 4.0)
         heard["set_mouse_button_callback"](None, 0, module.glfw.RELEASE, 0)
@@ -412,9 +412,9 @@ def test_a_frame_takes_one_gesture(
         assert [given.name for given in inputs.take()] == ["wheel", "move"] * 2
         assert [given.key for given in inputs.take()] == ["up"] and inputs.waiting
         # imgui hears of a key with it, not before.
-        assert told == [module.glfw.KEY_UP]
+        assert keys == [module.glfw.KEY_UP]
         assert [given.key for given in inputs.take()] == ["enter"] and not inputs.waiting
-        assert told == [module.glfw.KEY_UP, module.glfw.KEY_ENTER]
+        assert keys == [module.glfw.KEY_UP, module.glfw.KEY_ENTER]
         assert inputs.take() == []
     finally:
         module.imgui.destroy_context(context)

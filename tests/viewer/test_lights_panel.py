@@ -88,7 +88,7 @@ LONG = (
 
 
 def wide(text: str) -> float:
-    """As the panel's letters are on the average."""
+    """Mean width of the panel's letters."""
     return 6.2 * len(text) + 4
 
 
@@ -115,7 +115,7 @@ def test_names_at_the_dial_never_overlap(
 
 
 def test_long_names_are_whole_around_a_dial_as_small_as_it_gets() -> None:
-    """As wide and high as the panel has it in a window of 900 by 600 pixels."""
+    """Size that the panel gives it in a window of 900 by 600 pixels."""
     ring = lights_dial.ring_for(LONG, (0.0, 0.0, 250.0, 103.0), (24.0, 24.5), 10.0, 15.0, wide)
     labels = lights_dial.place_labels(LONG, range(6), ring)
     written = {label.index: " ".join(label.lines).replace("- ", "-") for label in labels}

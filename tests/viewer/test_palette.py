@@ -43,7 +43,7 @@ from volspec.viewer.ui.palette_cells import contrast, importance, levels
 
 
 def undressed(state: ViewState) -> ViewState:
-    """With its materials as channels, and no targets."""
+    """The state with its materials as channels, and no targets."""
     exact = with_target(state, 0)
     return replace(exact, palette=PaletteState())
 
@@ -74,7 +74,7 @@ def test_the_table_shows_what_the_picture_shows(state: ViewState) -> None:
 
 
 def test_a_column_of_two_groups_shows_what_is_out_of_every_shadow(state: ViewState) -> None:
-    """As a pixel that sky and room light by 0.3 and 0.7."""
+    """Pixel lit by sky and room with 0.3 and 0.7."""
     groups = (LightGroup("sky", Ambient(0.3)), LightGroup("room", Ambient(0.7)))
     shown = undressed(state)
     rig = LightRig((light("A"), light("daylight:7500")), groups=("room", "sky"))

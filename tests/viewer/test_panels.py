@@ -258,7 +258,7 @@ def test_keys_are_used_once_and_all_menus_are_known() -> None:
 def test_the_sheet_shows_every_key_in_columns_of_even_height() -> None:
     listed = {what for _, rows in menus.SHEET for _, what in rows}
     for action in COMMANDS:
-        # Steps by arrows and the recall of states stand there as a line each.
+        # Steps by arrows and the recall of states have a line each there.
         if action.menu and not action.name.startswith("recall-"):
             assert not any(action.keys) or action.title.removesuffix(" …") in listed
     for count in (1, 2, 3, 9):
@@ -266,5 +266,5 @@ def test_the_sheet_shows_every_key_in_columns_of_even_height() -> None:
         assert len(columns) <= count
         assert [part for column in columns for part in column] == list(menus.SHEET)
     tall = [sum(len(rows) + 2 for _, rows in column) for column in menus.columns(menus.SHEET, 2)]
-    # Parts are not divided, so that one may stand over.
+    # Parts are not divided, so that one may be left over.
     assert max(tall) - min(tall) <= max(len(rows) + 2 for _, rows in menus.SHEET)

@@ -24,7 +24,7 @@ from volspec.viewer.model.state import ViewState
 @pytest.mark.parametrize("kind", SCENES)
 def test_every_kind_of_transfer_function_comes_back(tmp_path: Path, kind: str) -> None:
     state = opened(tmp_path, kind)
-    # The tables are made anew, not taken from the file.
+    # The tables are made again, not taken from the file.
     other = replace(state, transfer=replace(state.transfer))
     assert scene_from_state(other).transfer == scene_from_state(state).transfer
     assert_same_picture(other, tmp_path)

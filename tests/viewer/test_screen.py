@@ -303,9 +303,9 @@ def test_the_probe_finds_the_hit_of_a_ball(
     state = replace(state, view=replace(state.view, orthographic=orthographic))
     camera, image, rig = shot(state)
     volume = document.volume
-    told = dict(read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
-    assert {"Value", "mm", "RGB", "XYZ", "J  C  h", "Q  M  s", "H", "ΔE00"} == set(told)
-    assert told["RGB"] == "1  2  3"
+    rows = dict(read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
+    assert {"Value", "mm", "RGB", "XYZ", "J  C  h", "Q  M  s", "H", "ΔE00"} == set(rows)
+    assert rows["RGB"] == "1  2  3"
     place = place_mm(image, camera, MIDDLE)
     assert place is not None
     centre = volume.corners_mm.mean(axis=0)
@@ -349,8 +349,8 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     whole = error_map(image, rig, state.relight.mode, state.relight.backdrop)
     assert f"{whole.delta_e[16, 16]:.2f}" in dict(reading.rows)["ΔE00"]
     exact = replace(state.relight, mode="exact")
-    told = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
-    assert "ΔE00" not in dict(told)
+    rows = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
+    assert "ΔE00" not in dict(rows)
 
 
 def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -267,7 +267,7 @@ def test_a_session_is_kept_when_what_changed_rests_or_every_thirty_seconds(tmp_p
 
 
 def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_path: Path) -> None:
-    """As at the end, when a thread that was to save has not come to it yet."""
+    """Simulate the end while a thread has not saved yet."""
     state, store = begun(tmp_path)
     older, newer = (camera.orbit(state, x, 0.0) for x in (0.1, 0.2))
     late = store.saving(older, 1.0)
@@ -282,7 +282,7 @@ def test_a_state_that_is_late_to_be_written_does_not_overwrite_a_newer_one(tmp_p
 def test_a_session_whose_program_died_is_told_of_once(tmp_path: Path) -> None:
     state, store = begun(tmp_path)
     store.save(camera.orbit(state, 0.1, 0.0))
-    # Another window, while the first is open, is told nothing.
+    # Another window, while the first is open, gets no message.
     assert not SessionStore(tmp_path / "state").ended_early()
     # What a dead program leaves is the same files, and no lock.
     shutil.copytree(tmp_path / "state", tmp_path / "left")

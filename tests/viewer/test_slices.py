@@ -34,7 +34,7 @@ from volspec.volume import Volume, load_volume
 
 
 def numbered(world: Any = None) -> Volume:
-    """Values that tell their index: x + 10 y + 100 z."""
+    """Values that encode their index: x + 10 y + 100 z."""
     z, y, x = np.meshgrid(range(4), range(5), range(6), indexing="ij")
     return Volume((x + 10 * y + 100 * z).astype(np.uint16), world_from_index=world)
 
@@ -144,7 +144,7 @@ class _Texture:
 
 
 class _Context:
-    """Stands in for OpenGL: keeps what is written into textures."""
+    """Fake of OpenGL that records what is written into textures."""
 
     def __init__(self) -> None:
         self.textures: list[_Texture] = []

@@ -250,7 +250,7 @@ def test_a_hard_region_becomes_a_curve_with_steep_sides(state: ViewState) -> Non
     assert isinstance(regions, TransferFunction2D)
     hard = replace(regions, regions=[replace(regions.regions[0], softness=0.0)])
     points = list_parts(convert(hard, "points", _SPAN))
-    # From 0.2 to 0.5; sides as steep as points can be told apart on the screen.
+    # From 0.2 to 0.5; sides as steep as points can be distinguished on the screen.
     np.testing.assert_allclose(
         [p.values[0] for p in points], [0.2, 0.2, 0.5, 0.5], atol=1e-3 + 1e-9
     )

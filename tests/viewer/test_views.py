@@ -112,7 +112,7 @@ def test_a_plane_follows_its_handles(tilted: ViewState, view: View) -> None:
         else:
             tilt_handle = handle
     assert tilt_handle is not None
-    # Where it is: nothing changes. Elsewhere: the axis stands where the mouse is.
+    # Where it is: nothing changes. Elsewhere: the axis is where the mouse is.
     plane = state.shading.clip_planes[0]
     x, y = drag_handle(state.shading, volume, tilt_handle, tilt_handle.held, seen)
     same = cuts.tilt_plane(state, 0, x, y).shading.clip_planes[0]

@@ -86,7 +86,7 @@ def test_the_least_volume_on_a_dense_screen_in_a_window_of_next_to_nothing(tmp_p
     np.save(tmp_path / "least.npy", np.arange(8, dtype=np.uint8).reshape(2, 2, 2))
     with Robot(tmp_path, ["least.npy"], (1200, 800), dpi=192) as robot:
         robot.whole()
-        # 21 at 96 dpi: type of 15 and what stands around it.
+        # 21 at 96 dpi: type of 15 and its padding.
         assert robot.area("weight 1")[3] == pytest.approx(42, abs=3)
         window = robot.find()
         for size in ((1, 1), (40, 30), (1100, 700)):
@@ -174,7 +174,7 @@ def opened(robot: Robot, after: float = -1.0) -> list[str]:
 
 
 def fed(pipe: Path, text: str) -> bool:
-    """Whether somebody reads from a named pipe, and has been given a text."""
+    """Return True if a text was passed to the reader of a named pipe."""
     try:
         end = os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
     except OSError:
@@ -185,7 +185,7 @@ def fed(pipe: Path, text: str) -> bool:
 
 
 def refusal(robot: Robot, *uris: str) -> str:
-    """What is said of a drop, after which all is as it was."""
+    """Message of a refused drop, which changes nothing."""
     before = robot.now()
     robot.drop(*uris)
     robot.rest()

@@ -69,7 +69,7 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Pat
 
 
 def picture(robot: Robot, folder: Path) -> NDArray[np.int16]:
-    """What of the picture nothing stands over, once it is whole."""
+    """Unobstructed part of the picture, once it is complete."""
     from PIL import Image
 
     robot.rest()
@@ -186,7 +186,7 @@ def casts(robot: Robot, after: float) -> list[int]:
 
 
 def slices(robot: Robot, folder: Path) -> list[NDArray[np.int64]]:
-    """What the two slices show that a click into the third moves."""
+    """Pictures of the two slices that a click into the third moves."""
     from PIL import Image
 
     robot.grab(folder / "screen.png")
@@ -211,7 +211,7 @@ def test_handles_cube_and_slices_take_the_mouse(tmp_path: Path) -> None:
         # One that comes between may be whole, as a busy machine holds the mouse still.
         first, *_, last = casts(robot, before)
         assert first > 1 and last == 1
-        # What was taken hold of stands where it was let go, to a pixel or two.
+        # A handle stays where it was released, to a pixel or two.
         there = x + 0.4 * (far_x - x), y + 0.4 * (far_y - y)
         np.testing.assert_allclose(robot.middle("crop 4"), there, atol=2.0)
         assert robot.middle("crop 5") == (far_x, far_y)
@@ -246,7 +246,7 @@ def test_handles_cube_and_slices_take_the_mouse(tmp_path: Path) -> None:
 
 def test_lights_are_renamed_and_chosen_and_a_crash_is_told_of(tmp_path: Path) -> None:
     def state(robot: Robot, name: str) -> dict[str, Any]:
-        """What a session that is saved now holds."""
+        """Content of a session that is saved now."""
         robot.rest()
         robot.key("ctrl+shift+s")
         robot.rest()

@@ -188,7 +188,7 @@ def test_a_volume_is_not_down_sampled_to_one_voxel() -> None:
 
 
 class DataArray:
-    """Stand-in with the attributes of xarray's that are used; xarray 2026.9 was tried as well."""
+    """Fake with the attributes of xarray's that are used; xarray 2026.9 was tested as well."""
 
     def __init__(self, values: np.ndarray, dims: str, **coords: Any) -> None:
         self.values, self.dims, self.coords = values, tuple(dims), coords

@@ -39,7 +39,7 @@ class Clock:
     device: str = ""
 
     def read(self) -> list[float]:
-        """The seconds, and begin anew."""
+        """Return the seconds, and start again."""
         seconds, self.casts = self.casts, []
         return seconds
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Container, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -117,7 +114,8 @@ def export(
                 kept = {} if table is None else plain(table)
                 changes[key] = kept | {"frames": frames}
         given = {key: value for key, value in changes.items() if value is not None}
-        with _by_option({*given, "size"}):
+        options = {key: f"--{key}" for key in (*given, "size")} | {"lights": "--light"}
+        with in_options(options):
             loaded = loaded.exporting(**given)
             tell("load the scene", 1)
             made = loaded.export(
@@ -145,22 +143,6 @@ def export(
         f"{counted(made.casts, 'cast')}{rest}"
     )
     say(said)
-
-
-@contextmanager
-def _by_option(given: Container[str]) -> Iterator[None]:
-    """Name the option in errors, instead of the setting that the option changes."""
-    try:
-        yield
-    except InputError as error:
-        found = re.match(r"(?:export\.)?(\w+)", error.field)
-        if found is None or found[1] not in given:
-            raise
-        option = f"--{'light' if found[1] == 'lights' else found[1]}"
-        plain = InputError(
-            error.problem, error.remedy, code=error.code, field=option, given=error.given
-        )
-        raise plain from error
 
 
 def _check_views(_: object, views: int) -> None:

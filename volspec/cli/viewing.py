@@ -9,7 +9,7 @@ command takes either as a whole: its fields become options. None means that the 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
@@ -202,13 +202,19 @@ class PictureOptions(SceneOptions):
 
 
 @contextmanager
-def in_options() -> Iterator[None]:
-    """Name the options in errors, instead of fields of models and displays."""
+def in_options(options: Mapping[str, str] = _OPTIONS) -> Iterator[None]:
+    """Name options in errors instead of the settings that they change, {setting: option}."""
     try:
         yield
     except InputError as error:
-        option = _OPTIONS.get(re.split(r"[.:] ?", error.field)[-1])
-        raise (error if option is None else error.at(option)) from error
+        path = reversed(re.split(r"\W+", error.field))
+        option = next((options[name] for name in path if name in options), None)
+        if option is None:
+            raise
+        problem, remedy = error.problem, error.remedy
+        raise InputError(
+            problem, remedy, code=error.code, field=option, given=error.given
+        ) from error
 
 
 def white_triple(white: str) -> tuple[float, float, float] | None:
