@@ -83,8 +83,8 @@ def test_what_the_page_tells_becomes_traits_and_is_not_sent_back(
 ) -> None:
     sent: list[dict[str, Any]] = []
     monkeypatch.setattr(widget, "_send", lambda message, buffers=None: sent.append(message))
-    sent = {"weights": [0, 0.5, 1], "viewing": LOOK, "mode": "exact", "backdrop": 0.5}
-    widget.set_state({**sent, "level": "relative", "probe": [5, 6]})
+    state = {"weights": [0, 0.5, 1], "viewing": LOOK, "mode": "exact", "backdrop": 0.5}
+    widget.set_state({**state, "level": "relative", "probe": [5, 6]})
     assert dict(widget.weights) == {"D65": 0.0, "A": 0.5, "FL2": 1.0}
     display = Display(gamut="reduce", mark=True)
     assert widget.viewing == Viewing("CAM16", 300, 12.5, 35, "dim", exposure=2, display=display)

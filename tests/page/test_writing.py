@@ -68,5 +68,5 @@ def test_pages_need_a_view_a_light_and_views_alike(
         page_html([view], lights, RelightSpec(backdrop=reflectance("copper")))
     with raises(ImageError, "range", "PageSpec.bits"):
         PageSpec(bits=16)
-    with raises(ImageError, "type"):
+    with raises(ImageError, "unsupported"):
         write_page("page.exr", [view], lights)

@@ -178,7 +178,10 @@ def test_a_yellow_too_bright_gets_the_nearest_colour_there_is() -> None:
     assert made.counts() == {"nearest": 1}
     values = made.values
     assert values.min() >= 0 and values.max() <= 1
-    off = lambda x: (((Q @ x - wanted) / WHITE) ** 2).sum()  # noqa: E731
+
+    def off(x):
+        return (((Q @ x - wanted) / WHITE) ** 2).sum()
+
     # No step towards any other reflectance comes nearer: the first-order condition.
     slope = 2 * ((Q @ values - wanted) / WHITE**2) @ Q
     best_step = np.where(slope > 0, -values, 1 - values)
@@ -227,7 +230,10 @@ def test_solving_tells_how_far_it_is() -> None:
 
 def test_bouguer_keeps_the_hue_and_eq_6_as_printed_has_the_complementary() -> None:
     red = reflectance("ColorChecker/red").values
-    hue = lambda S: np.arctan2(*cielab(XYZ_from_spectra(D65, S), WHITE)[:0:-1])  # noqa: E731
+
+    def hue(S):
+        return np.arctan2(*cielab(XYZ_from_spectra(D65, S), WHITE)[:0:-1])
+
     assert abs(hue(bouguer(red, 2.0)) - hue(red)) < np.radians(15)
     turned = (hue(bouguer(red, 1.0, complementary=True)) - hue(red)) % (2 * np.pi)
     assert abs(turned - np.pi) < np.radians(30)

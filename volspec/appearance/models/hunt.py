@@ -56,7 +56,7 @@ NOISE_SUM, ROD_NOISE = 3.05, 0.3
 _LEAST_L_A, _LEAST_N = 1e-6, 1e-4
 
 
-def compress(I: Array) -> Array:  # noqa: E741
+def compress(I: Array) -> Array:  # noqa: E741  (the paper's letter)
     """Return f_n (eq. 15), odd: 40 x / (x + 2), x = |I|^0.73, with the sign of I; within ±40."""
     x = np.abs(I) ** POWER
     return np.asarray(np.copysign(POLE * x / (x + HALF), I))
