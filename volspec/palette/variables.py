@@ -107,7 +107,8 @@ class PaletteSpectrum:
     open = renamed_attribute("free")
 
 
-# The keyword `open` is accepted for one version; a generated constructor has no place for a decorator.
+# The keyword `open` is accepted for one version;
+# a generated constructor has no place for a decorator.
 PaletteSpectrum.__init__ = renamed_keyword(open="free")(PaletteSpectrum.__init__)  # type: ignore[method-assign]
 
 
