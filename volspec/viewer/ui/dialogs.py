@@ -1,4 +1,4 @@
-"""Dialogs: the system's or our own for a file's path, and one for pictures."""
+"""Dialogs for a file's path: the system's, or our own."""
 
 from __future__ import annotations
 
@@ -12,22 +12,52 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.paths import Listing, PathRequest, list_paths
-from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import pick, wrap_text
-from volspec.viewer.work.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
+from volspec.viewer.ui.widgets import wrap_text
 from volspec.viewer.work.session import SUFFIX
 
 _W = imgui.WindowFlags_
-_FLAGS = _W.no_docking | _W.no_collapse | _W.no_saved_settings | _W.always_auto_resize | _W.no_move
+DIALOG_FLAGS = (
+    _W.no_docking | _W.no_collapse | _W.no_saved_settings | _W.always_auto_resize | _W.no_move
+)
 _DIM = imgui.Col_.text_disabled
 _INPUT = imgui.InputTextFlags_
 # Rows of the list of files, and of the rest of its dialog.
 _ROWS, _OTHER_ROWS = 9, 6
 _BUTTON_WIDTH, _BUTTON_GAP = 84, 8
+
+
+def begin_dialog(name: str, opens: bool, ui: UiContext, wide: float) -> bool:
+    """Begin a dialog, if it is open or opens now; the picture is dimmed only a little."""
+    if opens:
+        imgui.open_popup(name)
+    viewport = imgui.get_main_viewport()
+    middle, room = viewport.get_work_center(), viewport.work_size
+    width = min(ui.px(wide), room.x * 0.94)
+    imgui.set_next_window_pos(middle, imgui.Cond_.always, (0.5, 0.5))
+    imgui.set_next_window_size((width, 0))
+    imgui.set_next_window_size_constraints((width, 0), (width, room.y * 0.98))
+    imgui.push_style_color(imgui.Col_.modal_window_dim_bg, (0.0, 0.0, 0.0, 0.25))
+    begun = bool(imgui.begin_popup_modal(name, True, DIALOG_FLAGS)[0])
+    imgui.pop_style_color()
+    return begun
+
+
+def buttons_left(ui: UiContext) -> float:
+    """Return the x that right-aligns `dialog_buttons` in the line."""
+    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+    return float(right - 2 * ui.px(_BUTTON_WIDTH) - ui.px(_BUTTON_GAP))
+
+
+def dialog_buttons(label: str, name: str, ui: UiContext) -> tuple[bool, bool]:
+    """Draw a button, recorded under a name, and Cancel; return whether each was pressed."""
+    size = ui.px(_BUTTON_WIDTH), 0
+    accepted = imgui.button(label, size)
+    ui.note(name)
+    imgui.same_line(0, ui.px(_BUTTON_GAP))
+    return accepted, imgui.button("Cancel", size)
 
 
 class PathDialog:
@@ -41,7 +71,7 @@ class PathDialog:
     def draw(self, ui: UiContext) -> str | None:
         """Draw the dialog; return the path, empty if none was entered, None while it is open."""
         opens, self._opens = self._opens, False
-        if not _begin(f"{self.request.title}###path", opens, ui, 560):
+        if not begin_dialog(f"{self.request.title}###path", opens, ui, 560):
             return ""
         path = self._body(self.request, ui)
         if path is None and imgui.is_key_pressed(imgui.Key.escape, False):
@@ -76,12 +106,12 @@ class PathDialog:
         if there:
             warning = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
             wrap_text(warning, imgui.Col_.check_mark)
-        left = _buttons_left(ui)
+        left = buttons_left(ui)
         imgui.align_text_to_frame_padding()
         imgui.text_disabled("Tab completes")
         imgui.same_line(left)
         label = "Replace" if there else "Save" if request.save else "Open"
-        accepted, cancelled = _buttons(label, "path ok", ui)
+        accepted, cancelled = dialog_buttons(label, "path ok", ui)
         if cancelled:
             return ""
         if not (accepted or done):
@@ -110,110 +140,6 @@ class PathDialog:
 def _list_paths(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
     """List paths once a second, not once a frame."""
     return list_paths(text, suffixes)
-
-
-class PictureDialog:
-    """The dialog for a picture's size, name and folder, which it keeps for the next time."""
-
-    def __init__(self, shot: Shot) -> None:
-        self.shot = shot
-        self._opens = False
-
-    def ask(self) -> None:
-        """Open the dialog."""
-        self._opens = True
-
-    def draw(self, state: ViewState, ui: UiContext) -> bool:
-        """Draw the dialog; return True if the picture is to be saved now."""
-        opens, self._opens = self._opens, False
-        if not _begin("Save the picture", opens, ui, 420):
-            return False
-        imgui.push_item_width(-ui.px(64))
-        self._fields(state, ui)
-        imgui.pop_item_width()
-        imgui.spacing()
-        imgui.set_cursor_pos_x(_buttons_left(ui))
-        accepted, cancelled = _buttons("Save", "picture ok", ui)
-        saved = accepted or imgui.is_key_pressed(imgui.Key.enter, False)
-        if cancelled or saved or imgui.is_key_pressed(imgui.Key.escape, False):
-            imgui.close_current_popup()
-        imgui.end_popup()
-        return saved
-
-    def _fields(self, state: ViewState, ui: UiContext) -> None:
-        shot = self.shot
-        shot = replace(shot, preset=pick("Size", shot.preset, PRESETS) or shot.preset)
-        ui.note("picture size")
-        imgui.begin_disabled(shot.preset != CUSTOM)
-        changed, sides = imgui.input_int2("Pixels", list(shot.size(state.size)))
-        imgui.end_disabled()
-        if changed and shot.preset == CUSTOM:
-            shot = replace(shot, custom=(sides[0], sides[1]))
-        channels = state.transfer.basis.size * len(state.shading.groups)
-        room = megabytes(shot.size(state.size), channels)
-        imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
-        _, name = imgui.input_text_with_hint("Name", "from the title", shot.name)
-        _, folder = imgui.input_text_with_hint("Folder", "current folder", shot.folder)
-        shot = replace(shot, name=name, folder=folder)
-        wrap_text(f"Saves as {shot.path(state.document.title)}", _DIM)
-        self.shot = shot
-
-
-def draw_progress(progress: Progress, ui: UiContext) -> bool:
-    """Draw a bar at the picture's bottom; return True if the cast is to be cancelled."""
-    x, y, width, height = ui.areas["picture"]
-    imgui.set_next_window_pos(
-        (x + width / 2, y + height - ui.px(18)), imgui.Cond_.always, (0.5, 1.0)
-    )
-    imgui.set_next_window_bg_alpha(0.92)
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(6))
-    flags = _FLAGS | imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_focus_on_appearing
-    imgui.begin("##progress", None, flags)
-    imgui.align_text_to_frame_padding()
-    imgui.text(progress.what)
-    imgui.same_line()
-    imgui.push_style_color(imgui.Col_.plot_histogram, imgui.get_style_color_vec4(_DIM))
-    imgui.progress_bar(progress.share, (ui.px(140), 0), "")
-    imgui.pop_style_color()
-    imgui.same_line()
-    imgui.text(f"{100 * progress.share:3.0f} %" if progress.share < 1 else "relighting")
-    imgui.same_line()
-    ended = bool(imgui.button("Cancel"))
-    ui.note("cancel")
-    imgui.end()
-    imgui.pop_style_var()
-    return ended
-
-
-def _begin(name: str, opens: bool, ui: UiContext, wide: float) -> bool:
-    """Begin a dialog, if it is open or opens now; the picture is dimmed only a little."""
-    if opens:
-        imgui.open_popup(name)
-    viewport = imgui.get_main_viewport()
-    middle, room = viewport.get_work_center(), viewport.work_size
-    width = min(ui.px(wide), room.x * 0.94)
-    imgui.set_next_window_pos(middle, imgui.Cond_.always, (0.5, 0.5))
-    imgui.set_next_window_size((width, 0))
-    imgui.set_next_window_size_constraints((width, 0), (width, room.y * 0.98))
-    imgui.push_style_color(imgui.Col_.modal_window_dim_bg, (0.0, 0.0, 0.0, 0.25))
-    begun = bool(imgui.begin_popup_modal(name, True, _FLAGS)[0])
-    imgui.pop_style_color()
-    return begun
-
-
-def _buttons_left(ui: UiContext) -> float:
-    """Return the x that right-aligns `_buttons` in the line."""
-    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
-    return float(right - 2 * ui.px(_BUTTON_WIDTH) - ui.px(_BUTTON_GAP))
-
-
-def _buttons(label: str, name: str, ui: UiContext) -> tuple[bool, bool]:
-    """Draw a button, recorded under a name, and Cancel; return whether each was pressed."""
-    size = ui.px(_BUTTON_WIDTH), 0
-    accepted = imgui.button(label, size)
-    ui.note(name)
-    imgui.same_line(0, ui.px(_BUTTON_GAP))
-    return accepted, imgui.button("Cancel", size)
 
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")

@@ -13,7 +13,8 @@ from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Request, Search, UiContext
-from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs, PictureDialog, draw_progress
+from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs
+from volspec.viewer.ui.output_dialogs import PictureDialog, draw_progress
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import PALETTES
 from volspec.viewer.work.documents import DocumentService, Opened
