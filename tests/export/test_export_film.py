@@ -17,6 +17,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.errors import DeviceError, InputError, VolspecWarning
 from volspec.export import film
 from volspec.export.film import write_film
+from volspec.scene import Scene
 
 
 def probe(path: Path) -> str:
@@ -69,6 +70,15 @@ def test_odd_sides_get_an_edge_more_and_a_note(scene: Make, tmp_path: Path) -> N
     with pytest.warns(VolspecWarning):
         scene().export(tmp_path / "b.mp4", size=(63, 47), sweep={"frames": 2})
     assert "64x48" in probe(tmp_path / "b.mp4")
+
+
+def test_a_scene_s_odd_size_is_made_even(scene: Make, tmp_path: Path) -> None:
+    pytest.importorskip("imageio_ffmpeg")
+    made = scene(name="odd.toml")
+    text = made.path.read_text(encoding="utf-8").replace("width = 32", "width = 33")
+    made.path.write_text(text, encoding="utf-8")
+    Scene.load(made.path).export(tmp_path / "b.mp4", sweep={"frames": 2})
+    assert "32x24" in probe(tmp_path / "b.mp4")
 
 
 def test_wide_primaries_are_told(scene: Make, tmp_path: Path) -> None:

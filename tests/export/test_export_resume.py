@@ -173,6 +173,7 @@ def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_pat
         ("file", "type"),
         ("file/below", "unwritable"),
         ("film.mov", "type"),
+        ("film.mp5", "type"),
         ("frame.PNG", "type"),
     ):
         with raises(InputError, code):

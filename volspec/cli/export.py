@@ -24,6 +24,8 @@ from volspec.errors import ImageError, InputError
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
 _Number = Annotated[float | None, _Strict]
+# The name of all lights of a scene together.
+_ALL = "all"
 
 
 @app.command
@@ -46,14 +48,14 @@ def export(
     device: Device = None,
     json: Json = False,
 ) -> None:
-    """Export re-lit frames: each light of a scene, from one camera, a turntable or keyframes.
+    """Export re-lit frames: each light of a scene from its camera, a turntable, keyframes.
 
     Each camera is cast once, however many lights there are. Options override the scene's
     `[export]`. To resume an interrupted export, repeat the command.
 
     Example: `volspec export engine.toml -o frames`
 
-    Example: `volspec export engine.toml -o engine.mp4 --turntable 120 --light D65 --light A`
+    Example: `volspec export engine.toml -o engine.mp4 --turntable 120`
 
     Example: `volspec export engine.toml -o shot --format coefficients --turntable 72`
 
@@ -66,7 +68,8 @@ def export(
     output
         A folder; or a film, `.mp4`, `.webm` or `.gif` (needs `volspec[video]`).
     light
-        Name of a light of the scene to export; repeatable. Default: all lights.
+        Name of a light of the scene to export, or all; repeatable. Default: all lights, but with
+        --turntable the first.
     turntable
         Number of frames in a full turn of the camera.
     sweep
@@ -94,7 +97,6 @@ def export(
 
     require_scene(scene)
     changes: dict[str, Any] = {
-        "lights": light,
         "samples": samples,
         "bits": bits,
         "format": format,
@@ -113,6 +115,13 @@ def export(
             if frames is not None:
                 kept = {} if table is None else plain(table)
                 changes[key] = kept | {"frames": frames}
+        names = tuple(each.name for each in loaded.lights)
+        fades = own.sweep is not None or sweep is not None
+        # One turn under one light; coefficient images hold no light, and a sweep needs several.
+        one = turntable is not None and not (
+            light or own.lights or fades or (format or own.format) == "coefficients"
+        )
+        changes["lights"] = names[:1] if one else names if light == [_ALL] else light
         given = {key: value for key, value in changes.items() if value is not None}
         options = {key: f"--{key}" for key in (*given, "size")} | {"lights": "--light"}
         with in_options(options):
@@ -142,6 +151,8 @@ def export(
         f"{made.output}: {counted(made.frames, 'frame')}, {made.made} made from "
         f"{counted(made.casts, 'cast')}{rest}"
     )
+    if one and len(names) > 1:
+        said += f", under {names[0]}; --light {_ALL} makes a turn under each of {len(names)} lights"
     say(said)
 
 

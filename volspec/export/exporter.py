@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -43,9 +44,10 @@ from volspec.volume import Volume
 
 Progress = Callable[[str, float], object]
 
-# Suffixes that are not a folder's.
-_OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".ogv")
+# Suffixes that are not a folder's, nor are names close to them, such as ".mp5".
+_OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".mpg", ".mpeg", ".wmv", ".flv", ".3gp", ".ogv")
 _PICTURES = (".png", ".apng", ".exr", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
+_CLOSE = 0.75
 # Larger pictures are taken for a typing error: 64 Ki pixels a side.
 MAX_SIDE = 1 << 16
 # Number of relit frames that take about as long as a cast; only weights the progress.
@@ -104,7 +106,7 @@ def export(
     output : path
         A folder; or a film, ``.mp4``, ``.webm`` or ``.gif``.
     size : (width, height), optional
-        Size instead of the scene's; up to 65536.
+        Size instead of the scene's; up to 65536. The scene's own is made even for a film.
     overwrite : bool
         Whether to replace another scene's export in the folder.
     device : str, optional
@@ -128,17 +130,11 @@ def export(
     is_film = target.suffix.lower() in SUFFIXES
     if is_film:
         check_film(target, table, scene.relight.viewing.display.colours)
-    elif target.is_file() or (
-        target.suffix.lower() in _OTHER_FILMS + _PICTURES and not target.is_dir()
-    ):
-        what = "is a file" if target.is_file() else "is not a folder's name"
-        raise InputError(
-            f"{target}: {what}",
-            f"give a folder for frames, or a film ({', '.join(SUFFIXES)})",
-            code="type",
-        )
+    else:
+        _require_folder_name(target)
     (require_writable if is_film else require_writable_folder)(target)
-    pixels = _checked_size(size or (scene.file.output.width, scene.file.output.height))
+    own = scene.file.output.width, scene.file.output.height
+    pixels = _checked_size(size or (even_size(own) if is_film else own))
     progress("read the volume", 0.0)
     volume = caster.volume if caster else volume or scene.volume()
     progress("read the volume", 1.0)
@@ -172,6 +168,32 @@ def export(
             write_overview(path / "sheet.png", scene, plan, frames, table.primaries)
             folder.record_sizes()
     return Exported(target, (target.name,) if is_film else files, len(frames), made, casts)
+
+
+def _require_folder_name(target: Path) -> None:
+    """Refuse a file, and a name that ends like a file of a kind that is not written."""
+    suffix = target.suffix.lower()
+    known = SUFFIXES + _OTHER_FILMS + _PICTURES
+    if target.is_dir() or (
+        not target.is_file() and not get_close_matches(suffix, known, 1, _CLOSE)
+    ):
+        return
+    what = "is a file" if target.is_file() else f"frames cannot be written as {suffix}"
+    raise InputError(
+        f"{target}: {what}",
+        f"name a film {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}, or a folder for frames",
+        code="type",
+    )
+
+
+def even_size(size: tuple[int, int]) -> tuple[int, int]:
+    """Return a size with even sides, which films need; an odd one loses a row or column.
+
+    >>> even_size((929, 673)), even_size((1, 2))
+    ((928, 672), (2, 2))
+    """
+    width, height = (max(side - side % 2, 2) for side in size)
+    return width, height
 
 
 def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
