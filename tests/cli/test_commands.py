@@ -6,6 +6,7 @@ import io
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from tests.support.commands import call, figures, refusal
 from tests.support.errors import raises
 from volspec import doctor
 from volspec._gpu import devices
+from volspec._gpu.sources import asset
 from volspec.basis import SpectralBasis
 from volspec.cli import main
 from volspec.errors import DeviceError, OpenGLError
@@ -29,6 +31,7 @@ from volspec.export import read_frame_text
 from volspec.pipeline import raycast
 from volspec.raycast import Camera
 from volspec.relight import gpu as gl_engine
+from volspec.scene import Scene
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import phantom
@@ -69,8 +72,27 @@ def test_demo_writes_everything_it_promises(demo: Path) -> None:
     assert len(report["lights"]) == 5 and report["cast_ms"] > report["lights"][0]["relight_ms"]
     assert max(light["delta_e_max"] for light in report["lights"]) < 0.1
     assert sorted(path.name for path in demo.iterdir()) == [
-        *("engine.exr", "engine.html", "errors.png", "frames", "report.json", "sheet.png"),
+        *("engine-block.csv", "engine-inserts.csv", "engine.exr", "engine.html", "engine.nrrd"),
+        *("engine.toml", "errors.png", "frames", "report.json", "sheet.png"),
     ]
+
+
+def test_the_demo_s_scene_can_be_moved(demo: Path, tmp_path: Path) -> None:
+    moved = shutil.copytree(demo, tmp_path / "elsewhere")
+    there, here = Scene.load(moved / "engine.toml"), Scene.load(asset("data/scenes/engine.toml"))
+    assert there.path.parent == moved
+    assert not any(".." in row.reflectance for row in there.file.material)
+    assert np.array_equal(there.volume().values, here.volume().values)
+    for name, spectrum in here.materials.items():
+        assert np.array_equal(there.materials[name].values, spectrum.values)
+
+
+def test_the_demo_names_commands_that_parse() -> None:
+    from volspec.cli.render import NEXT
+    from volspec.cli.shell import app
+
+    for words, _ in NEXT:
+        app.parse_args(words.format(out="volspec-demo"), exit_on_error=False, print_error=False)
 
 
 def test_daylight_hides_the_inserts_and_tungsten_shows_them(demo: Path) -> None:

@@ -103,6 +103,9 @@ def view(
     """
     if trace is not None:
         require_writable(trace)
+    from volspec.volume.bundled import locate_volume
+
+    file = locate_volume(file) if file else file
     # Checked before a window opens for nothing.
     if file is not None and not Path(file.partition("?")[0]).exists():
         raise InputError(
@@ -133,8 +136,8 @@ def _sides(option: str, given: str) -> tuple[int, int]:
 def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json = False) -> None:
     """Cast the bundled engine CT once, and relight it under five lights.
 
-    Writes relit frames, a labelled contact sheet, a relightable web page, the coefficient image and
-    a report.
+    Writes relit frames, a labelled contact sheet, a relightable web page, the coefficient image, a
+    report, and the scene with its volume, `engine.toml`, for a first try of the other commands.
 
     Example: `volspec demo --out engine-demo`
 
@@ -172,9 +175,21 @@ def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json 
     console.print(
         "ΔE00: the basis's error on the scene's materials under its lights, against full spectra.\n"
         f"Cast on {report.cast_device}; relit on {report.relight_device}.\n"
-        f"Written in {report.seconds:.1f} s to {out}/: open {out}/sheet.png",
+        f"Written in {report.seconds:.1f} s to {out}/: open {out}/sheet.png\n\nNow try",
         highlight=False,
     )
+    for words, what in NEXT:
+        console.print(f"  volspec {words.format(out=out)}", f"  # {what}", sep="", soft_wrap=True)
+
+
+# Commands to go on with, and what they do.
+NEXT = (
+    ("view {out}/engine.toml", "turn it, and swap its lights"),
+    ("export {out}/engine.toml -o engine.gif --turntable 36 --light A", "a film"),
+    ("page {out}/engine.toml --views 12 -o engine.html", "a web page to send"),
+    ("wizard reveal {out}/engine.toml inserts --under D65 -o {out}/seen.toml", "a new material"),
+    ("view YOUR-VOLUME.nii.gz", "your own data: NRRD, NIfTI, DICOM, TIFF, …"),
+)
 
 
 def _error(delta_e: float) -> str:

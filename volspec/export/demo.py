@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import platform
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
@@ -24,7 +25,9 @@ from volspec.export.contact_sheet import SheetColumn, contact_sheet
 from volspec.export.frames import file_stem, write_frame
 from volspec.export.page import PageSpec, PageView, write_page
 from volspec.pipeline import Raycaster, Relighter
-from volspec.scene import Scene
+from volspec.scene import Scene, write_scene
+from volspec.scene.specs import MaterialSpec
+from volspec.spectra.files import rebase_path, split_address
 
 Progress = Callable[[str, float], None]
 _REPEATS = 5
@@ -68,8 +71,9 @@ def run_demo(
     """Cast a scene, relight it under each of its lights, and write all results to a folder.
 
     The files are ``frames/<light>.png``, ``sheet.png``, ``errors.png`` (a map of the basis's
-    errors), ``<volume>.exr``, ``<volume>.html`` and ``report.json``. ``progress`` is called with a
-    step's name and progress, 0…1; ``device`` is part of an OpenCL device's name.
+    errors), ``<volume>.exr``, ``<volume>.html``, ``report.json``, and the scene itself with its
+    volume and spectra (`copy_scene`). ``progress`` is called with a step's name and progress, 0…1;
+    ``device`` is part of an OpenCL device's name.
     """
     begun = time.perf_counter()
     progress("read the volume", 0)
@@ -130,6 +134,7 @@ def run_demo(
     write_frame(out / "sheet.png", sheet)
     top = max(found.top for found in maps)  # the same scale for all lights
     write_frame(out / "errors.png", np.hstack([found.image(top) for found in maps]))
+    copy_scene(scene, out)
     result = DemoReport(
         scene=scene.file.title,
         size=image.size,
@@ -143,3 +148,33 @@ def run_demo(
     with write_whole(out / "report.json") as temporary:
         temporary.write_text(json.dumps(result.to_dict(), indent=2) + "\n", encoding="utf-8")
     return result
+
+
+def copy_scene(scene: Scene, folder: Path) -> Path:
+    """Copy a scene, its volume and its materials' spectra into a folder that can be moved.
+
+    The volume has to be a file. Returns the new scene's path.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def copied(name: str) -> str:
+        """Copy a file of the scene; return its address, which is relative to the old scene."""
+        source = scene.folder / name
+        with write_whole(folder / source.name) as temporary:
+            shutil.copyfile(source, temporary)
+        return rebase_path(source.name, folder, scene.folder)
+
+    def material(row: MaterialSpec) -> MaterialSpec:
+        given = row.reflectance
+        address = split_address(given) if isinstance(given, str) else None
+        if address is None:
+            return row
+        file, selector = address
+        return replace(row, reflectance=copied(file) + (f"#{selector}" if selector else ""))
+
+    file = replace(
+        scene.file,
+        volume=replace(scene.file.volume, file=copied(scene.file.volume.file)),
+        material=tuple(map(material, scene.file.material)),
+    )
+    return write_scene(file, folder / scene.path.name, scene)

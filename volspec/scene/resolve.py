@@ -25,6 +25,7 @@ from volspec.scene.lights import NamedLight, named_light, rows_by_name
 from volspec.scene.specs import given_reflectance
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.volume import Volume, load_volume
+from volspec.volume.bundled import locate_volume
 
 # Relative difference of two spacings that causes a warning.
 _SPACING_ERROR = 1e-4
@@ -124,7 +125,7 @@ class Resolver:
         """
         table = self.file.volume
         with Resolver(self.file, self.path).at("volume"):
-            volume = load_volume(self._path(table.file))
+            volume = load_volume(locate_volume(table.file, self.path.parent))
             if table.spacing_mm:
                 self._warn_of_spacing(volume, table.spacing_mm)
                 volume = volume.with_spacing(table.spacing_mm)

@@ -27,6 +27,7 @@ from volspec.scene.specs import MaterialSpec, SpectrumNumbers
 from volspec.settings import classes_in, hints, item_hint, plain
 from volspec.spectra.files import rebase_address, rebase_path
 from volspec.spectra.lights import rebase_light
+from volspec.volume.bundled import bundled_volume
 
 if TYPE_CHECKING:
     from volspec.scene.model import Scene
@@ -135,14 +136,15 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
         except SpectrumError as error:
             raise SceneError(f"{path}: [[light]] {row.name}: {error}", code=error.code) from error
 
-    volume, _, query = file.volume.file.partition("?")
-    address = rebase_path(volume, folder, to) + (f"?{query}" if query else "")
+    volume, mark, query = file.volume.file.partition("?")
+    if bundled_volume(volume) is None or (folder / volume).exists():
+        volume = rebase_path(volume, folder, to)
     basis = file.basis
     if basis.file is not None:
         basis = replace(basis, name=rebase_path(basis.file, folder, to))
     return replace(
         file,
-        volume=replace(file.volume, file=address),
+        volume=replace(file.volume, file=f"{volume}{mark}{query}"),
         material=tuple(map(material, file.material)),
         light=tuple(map(light, file.light)),
         basis=basis,

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from volspec.errors import VolspecWarning, VolumeError, quoted
+from volspec.volume.bundled import locate_volume
 from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
@@ -56,6 +57,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - a multi-page TIFF file, with ImageJ's and OME-TIFF's spacing, or a folder of
           single TIFF or PNG pictures in the order of the numbers in their names (``z2`` before
           ``z10``): ``?spacing= channel= time=``;
+        - the name of a bundled volume, if no file has it: ``engine``, ``head`` or ``frog``;
         - an OME-Zarr folder (0.4, 0.5): ``?level= channel= time= spacing=``; by default level 0,
           or the finest of at most 2 GiB. Needs ``volspec[zarr]``.
 
@@ -74,7 +76,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
             code="type",
             given=path,
         )
-    query = Query.of(os.fspath(path))
+    query = Query.of(locate_volume(os.fspath(path)))
     library = reader_library(query)
     if library in _UTF_8:
         _require_utf_8(query.path)
