@@ -27,9 +27,10 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
+from volspec.transfer.presets import histogram
 from volspec.viewer.model import palette_edits
 from volspec.viewer.model.commands import BY_KEY, BY_NAME
-from volspec.viewer.model.document import Document, histogram
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
 from volspec.viewer.model.light_rows import LightRow, light_rig
 from volspec.viewer.model.palette_table import Table, palette_from_state, with_design

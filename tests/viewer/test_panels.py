@@ -94,7 +94,7 @@ def test_the_adopted_white_is_of_what_shines_alone(state: ViewState) -> None:
 
 def test_values_far_from_zero_are_counted_as_those_near_it() -> None:
     """Steps of 1/64 are exact in float32 up to 2^18."""
-    from volspec.viewer.model.document import histogram
+    from volspec.transfer.presets import histogram
     from volspec.volume import Volume
 
     near = np.arange(64, dtype=np.float32).reshape(4, 4, 4) / 64

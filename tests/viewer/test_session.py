@@ -25,7 +25,7 @@ from volspec.relight import LightRig
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, lights, transfer_edits
-from volspec.viewer.model.document import Document, plain_scene
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import Fade, LightRow
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.work import session_store
@@ -40,7 +40,7 @@ from volspec.viewer.work.session import (
     session_from_state,
 )
 from volspec.viewer.work.session_store import EVERY_S, MOST_SESSIONS, REST_S, SessionStore
-from volspec.volume import load_volume, phantom
+from volspec.volume import phantom
 
 FIXTURES = Path(__file__).with_name("sessions")
 
@@ -122,7 +122,7 @@ def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -
     here.mkdir()
     np.save(here / "ball.npy", phantom.ball(12).values)
     path = str(here / "ball.npy")
-    scene = Scene(plain_scene(path, load_volume(path)), path)
+    scene = Scene.from_volume(path)
     state = ViewState.first(Document.of(scene, scene.volume(), None), (40, 30))
     save_session(state, here / f"one{SUFFIX}")
     here.rename(there)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from tests.support.viewer import run_command
 from volspec.raycast import Camera, ClipPlane
+from volspec.raycast.framing import fit_view, shown_mm
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, slices, transfer_edits
-from volspec.viewer.model.camera import fit_view, shown_mm
 from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.cuts import drag_handle, list_handles, nearest_handle
 from volspec.viewer.model.document import Document

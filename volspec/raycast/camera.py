@@ -6,7 +6,7 @@ Axes: world millimetres, right-handed. Picture rows run downwards, the first row
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
 import numpy as np
@@ -22,6 +22,16 @@ from volspec.volume import Volume
 _ASKEW = 1e-15
 
 
+# Azimuth and elevation by name, in degrees.
+SIDES = {
+    "front": (0.0, 0.0),
+    "right": (90.0, 0.0),
+    "top": (0.0, 90.0),
+    "isometric": (45.0, 35.264),
+    "back": (180.0, 0.0),
+    "left": (-90.0, 0.0),
+    "bottom": (0.0, -90.0),
+}
 FieldOfView = Annotated[float, Field(gt=0, lt=180), Unit("degrees")]
 
 
@@ -46,6 +56,12 @@ class Orbit:
     """Point that the camera looks at; the volume's centre if left out."""
     up: Direction = (0.0, 0.0, 1.0)
     """Direction that points up in the picture."""
+
+    def camera(self, volume: Volume) -> Camera:
+        """Return the camera, placed for a volume."""
+        return Camera.orbit(
+            volume, **{each.name: getattr(self, each.name) for each in fields(Orbit)}
+        )
 
 
 @settings(CameraError)
@@ -117,11 +133,10 @@ class Camera:
             azimuth_deg, elevation_deg, zoom, fov_deg, orthographic, roll_deg, target_mm, up
         )
         volume = Volume.of(volume)
-        corners = volume.corners_mm
-        centre = corners.mean(axis=0)
-        radius = float(np.linalg.norm(corners - centre, axis=1).max()) or 1.0
-        target = centre if orbit.target_mm is None else orbit.target_mm
-        target = np.array(target)
+        radius = radius_mm(volume)
+        target = np.array(
+            volume.corners_mm.mean(axis=0) if orbit.target_mm is None else orbit.target_mm
+        )
         axis = np.array(orbit.up)
         # The front: −y made perpendicular to up, or −x if up is ±y.
         front = np.array([0.0, -1.0, 0.0])
@@ -233,3 +248,9 @@ class RayField:
     middle: tuple[float, float]
     distance: float
     perspective: bool
+
+
+def radius_mm(volume: Volume) -> float:
+    """Return the radius of the sphere around a volume."""
+    corners = volume.corners_mm
+    return float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()) or 1.0

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import fields
 from pathlib import Path
@@ -26,11 +26,13 @@ from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
 from volspec.scene.basis import ChosenBasis, choose_basis, retrained
 from volspec.scene.file import SceneFile, scene_data, scene_file
+from volspec.scene.from_volume import framed, volume_file, volume_path
 from volspec.scene.resolve import Resolver
 from volspec.scene.writing import write_scene
 from volspec.settings import plain, read_table
 from volspec.spectra import Spectrum
-from volspec.volume import Volume
+from volspec.transfer.presets import DEFAULT, preset_named
+from volspec.volume import Volume, load_volume
 
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
@@ -140,6 +142,54 @@ class Scene:
             data["basis"] = retrained(data.get("basis", {}), basis)
         return cls(scene_file(data, path), path)
 
+    @classmethod
+    def from_volume(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        preset: str | None = None,
+        lights: Sequence[str] = (),
+        camera: Orbit | None = None,
+        volume: Volume | None = None,
+    ) -> Scene:
+        """Make a scene for a volume alone, as the viewer opens it.
+
+        Parameters
+        ----------
+        path : path
+            A volume, as for `volspec.load_volume`; the scene's paths are relative to its folder.
+        preset : str, optional
+            Name of a transfer function in ``data/presets.toml``; default: soft-hard.
+        lights : sequence of str, optional
+            In `volspec.light`'s notation; default: D65, A, FL2 and HP1.
+        camera : Orbit, optional
+            Its zoom and target are replaced: it frames what the transfer function shows.
+        volume : Volume, optional
+            The voxels, if already loaded.
+
+        Raises
+        ------
+        VolumeError
+            If the volume cannot be read.
+        InputError
+            If there is no such preset.
+        SceneError
+            If a light is unknown.
+
+        Examples
+        --------
+        >>> import volspec as vs
+        >>> scene = vs.Scene.from_volume("data/engine.nrrd", preset="surface", lights=["A"])
+        >>> [light.name for light in scene.lights], scene.file.transfer.kind
+        (['A'], 'surfaces')
+        """
+        address = os.fspath(path)
+        volume = volume or load_volume(address)
+        file = volume_file(address, volume, preset_named(preset or DEFAULT), lights, camera)
+        scene = cls(file, volume_path(address))
+        scene.file = framed(file, volume, scene.transfer, scene.raycast)
+        return scene
+
     def save(self, path: str | os.PathLike[str] | None = None) -> Path:
         """Write the scene's file atomically; see `write_scene`.
 
@@ -168,9 +218,7 @@ class Scene:
         table = self.file.camera
         with self._names.at("camera"):
             if table.position_mm is None:
-                return Camera.orbit(
-                    volume, **{f.name: getattr(table, f.name) for f in fields(Orbit)}
-                )
+                return table.camera(volume)
             target = table.target_mm or tuple(volume.corners_mm.mean(axis=0))
             return Camera(table.position_mm, target, table.up, table.fov_deg)
 

@@ -6,16 +6,16 @@ tables, materials, basis -> [transfer] -> TransferFunction | TransferFunction2D 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import pairwise
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Discriminator, Field, Tag
 
 from volspec.basis import Basis
 from volspec.errors import SceneError
 from volspec.scene.specs import fault
-from volspec.settings import Hint, Pair, Unit, settings
+from volspec.settings import Hint, Pair, Unit, read_table, settings
 from volspec.spectra import Spectrum
 from volspec.transfer import (
     Isosurfaces,
@@ -25,6 +25,7 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
+from volspec.transfer.mixes import Mix
 
 KINDS = ("points", "regions", "labels", "surfaces")
 # A name or a mix, discriminated by form, so that a message is about the intended one.
@@ -127,6 +128,28 @@ class TransferSpec:
             problem = f"{numbers[twice]} is given twice"
             raise fault(f"labels[{twice}].label", problem, "leave out one", "duplicate")
 
+    @classmethod
+    def of(cls, transfer: Transfer) -> TransferSpec:
+        """Return the table of a transfer function."""
+        rows: list[dict[str, Any]]
+        if isinstance(transfer, TransferFunction2D):
+            kind = "regions"
+            rows = [{f.name: getattr(row, f.name) for f in fields(row)} for row in transfer.regions]
+        elif isinstance(transfer, LabelFunction):
+            kind, looks = "labels", transfer.labels.items()
+            rows = [{"label": label, "opacity": o, "material": mix} for label, (o, mix) in looks]
+        else:
+            kind = "points" if isinstance(transfer, TransferFunction) else "surfaces"
+            points = getattr(transfer, kind)
+            rows = [{"value": float(v), "opacity": float(o), "material": m} for v, o, m in points]
+        others = {
+            name: value
+            for name in ("gradient_opacity", "reference_step_mm")
+            if (value := getattr(transfer, name, None)) is not None
+        }
+        table = [row | {"material": mix_as_written(row["material"])} for row in rows]
+        return read_table(cls, {kind: table, **others}, SceneError)
+
     def seen(self) -> Iterator[tuple[float, Mapping[str, float]]]:
         """Weigh the mixes: opacity times the range of values that each covers."""
         if self.points is not None:
@@ -157,6 +180,14 @@ class TransferSpec:
         return TransferFunction(
             *(looks_at, materials, basis, step), self.gradient_opacity, filters or None
         )
+
+
+def mix_as_written(mix: Mix) -> str | dict[str, float]:
+    """Return a mix as written in a file: a single material by its name alone."""
+    if isinstance(mix, str):
+        return mix
+    shares = {name: float(share) for name, share in mix.items()}
+    return next(iter(shares)) if list(shares.values()) == [1.0] else shares
 
 
 def _seen_points(points: Sequence[PointSpec]) -> Iterator[tuple[float, Mapping[str, float]]]:

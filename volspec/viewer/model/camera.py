@@ -12,110 +12,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from volspec.raycast import RaycastSpec
-from volspec.transfer import SurfaceTable, Transfer
-from volspec.viewer.model.cuts import crop_bounds, overlay_command, world_mm
+from volspec.raycast.camera import SIDES, radius_mm
+from volspec.raycast.framing import ZOOMS, fit_view
+from volspec.viewer.model.cuts import overlay_command
 from volspec.viewer.model.edit import Change, Command, bind, edit
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import ZOOMS, View, clamp, face_normal, orbit_deg, radius_mm, vector
-from volspec.volume import Volume
-
-Array = NDArray[np.float64]
-# The most voxels sampled along each axis; the error is below one percent of the picture.
-_MOST = 64
-# Opacities below this fraction of the greatest count as haze.
-_HAZE = 0.02
-# Fraction of the picture's sides that a fitted view fills.
-_FILLS = 0.85
-_ITERATIONS = 4
-
-
-def fit_view(
-    view: View, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
-) -> View:
-    """Fit a view to the visible part of a volume; ``aspect`` is the picture's width / height."""
-    axes = np.stack(view.camera(volume).frame())
-    points = shown_mm(volume, transfer, shading) @ axes.T
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    x, y, z = (points - middle).T
-    tall = _FILLS * math.tan(math.radians(view.fov_deg) / 2)
-    wide = tall * aspect
-    if view.orthographic:
-        height = max(2 * float(y.max()), 2 * float(x.max()) / aspect) / _FILLS
-        zoom = 2 * radius_mm(volume) / max(height, 1e-12)
-        return replace(view, zoom=clamp(zoom, *ZOOMS), target_mm=vector(middle @ axes))
-    distance = max(_span_within(x, z, wide)[0], _span_within(y, z, tall)[0], 1e-12)
-    shift = [_centre_from(along, z, distance, slope) for along, slope in ((x, wide), (y, tall))]
-    sine = math.sin(math.radians(view.fov_deg) / 2)
-    zoom = clamp(radius_mm(volume) / (distance * sine), *ZOOMS)
-    return replace(view, zoom=zoom, target_mm=vector((middle + [*shift, 0.0]) @ axes))
-
-
-def _span_within(along: Array, depth: Array, slope: float) -> tuple[float, float]:
-    """Return the distance at which points fit within ± a slope, and the offset to centre them."""
-    high, low = float((along - slope * depth).max()), float((-along - slope * depth).max())
-    return (high + low) / (2 * slope), (high - low) / 2
-
-
-def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> float:
-    """Return the offset that centres the points in perspective from a distance."""
-    place = 0.0
-    for _ in range(_ITERATIONS):
-        nearest, place = _span_within(along, depth, slope)
-        # From further away than necessary, the points span a smaller slope.
-        slope *= max(nearest / distance, 1e-3)
-    return place
-
-
-def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
-    """(N, 3) points around the visible voxels; the volume's corners if none is visible."""
-    steps = [-(-size // _MOST) for size in volume.values.shape]
-    k, j, i = steps
-    values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
-    visible = _visible_voxels(values, volume, transfer)
-    crop = crop_bounds(shading, volume)
-    for axis, (low, high) in enumerate(reversed(crop)):
-        at = np.arange(values.shape[axis]) * steps[axis]
-        visible[(slice(None),) * axis + ((at < low - 1) | (at > high + 1),)] = False
-    rows = visible.any(axis=2)
-    first = visible.argmax(axis=2)[rows]
-    last = values.shape[2] - 1 - visible[..., ::-1].argmax(axis=2)[rows]
-    k_rows, j_rows = np.nonzero(rows)
-    places = np.concatenate([np.stack([at, j_rows, k_rows], axis=1) for at in (first, last)])
-    # A visible voxel may reach half way to the next sampled one.
-    halves = np.array(list(np.ndindex(2, 2, 2))) - 0.5
-    index = ((places[:, None] + halves) * [i, j, k]).reshape(-1, 3)
-    points = world_mm(volume, np.clip(index, *np.transpose(crop)))
-    for plane in shading.clip_planes:
-        points = points[(points - plane.point_mm) @ np.asarray(plane.normal) >= 0]
-    return points if len(points) else volume.corners_mm
-
-
-def _visible_voxels(
-    values: NDArray[np.generic], volume: Volume, transfer: Transfer
-) -> NDArray[np.bool_]:
-    """(z, y, x) True if a voxel is visible, or a surface passes next to it."""
-    table = transfer.bake(min(volume.spacing_mm))
-    if isinstance(table, SurfaceTable):
-        layer = np.searchsorted(np.sort(table.values), values)
-        visible = np.zeros(values.shape, bool)
-        for axis in range(3):
-            passed = np.diff(layer, axis=axis) != 0
-            ahead = (slice(None),) * axis
-            visible[(*ahead, slice(1, None))] |= passed
-            visible[(*ahead, slice(None, -1))] |= passed
-        return visible
-    opacity = np.atleast_2d(table.opacity).max(axis=0)
-    low, high = table.domain
-    at = np.rint((values.astype(np.float32) - low) * ((len(opacity) - 1) / (high - low)))
-    shown = opacity > _HAZE * opacity.max()
-    if table.labels:
-        shown = np.append(shown, False)
-        at = np.where((at < 0) | (at >= len(opacity)), len(opacity), at)
-    return shown[np.clip(at, 0, len(shown) - 1).astype(np.int32)]
-
+from volspec.viewer.model.view import clamp, face_normal, orbit_deg, vector
 
 # A drag over the picture's height turns by this angle, and multiplies the zoom by e to this power.
 _TURN_DEG, _ZOOM_RATE = 180.0, 2.0
@@ -221,20 +124,21 @@ def _fit(state: ViewState) -> ViewState:
     return replace(state, view=view)
 
 
-def _side(title: str, key: str, azimuth_deg: float, elevation_deg: float) -> Command:
+def _side(title: str, key: str) -> Command:
     """Return the command that looks from a side; its key is F3D's, or Ctrl and the opposite's."""
+    azimuth_deg, elevation_deg = SIDES[title.lower()]
     angles = {"azimuth_deg": azimuth_deg, "elevation_deg": elevation_deg, "roll_deg": 0.0}
     return Command(f"view-{title.lower()}", "View", title, (key,), bind(_with_view, **angles))
 
 
 COMMANDS = (
-    _side("Front", "1", 0.0, 0.0),
-    _side("Right", "3", 90.0, 0.0),
-    _side("Top", "7", 0.0, 90.0),
-    _side("Isometric", "9", 45.0, 35.264),
-    _side("Back", "ctrl+1", 180.0, 0.0),
-    _side("Left", "ctrl+3", -90.0, 0.0),
-    _side("Bottom", "ctrl+7", 0.0, -90.0),
+    _side("Front", "1"),
+    _side("Right", "3"),
+    _side("Top", "7"),
+    _side("Isometric", "9"),
+    _side("Back", "ctrl+1"),
+    _side("Left", "ctrl+3"),
+    _side("Bottom", "ctrl+7"),
     Command(
         "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic
     ),

@@ -18,36 +18,18 @@ from numpy.typing import NDArray
 
 from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
+from volspec.raycast.camera import radius_mm
+from volspec.raycast.framing import LEAST_CROP, Crop, crop_bounds, world_mm
 from volspec.raycast.spec import MAX_PLANES
 from volspec.settings import Vector
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Place, Projection, clamp, radius_mm, vector
+from volspec.viewer.model.view import Place, Projection, clamp, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
-Bounds = tuple[float, float]
-Crop = tuple[Bounds, Bounds, Bounds]
 # Planes closer to each other than this fraction of the volume's radius count as the same.
 _SAME = 1e-3
-# The fewest voxels that a crop leaves along each axis.
-LEAST = 1.0
-
-
-def crop_bounds(shading: RaycastSpec, volume: Volume) -> Crop:
-    """Return the crop's bounds along each axis, in voxels; the whole volume if there is none."""
-    last = np.array(volume.shape_xyz) - 1.0
-    low, high = np.transpose(shading.crop_voxels or [(0.0, end) for end in last])
-    # A scene's crop may reach beyond the volume, or miss it.
-    low = np.clip(low, 0.0, last - LEAST)
-    high = np.clip(high, low + LEAST, last)
-    x, y, z = zip(low.tolist(), high.tolist(), strict=True)
-    return x, y, z
-
-
-def world_mm(volume: Volume, index: Array) -> Array:
-    """(…, 3) world coordinates of voxel indices (x, y, z)."""
-    return np.asarray(index @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3])
 
 
 def box_corners_mm(crop: Crop, volume: Volume) -> Array:
@@ -241,9 +223,9 @@ def move_crop(state: ViewState, face: int, at: float) -> ViewState:
     low, high = crop[axis]
     last = volume.shape_xyz[axis] - 1.0
     if far:
-        high = clamp(at, low + LEAST, last)
+        high = clamp(at, low + LEAST_CROP, last)
     else:
-        low = clamp(at, 0.0, high - LEAST)
+        low = clamp(at, 0.0, high - LEAST_CROP)
     crop[axis] = low, high
     whole = all(pair == (0.0, n - 1.0) for pair, n in zip(crop, volume.shape_xyz, strict=True))
     x, y, z = crop

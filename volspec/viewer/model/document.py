@@ -26,10 +26,8 @@ from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
-from volspec.settings import read_table
 from volspec.spectra import SpectralGrid
-from volspec.transfer import Transfer
-from volspec.viewer.model import presets
+from volspec.transfer import Transfer, presets
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
 from volspec.volume import Volume
@@ -85,11 +83,6 @@ def _sample_shifted(
     return values[np.ix_(*shifted)].astype(np.float64)
 
 
-_BINS = 256
-# Lights for a volume without a scene.
-_LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
     """Open scene with its volume; its settings are as in the file."""
@@ -128,7 +121,9 @@ class Document:
         """Path that opens the document again; None for the bundled demo or without a file."""
         if self.file is None or self.path is None or self.path == demo():
             return None
-        return str(self.path) if self.path.suffix.lower() == ".toml" else self.file.volume.file
+        if self.path.suffix.lower() == ".toml":
+            return str(self.path)
+        return f"{self.path.parent / self.file.volume.file}"
 
     @property
     def grid(self) -> SpectralGrid:
@@ -141,20 +136,19 @@ class Document:
         scene: Scene,
         volume: Volume,
         caster: Raycaster | None,
-        view: View | None = None,
         fault: str = "",
     ) -> Document:
-        """Make a document of a scene and its volume; ``view`` None uses the file's view."""
+        """Make a document of a scene and its volume."""
         return cls(
             title=scene.file.title or scene.path.stem,
             volume=volume,
             caster=caster,
-            view=view or _file_view(scene, volume),
+            view=_file_view(scene, volume),
             transfer=scene.transfer,
             shading=scene.raycast,
             lights=rows_from_scene(scene.lights, rows_by_name(scene.file.light)),
             relight=scene.relight,
-            histogram=histogram(volume),
+            histogram=presets.histogram(volume),
             file=scene.file,
             path=scene.path.absolute(),
             fault=fault,
@@ -164,35 +158,6 @@ class Document:
 def demo() -> Path:
     """Return the path of the bundled scene, which opens by default."""
     return Path(asset("data/scenes/engine.toml")).absolute()
-
-
-def plain_scene(path: str, volume: Volume) -> SceneFile:
-    """Return a scene for a volume alone, with the default preset."""
-    preset = presets.BY_NAME[presets.DEFAULT]
-    points = presets.preset_points(preset, volume, histogram(volume))
-    document: dict[str, Any] = {
-        "title": Path(path.partition("?")[0]).name,
-        "volume": {"file": str(Path(path).absolute())},
-        "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
-        "transfer": {
-            "points": [{"value": v, "opacity": o, "material": m} for v, o, m in points],
-            "reference_step_mm": presets.step_mm(volume),
-        },
-        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
-        "light": [{"name": k, "label": v, "spectrum": k} for k, v in _LIGHTS.items()],
-        "viewing": {"backdrop": 0.05},
-    }
-    return read_table(SceneFile, document, SceneError)
-
-
-def histogram(volume: Volume) -> NDArray[np.float64]:
-    """Count voxels in (256,) bins of value; large volumes are subsampled along each axis."""
-    every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
-    sampled = volume.values[::every, ::every, ::every]
-    low, high = volume.range
-    # Shifted to 0: far from 0, float32 is too coarse to separate the bins' edges.
-    above = np.subtract(sampled, low, dtype=np.float64)
-    return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
 
 
 def _file_view(scene: Scene, volume: Volume) -> View:

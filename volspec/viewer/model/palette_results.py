@@ -16,6 +16,7 @@ from volspec.errors import PaletteError, SceneError, VolspecError
 from volspec.palette import Cell, DesignReport, Palette, PaletteSpectrum
 from volspec.palette.model import Place
 from volspec.scene import Scene, SceneFile
+from volspec.scene.transfer import TransferSpec
 from volspec.settings import read_table
 from volspec.spectra import Spectrum
 from volspec.spectra.lights import light_names
@@ -36,7 +37,6 @@ from volspec.viewer.model.palette_targets import (
     PaletteState,
     clip_codes,
 )
-from volspec.viewer.model.scene_file import transfer_table
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_model
 from volspec.wizard import Redesigned, hide, keep, merge, reveal
@@ -144,7 +144,7 @@ def wizard_scene(state: ViewState) -> Scene:
             "title": state.document.title,
             "volume": {"file": "volume"},
             "material": materials,
-            "transfer": transfer_table(transfer),
+            "transfer": TransferSpec.of(transfer),
             "basis": {
                 "method": "materials",
                 "grid_nm": [grid.start_nm, grid.stop_nm, grid.step_nm],

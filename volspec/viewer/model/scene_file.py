@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,14 +31,11 @@ from volspec.scene.specs import (
 )
 from volspec.scene.transfer import TransferSpec
 from volspec.scene.writing import write_scene
-from volspec.settings import read_table
 from volspec.spectra import Spectrum, light
 from volspec.spectra.datasets import colour_matching_functions
-from volspec.transfer import LabelFunction, Transfer, TransferFunction, TransferFunction2D
-from volspec.transfer.mixes import Mix
+from volspec.transfer import Transfer, TransferFunction
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.transfer_parts import KINDS, list_points
 
 # A folder without files: relative names must not be found in the working directory by chance.
 NOWHERE = "/"
@@ -162,7 +159,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
     return replace(
         file,
         material=tuple(_materials(state, file)),
-        transfer=file.transfer if same_transfer else transfer_table(state.transfer),
+        transfer=file.transfer if same_transfer else TransferSpec.of(state.transfer),
         basis=_basis(state, file.basis),
         camera=file.camera if state.view == document.view else CameraSpec(**asdict(state.view)),
         raycast=replace(shading, groups=HEADLIT),
@@ -197,34 +194,6 @@ def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:
 
 def _filters(transfer: Transfer) -> Mapping[str, Spectrum]:
     return transfer.filters or {} if isinstance(transfer, TransferFunction) else {}
-
-
-def transfer_table(transfer: Transfer) -> TransferSpec:
-    """Return a transfer function as ``[transfer]``."""
-    rows: list[dict[str, Any]]
-    if isinstance(transfer, TransferFunction2D):
-        rows = [{f.name: getattr(row, f.name) for f in fields(row)} for row in transfer.regions]
-    elif isinstance(transfer, LabelFunction):
-        looks = transfer.labels.items()
-        rows = [{"label": label, "opacity": o, "material": mix} for label, (o, mix) in looks]
-    else:
-        points = list_points(transfer)
-        rows = [{"value": float(v), "opacity": float(o), "material": m} for v, o, m in points]
-    others = {
-        name: value
-        for name in ("gradient_opacity", "reference_step_mm")
-        if (value := getattr(transfer, name, None)) is not None
-    }
-    table = [row | {"material": mix_as_written(row["material"])} for row in rows]
-    return read_table(TransferSpec, {KINDS[type(transfer)]: table, **others}, SceneError)
-
-
-def mix_as_written(mix: Mix) -> str | dict[str, float]:
-    """Return a mix as written in a file: a single material by its name alone."""
-    if isinstance(mix, str):
-        return mix
-    shares = {name: float(share) for name, share in mix.items()}
-    return next(iter(shares)) if list(shares.values()) == [1.0] else shares
 
 
 def is_shipped(basis: Basis) -> bool:

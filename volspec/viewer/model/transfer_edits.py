@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction
+from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction, presets
 from volspec.transfer import TransferFunction2D as Regions
-from volspec.viewer.model import presets, transfer_convert, transfer_parts
+from volspec.viewer.model import transfer_convert, transfer_parts
 from volspec.viewer.model.edit import Change, Command, Edited, edit, with_interface
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
@@ -314,7 +314,9 @@ def _preset(preset: presets.Preset) -> Change:
             return Edited(state, _LABELLED)
         document = state.document
         basis = document.transfer.basis
-        fitted = presets.fit_preset(preset, document.volume, document.histogram, basis)
+        fitted = presets.fit_preset(
+            *(preset, document.volume, document.histogram, basis.grid, basis.observer_deg)
+        )
         return Edited(_with_new(state, fitted))
 
     return change

@@ -6,18 +6,17 @@ View -> [view] -> Camera -> raycast, handles, orientation cube, scale bar
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import CameraError
 from volspec.raycast import Camera
-from volspec.raycast.camera import Orbit
+from volspec.raycast.camera import Orbit, radius_mm
+from volspec.raycast.framing import ZOOMS
 from volspec.settings import Vector, settings
 from volspec.volume import Volume
-
-ZOOMS = (0.05, 200.0)
 
 
 @settings(CameraError)
@@ -42,10 +41,6 @@ class View(Orbit):
             target_mm=camera.target_mm,
         )
 
-    def camera(self, volume: Volume) -> Camera:
-        """Return the view's camera."""
-        return Camera.orbit(volume, **asdict(self))
-
 
 def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
     """Return azimuth and elevation of a unit vector from the target to the camera."""
@@ -56,12 +51,6 @@ def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
     front /= np.linalg.norm(front)
     azimuth = math.atan2(float(away @ np.cross(axis, front)), float(away @ front))
     return math.degrees(azimuth), math.degrees(math.asin(clamp(float(away @ axis), -1.0, 1.0)))
-
-
-def radius_mm(volume: Volume) -> float:
-    """Return the radius of the sphere around a volume."""
-    corners = volume.corners_mm
-    return float(np.linalg.norm(corners - corners.mean(axis=0), axis=1).max()) or 1.0
 
 
 def vector(values: NDArray[np.float64]) -> Vector:

@@ -6,11 +6,13 @@ import numpy as np
 from imgui_bundle import imgui
 
 from volspec.raycast import ClipPlane
+from volspec.raycast.camera import radius_mm
+from volspec.raycast.framing import crop_bounds, world_mm
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model import cuts
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Place, Projection, radius_mm
+from volspec.viewer.model.view import Place, Projection
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour
 
@@ -39,7 +41,7 @@ def _crop(state: ViewState, ui: UiContext) -> ViewState:
     if imgui.button("Reset##crop", (ui.px(64), 0)):
         new = ui.run(new, "reset-crop")
     imgui.end_disabled()
-    crop = cuts.crop_bounds(state.shading, volume)
+    crop = crop_bounds(state.shading, volume)
     imgui.push_item_width(-ui.px(24))
     for axis, (name, (low, high)) in enumerate(zip("xyz", crop, strict=True)):
         last = volume.shape_xyz[axis] - 1.0
@@ -111,11 +113,11 @@ def draw_handles(state: ViewState, ui: UiContext) -> None:
     if not (overlays.crop or planes or outlines):
         return
     projection = ui.projection(state)
-    crop = cuts.crop_bounds(state.shading, volume)
+    crop = crop_bounds(state.shading, volume)
     with over_picture(ui):
         if outlines:
             for axis, share in enumerate(state.interface.slices.at):
-                corners = cuts.world_mm(volume, outline_index(volume, axis, share))
+                corners = world_mm(volume, outline_index(volume, axis, share))
                 _polygon(corners, projection, (*SLICE_COLOURS[axis], 0.9), ui)
         if overlays.crop:
             for start, end, hidden in cuts.box_edges(crop, volume, projection):

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from imgui_bundle import imgui
 
+from volspec.raycast.framing import crop_bounds, world_mm
 from volspec.viewer.model import slices
-from volspec.viewer.model.cuts import crop_bounds, world_mm
 from volspec.viewer.model.slices import PLANES, Layout, is_patient, voxel_number
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext

@@ -11,7 +11,8 @@ from volspec.basis import Basis
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
 from volspec.spectra.files import split_address
-from volspec.viewer.model import materials, presets, transfer_edits
+from volspec.transfer import presets
+from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.commands import rank_matches
 from volspec.viewer.model.materials import uses_of_material
 from volspec.viewer.model.state import ViewState

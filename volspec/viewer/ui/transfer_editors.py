@@ -10,8 +10,8 @@ import numpy as np
 from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
-from volspec.transfer import Isosurfaces, Region, TransferFunction, TransferFunction2D
-from volspec.viewer.model import presets, transfer_edits
+from volspec.transfer import Isosurfaces, Region, TransferFunction, TransferFunction2D, presets
+from volspec.viewer.model import transfer_edits
 from volspec.viewer.model.document import JointHistogram
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import Part, gradient_top, list_parts

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D
-from volspec.viewer.model import commands, presets, transfer_convert, transfer_edits
+from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D, presets
+from volspec.viewer.model import commands, transfer_convert, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.model.transfer_parts import Kind

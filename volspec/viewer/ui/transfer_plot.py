@@ -15,9 +15,8 @@ from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import Basis
 from volspec.relight import RelightSpec
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
-from volspec.transfer import Transfer
+from volspec.transfer import Transfer, presets
 from volspec.transfer.mixes import weight_matrix
-from volspec.viewer.model import presets
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts

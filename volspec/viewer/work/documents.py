@@ -14,12 +14,10 @@ from pathlib import Path
 from volspec.errors import InputError, VolspecError
 from volspec.scene import Scene
 from volspec.spectra import reflectance_names
-from volspec.viewer.model.camera import fit_view
-from volspec.viewer.model.document import Document, demo, plain_scene
+from volspec.viewer.model.document import Document, demo
 from volspec.viewer.model.light_rows import brightest_row
 from volspec.viewer.model.paths import check_name, dropped_path
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import View
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.notify import Notice
@@ -37,16 +35,14 @@ def open_document(path: str | None, device: str | None = None) -> Document:
         check_name(path)
     if path is None or path.lower().endswith(".toml"):
         scene = Scene.load(demo() if path is None else path)
-        volume, view = scene.volume(), None
+        volume = scene.volume()
     else:
         volume = load_volume(path)
-        scene = Scene(plain_scene(path, volume), path.partition("?")[0])
-        # The window's aspect is not known yet: fit into a square of the picture's height.
-        view = fit_view(View(), volume, scene.transfer, scene.raycast, 1.0)
+        scene = Scene.from_volume(path, volume=volume)
     # Loaded ahead, as presets would have to wait for the names.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
-    return Document.of(scene, volume, caster, view, fault)
+    return Document.of(scene, volume, caster, fault)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

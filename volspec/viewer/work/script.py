@@ -23,6 +23,7 @@ from volspec.errors import SpectrumError, ViewingError
 from volspec.export.frames import file_stem
 from volspec.export.recipes import python_text
 from volspec.scene.file import SceneFile
+from volspec.scene.transfer import mix_as_written
 from volspec.settings import default_of
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import Transfer
@@ -30,7 +31,6 @@ from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.scene_file import (
     NOWHERE,
     is_shipped,
-    mix_as_written,
     same_spectrum,
 )
 from volspec.viewer.model.state import ViewState

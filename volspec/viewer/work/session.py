@@ -22,7 +22,8 @@ from volspec.errors import InputError, SceneError, one_line, quoted
 from volspec.scene.file import SceneFile
 from volspec.scene.resolve import Resolver
 from volspec.settings import plain, read_table
-from volspec.viewer.model.document import Document, histogram
+from volspec.transfer.presets import histogram
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer

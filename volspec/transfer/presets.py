@@ -5,6 +5,7 @@ Volume, histogram -> [presets] -> Transfer
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -14,10 +15,10 @@ from pydantic import Field
 
 from volspec._gpu.sources import asset
 from volspec._parse import parse_toml
-from volspec.basis import Basis, MaterialBasis
-from volspec.errors import InputError
+from volspec.basis import MaterialBasis
+from volspec.errors import InputError, nearest
 from volspec.settings import Pair, read_table, settings
-from volspec.spectra import reflectance
+from volspec.spectra import SpectralGrid, reflectance
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction
 from volspec.volume import Volume
 
@@ -55,6 +56,15 @@ PRESETS = _shipped()
 BY_NAME = {preset.name: preset for preset in PRESETS}
 DEFAULT = "soft-hard"
 
+
+def preset_named(name: str) -> Preset:
+    """Return a preset; raises InputError if there is none with that name."""
+    if name not in BY_NAME:
+        remedy = f"{nearest(name, BY_NAME)}known: {', '.join(BY_NAME)}"
+        raise InputError.refused("preset", name, remedy, "unknown")
+    return BY_NAME[name]
+
+
 # Air, half-way to tissue, tissue, dense bone, the greatest 12-bit value.
 _MARKS_HU = (-1000.0, -450.0, 40.0, 1000.0, 3071.0)
 # Volumes whose range includes these two are taken to be in Hounsfield units.
@@ -66,6 +76,17 @@ _TOP = 0.998
 # The least distance between two landmarks, as a fraction of the range.
 _APART = 1 / 24
 _NAME = "preset "
+_BINS = 256
+
+
+def histogram(volume: Volume) -> NDArray[np.float64]:
+    """Count voxels in (256,) bins of value; large volumes are subsampled along each axis."""
+    every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
+    sampled = volume.values[::every, ::every, ::every]
+    low, high = volume.range
+    # Shifted to 0: far from 0, float32 is too coarse to separate the bins' edges.
+    above = np.subtract(sampled, low, dtype=np.float64)
+    return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
 
 
 def in_hounsfield(volume: Volume) -> bool:
@@ -118,11 +139,18 @@ def landmarks(counts: NDArray[np.float64], low: float, high: float) -> tuple[flo
 
 
 def fit_preset(
-    preset: Preset, volume: Volume, counts: NDArray[np.float64], basis: Basis
+    preset: Preset,
+    volume: Volume,
+    counts: NDArray[np.float64],
+    grid: SpectralGrid,
+    observer_deg: int = 2,
 ) -> Transfer:
-    """Return a preset's transfer function for a volume, on a basis' grid and for its observer."""
-    materials = {name: reflectance(text, basis.grid) for name, text in preset.materials.items()}
-    own = MaterialBasis(materials, _NAME + preset.name, basis.grid, basis.observer_deg)
+    """Return a preset's transfer function for a volume, with its materials as the basis.
+
+    Counts are the volume's `histogram`.
+    """
+    materials = {name: reflectance(text, grid) for name, text in preset.materials.items()}
+    own = MaterialBasis(materials, _NAME + preset.name, grid, observer_deg)
     points = preset_points(preset, volume, counts)
     if preset.surfaces:
         return Isosurfaces(points, materials, own)
@@ -140,11 +168,17 @@ def preset_points(
     """Return (value, opacity, material) of a preset's points, within a volume's range."""
     low, high = value_span(volume)
     marks = _marks(volume, counts)
+    digits = 3 - math.floor(math.log10(high - low))
     return [
-        (min(max(float(np.interp(hu, _MARKS_HU, marks)), low), high), opacity, material)
+        (_rounded(np.interp(hu, _MARKS_HU, marks), digits, low, high), opacity, material)
         for material, (_, points) in preset.parts.items()
         for hu, opacity in points
     ]
+
+
+def _rounded(value: float, digits: int, low: float, high: float) -> float:
+    """Return a value within a range, rounded for people who read it in a scene."""
+    return min(max(round(float(value), digits), low), high)
 
 
 def _marks(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:
@@ -157,7 +191,7 @@ def _marks(volume: Volume, counts: NDArray[np.float64]) -> tuple[float, ...]:
 def step_mm(volume: Volume) -> float:
     """Return the reference step for the opacities of presets."""
     corners = volume.corners_mm
-    return float(np.linalg.norm(corners[-1] - corners[0])) / _STEPS
+    return float(f"{np.linalg.norm(corners[-1] - corners[0]) / _STEPS:.4g}")
 
 
 def preset_title(transfer: Transfer) -> str:

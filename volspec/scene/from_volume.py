@@ -1,0 +1,88 @@
+"""Scene for a volume alone: a preset's transfer function, four lights and a framed camera.
+
+Volume, preset -> [from_volume] -> SceneFile
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from volspec.errors import SceneError
+from volspec.raycast import RaycastSpec
+from volspec.raycast.camera import Orbit, radius_mm
+from volspec.raycast.framing import fit_view
+from volspec.scene.file import SceneFile
+from volspec.scene.specs import CameraSpec
+from volspec.scene.transfer import TransferSpec
+from volspec.settings import plain, read_table
+from volspec.spectra import DEFAULT_GRID
+from volspec.transfer import Transfer
+from volspec.transfer.presets import Preset, fit_preset, histogram
+from volspec.volume import Volume
+from volspec.volume.files.query import Query
+
+# Names and labels of the default lights.
+LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
+# Significant digits of fitted numbers.
+_DIGITS = 5
+
+
+def volume_file(
+    address: str,
+    volume: Volume,
+    preset: Preset,
+    lights: Sequence[str] = (),
+    camera: Orbit | None = None,
+) -> SceneFile:
+    """Return a scene's file for a volume, relative to the volume's folder.
+
+    Parameters
+    ----------
+    address : str
+        Path of the volume, with its details after a question mark.
+    volume : Volume
+        The voxels.
+    preset : Preset
+        Materials and transfer function.
+    lights : sequence of str, optional
+        In `volspec.light`'s notation; default: daylight, tungsten, fluorescent and sodium.
+    camera : Orbit, optional
+        Direction, field of view and projection; default: the default of scenes.
+    """
+    transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
+    labels = dict.fromkeys(lights) or LIGHTS
+    path = volume_path(address)
+    details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
+    document: dict[str, Any] = {
+        "title": path.name,
+        "volume": {"file": path.name + ("?" + details if details else "")},
+        "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
+        "transfer": plain(TransferSpec.of(transfer)),
+        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
+        "light": [
+            {"name": name, "spectrum": name} | ({"label": label} if label else {})
+            for name, label in labels.items()
+        ],
+        "camera": plain(CameraSpec(**asdict(camera))) if camera else {},
+        "viewing": {"backdrop": 0.05},
+    }
+    return read_table(SceneFile, document, SceneError)
+
+
+def framed(file: SceneFile, volume: Volume, transfer: Transfer, spec: RaycastSpec) -> SceneFile:
+    """Return the file with its orbit framing the visible part of the volume in a square."""
+    fitted: CameraSpec = fit_view(file.camera, volume, transfer, spec, 1.0)
+    digits = _DIGITS - 1 - math.floor(math.log10(radius_mm(volume)))
+    x, y, z = (round(at, digits) for at in fitted.target_mm or ())
+    zoom = float(f"{fitted.zoom:.{_DIGITS}g}")
+    return replace(file, camera=replace(fitted, zoom=zoom, target_mm=(x, y, z)))
+
+
+def volume_path(address: str) -> Path:
+    """Return the absolute path of a volume's address, without its details."""
+    return Path(os.path.abspath(Query.of(address).path))
