@@ -11,6 +11,8 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from volspec.errors import VolspecWarning, VolumeError, quoted
@@ -20,13 +22,13 @@ from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
 from volspec.volume.files.itk import read_itk
 from volspec.volume.files.omezarr import is_zarr, read_ome_zarr
-from volspec.volume.files.query import Query, Reading, Stored
+from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 from volspec.volume.files.tiff import pictures_in, read_stack, read_tiff
 from volspec.volume.files.vtk import read_vtk
 from volspec.volume.model import Volume
-from volspec.volume.reader_process import read_in_child
+from volspec.volume.reader_process import choices_in_child, read_in_child
 
 _ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
 _VTK_SUFFIXES = (".vti", ".vtk")
@@ -47,7 +49,8 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     path : str or path
         One of
 
-        - ``.nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy``;
+        - ``.nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy``; with time steps or components
+          per voxel ``?time= channel=`` (the first five formats);
         - raw bytes as ``FILE.raw?shape=XxYxZ&dtype=uint8&spacing=1,1,1`` (also ``&offset=``
           bytes and ``&order=big``);
         - a folder of DICOM slices, or one file of a series: ``FOLDER?series=NUMBER`` (or its UID)
@@ -70,16 +73,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     DeviceError
         If it is an OME-Zarr and zarr is not installed.
     """
-    if not isinstance(path, str | os.PathLike):
-        raise VolumeError(
-            f"volume: {quoted(path)} is not a path; give text or a pathlib.Path",
-            code="type",
-            given=path,
-        )
-    query = Query.of(locate_volume(os.fspath(path)))
-    library = reader_library(query)
-    if library in _UTF_8:
-        _require_utf_8(query.path)
+    query, library = _query(path)
     reading = read_in_child(query) if library else read_here(query)
     values = reading.values
     # A format without geometry leaves None, the constructor's default.
@@ -101,6 +95,43 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
             code="range",
         )
     return volume
+
+
+def volume_choices(path: str | os.PathLike[str]) -> tuple[Choice, ...]:
+    """List what an address leaves open: series, level, channel, time step, layout of raw bytes.
+
+    Headers are read, voxels are not. Choices with a single value are left out. A choice that
+    depends on another is listed once the other is given: the time steps of a DICOM series, once
+    ``series=`` is. The key of raw bytes without a layout is ``shape``, with no values;
+    ``?shape=XxYxZ&dtype=uint8`` gives it.
+
+    Raises
+    ------
+    VolumeError
+        If the file is missing, damaged, of unknown format, or cannot be a volume.
+    """
+    query, library = _query(path)
+    if library:
+        return choices_in_child(query)
+    listed: list[Choice] = []
+    with suppress(ChoicesListed):
+        read_here(replace(query, choices=listed))
+    return tuple(listed)
+
+
+def _query(path: str | os.PathLike[str]) -> tuple[Query, str]:
+    """Return an address as a query, and the module that reads it; empty if NumPy alone does."""
+    if not isinstance(path, str | os.PathLike):
+        raise VolumeError(
+            f"volume: {quoted(path)} is not a path; give text or a pathlib.Path",
+            code="type",
+            given=path,
+        )
+    query = Query.of(locate_volume(os.fspath(path)))
+    library = reader_library(query)
+    if library in _UTF_8:
+        _require_utf_8(query.path)
+    return query, library
 
 
 def read_here(query: Query) -> Reading:
@@ -152,16 +183,16 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         return read_tiff
     if lower.endswith(DICOM_SUFFIXES):
         return read_series
-    if lower.endswith((*_ITK_SUFFIXES, *_VTK_SUFFIXES, ".npy")):
+    if lower.endswith(_ITK_SUFFIXES):
+        return read_itk
+    if lower.endswith((*_VTK_SUFFIXES, ".npy")):
         if query.options:
             raise VolumeError(
                 f"{path}: {next(iter(query.options))}= cannot be given; this format states its "
                 "own layout",
                 code="conflict",
             )
-        if lower.endswith(".npy"):
-            return read_npy
-        return read_itk if lower.endswith(_ITK_SUFFIXES) else read_vtk
+        return read_npy if lower.endswith(".npy") else read_vtk
     if is_dicom(path) and not lower.endswith(".raw"):
         return read_series
     if lower.endswith(".raw") or query.options:

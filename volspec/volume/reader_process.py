@@ -21,7 +21,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache
 from itertools import islice
 from pathlib import Path
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from volspec import errors
 from volspec._child import child_command, exit_cause
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
-from volspec.volume.files.query import Query, Reading, Stored
+from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 
 # Timeout without a message; the time that a slow disk needs is added.
 _TIMEOUT_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
@@ -63,6 +63,36 @@ def read_in_child(query: Query) -> Reading:
     Raises the reader's own error; VolumeError if the child crashes, hangs, or takes more memory
     than the file's header accounts for; DeviceError if no child process can be started.
     """
+    process, answer = _ask(query)
+    voxels = Stored(**answer["voxels"])
+    try:
+        values = voxels if answer["is_stored"] else process.take(voxels)
+    except OSError as error:
+        process.close()
+        raise DeviceError(
+            f"{query.path}: no memory for its voxels ({one_line(error)}); close programs, or raise "
+            "the limit",
+            code="size",
+        ) from error
+    _idle_processes(os.getpid()).append(process)
+    world = answer["world_from_index"]
+    return Reading(
+        values, answer["spacing_mm"], None if world is None else np.array(world), answer["remarks"]
+    )
+
+
+def choices_in_child(query: Query) -> tuple[Choice, ...]:
+    """List the choices of a volume's address in a child process; errors as `read_in_child`."""
+    process, answer = _ask(replace(query, choices=[]))
+    _idle_processes(os.getpid()).append(process)
+    return tuple(
+        Choice(each["key"], tuple(each["values"]), tuple(each["names"]), each["chosen"])
+        for each in answer["choices"]
+    )
+
+
+def _ask(query: Query) -> tuple[_ReaderProcess, dict[str, Any]]:
+    """Return a child process and its answer to a request; raise the reader's error."""
     idle = _idle_processes(os.getpid())
     try:
         process = idle.pop()
@@ -80,21 +110,7 @@ def read_in_child(query: Query) -> Reading:
     if "error" in answer:
         idle.append(process)
         raise getattr(errors, answer["error"])(**answer["fields"])
-    voxels = Stored(**answer["voxels"])
-    try:
-        values = voxels if answer["is_stored"] else process.take(voxels)
-    except OSError as error:
-        process.close()
-        raise DeviceError(
-            f"{query.path}: no memory for its voxels ({one_line(error)}); close programs, or raise "
-            "the limit",
-            code="size",
-        ) from error
-    idle.append(process)
-    world = answer["world_from_index"]
-    return Reading(
-        values, answer["spacing_mm"], None if world is None else np.array(world), answer["remarks"]
-    )
+    return process, answer
 
 
 def _no_process(query: Query, cause: str) -> DeviceError:
@@ -139,7 +155,12 @@ class _ReaderProcess:
         folder = None
         with suppress(OSError):  # it may have been deleted
             folder = os.getcwd()
-        given = {"path": str(query.path), "options": query.options, "folder": folder}
+        given: dict[str, Any] = {
+            "path": str(query.path),
+            "options": query.options,
+            "folder": folder,
+            "choices": None if query.choices is None else [],
+        }
         try:
             self._send(json.dumps(given).encode())
             begun = self._expected(self._receive(_START_S))
@@ -248,7 +269,7 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
                 _limit_memory(_SPARE_BYTES + size + _TIMES_DECLARED * nbytes)
                 send(expects=folder + min(nbytes, _MOST_PACKED * folder), declares=nbytes)
 
-            query = Query(path, given["options"], expect)
+            query = Query(path, given["options"], expect, given["choices"])
             _limit_memory(None)
             with suppress(ImportError, VolspecError):  # reported when it is read
                 importlib.import_module(reader_library(query))
@@ -261,12 +282,17 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
 
 
 def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, Any], int | None]:
-    """Read a volume; return the message for the parent and the handle of the voxels' memory."""
+    """Read a volume; return the message for the parent and the handle of the voxels' memory.
+
+    A query for choices is answered with these alone.
+    """
     try:
         reading = read(query)
         values, memory = reading.values, None
         if not isinstance(values, Stored):
             values, memory = _shared(values)
+    except ChoicesListed:
+        return {"choices": [asdict(choice) for choice in query.choices or ()]}, None
     except VolspecError as error:
         names = ("problem", "remedy", "code", "field", "given")
         fields = {name: getattr(error, name) for name in names}

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,7 @@ from volspec.volume.files.lattice import (
     stack_slices,
     unevenness,
 )
-from volspec.volume.files.query import Query, Reading
+from volspec.volume.files.query import Choice, Query, Reading
 
 # Values (Z, Y, X), and world_from_index (4, 4).
 _Placed = tuple[NDArray[Any], NDArray[np.float64]]
@@ -69,10 +70,13 @@ def read_series(query: Query) -> Reading:
         )
     if series[0].size[2] > 1:
         query.index("time", 1, "time steps")
+        query.end_choices()
         query.reserve(series[0].size, series[0].itemsize)
         values, world = _read_frames(series[0], guesses)
     else:
-        values, world = _read_slices(_sorted_slices(series, query), query, guesses)
+        ordered = _sorted_slices(series, query)
+        query.end_choices()
+        values, world = _read_slices(ordered, query, guesses)
     if query.spacing_mm is None:
         remarks += guesses
     return Reading(values, world_from_index=world, remarks=remarks)
@@ -107,25 +111,38 @@ def _choose_uid(found: list[Slice], query: Query) -> str:
     for each in found:
         kinds.setdefault(each.series.uid, []).append(each)
     given = query.options.get("series")
+    if query.choices is not None and len(kinds) > 1:
+        query.choices.append(_series_choice(kinds, given))
     meant = [uid for uid, (one, *_) in kinds.items() if given in (None, uid, one.series.number)]
     if len(meant) == 1:
         return meant[0]
-    numbers = [each[0].series.number for each in kinds.values()]
-    rows = []
-    for one, *others in sorted(kinds.values(), key=lambda each: _order(each[0].series)):
-        number = one.series.number
-        name = number if number and numbers.count(number) == 1 else one.series.uid
-        columns, height, frames = one.size
-        slices = f"{len(others) + 1} slices" if frames == 1 else f"{frames} frames"
-        rows.append(f"{name} {one.series.description!r} ({slices} of {columns}x{height})")
+    query.end_choices()
+    listed = _series_choice(kinds, given)
+    rows = [f"{value} {name}" for value, name in zip(listed.values, listed.names, strict=True)]
     more = f" and {len(rows) - _MOST_LISTED} more" if len(rows) > _MOST_LISTED else ""
     wrong = "" if given is None else f"series={given} names {len(meant) or 'none'} of them; "
     raise VolumeError(
         f"{query.path}: holds {len(kinds)} series; {wrong}name one as {query.name}?series="
-        f"{rows[0].split(' ')[0]}: {', '.join(rows[:_MOST_LISTED])}{more}",
+        f"{listed.values[0]}: {', '.join(rows[:_MOST_LISTED])}{more}",
         code="missing" if given is None else "unknown",
         given=given,
     )
+
+
+def _series_choice(kinds: Mapping[str, Sequence[Slice]], given: str | None) -> Choice:
+    """Return the choice of a series by its number, or by its UID if the number is not unique."""
+    numbers = [each[0].series.number for each in kinds.values()]
+    values, names, chosen = [], [], None
+    for one, *others in sorted(kinds.values(), key=lambda each: _order(each[0].series)):
+        series, (columns, height, frames) = one.series, one.size
+        unique = series.number and numbers.count(series.number) == 1
+        values.append(series.number if unique else series.uid)
+        slices = f"{len(others) + 1} slices" if frames == 1 else f"{frames} frames"
+        what = f"{series.modality} {series.description!r}".strip()
+        names.append(f"{what} ({slices} of {columns}x{height})")
+        if given in (series.uid, values[-1]):
+            chosen = values[-1]
+    return Choice("series", tuple(values), tuple(names), chosen)
 
 
 def _order(series: Series) -> tuple[int, str]:

@@ -24,6 +24,8 @@ from volspec.errors import VolumeError
 
 SUFFIXES = (".dcm", ".dicom", ".ima")
 _PREAMBLE = 128
+# Of `Series`, in the order of its fields.
+_SERIES_TAGS = ("0020|000e", "0020|0011", "0008|103e", "0008|0060")
 # Classes without pictures: DICOMDIR; waveforms, presentation states, raw data, reports, documents,
 # radiotherapy structures and plans.
 _NO_PICTURES = re.compile(
@@ -35,11 +37,12 @@ _CLASS = re.compile(rb"\x02\x00\x02\x00UI..([0-9.]+)", re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Identity of a series: its UID, and a number and a description for people."""
+    """Identity of a series: its UID, and a number, a description and a modality for people."""
 
     uid: str
     number: str
     description: str
+    modality: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,7 +121,7 @@ def _header(path: Path) -> Slice | None:
     return Slice(
         path=path,
         uid=_text(reader, "0008|0018"),
-        series=Series(*(_text(reader, tag) for tag in ("0020|000e", "0020|0011", "0008|103e"))),
+        series=Series(*(_text(reader, tag) for tag in _SERIES_TAGS)),
         number=int(_number(reader, "0020|0013") or 0),
         size=(columns, rows, frames[0] if frames else 1),
         components=reader.GetNumberOfComponents(),

@@ -23,6 +23,8 @@ _MOST_LINES, _MOST_LENGTH = 10_000, 1 << 16
 _MOST_DIMENSIONS = 16
 # The only conversion that MetaImage defines in slices' names: slice%03d.raw.
 _PATTERN, _NUMBER = re.compile(r"[^%]*%0?\d{0,2}d[^%]*"), re.compile(r"-?\d+")
+# NRRD's kinds of axes along which ITK has voxels, not the components of one.
+_NRRD_AXES = ("domain", "space", "time", "none", "???")
 # MetaIO also accepts a colon, and without either reads the value from the next line.
 _META_LINE = re.compile(r"([^=:\r]+)[=:]([^\r]*)")
 
@@ -32,8 +34,9 @@ def check_itk_header(path: Path) -> None:
     header = HeaderFields.read(path)
     fields = header.named
     spacing = fields.get("spacings") or fields.get("ElementSpacing") or ""
+    others = component_axes(fields)
     try:
-        numbers = [float(word) for word in spacing.split()]
+        numbers = [float(word) for k, word in enumerate(spacing.split()) if k not in others]
     except ValueError:
         numbers = []  # left to ITK's message
     if not all(0 < number < np.inf for number in numbers):
@@ -81,6 +84,12 @@ def _data_files(path: Path, header: HeaderFields) -> list[str]:
         return [] if named.upper() == "LOCAL" else [named]
     lines = path.read_bytes()[header.end :].decode("latin-1").splitlines()
     return [line.strip() for line in lines if line.strip()]
+
+
+def component_axes(fields: dict[str, str]) -> list[int]:
+    """Return the indices of the axes of an NRRD along which a voxel has components."""
+    kinds = fields.get("kinds", "").lower().split()
+    return [at for at, kind in enumerate(kinds) if kind not in _NRRD_AXES]
 
 
 def data_field(fields: dict[str, str]) -> str:

@@ -4,7 +4,9 @@
 
 ITK reads some damaged files without an error: missing voxels become zeros or uninitialised memory,
 surplus bytes are dropped, NaN in NIfTI becomes 0. Voxels are therefore read here if their layout is
-known.
+known, and always for NIfTI.
+
+Of several time steps (a fourth axis) or components per voxel (channels) one is read.
 """
 
 from __future__ import annotations
@@ -28,6 +30,7 @@ from volspec.errors import VolumeError, one_line
 from volspec.volume.files.headers import (
     HeaderFields,
     check_itk_header,
+    component_axes,
     data_field,
     is_count,
     is_meta,
@@ -43,8 +46,8 @@ _SURPLUS = 1 << 24
 _NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8"}
 _NIFTI_TYPES |= {256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 _NIFTI_HEADER = 348
-# Run of voxels, a mask of its non-finite voxels, and their values.
-_NonFinite = tuple[slice, NDArray[np.bool_], NDArray[Any]]
+# Seconds in NIfTI's units of time, by the bits of xyzt_units.
+_NIFTI_SECONDS = {8: 1.0, 16: 1e-3, 24: 1e-6}
 
 
 def _is_true(word: str) -> bool:
@@ -63,7 +66,9 @@ class Layout:
     order: str = "<"
     whole_packed: bool = False  # the compressed stream includes the header
     stored: np.dtype[Any] | None = None  # a NIfTI file's type, which ITK may convert to floats
-    rescaled: bool = False  # left to ITK
+    scaling: tuple[float, float] = (1.0, 0.0)  # NIfTI's slope and intercept of the stored numbers
+    planar: bool = False  # components are volumes one after another, not neighbours
+    step_s: float | None = None  # time between steps if stated
 
     @classmethod
     def of(cls, path: Path) -> Layout | None:
@@ -86,8 +91,12 @@ class Layout:
         skip = fields.get("byteskip", "0")
         if fields.get("lineskip", "0") != "0" or (encoding == "gzip" and skip != "0"):
             return None
-        known = encoding in ("raw", "gzip")
-        return cls._at(path, header, skip, encoding, order) if known else None
+        count, components = len(fields.get("kinds", "").split()), component_axes(fields)
+        planar = components == [count - 1] and count > 1
+        is_ordered = planar or components in ([], [0])
+        known = encoding in ("raw", "gzip") and is_ordered
+        layout = cls._at(path, header, skip, encoding, order) if known else None
+        return layout and replace(layout, planar=planar)
 
     @classmethod
     def _from_meta(cls, path: Path, header: HeaderFields) -> Layout | None:
@@ -132,6 +141,8 @@ class Layout:
             )
         (kind,) = struct.unpack_from(order + "h", head, 70)
         start, slope, shift = struct.unpack_from(order + "3f", head, 108)
+        (step,) = struct.unpack_from(order + "f", head, 92)
+        second = _NIFTI_SECONDS.get(head[123] & 0x38)
         if kind not in _NIFTI_TYPES:
             raise VolumeError(
                 f"{path}: its values have NIfTI type {kind}; supported are "
@@ -142,14 +153,15 @@ class Layout:
         first = int(start) if _NIFTI_HEADER <= start < 2**31 else _NIFTI_HEADER
         encoding = "gzip" if packed else "raw"
         stored = np.dtype(order + _NIFTI_TYPES[kind])
-        rescaled = (slope, shift) not in ((1, 0), (0, 0))
-        return cls(path, path, first, encoding, order, packed, stored, rescaled)
-
-    def holds(self, dtype: np.dtype[Any]) -> bool:
-        """Return True if the file's numbers are the values themselves, in ITK's type."""
-        if self.stored is None:
-            return True
-        return not self.rescaled and self.stored.str[1:] == dtype.str[1:]
+        # As by niftilib: numbers that are not finite are 0, and a slope of 0 is none.
+        slope, shift = (number if math.isfinite(number) else 0.0 for number in (slope, shift))
+        scaling = slope or 1.0, shift
+        step_s = step * second if second is not None and 0 < step < math.inf else None
+        return cls(
+            *(path, path, first, encoding, order, packed, stored, scaling),
+            planar=True,
+            step_s=step_s,
+        )
 
     def chunks(self, nbytes: int) -> Iterator[bytes]:
         """Yield the voxels' bytes, not many more than ``nbytes``; fewer if the file ends early."""
@@ -167,43 +179,89 @@ class Layout:
                 yield chunk[skipped:]
 
     def voxels(
-        self, size: Sequence[int], dtype: np.dtype[Any]
-    ) -> tuple[Stored | NDArray[Any], int]:
-        """Return voxels (Z, Y, X), not ``rescaled``, and the number of their bytes in the file.
+        self, extent: Extent, dtype: np.dtype[Any], query: Query, remarks: list[str]
+    ) -> Stored | NDArray[Any]:
+        """Return the chosen voxels (Z, Y, X); ``dtype`` is ITK's, of either byte order.
 
-        The size is (x, y, z), ``dtype`` has either byte order. Voxels are incomplete if the file
-        ends early; in a packed file at most a few bytes more than needed are counted.
+        Raises VolumeError if the file ends early; remarks on bytes that the header does not
+        declare.
         """
-        shape, code = tuple(size[::-1]), f"{self.order}{dtype.str[1:]}"
-        nbytes = math.prod(shape) * dtype.itemsize
+        kind = self.stored or dtype
+        code = f"{self.order}{kind.str[1:]}"
+        # A block holds the chosen voxels, and the other components if they are neighbours.
+        beside = 1 if self.planar else extent.components
+        shape = (*extent.size[::-1], beside)
+        nbytes = math.prod(shape) * kind.itemsize
+        block = extent.block(self.planar)
+        blocks = extent.steps * extent.components // beside
         if self.encoding == "raw":
             held = max(self.data.stat().st_size - self.start, 0)
-            return Stored(str(self.data), shape, code, self.start), held
+            stored = Stored(str(self.data), shape, code, self.start + block * nbytes)
+        else:
+            unpacked, held = self._unpack_block(nbytes, block, blocks)
+        declared = (*extent.size, *(n for n in (extent.steps, extent.components) if n > 1))
+        # Bytes after a packed block are not counted, unless it is the last.
+        needed = nbytes * (blocks if self.encoding == "raw" else block + 1)
+        query.require_held(held, declared, needed)
+        remarks += query.surplus(held, nbytes * blocks)
+        if self.encoding == "raw" and beside == 1 and self.scaling == (1.0, 0.0):
+            return replace(stored, shape=shape[:3])
+        values = stored.read() if self.encoding == "raw" else unpacked.view(code).reshape(shape)
+        return self._scaled(values[..., extent.channel if beside > 1 else 0])
+
+    def _unpack_block(self, nbytes: int, block: int, blocks: int) -> tuple[NDArray[Any], int]:
+        """Return a block of packed voxels, and the number of bytes up to its end, or a few more."""
         unpacked, held = np.empty(nbytes, np.uint8), 0
-        for chunk in self.chunks(nbytes):
-            room = unpacked[held : held + len(chunk)]
-            room[:] = np.frombuffer(chunk, np.uint8, room.size)
+        first, end = block * nbytes, (block + 1) * nbytes
+        for chunk in self.chunks(end if block == blocks - 1 else end - _SURPLUS):
+            part = chunk[max(first - held, 0) :]
+            room = unpacked[max(held - first, 0) :][: len(part)]
+            room[:] = np.frombuffer(part, np.uint8, room.size)
             held += len(chunk)
-        return unpacked.view(code).reshape(shape), held
+        return unpacked, held
 
-    def non_finite(self, size: Sequence[int], query: Query) -> list[_NonFinite]:
-        """Find NaN and infinities, which ITK's NIfTI reader sets to 0; the size is (x, y, z).
+    def _scaled(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return values with slope and intercept applied, in float32; in double to be exact."""
+        slope, shift = self.scaling
+        if (slope, shift) == (1.0, 0.0):
+            return np.ascontiguousarray(values)
+        scaled = np.empty(values.shape, np.float32)
+        with np.errstate(over="ignore"):
+            for target, source in zip(scaled, values, strict=True):  # by slice: doubles are wide
+                target[...] = source.astype(np.float64) * slope + shift
+        return scaled
 
-        Raises VolumeError if the file ends early; ITK would invent the rest.
-        """
-        assert self.stored is not None
-        count, itemsize = math.prod(size), self.stored.itemsize
-        found, at, rest = [], 0, b""
-        for chunk in self.chunks(count * itemsize):
-            rest += chunk
-            numbers = np.frombuffer(rest, self.stored, min(len(rest) // itemsize, count - at))
-            rest = rest[numbers.nbytes :]
-            mask = ~np.isfinite(numbers)
-            if mask.any():
-                found.append((slice(at, at + numbers.size), mask, numbers[mask]))
-            at += numbers.size
-        query.require_held(at * itemsize + len(rest), size, count * itemsize)
-        return found
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Size of an image of several time steps or components, and those that are read."""
+
+    size: tuple[int, int, int]  # x, y, z
+    steps: int
+    components: int
+    time: int
+    channel: int
+
+    @classmethod
+    def of(cls, query: Query, size: Sequence[int], components: int, step_s: float | None) -> Extent:
+        """Choose a time step and a channel; refuse images of fewer than 3 axes or too many."""
+        steps, *more = (*size[3:], 1)
+        # NIfTI's fifth axis, or one that a fourth of length 1 precedes.
+        components *= more[0] if len(more) > 1 else 1
+        if len(size) < 3 or len(more) > 2:
+            raise VolumeError(
+                f"{query.path}: is {len(size)}-D ({'x'.join(map(str, size))}); a volume is 3-D",
+                code="shape",
+            )
+        times = [] if step_s is None else [f"{k * step_s:g} s" for k in range(steps)]
+        time = query.index("time", steps, "time steps", times)
+        channel = query.index("channel", components, "channels (components per voxel)")
+        x, y, z = size[:3]
+        return cls((x, y, z), steps, components, time, channel)
+
+    def block(self, planar: bool) -> int:
+        """Return the number of 3-D blocks before the chosen one."""
+        return self.time + self.steps * self.channel if planar else self.time
 
 
 def _unpacked(file: BinaryIO, encoding: str) -> Iterator[bytes]:
@@ -234,63 +292,59 @@ def _one_line_for(path: Path) -> Iterator[None]:
 
 
 def read_itk(query: Query) -> Reading:
-    """Read a 3-D image with one value per voxel."""
+    """Read a 3-D image, or one time step and one component of it."""
     import SimpleITK as sitk
 
     path = query.path
+    query.allow("time", "channel")
     if not path.name.lower().endswith(NIFTI_SUFFIXES):
         check_itk_header(path)
     layout = Layout.of(path)
     output: list[str] = []
+    remarks: list[str] = []
     image: Any = sitk.ImageFileReader()
     image.SetFileName(os.fspath(path))
     try:
         with captured_output(output):
             image.ReadImageInformation()
-            size, dtype = image.GetSize(), _scalar_type(path, image)
-            nbytes = math.prod(size) * dtype.itemsize
-            query.reserve(size, dtype.itemsize)
-            held = None
-            if layout is not None and layout.holds(dtype):
-                values, held = layout.voxels(size, dtype)
-                query.require_held(held, size, nbytes)
+            size, dtype = image.GetSize(), _scalar_type(image)
+            components = image.GetNumberOfComponents()
+            extent = Extent.of(query, size, components, layout.step_s if layout else None)
+            query.end_choices()
+            beside = 1 if layout is not None and layout.planar else components
+            query.reserve((*extent.size, beside), dtype.itemsize)
+            if layout is not None:
+                values = layout.voxels(extent, dtype, query, remarks)
             else:
-                non_finite = layout.non_finite(size, query) if layout is not None else []
+                query.reserve((*size, components), dtype.itemsize)
                 image = image.Execute()
-                values = sitk.GetArrayViewFromImage(image)
-                if non_finite:
-                    values = values.copy()
-                for run, mask, numbers in non_finite:
-                    values.reshape(-1)[run][mask] = numbers
+                whole = sitk.GetArrayViewFromImage(image)
+                values = whole.reshape(extent.steps, *extent.size[::-1], components)
+                values = values[extent.time, ..., extent.channel]
     except RuntimeError as error:
         raise VolumeError(
             f"{path}: cannot be read ({itk_message(error, output)}); is the file complete and of "
             "the type its name says?",
             code="damaged",
         ) from error
-    spacing = np.array(image.GetSpacing())
-    directions = np.array(image.GetDirection()).reshape(3, 3)
+    axes = len(size)
+    spacing = np.array(image.GetSpacing())[:3]
+    directions = np.array(image.GetDirection()).reshape(axes, axes)[:3, :3]
     return Reading(
         values,
         spacing_mm=tuple(spacing.tolist()),
-        world_from_index=affine(directions * spacing, image.GetOrigin()),
-        remarks=query.surplus(held, nbytes),
+        world_from_index=affine(directions * spacing, image.GetOrigin()[:3]),
+        remarks=remarks,
         owner=image,
     )
 
 
-def _scalar_type(path: Path, reader: Any) -> np.dtype[Any]:
-    """Return a voxel's type; refuse images that are not 3-D with one value per voxel."""
+def _scalar_type(reader: Any) -> np.dtype[Any]:
+    """Return the type of a voxel's components."""
     import SimpleITK as sitk
 
-    size, components = reader.GetSize(), reader.GetNumberOfComponents()
-    if len(size) != 3 or components != 1:
-        raise VolumeError(
-            f"{path}: is {len(size)}-D ({'x'.join(map(str, size))}) with {components} components "
-            "per voxel; a volume is 3-D with one. Choose one channel or time step",
-            code="shape",
-        )
-    dtype: np.dtype[Any] = sitk.GetArrayFromImage(sitk.Image([1, 1, 1], reader.GetPixelID())).dtype
+    scalar = sitk.Image([1, 1, 1], reader.GetPixelID())
+    dtype: np.dtype[Any] = sitk.GetArrayFromImage(scalar).dtype
     return dtype
 
 

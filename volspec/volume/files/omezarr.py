@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.files.lattice import affine, mm_per_unit
-from volspec.volume.files.query import Query, Reading
+from volspec.volume.files.query import Choice, Query, Reading
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
 # Greatest size, in bytes, of the default level.
@@ -70,7 +70,8 @@ def read_ome_zarr(query: Query) -> Reading:
         ) from error
     level = levels[_level(levels, names, query, remarks)]
     world = _world(level, axes, query, remarks)
-    return Reading(_values(level, names, query), world_from_index=world, remarks=remarks)
+    values = _values(level, names, query, _channel_names(group))
+    return Reading(values, world_from_index=world, remarks=remarks)
 
 
 def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
@@ -130,12 +131,15 @@ def _scale_and_shift(
 def _level(levels: list[Level], names: list[str], query: Query, remarks: list[str]) -> int:
     """Return the level that the query selects, else the finest of at most `_MOST_BYTES`."""
     if "level" in query.options:
-        return query.index("level", len(levels), "levels")
+        return query.index("level", len(levels), "levels", _level_names(levels, names))
     sizes = []
     for level in levels:
         sides = [n for n, name in zip(level.array.shape, names, strict=True) if name in _SPACE]
         sizes.append(math.prod(sides) * level.array.dtype.itemsize)
     chosen = next((k for k, size in enumerate(sizes) if size <= _MOST_BYTES), len(levels) - 1)
+    if query.choices is not None and len(levels) > 1:
+        values = tuple(map(str, range(len(levels))))
+        query.choices.append(Choice("level", values, _level_names(levels, names), str(chosen)))
     if chosen:
         remarks.append(
             f"{query.path}: level 0 takes {sizes[0] / 1e9:.3g} GB, level {chosen} is read; choose "
@@ -170,8 +174,24 @@ def _world(
     return affine(np.diag(scale), shift)
 
 
-def _values(level: Level, names: list[str], query: Query) -> NDArray[Any]:
-    """Read the selected channel and time as (Z, Y, X)."""
+def _level_names(levels: list[Level], names: list[str]) -> tuple[str, ...]:
+    """Return the sizes of levels, such as ``2048 × 2048 × 80``."""
+    sizes = [dict(zip(names, level.array.shape, strict=True)) for level in levels]
+    return tuple(" × ".join(str(size.get(axis, 1)) for axis in "xyz") for size in sizes)
+
+
+def _channel_names(group: Any) -> list[str]:
+    """Return the labels of the channels in the ``omero`` metadata; empty if there are none."""
+    attributes = dict(group.attrs)
+    try:
+        channels = attributes.get("ome", attributes)["omero"]["channels"]
+        return [str(channel["label"]) for channel in channels]
+    except _DAMAGE:
+        return []
+
+
+def _values(level: Level, names: list[str], query: Query, channels: list[str]) -> NDArray[Any]:
+    """Read the selected channel and time as (Z, Y, X); ``channels`` are the channels' names."""
     options = {"c": ("channel", "channels"), "t": ("time", "time steps")}
     index: list[int | slice] = []
     for name, count in zip(names, level.array.shape, strict=True):
@@ -185,7 +205,8 @@ def _values(level: Level, names: list[str], query: Query) -> NDArray[Any]:
                 "save one of them",
                 code="shape",
             )
-        index.append(query.index(key, count, what))
+        index.append(query.index(key, count, what, channels if name == "c" else ()))
+    query.end_choices()
     read = [n for n, at in zip(level.array.shape, index, strict=True) if isinstance(at, slice)]
     query.reserve(read, level.array.dtype.itemsize)
     # A chunk is decompressed whole, even if only a part is needed.

@@ -198,6 +198,17 @@ def stated_spacing_mm(tiff: Any, page: Any) -> tuple[float | None, float | None,
     return x, y, None
 
 
+def channel_names(tiff: Any) -> list[str]:
+    """Return the names of an OME-TIFF's channels; empty if it states none."""
+    try:
+        channels = ElementTree.fromstring(tiff.ome_metadata or "").findall(
+            "{*}Image/{*}Pixels/{*}Channel"
+        )
+    except ElementTree.ParseError:
+        return []
+    return [channel.get("Name") or "" for channel in channels]
+
+
 def _ome_spacing_mm(text: str) -> list[float | None]:
     try:
         pixels = ElementTree.fromstring(text).find("{*}Image/{*}Pixels")

@@ -23,6 +23,23 @@ from volspec.errors import VolumeError, one_line, quoted
 
 
 @dataclass(frozen=True, slots=True)
+class Choice:
+    """Option of an address of which a volume takes one value, such as a channel.
+
+    ``name?key=value`` selects a value; other choices may depend on it.
+    """
+
+    key: str  # "series", "level", "channel", "time"; "shape" for raw bytes without a layout
+    values: tuple[str, ...]  # none for a layout
+    names: tuple[str, ...]  # for people, one for each value
+    chosen: str | None = None  # value that is given, or taken by default; None: it must be given
+
+
+class ChoicesListed(Exception):
+    """Ends a reader that was asked only for its choices."""
+
+
+@dataclass(frozen=True, slots=True)
 class Query:
     """Path of a volume and the options given with it, as text.
 
@@ -35,6 +52,8 @@ class Query:
     options: dict[str, str] = field(default_factory=dict)
     # Called by `reserve` with the number of bytes that a reader is about to allocate.
     declare: Callable[[int], None] = field(default=lambda nbytes: None, compare=False)
+    # A list makes readers add their choices to it, and end before they read voxels.
+    choices: list[Choice] | None = field(default=None, compare=False)
 
     @classmethod
     def of(cls, text: str) -> Query:
@@ -89,14 +108,17 @@ class Query:
             ) from error
         return x, y, z
 
-    def index(self, key: str, count: int, what: str) -> int:
+    def index(self, key: str, count: int, what: str, names: Sequence[str] = ()) -> int:
         """Return the index chosen by an option such as ``channel=N`` or ``time=N``, counted from 0.
 
-        If there is only one, the option may be left out. ``what`` is the plural noun for messages.
+        If there is only one, the option may be left out. ``what`` is the plural noun for messages;
+        ``names`` are the values' names, if the file states them.
         """
         given = self.options.get(key)
         if given is None and count == 1:
             return 0
+        if self.choices is not None and count > 1:
+            return self._offer(key, count, names)
         if count == 1 and given != "0":
             raise VolumeError(
                 f"{self.path}: {key}={given}, but there is only one; leave it out",
@@ -112,6 +134,21 @@ class Query:
                 given=given,
             )
         return int(given)
+
+    def _offer(self, key: str, count: int, names: Sequence[str]) -> int:
+        """Add a choice of indices; return the given index if it is one, else 0."""
+        assert self.choices is not None
+        values = tuple(map(str, range(count)))
+        given = self.options.get(key)
+        named = names if len(names) == count and all(names) else values
+        chosen = given if given in values else None
+        self.choices.append(Choice(key, values, tuple(named), chosen))
+        return int(chosen or 0)
+
+    def end_choices(self) -> None:
+        """End a reader that was asked only for its choices; call it before voxels are read."""
+        if self.choices is not None:
+            raise ChoicesListed
 
     def reserve(self, shape: Sequence[int], itemsize: int) -> None:
         """Refuse voxels that do not fit into memory, before allocating them.

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from volspec.errors import VolumeError
-from volspec.volume.files.query import Query, Reading, Stored
+from volspec.volume.files.query import Choice, Query, Reading, Stored
 
 _NPY_HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
@@ -22,6 +22,7 @@ _EXAMPLE = "shape=256x256x110&dtype=uint8&spacing=1,1,1"
 def read_npy(query: Query) -> Reading:
     """Read a file written by ``numpy.save``."""
     path = query.path
+    query.end_choices()
     with path.open("rb") as file:
         try:
             read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
@@ -53,6 +54,9 @@ def read_raw(query: Query) -> Reading:
     path, options = query.path, query.options
     query.allow("shape", "dtype", "spacing", "offset", "order")
     if missing := [key for key in ("shape", "dtype") if key not in options]:
+        if query.choices is not None:
+            query.choices.append(Choice("shape", (), ()))
+        query.end_choices()
         raise VolumeError(
             f"{path}: raw bytes need a layout, {missing[0]} is missing; write "
             f"{path.name}?{_EXAMPLE}",
@@ -101,6 +105,7 @@ def read_raw(query: Query) -> Reading:
             f"of {dtype} needs {expected}; truncated, or is the shape wrong?",
             code="damaged",
         )
+    query.end_choices()
     query.reserve(shape, dtype.itemsize)
     remarks = []
     if held > expected:

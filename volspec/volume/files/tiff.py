@@ -20,6 +20,7 @@ from volspec.errors import VolumeError
 from volspec.volume.files.lattice import stack_slices
 from volspec.volume.files.pages import (
     Reserve,
+    channel_names,
     page_values,
     picture_errors,
     png_values,
@@ -46,11 +47,13 @@ def read_tiff(query: Query) -> Reading:
     with picture_errors(path), TiffFile(path, **_open_options(path)) as tiff:
         series = _only_series(tiff, query)
         through = _slice_axis(series, query)
+        channels = channel_names(tiff)
         at = {
-            axis: query.index(*_names(axis, count))
+            axis: query.index(*_names(axis, count), () if axis == _TIME else channels)
             for axis, count in zip(series.axes, series.shape, strict=True)
             if axis not in (through, "Y", "X")
         }
+        query.end_choices()
         if through == _TIME:
             remarks.append(f"{path}: its pages are points in time, but are read as slices")
         spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, remarks)
@@ -177,6 +180,8 @@ def read_stack(query: Query) -> Reading:
         query.reserve((*shape, len(files)), itemsize)
 
     first, stated = _read_picture(files[0], reserve)
+    query.index("channel", 1 if first.ndim == 2 else first.shape[2], "channels")
+    query.end_choices()
     spacing = resolve_spacing(stated, query, remarks)
     read = partial(_read_slice, shape=first.shape, query=query, reserve=reserve)
     values = stack_slices(files, read)

@@ -52,6 +52,7 @@ def read_vtk(query: Query) -> Reading:
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
 
     path = query.path
+    query.end_choices()
     check_vtk(query)
     # VTK prints its errors and pyvista logs them again; both are replaced by one line.
     before = vtkLogger.GetCurrentVerbosityCutoff()

@@ -1,0 +1,126 @@
+"""Choices of an address: series, level, channel, time step, the layout of raw bytes."""
+
+from __future__ import annotations
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk
+import zarr
+from tifffile import imwrite
+
+from tests.support.errors import raises
+from tests.support.volumes import RAW, VALUES, load_silently, write_nrrd
+from tests.volume.test_series import write_series
+from tests.volume.test_zarr import CHANNEL, SPACE, TIME, write
+from volspec.errors import VolumeError
+from volspec.volume import Choice, load_volume, volume_choices
+
+STEPS = np.stack([VALUES, VALUES + 1, VALUES * 2])
+
+
+def itk_file(path: Path, key: str) -> Path:
+    """Write three time steps, or three components per voxel."""
+    if key == "time":
+        image = sitk.GetImageFromArray(STEPS, isVector=False)
+    else:
+        image = sitk.GetImageFromArray(np.moveaxis(STEPS, 0, -1), isVector=True)
+    sitk.WriteImage(image, str(path), useCompression=path.suffix == ".mha")
+    return path
+
+
+@pytest.mark.parametrize("key", ["time", "channel"])
+@pytest.mark.parametrize("name", ["v.nii", "v.nii.gz", "v.nrrd", "v.mhd", "v.mha"])
+def test_a_time_step_or_component_is_chosen(tmp_path: Path, name: str, key: str) -> None:
+    path = itk_file(tmp_path / name, key)
+    with raises(VolumeError, "missing"):
+        load_volume(path)
+    with raises(VolumeError, "range"):
+        load_volume(f"{path}?{key}=3")
+    for index, values in enumerate(STEPS):
+        volume = load_silently(f"{path}?{key}={index}")
+        assert np.array_equal(volume.values, values) and volume.values.dtype == np.int16
+    (choice,) = volume_choices(path)
+    assert (choice.key, choice.values, choice.chosen) == (key, ("0", "1", "2"), None)
+    assert volume_choices(f"{path}?{key}=2")[0].chosen == "2"
+
+
+def test_components_on_the_slowest_axis_of_an_nrrd_are_chosen(tmp_path: Path) -> None:
+    header = (
+        "NRRD0004\ntype: short\ndimension: 4\nsizes: 4 3 2 3\nspacings: 1 1 1 nan\n"
+        "kinds: domain domain domain list\nendian: little\nencoding: raw\n\n"
+    )
+    (tmp_path / "v.nrrd").write_bytes(header.encode() + STEPS.tobytes())
+    assert np.array_equal(load_silently(f"{tmp_path}/v.nrrd?channel=2").values, STEPS[2])
+
+
+def test_scaled_steps_of_nifti_have_names_in_seconds(tmp_path: Path) -> None:
+    path = itk_file(tmp_path / "v.nii", "time")
+    data = bytearray(path.read_bytes())
+    data[92:96] = np.float32(2.5).tobytes()  # pixdim[4]
+    data[112:120] = np.array([0.5, -3], np.float32).tobytes()  # slope and intercept
+    path.write_bytes(data)
+    assert volume_choices(path)[0].names == ("0 s", "2.5 s", "5 s")
+    volume = load_silently(f"{path}?time=1")
+    assert np.array_equal(volume.values, STEPS[1] * 0.5 - 3)
+    assert volume.values.dtype == np.float32
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_step_that_the_file_lacks_is_refused(tmp_path: Path, packed: bool) -> None:
+    path = itk_file(tmp_path / ("v.nii.gz" if packed else "v.nii"), "time")
+    if packed:
+        path.write_bytes(gzip.compress(gzip.decompress(path.read_bytes())[:-8]))
+        assert np.array_equal(load_silently(f"{path}?time=1").values, STEPS[1])
+    else:
+        path.write_bytes(path.read_bytes()[:-8])
+    with raises(VolumeError, "damaged"):
+        load_volume(f"{path}?time=2")
+
+
+def test_volumes_of_one_value_leave_no_choice(tmp_path: Path) -> None:
+    np.save(tmp_path / "v.npy", VALUES)
+    write_series(tmp_path / "series")
+    for path in (write_nrrd(tmp_path / "v.nrrd"), tmp_path / "v.npy", tmp_path / "series"):
+        assert volume_choices(path) == ()
+    with raises(VolumeError, "not-found"):
+        volume_choices(tmp_path / "none.nrrd")
+
+
+def test_raw_bytes_without_a_layout_are_a_choice(tmp_path: Path) -> None:
+    (tmp_path / "v.raw").write_bytes(RAW)
+    assert volume_choices(tmp_path / "v.raw") == (Choice("shape", (), ()),)
+    assert volume_choices(f"{tmp_path}/v.raw?shape=4x3x2&dtype=int16") == ()
+
+
+def test_channels_have_the_names_that_the_file_states(tmp_path: Path) -> None:
+    names = {"Channel": {"Name": ["DAPI", "GFP", "Cy5"]}}
+    path = tmp_path / "cells.ome.tif"
+    shape = {"axes": "ZCYX", **names}
+    imwrite(path, STEPS.transpose(1, 0, 2, 3), metadata=shape, photometric="minisblack")
+    assert volume_choices(path) == (Choice("channel", ("0", "1", "2"), ("DAPI", "GFP", "Cy5")),)
+
+
+def test_an_ome_zarr_lists_levels_channels_and_times(tmp_path: Path) -> None:
+    many = np.stack([STEPS, STEPS]).astype(np.uint16)
+    path = write(tmp_path / "v.zarr", many, [TIME, CHANNEL, *SPACE])
+    group = zarr.open_group(str(path))
+    ome = dict(group.attrs["ome"])  # type: ignore[arg-type]
+    ome["omero"] = {"channels": [{"label": name} for name in ("DAPI", "GFP", "Cy5")]}
+    group.attrs["ome"] = ome
+    level, time, channel = volume_choices(f"{path}?channel=1")
+    assert (level.key, level.names, level.chosen) == ("level", ("4 × 3 × 2", "2 × 2 × 1"), "0")
+    assert (time.key, time.values, time.chosen) == ("time", ("0", "1"), None)
+    assert (channel.names, channel.chosen) == (("DAPI", "GFP", "Cy5"), "1")
+
+
+def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path: Path) -> None:
+    write_series(tmp_path / "a")
+    write_series(tmp_path / "b", series=7, name="Chest")
+    (choice,) = volume_choices(tmp_path)
+    assert choice.key == "series" and choice.values == ("3", "7")
+    assert choice.names[1] == "CT 'Chest' (4 slices of 5x3)"
+    for value in choice.values:
+        assert load_volume(f"{tmp_path}?series={value}").shape_xyz
