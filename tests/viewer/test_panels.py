@@ -138,7 +138,7 @@ def test_the_command_palette_says_why_a_light_is_not_added(state: ViewState) -> 
     assert command.change is not None
     here, full = UiContext(), replace(state, lights=state.lights[:1] * MOST_ROWS)
     assert here.edited(full, command.change) is full
-    assert here.requests == [Request("message", after(command.change, full).message)]
+    assert here.requests == [Request("warning", after(command.change, full).message)]
     assert here.edited(state, command.change) is not state
     assert len(here.requests) == 1
 

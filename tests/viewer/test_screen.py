@@ -103,6 +103,24 @@ def test_values_under_the_mouse_stay_while_bands_are_drawn(slow: Screen, state: 
     assert after is not None and str(after) != str(before)
 
 
+def test_an_empty_picture_says_so_and_a_fault_takes_its_place(
+    slow: Screen, state: ViewState
+) -> None:
+    lit(slow, state)
+    cast, painted = done(state, 0), slow.painted_picture(AREA, state)
+    assert painted is not None and cast.image is not None
+    assert slow.missing_message(state, painted) == ""
+    blank = replace(cast.image, alpha=np.zeros_like(cast.image.alpha))
+    for divisor, empty in ((2, False), (1, True)):  # coarse, its rays may miss something small
+        slow.take(replace(cast, image=blank, divisor=divisor), state)
+        assert bool(slow.missing_message(state, painted)) == empty
+    # Another document that cannot be cast has no picture.
+    other = replace(cast.job, document=replace(cast.job.document))
+    slow.take(CastDone(other, 1, 0.0, error="no device; see volspec doctor"), state)
+    assert slow.painted_picture(AREA, state) is None
+    assert slow.missing_message(state, None) == slow.fault == "no device; see volspec doctor"
+
+
 def test_a_picture_keeps_its_shape_until_another_is_drawn(slow: Screen, state: ViewState) -> None:
     cast = done(state, 1)
     wide = replace(state, size=AREA[2:])

@@ -12,7 +12,6 @@ import time
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
-from queue import SimpleQueue
 
 from imgui_bundle import imgui, implot
 
@@ -21,7 +20,7 @@ from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import menus, overlays
+from volspec.viewer.ui import menus, messages
 from volspec.viewer.ui.context import Results, UiContext
 from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.ui.inputs import Input
@@ -33,7 +32,7 @@ from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.casts import CastScheduler
 from volspec.viewer.work.designs import DesignService
 from volspec.viewer.work.documents import Opened, open_path
-from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, collect_warnings
+from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, WarningQueue, collect_warnings
 from volspec.viewer.work.pictures import return_large_blocks
 from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
@@ -91,13 +90,13 @@ def view(options: Options) -> None:
 
 class _App:
     def __init__(
-        self, options: Options, trace: Trace, tasks: Tasks, window: Window, warned: SimpleQueue[str]
+        self, options: Options, trace: Trace, tasks: Tasks, window: Window, warned: WarningQueue
     ) -> None:
         self._trace, self._window, self._warned = trace, window, warned
         self._ui = UiContext()
         self._meter, self._notice = Meter(trace), Notice(trace)
         if window.note:
-            self._notice.show(window.note)
+            self._notice.show_warning(window.note)
         self._screen = Screen(window.context, Window.wake, self._meter, self._notice)
         self._designs = DesignService(Window.wake, self._notice)
         self._file_commands = FileCommands(
@@ -200,11 +199,10 @@ class _App:
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
-        warned = [self._warned.get() for _ in range(self._warned.qsize())]
-        if warned:
-            self._notice.show("; ".join(warned))
-            for message in warned:
-                self._trace.note("warning", message=message)
+        warned = self._warned.take()
+        for message in warned:
+            self._notice.show_warning(message)
+            self._trace.note("warning", message=message)
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.take_tables()
@@ -212,6 +210,7 @@ class _App:
 
     def _open(self, opened: Opened) -> None:
         before = self._present
+        self._warned.forget()
         opened = opened.after(before)
         self._file_commands.documents.begin(opened, before)
         self._history = History(opened.state)
@@ -229,7 +228,7 @@ class _App:
         present = self._present
         state = shown = self._during_fade(present, started) if present else None
         if state is not None:
-            menus.draw_status(state, self._ui)
+            state = menus.draw_status(state, self._ui)
             state = menus.draw_menu(state, self._ui)
         area = self._docks.picture(self._ui, state is not None)
         if state is not None and self._history is not None:
@@ -252,10 +251,11 @@ class _App:
             self._mouse.take(inputs)
             self._early += [given for given in inputs if given.name == "drop"]
         painted = self._screen.painted_picture(area, self._shown)
-        if painted is None:
-            overlays.write_centred(self._screen.missing_message(self._shown), self._ui)
-        if self._notice.text and self._notice.text != self._screen.fault:  # which the picture shows
-            overlays.message(self._notice.text, self._ui)
+        if text := self._screen.missing_message(self._shown, painted):
+            messages.draw_centred(text, bool(self._screen.fault), self._ui)
+        toast = self._notice.shown
+        if toast is not None and toast.text != text and messages.draw_toast(toast, self._ui):
+            self._notice.hide()
         self._file_commands.draw(self._present)
         dark = state is None or state.interface.dark
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
@@ -291,6 +291,7 @@ class _App:
             slices=screen.slices,
             design=self._designs.status,
             recent=self._file_commands.documents.recent,
+            messages=self._notice.messages,
         )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:

@@ -118,6 +118,8 @@ def open_viewing(state: ViewState) -> ViewState:
 _WINDOW = (
     *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
     _panel("Slices", "o"),
+    _panel("Messages"),
+    Command("clear-messages", "Window", "Clear the messages"),
     _switch("dark", "Window", "Dark theme", "t"),
     _switch("probe", "Window", "Values under the mouse", "i"),
     Command("commands", "Window", "Commands …", ("ctrl+p", "f1")),

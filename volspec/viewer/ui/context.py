@@ -19,6 +19,7 @@ from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import DesignStatus
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import Projection
+from volspec.viewer.work.notify import Message
 from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.screen import ErrorMapTexture
 from volspec.viewer.work.session_store import RecentFile
@@ -36,7 +37,7 @@ def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
 class Request(NamedTuple):
     """A command for the app to run after the panels are drawn."""
 
-    name: str  # of a `Command`, or "message"
+    name: str  # of a `Command`, "message" or "warning"
     argument: str = ""  # the message, or the path that "open" opens without a dialog
 
 
@@ -111,6 +112,7 @@ class Results:
     slices: SlicePictures | None = None
     design: DesignStatus = field(default_factory=DesignStatus)
     recent: tuple[RecentFile, ...] = ()
+    messages: tuple[Message, ...] = ()  # the last is the newest
 
 
 @dataclass(slots=True)
@@ -148,7 +150,8 @@ class UiContext:
     def edited(self, state: ViewState, change: Change) -> ViewState:
         """Return an edited state; show the edit's message, if it has one."""
         new, message = after(change, state)
-        self.notify(message)
+        if message:
+            self.request("warning", message)
         return new
 
     def run(self, state: ViewState, command: Command | str) -> ViewState:

@@ -62,6 +62,7 @@ class FileCommands:
             "screenshot": self._cast,
             "picture": lambda _: self._picture.ask(),
             "cancel": lambda _: self._cancel(),
+            "clear-messages": lambda _: notice.clear(),
             "clear-recent": lambda _: self.documents.clear_recent(),
             "copy-picture": lambda _: self._copy(lambda: copy_shown(pictures)),
             "copy-values": lambda _: self._copy(lambda: copy_values(ui.results.under_mouse)),
@@ -80,6 +81,8 @@ class FileCommands:
         self._state = state
         if name == "message":
             self._notice.show(argument)
+        elif name == "warning":
+            self._notice.show_warning(argument)
         elif name == "open" and argument:
             self.documents.open(argument)
         elif name in REQUESTS:
@@ -148,7 +151,7 @@ class FileCommands:
 
     def _cast(self, state: ViewState) -> None:
         if self._progress is not None:
-            self._notice.show("A picture is already being cast; wait or cancel it")
+            self._notice.show_warning("A picture is already being cast; wait or cancel it")
             return
         shot = self._picture.shot
         width, height = shot.size(state.size)
@@ -176,4 +179,4 @@ class FileCommands:
         if "Lights" in state.interface.panels:
             self._ui.lights.rename(state.interface.light, state.lights)
         else:
-            self._notice.show("Lights are renamed in the Lights panel; open it")
+            self._notice.show_warning("Lights are renamed in the Lights panel; open it")

@@ -7,7 +7,7 @@ from dataclasses import replace
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import commands, cuts, menus, overlays, slices, viewing
+from volspec.viewer.ui import commands, cuts, menus, messages, overlays, slices, viewing
 from volspec.viewer.ui import lights_panel as lights
 from volspec.viewer.ui import palette_panel as palette
 from volspec.viewer.ui import transfer_panel as transfer
@@ -28,6 +28,7 @@ _PANELS = (
     ("Cuts", cuts.draw, "lower"),
     ("Slices", slices.draw, "left"),
     ("Palette", palette.draw, "lower"),
+    ("Messages", messages.draw, "lower"),
 )
 _OVERLAYS = (
     overlays.draw_error_map,

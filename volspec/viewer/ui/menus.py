@@ -10,13 +10,14 @@ from volspec.viewer.model.commands import COMMANDS, MENUS, format_key
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.messages import draw_sign
 from volspec.viewer.ui.overlays import BARE_WINDOW
 from volspec.viewer.ui.widgets import as_one_line, key_text, shorten, text_width, whole_label
 
 # Commands with a separator above them.
 _PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
-# Shown below the recent files, and next to a cast's progress.
-_ELSEWHERE = ("clear-recent", "cancel")
+# Shown below the recent files, in the Messages panel, and next to a cast's progress.
+_ELSEWHERE = ("clear-recent", "clear-messages", "cancel")
 
 
 def draw_menu(state: ViewState, ui: UiContext) -> ViewState:
@@ -66,8 +67,8 @@ def _recent(ui: UiContext) -> None:
 _HEIGHT = 26
 
 
-def draw_status(state: ViewState, ui: UiContext) -> None:
-    """Draw the status line along the whole window."""
+def draw_status(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the status line along the whole window; a click on its count of errors lists them."""
     viewport = imgui.get_main_viewport()
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(12), ui.px(4)))
     flags = BARE_WINDOW | imgui.WindowFlags_.no_nav
@@ -75,17 +76,32 @@ def draw_status(state: ViewState, ui: UiContext) -> None:
         "##status", viewport, imgui.Dir.down, ui.px(_HEIGHT), flags
     )
     texts = (as_one_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
-    room = imgui.get_content_region_avail().x
+    errors = sum(message.kind == "error" for message in ui.results.messages)
+    counted = f"{errors} error{'s' * (errors > 1)}" if errors else ""
+    taken = text_width(counted) + ui.px(40) if errors else 0.0
+    room = imgui.get_content_region_avail().x - taken
     title, shown, times = fitting_texts(texts, room, ui.px(16), text_width)
     imgui.text(title)
     if shown:
         imgui.same_line(0, ui.px(16))
         imgui.text_disabled(shown)
+    if errors:
+        imgui.same_line(0, ui.px(16))
+        imgui.begin_group()
+        draw_sign("error", ui)
+        imgui.same_line(0, ui.px(4))
+        imgui.text(counted)
+        imgui.end_group()
+        ui.note("errors", "Show the messages")
+        if imgui.is_item_clicked() and "Messages" not in state.interface.panels:
+            state = ui.run(state, "panel-messages")
+            ui.front = "Messages"
     if times:
         imgui.same_line(imgui.get_window_width() - text_width(times) - ui.px(12))
         imgui.text_disabled(times)
     imgui.end()
     imgui.pop_style_var()
+    return state
 
 
 def fitting_texts(

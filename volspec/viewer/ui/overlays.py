@@ -1,4 +1,4 @@
-"""Overlays of the picture: messages, probe, scale bar, orientation cube, divide, error map."""
+"""Overlays of the picture: probe, scale bar, orientation cube, divide, error map."""
 
 from __future__ import annotations
 
@@ -39,37 +39,6 @@ _ASKEW = 0.3
 # The grey of a face: a constant, and a factor for its cosine.
 _SHADE = 0.30, 0.34
 _EDGE, _LETTER = (0.08, 0.08, 0.08), (0.02, 0.02, 0.02)
-
-
-def message(text: str, ui: UiContext) -> None:
-    """Show a line or two at the picture's top, below its titles and within the window."""
-    x, y, width, _ = ui.areas["picture"]
-    viewport = imgui.get_main_viewport()
-    left, room = viewport.work_pos.x, viewport.work_size.x
-    most = min(max(width - ui.px(48), ui.px(280)), room - ui.px(48), ui.px(560))
-    half = most / 2 + ui.px(20)
-    middle = min(max(x + width / 2, left + half), left + room - half)
-    _, top, _, tall = ui.areas.get("sides", (0, y, 0, 0))
-    imgui.set_next_window_pos((middle, top + tall + ui.px(20)), imgui.Cond_.always, (0.5, 0.0))
-    imgui.set_next_window_bg_alpha(0.92)
-    imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(16), ui.px(10)))
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(6))
-    imgui.begin("##message", None, _FLAGS)
-    imgui.push_text_wrap_pos(max(most, ui.px(60)))
-    imgui.text(text)
-    imgui.pop_text_wrap_pos()
-    imgui.end()
-    imgui.pop_style_var(2)
-
-
-def write_centred(text: str, ui: UiContext) -> None:
-    """Write in the middle of the picture's area while it is empty."""
-    x, y, width, height = ui.areas["picture"]
-    wrap = 0.9 * width
-    size = imgui.calc_text_size(text, wrap_width=wrap)
-    place = x + (width - size.x) / 2, y + (height - size.y) / 2
-    grey, font = pack_colour((0.6, 0.6, 0.6)), (imgui.get_font(), imgui.get_font_size())
-    imgui.get_background_draw_list().add_text(*font, place, grey, text, wrap_width=wrap)
 
 
 def length_mm(mm_per_px: float, longest_px: float) -> float:

@@ -243,7 +243,7 @@ class DesignService:
                 if isinstance(made, Palette):
                     if missing := palette_results.unmatched_reflectances(present, made):
                         names = ", ".join(missing)
-                        self._notice.show(f"The scene has no material left for {names}")
+                        self._notice.show_warning(f"The scene has no material left for {names}")
                     state = palette_results.with_palette(present, made)
                 else:
                     state = self._with_wizard_result(present, begun, name, made)
@@ -260,7 +260,7 @@ class DesignService:
         # Spectra are compared by identity.
         if dict(begun.transfer.materials) != dict(present.transfer.materials):
             dropped = f"The wizard “{name}” was discarded, as the materials changed meanwhile"
-            self._notice.show(dropped)
+            self._notice.show_warning(dropped)
             raise PaletteError(dropped, code="state")
         state = palette_results.with_wizard_result(present, made)
         reached = palette_results.result_lines(made, begun)

@@ -132,10 +132,9 @@ class DocumentService:
             self.save(before)
         early = before is None and self._store.ended_early()
         self._store.begin(opened.state, opened.session)
-        if self._notice.text == self._opening:
-            self._notice.show("")
+        self._notice.hide(self._opening)
         if early and opened.session is None and not self._notice.text:
-            self._notice.show(
+            self._notice.show_warning(
                 "The last session ended early; File › Restore the last session brings it back"
             )
             self._notice.trace.note("ended-early")
@@ -167,7 +166,7 @@ class DocumentService:
         self.save(state)
         last = self._store.last()
         if last is None:
-            self._notice.show("There is no other session to restore")
+            self._notice.show_warning("There is no other session to restore")
         else:
             self.resume(last)
 

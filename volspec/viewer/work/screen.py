@@ -186,6 +186,7 @@ class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
 
 # The longest time that a table's notice is shown; it disappears when the table is ready.
 _TABLE_S = 60.0
+_DARK = "No light is on; turn one on in the Lights panel"
 _NOTHING = "Nothing is visible: opacity is 0 everywhere in view, or the view misses the volume"
 Area = tuple[int, int, int, int]
 
@@ -208,6 +209,7 @@ class Screen:
         self.shown_at = 0.0, 0.0, 0.0, 0.0  # left, top, right, bottom in the window
         self._meter, self._notice = meter, notice
         self._cast: CastDone | None = None
+        self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
         self._band = 0  # the next one to draw
@@ -231,7 +233,7 @@ class Screen:
         how = "cancel" if done.image is None else "cast"
         size = [-(-side // done.divisor) for side in done.job.size]
         if done.error:
-            self._notice.show(done.error)
+            self._notice.show(done.error, kind="error")
             how = "error"
             if self._cast is None or self._cast.job.document is not done.job.document:
                 # The picture that is shown belongs to another document.
@@ -243,14 +245,13 @@ class Screen:
         try:
             self.pictures.show(done.image, done.packed)
         except VolspecError as error:
-            self._notice.show(str(error))
+            self._notice.show(str(error), kind="error")
             return
-        if done.divisor == 1 and not done.image.alpha.any():
-            self._notice.show(_NOTHING)
         # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None), ""
         self.mark_stale()
         self.image, self.whole = done.image, done.divisor == 1
+        self._blank = not done.image.alpha.any()
         self._meter.ms["cast"] = done.ms
 
     def mark_stale(self) -> None:
@@ -291,7 +292,7 @@ class Screen:
                 rig, state.relight, other, state.divide, self._coarse, band
             )
         except VolspecError as error:
-            self._notice.show(one_line(error))
+            self._notice.show(one_line(error), kind="error")
             return False
         self._drawing = relit is not None
         self._relit = not self._drawing or first + 1 == bands
@@ -313,8 +314,8 @@ class Screen:
             self._notice.show(self._table_notice, _TABLE_S)
             if missing != self._tables:
                 self._tabling.request(missing)
-        elif self._tables and self._notice.text == self._table_notice:
-            self._notice.show("")
+        elif self._tables:
+            self._notice.hide(self._table_notice)
         self._tables = missing
         return bool(missing)
 
@@ -324,7 +325,7 @@ class Screen:
         for error in errors:
             if error:
                 self._tables = ()
-                self._notice.show(error)
+                self._notice.show(error, kind="error")
             else:
                 self._relit = False
         return bool(errors)
@@ -378,10 +379,16 @@ class Screen:
         to = self.shown_at = left, y, left + wide, y + height
         return Painted(self.pictures.framebuffer, self.pictures.size, to, area)
 
-    def missing_message(self, shown: ViewState | None) -> str:
-        """Return the message in place of a picture."""
-        dark = self._cast is not None and shown is not None and light_rig(shown.lights) is None
-        return "No light is on" if dark else self.fault or "Opening …"
+    def missing_message(self, shown: ViewState | None, painted: Painted | None) -> str:
+        """Return the message in place of a picture, or on an empty one; empty for no message."""
+        if painted is not None:
+            # Not while it is coarse: a small object may lie between its rays.
+            return _NOTHING if self.whole and self._blank else ""
+        if self.fault:
+            return self.fault
+        if self._cast is not None and shown is not None and light_rig(shown.lights) is None:
+            return _DARK
+        return "Opening …" if shown is None else "Casting …"
 
     def close(self) -> None:
         """Release everything, without waiting for tables."""

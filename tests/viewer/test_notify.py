@@ -1,0 +1,63 @@
+"""Messages to the user, and warnings of other threads."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+import warnings
+
+import pytest
+
+from volspec.errors import VolspecWarning
+from volspec.viewer.work.notify import MOST_MESSAGES, SECONDS, Notice, collect_warnings
+
+
+def test_an_error_is_shown_until_it_is_dismissed_or_replaced() -> None:
+    notice = Notice()
+    late = time.perf_counter() + 2 * SECONDS
+    notice.show("Saved a.png")
+    assert notice.expire(late) and not notice.text
+    notice.show_error("b.nrrd: damaged; copy it again")
+    assert notice.until == math.inf and not notice.expire(late)
+    notice.hide("another message")
+    assert notice.text.startswith("b.nrrd")
+    notice.hide()
+    assert notice.shown is None
+    assert [message.kind for message in notice.messages] == ["info", "error"]
+
+
+def test_messages_are_listed_once_in_a_row_and_not_without_limit() -> None:
+    notice = Notice()
+    for _ in range(3):
+        notice.show_warning("computing\nits table")
+    (message,) = notice.messages
+    assert (message.text, message.count) == ("computing its table", 3)
+    for number in range(2 * MOST_MESSAGES):
+        notice.show(str(number))
+    assert len(notice.messages) == MOST_MESSAGES
+    assert notice.messages[-1].text == str(2 * MOST_MESSAGES - 1)
+    notice.clear()
+    assert notice.messages == () and not notice.text
+
+
+def test_a_warning_comes_once_for_each_file_that_is_opened(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Python shows a warning once in a process; an orbit would repeat that of an empty picture."""
+
+    printed: list[str] = []
+    monkeypatch.setattr(warnings, "showwarning", lambda message, *_: printed.append(str(message)))
+
+    def warn() -> None:
+        warnings.warn("a.npy: 1 of 8 voxels is NaN", VolspecWarning, stacklevel=1)
+
+    with collect_warnings() as queue:
+        for opened in range(2):
+            for _ in range(3):
+                thread = threading.Thread(target=warn)
+                thread.start()
+                thread.join()
+            assert queue.take() == ["a.npy: 1 of 8 voxels is NaN"], opened
+            assert len(printed) == opened + 1
+            queue.forget()

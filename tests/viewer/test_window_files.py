@@ -1,0 +1,72 @@
+"""The window under Xvfb: messages, menus by keyboard, and the dialogs that open files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.support.window import Robot, Row
+from volspec.volume import phantom
+
+pytestmark = pytest.mark.usefixtures("screen")
+
+
+def event(robot: Robot, name: str, after: float = -1.0) -> Row:
+    return robot.wait_for(lambda row: row["event"] == name, after)
+
+
+def pixels(robot: Robot, name: str, area: str) -> np.ndarray:
+    """Return the RGB of an area of the window."""
+    path = robot.folder / f"{name}.png"
+    robot.grab(path)
+    x, y, width, height = robot.area(area)
+    with Image.open(path) as window:
+        return np.asarray(window.convert("RGB").crop((x, y, x + width, y + height)), float)
+
+
+def red(picture: np.ndarray) -> int:
+    """Return the number of pixels as red as errors are, where messages are shown."""
+    r, g, b = np.moveaxis(picture[:90], -1, 0)
+    return int(((r > 150) & (r > 1.7 * g) & (r > 1.7 * b)).sum())
+
+
+def test_warnings_and_errors_stay_readable(tmp_path: Path) -> None:
+    values = phantom.ball(16).values.copy()
+    np.save(tmp_path / "ball.npy", values)
+    values[3, 4, 5] = np.nan
+    np.save(tmp_path / "nan.npy", values)
+    (tmp_path / "bad.npy").write_text("no numbers", encoding="utf-8")
+    with Robot(tmp_path, ["ball.npy"], (1100, 750)) as robot:
+        robot.whole()
+        before = robot.rest()
+        # A file's warning comes each time that it is opened.
+        for _ in range(2):
+            robot.drop((tmp_path / "nan.npy").as_uri())
+            assert "NaN" in event(robot, "warning", before)["message"]
+            before = robot.rest()
+        robot.drop((tmp_path / "bad.npy").as_uri())
+        event(robot, "error", before)
+        robot.rest()
+        for theme in ("dark", "light"):
+            assert red(pixels(robot, theme, "picture")) > 150, theme
+            robot.key("t")
+            robot.rest()
+        # The count of errors opens the list; the cross dismisses the message.
+        robot.click("errors")
+        robot.rest()
+        assert {f"message {number}" for number in range(5)} <= set(layout(robot))
+        robot.click("close message")
+        robot.rest()
+        assert red(pixels(robot, "dismissed", "picture")) < 20
+        robot.click("clear messages")
+        robot.rest()
+        assert robot.viewer.poll() is None
+
+
+def layout(robot: Robot) -> dict[str, list[int]]:
+    """Return the items' last rectangles."""
+    areas: dict[str, list[int]] = [r["areas"] for r in robot.rows() if r["event"] == "layout"][-1]
+    return areas
