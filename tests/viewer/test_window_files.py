@@ -70,3 +70,30 @@ def layout(robot: Robot) -> dict[str, list[int]]:
     """Return the items' last rectangles."""
     areas: dict[str, list[int]] = [r["areas"] for r in robot.rows() if r["event"] == "layout"][-1]
     return areas
+
+
+def test_arrows_lead_from_menu_to_menu(tmp_path: Path) -> None:
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    with Robot(tmp_path, ["ball.npy"], (900, 600)) as robot:
+
+        def pressed(*names: str) -> list[str]:
+            """Return what the keys have cast, relit and opened."""
+            before = robot.rest()
+            for name in names:
+                robot.key(name)
+                robot.rest()
+            return [row["event"] for row in robot.since(before) if row["event"] in ("cast", "open")]
+
+        robot.whole()
+        # From File to View, around the end to Window, and into a submenu and back.
+        assert pressed("F10", "Right", "Right") == [] and "action view-front" in layout(robot)
+        assert pressed("Left", "Left", "Left") == [] and "action panel-cuts" in layout(robot)
+        assert pressed("Right", "Down", "Right") == [] and "recent 0" in layout(robot)
+        assert pressed("Left", "Escape", "Escape") == []
+        assert "cast" in pressed("Right")  # the picture's again
+        # Enter runs a command; a menu that the mouse has opened is left alike.
+        assert "cast" in pressed("F10", "Right", "Right", "Down", "Return")
+        robot.click("menu Edit")
+        assert pressed("Right", "Right") == [] and "action crop" in layout(robot)
+        assert pressed("Escape", "Escape") == []
+        assert "cast" in pressed("Left")

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from imgui_bundle import imgui, implot
 
-from volspec.viewer.model.commands import BY_KEY
+from volspec.viewer.model.commands import BY_KEY, MENUS
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
@@ -306,7 +306,7 @@ class _App:
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
                 self._file_commands.documents.drop(given.paths)
-            elif given.name != "key" or typing or self._focus.takes(given.key):
+            elif given.name != "key" or typing or self._focus.takes(given.key, bool(self._ui.menu)):
                 continue
             elif given.key in BY_KEY:
                 state = self._ui.run(state, BY_KEY[given.key])
@@ -328,7 +328,7 @@ class _App:
             elif name == "focus":
                 self._focus.next(self._docks.open_panels(self._history.present))
             elif name == "menu":
-                self._ui.menu = True
+                self._ui.focus_menu = MENUS[0]
                 self._focus.enter(menu=True)
             elif name == "copy-picture" and not self._screen.ready:
                 self._ui.requests.append(request)  # until it is

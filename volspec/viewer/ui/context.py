@@ -125,7 +125,10 @@ class UiContext:
     requests: list[Request] = field(default_factory=list)
     results: Results = field(default_factory=Results)
     commands: Search | None = None  # the command palette; None if it is closed
-    menu: bool = False  # open the first menu now
+    menu: str = ""  # the open menu
+    menu_step: int = 0  # the step to another menu that an arrow was pressed for
+    focus_menu: str = ""  # the menu whose title to focus now, and then to open,
+    open_menu: str = ""  # and the menu to open now
     front: str = ""  # the panel to bring to the front now,
     item: str = ""  # and its item to focus
     lights: LightsPanelState = field(default_factory=LightsPanelState)

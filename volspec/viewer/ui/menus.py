@@ -24,20 +24,58 @@ def draw_menu(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the menu bar; return the state after the command that was picked."""
     if not imgui.begin_main_menu_bar():
         return state
+    shown, on_bar = "", False
     for title in MENUS:
-        if ui.menu:
-            ui.menu = False
+        if title == ui.open_menu:
+            ui.open_menu = ""
             imgui.open_popup(title)
         opened = imgui.begin_menu(title)
         ui.note(f"menu {title}")
+        if title == ui.focus_menu:
+            ui.focus_menu, ui.open_menu = "", title
+            _focus_title()
         if not opened:
+            on_bar |= imgui.is_item_focused()
             continue
+        shown = title
         for command in COMMANDS:
             if command.menu == title and command.name not in _ELSEWHERE:
                 state = _row(command, state, ui)
         imgui.end_menu()
     imgui.end_main_menu_bar()
+    _follow_arrows(shown, on_bar, ui)
     return state
+
+
+def _follow_arrows(shown: str, on_bar: bool, ui: UiContext) -> None:
+    """Open the next menu if an arrow has left the one that was shown.
+
+    imgui closes a menu when an arrow leaves it, and only focuses a title (``on_bar``).
+    """
+    pressed = imgui.is_key_pressed
+    step = pressed(imgui.Key.right_arrow) - pressed(imgui.Key.left_arrow)
+    if shown:
+        # A step that leaves it open was one into a submenu, or back.
+        ui.menu, ui.menu_step = shown, step
+    elif on_bar and ui.menu and ui.menu_step:
+        ui.open_menu = MENUS[(MENUS.index(ui.menu) + ui.menu_step) % len(MENUS)]
+        ui.menu_step = 0
+    elif not ui.open_menu:
+        ui.menu = ""
+
+
+def _focus_title() -> None:
+    """Focus the last title of the menu bar, from which arrows lead to the others."""
+    window = imgui.internal.get_current_window()
+    imgui.internal.focus_window(window)
+    (x, y), (right, bottom), (left, top) = (
+        imgui.get_item_rect_min(),
+        imgui.get_item_rect_max(),
+        window.pos,
+    )
+    rect = imgui.internal.ImRect(x - left, y - top, right - left, bottom - top)
+    scope = imgui.internal.get_current_focus_scope()
+    imgui.internal.set_nav_id(imgui.get_item_id(), imgui.internal.NavLayer.menu, scope, rect)
 
 
 def _row(command: Command, state: ViewState, ui: UiContext) -> ViewState:

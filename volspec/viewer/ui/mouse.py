@@ -205,7 +205,7 @@ class Focus:
         self.on = False
         self._panel = ""
         self._menu = False
-        self._frames = 0
+        self._frames = self._without = 0  # since it was entered, and since a popup was open
 
     def next(self, panels: list[str]) -> None:
         """Move on to the next panel; after the last, back to the picture."""
@@ -220,7 +220,7 @@ class Focus:
         """Give imgui the keyboard; for a menu, until it is closed."""
         _navigate(True)
         imgui.set_nav_cursor_visible(True)
-        self.on, self._menu, self._frames = True, menu, 0
+        self.on, self._menu, self._frames, self._without = True, menu, 0, 0
 
     def leave(self) -> None:
         """Take the keyboard back from imgui."""
@@ -247,12 +247,16 @@ class Focus:
         # imgui's own Esc first leaves the part of a panel that scrolls.
         escaped = imgui.is_key_pressed(imgui.Key.escape) and not io.want_text_input
         over = self._menu or escaped or not io.nav_visible
-        ended = self._frames > _LAG and not _popup() and over
+        # Between two menus there is none for a frame or two.
+        self._without = 0 if _popup() else self._without + 1
+        ended = self._frames > _LAG and self._without > (_LAG if self._menu else 0) and over
         if clicked or ended:
             self.leave()
 
-    def takes(self, key: str) -> bool:
-        """Return True if imgui takes a key: all keys while a menu or a dialog is open."""
+    def takes(self, key: str, menu: bool) -> bool:
+        """Return True if imgui takes a key: all keys while a ``menu`` or a dialog is open."""
+        if menu and not self.on:  # opened by the mouse
+            self.enter(menu=True)
         plain = not key.startswith("ctrl+") and not (key[0] == "f" and key[1:].isdigit())
         return _popup() or (self.on and plain)
 
