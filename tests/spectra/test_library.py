@@ -27,6 +27,7 @@ from volspec.spectra import (
     reflectance_set_names,
     white_XYZ,
 )
+from volspec.spectra.library import EVERYDAY, describe_light, library_names, search_lights
 
 FINE = SpectralGrid(360, 830, 1)
 
@@ -76,6 +77,42 @@ def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
     for name in known - set(light_names()):
         with raises(SpectrumError, "range", "light 'ISO 7589 Sensitometric Printer'"):
             light(name)
+
+
+@pytest.mark.parametrize(
+    ("everyday", "name"),
+    [
+        ("tungsten", "A"),
+        ("Daylight", "D65"),
+        ("sodium", "HP1"),
+        ("street light", "HP1"),
+        ("office", "FL2"),
+        ("candle", "lamp:candle-1900"),
+        ("incandescent", "Incandescent"),  # the library's own names come first
+    ],
+)
+def test_everyday_names_are_lights_of_the_library(everyday: str, name: str) -> None:
+    assert light(everyday).name == name
+    assert np.array_equal(light(everyday).values, light(name).values)
+    assert light(f"{everyday}*0.25+E*0.75").name == f"{name}*0.25+E*0.75"
+    assert light("daylight:6500").name == "daylight:6500"
+
+
+@pytest.mark.parametrize("word", EVERYDAY)
+def test_everyday_names_find_their_light_first(word: str) -> None:
+    assert search_lights(word)[0] == EVERYDAY[word]
+    assert EVERYDAY[word] in library_names()
+
+
+def test_lights_are_found_by_the_words_of_their_descriptions() -> None:
+    assert {"HP1", "HP2", "HPS", "LPS"} < {*search_lights("sodium lamp")}
+    assert search_lights("d65")[0] == "D65" and search_lights("nosuch") == ()
+    assert all("fl" in name.casefold() for name in search_lights("fl"))
+    assert search_lights("") == library_names()
+    assert "measured lamp" not in {describe_light(name) for name in library_names()}
+    with raises(SpectrumError, "unknown") as refused:
+        light("sodiun")
+    assert "'sodium'" in str(refused.value)
 
 
 def test_names_with_operators_work_alone_and_in_mixes() -> None:

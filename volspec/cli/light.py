@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from volspec.cli.shell import Json, Row, app, as_written, print_json, print_table, show_names
+from volspec.cli.shell import Json, Row, app, as_written, print_json, print_table, say
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 
@@ -41,17 +41,19 @@ def light(
 
     Example: `volspec light lamp:tungsten-2850 --power-W 100 --distance-m 2 --beam-deg 60`
 
+    Example: `volspec light sodium`
+
     Example: `volspec light --list LED`
 
     Parameters
     ----------
     spectrum
-        A LIGHT: D65, planck:3200, lamp:halogen-3000, FILE.csv, a mix, …; with `--list`, text to
-        search for.
+        A LIGHT: D65, tungsten, planck:3200, lamp:halogen-3000, FILE.csv, a mix, …; with `--list`,
+        words to search for.
     listed
-        Print the names of lights instead: those that contain the text, or all.
+        Print names and descriptions of lights instead: those that have the words, or all.
     """
-    from volspec.spectra import SpectralGrid, light_names
+    from volspec.spectra import SpectralGrid
     from volspec.spectra import light as find
     from volspec.spectra.lamps import (
         LAMPS,
@@ -61,6 +63,7 @@ def light(
         lamp_illuminance_lux,
         lumens_per_watt,
     )
+    from volspec.spectra.library import describe_light, library_names
     from volspec.spectra.photometry import correlated_temperature, white_XYZ
 
     for name, value, other, its in (
@@ -70,8 +73,7 @@ def light(
         if value is not None and its is None:
             raise InputError(f"{name} {value:g} without {other}; give both for a lamp's lux")
     if listed:
-        lamps = [f"{PREFIX}:{name}" for name in LAMPS]
-        show_names([*light_names(), *lamps], spectrum or "", "light", json)
+        _list(spectrum or "", json)
         return
     if spectrum is None:
         raise InputError("no light; give one, such as D65, or --list for all names")
@@ -81,6 +83,7 @@ def light(
     lamp = LAMPS.get(found.name.removeprefix(f"{PREFIX}:"))
     row: Row = {
         "light": found.name,
+        "description": describe_light(found.name) if found.name in library_names() else None,
         "x": X / (X + Y + Z),
         "y": Y / (X + Y + Z),
         "X": X,
@@ -103,6 +106,28 @@ def light(
         print_table(row["light"], _table(row))
 
 
+def _list(text: str, as_json: bool) -> None:
+    """Print the library's lights whose name or description has the words of a text.
+
+    Raises `InputError` if there is none.
+    """
+    from volspec.spectra.library import describe_light, nearest_light, search_lights
+
+    rows = [{"name": name, "description": describe_light(name)} for name in search_lights(text)]
+    if not rows:
+        raise InputError(
+            f"--list {text!r}: no light has it in its name or description; {nearest_light(text)}"
+            "leave it out to see all",
+            code="unknown",
+        )
+    if as_json:
+        print_json(rows)
+        return
+    width = max(len(row["name"]) for row in rows)
+    for row in rows:
+        say(f"{row['name']:{width}}  {row['description']}")
+
+
 def _table(row: Row) -> Table:
     """Return the table of values, with a line for each that is known."""
     table = Table(box=None, show_header=False)
@@ -111,7 +136,8 @@ def _table(row: Row) -> Table:
     near = "none between 1000 and 100 000 K"
     if row["kelvin"] is not None:
         near = f"{row['kelvin']:.0f} K, Duv {round(row['Duv'], 4) + 0.0:+.4f}"  # never -0
-    lines = {
+    lines = {} if row["description"] is None else {"description": row["description"]}
+    lines |= {
         "chromaticity x, y": f"{row['x']:.4f}, {row['y']:.4f}",
         "white X, Y, Z": f"{row['X']:.2f}, {row['Y']:.2f}, {row['Z']:.2f}",
         "correlated temperature": near,

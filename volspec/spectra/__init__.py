@@ -6,7 +6,8 @@ from volspec.spectra.construct.base import BaseSpectra, MadeReflectances, base_s
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.files import read_spectrum
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.lights import light, light_names, light_set
+from volspec.spectra.library import light_names
+from volspec.spectra.lights import light, light_set
 from volspec.spectra.photometry import XYZ_from_spectra, illuminance_lux, luminance, white_XYZ
 from volspec.spectra.reflectances import (
     reflectance,

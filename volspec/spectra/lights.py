@@ -1,6 +1,6 @@
 """Named lights, Planck radiators, daylights, files, and mixes of them.
 
-    grid, spectrum, photometry, datasets, files, lamps -> [lights] -> scene, basis, command line
+    grid, spectrum, photometry, library, files, lamps -> [lights] -> scene, basis, command line
 
 Every light is scaled to the luminous energy of a flat light of ones (the V-weighted mean of its
 values is 1), so a weight in a mix is the component's share of the illuminance.
@@ -9,9 +9,9 @@ values is 1), so a weight in a mix is the component's share of the illuminance.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache, reduce
+from functools import lru_cache, reduce
 from operator import add
 from pathlib import Path
 
@@ -20,11 +20,9 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra.datasets import (
-    Table,
     colour_matching_functions,
     daylight_components,
     illuminants,
-    light_sources,
 )
 from volspec.spectra.files import (
     FILE_FORMS,
@@ -36,6 +34,7 @@ from volspec.spectra.files import (
 )
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lamps import LAMPS, PREFIX
+from volspec.spectra.library import canonical_light, light_names, light_tables, nearest_light
 from volspec.spectra.palettes import palette_holds
 from volspec.spectra.photometry import C2_NM_K, extended_band_means
 from volspec.spectra.spectrum import Spectrum, light_power
@@ -53,8 +52,6 @@ _NOT_SPIKY = {
     "Natural",
     "F40/N (Natural FL)",
 }
-# Its table ends at its peak, 560 nm, and cannot be extrapolated to a grid over the visible.
-_UNUSABLE = {"ISO 7589 Sensitometric Printer"}
 Folder = str | os.PathLike[str]
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
 
@@ -65,7 +62,8 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     Parameters
     ----------
     text : str
-        A name in `light_names` (any case), ``planck:KELVIN`` (500-100000),
+        A name in `light_names` (any case), an everyday name (``tungsten``, ``sodium``,
+        ``candle``, …; see `EVERYDAY`), ``planck:KELVIN`` (500-100000),
         ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), a file (``FILE.csv``,
         ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, ``PALETTE.toml#name``, …; see
         `read_spectrum`), or a mix ``NAME*WEIGHT+NAME*WEIGHT`` with shares of illuminance as
@@ -156,11 +154,6 @@ def rebase_light(text: str, folder: Path, to: Path) -> str:
     )
 
 
-def light_names() -> tuple[str, ...]:
-    """Return the names of tabulated lights: CIE and ISO illuminants, then measured lamps."""
-    return tuple(name for name in _tables() if name not in _UNUSABLE)
-
-
 def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
     """Return a set of lights for fitting and testing bases (docs/method.md, section 2).
 
@@ -192,7 +185,7 @@ def light_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> list[Spectrum]:
 def _is_known(name: str, folder: Folder) -> bool:
     """Return True if the text is a single light, which need not be valid, and not a mix."""
     low = fold_name(name)
-    if low in _by_folded_name():
+    if canonical_light(name):
         return True
     if address := split_address(name):
         file, selector = address
@@ -244,16 +237,12 @@ def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
 
 def _read_term(text: str, folder: Folder) -> _Term | None:
     if _is_known(text, folder):
-        return _Term(_canonical(text), 1.0)
+        return _Term(canonical_light(text) or text, 1.0)
     for name, weight in (text.rpartition("*")[::2], text.partition("*")[::-2]):
         number = _number(weight)
         if number is not None and _is_known(name.strip(), folder):
-            return _Term(_canonical(name.strip()), number)
+            return _Term(canonical_light(name) or name.strip(), number)
     return None
-
-
-def _canonical(name: str) -> str:
-    return _by_folded_name().get(fold_name(name), name)
 
 
 def _number(text: str) -> float | None:
@@ -265,7 +254,7 @@ def _number(text: str) -> float | None:
 
 @lru_cache(maxsize=1024)
 def _named_light(name: str, grid: SpectralGrid) -> Spectrum:
-    w, v = _tables()[name]
+    w, v = light_tables()[name]
     try:
         return _normalise(extended_band_means(w, v, grid), grid, name)
     except SpectrumError as error:
@@ -273,9 +262,9 @@ def _named_light(name: str, grid: SpectralGrid) -> Spectrum:
 
 
 def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
-    canonical = _canonical(name)
-    if canonical in _tables():
-        return _named_light(canonical, grid)
+    name = canonical_light(name) or name
+    if name in light_tables():
+        return _named_light(name, grid)
     prefix, _, number = fold_name(name).partition(":")
     kelvin = _number(number)
     if prefix in ("planck", "daylight"):
@@ -338,7 +327,7 @@ def _unknown(name: str, context: str = "") -> SpectrumError:
             code="unknown",
         )
     return SpectrumError(
-        f"light {name!r}{context} is unknown; {nearest(name, light_names())}"
+        f"light {name!r}{context} is unknown; {nearest_light(name)}"
         f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}",
         code="unknown",
     )
@@ -376,16 +365,3 @@ def _daylight_locus(kelvin: float) -> tuple[float, float]:
     else:
         x = -2.0064e9 / kelvin**3 + 1.9018e6 / kelvin**2 + 0.24748e3 / kelvin + 0.23704
     return x, -3.000 * x * x + 2.870 * x - 0.275
-
-
-@cache
-def _tables() -> Mapping[str, Table]:
-    tables = dict(illuminants())
-    for name, table in light_sources().items():
-        tables.setdefault(name, table)
-    return tables
-
-
-@cache
-def _by_folded_name() -> dict[str, str]:
-    return {fold_name(name): name for name in _tables()}

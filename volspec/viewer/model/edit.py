@@ -97,3 +97,4 @@ class Command:
     keys: tuple[str, ...] = ()  # as `volspec.viewer.ui.inputs.Input.key`; menus show the first
     change: Change | None = None  # None if the app carries it out by its name
     on: Callable[[ViewState], bool] | None = None  # True if menus tick it
+    words: str = ""  # other names by which the command palette finds it

@@ -15,6 +15,7 @@ import numpy as np
 
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum, colour_matching_functions
+from volspec.spectra.library import describe_light, library_names
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.edit import edit, refusable
 from volspec.viewer.model.state import ViewState
@@ -185,4 +186,6 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
 def titles_from_text(text: str) -> tuple[str, str, float | None]:
     """Return a light's name, label and temperature from its notation."""
     kelvin = light_rows.kelvin_from_text(text)
-    return (text, text, None) if kelvin is None else (f"{kelvin:g} K", "Planck radiator", kelvin)
+    if kelvin is not None:
+        return f"{kelvin:g} K", "Planck radiator", kelvin
+    return text, describe_light(text) if text in library_names() else text, None

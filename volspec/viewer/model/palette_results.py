@@ -18,8 +18,7 @@ from volspec.palette.model import Place
 from volspec.scene import Scene, SceneFile
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import read_table
-from volspec.spectra import Spectrum
-from volspec.spectra.lights import light_names
+from volspec.spectra import Spectrum, light_names
 from volspec.transfer import MAX_CHANNELS
 from volspec.viewer.model import palette_table
 from volspec.viewer.model.light_rows import MOST_ROWS

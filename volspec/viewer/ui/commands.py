@@ -17,7 +17,7 @@ from volspec.appearance.display import GAMUTS
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
-from volspec.spectra import light_names
+from volspec.spectra.library import EVERYDAY, describe_light, library_names
 from volspec.viewer.model import lights, viewing
 from volspec.viewer.model.commands import COMMANDS, open_viewing, rank_matches
 from volspec.viewer.model.edit import Change, Edited
@@ -42,11 +42,12 @@ class Entry:
     change: Change | None = None
     request: Request | None = None  # to the app, if there is no edit
     item: str = ""  # the item of the Viewing panel that then gets keyboard focus
+    words: str = ""  # other names, which are searched but not shown
 
     @property
     def text(self) -> str:
         """The text that is searched."""
-        return f"{self.group}: {self.title}"
+        return f"{self.group}: {self.title} {self.words}".rstrip()
 
 
 def list_entries(
@@ -77,6 +78,7 @@ def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[En
             key_text(command),
             command.change,
             Request(command.name) if command.change is None else None,
+            words=command.words,
         )
         for command in COMMANDS
         if command.name != "commands"
@@ -98,7 +100,15 @@ def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[En
             for row in recent
             if row.there
         ),
-        *_choices("Add light", light_names(), lights.add),
+        *(
+            Entry(
+                "Add light",
+                f"{name}, {describe_light(name)}",
+                change=partial(lights.add, text=name),
+                words=" ".join(each for each, meant in EVERYDAY.items() if meant == name),
+            )
+            for name in library_names()
+        ),
     )
 
 

@@ -8,9 +8,9 @@ from imgui_bundle import imgui
 
 from volspec.errors import VolspecError, one_line
 from volspec.relight import LightRig
-from volspec.spectra import SpectralGrid, light, light_names
+from volspec.spectra import SpectralGrid, light
 from volspec.spectra.files import split_address
-from volspec.spectra.lamps import LAMPS, PREFIX
+from volspec.spectra.library import canonical_light, describe_light, library_names, search_lights
 from volspec.viewer.model import lights
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
@@ -19,20 +19,8 @@ from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
 from volspec.viewer.ui.widgets import search_field, shorten, shown_rows, text_width, wrap_text
 
 POPUP = "add a light"
-_HINT = "D50, FL, candle, D65*0.7+A*0.3, FILE.csv"
+_HINT = "tungsten, sodium, FL2, D65*0.7+A*0.3, FILE.csv"
 _DAYLIGHT = (4000.0, 25000.0)
-_LONG = 4
-# Classes by the beginning of a name; measured lamps have names of their own.
-_CLASSES = (
-    ("FL", "CIE fluorescent"),
-    ("HP1", "CIE sodium"),
-    ("HP2", "CIE sodium"),
-    ("HP", "CIE metal halide"),
-    ("LED-", "CIE LED"),
-    ("ISO ", "ISO illuminant"),
-    ("ID", "CIE indoor daylight"),
-)
-_CIE = frozenset(["A", "B", "C", "E", "D50", "D55", "D60", "D65", "D75"])
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
@@ -42,7 +30,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         return state
     panel, new = ui.library, state
     entered = search_field("##search", _HINT, panel)
-    found, typed = matching(panel.search), panel.search.strip()
+    found, typed = list(search_lights(panel.search)), panel.search.strip()
     wanted = _found(found, typed, ui, state.document)
     if entered and typed:
         is_notation = split_address(typed) is not None or set("*+") & set(typed)
@@ -57,42 +45,6 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         imgui.text_wrapped(panel.complaint)
     imgui.end_popup()
     return new
-
-
-def matching(search: str) -> list[str]:
-    """Return the names that contain every word of a search, those that begin with it first.
-
-    Words of four or more letters may also match a light's class.
-    """
-    start = search.casefold()
-
-    def contains(name: str, word: str) -> bool:
-        long = len(word) >= _LONG
-        return word in name.casefold() or (long and word in light_class(name).casefold())
-
-    found = [name for name in library_names() if all(contains(name, w) for w in start.split())]
-    return sorted(found, key=lambda name: not name.casefold().startswith(start))
-
-
-@lru_cache(maxsize=1)
-def library_names() -> tuple[str, ...]:
-    """Return illuminants and measured lamps, then lamps by their temperature."""
-    return (*light_names(), *(f"{PREFIX}:{name}" for name in LAMPS))
-
-
-@lru_cache(maxsize=512)
-def light_class(name: str) -> str:
-    """Return the class of a light in the library.
-
-    >>> light_class("FL2"), light_class("D65"), light_class("lamp:candle-1900")
-    ('CIE fluorescent', 'CIE illuminant', 'candle flame')
-    """
-    if name in _CIE:
-        return "CIE illuminant"
-    prefix, _, rest = name.partition(":")
-    if prefix == PREFIX:
-        return LAMPS[rest].what
-    return next((what for start, what in _CLASSES if name.startswith(start)), "measured lamp")
 
 
 @lru_cache(maxsize=64)
@@ -111,7 +63,7 @@ def _found(found: list[str], typed: str, ui: UiContext, document: Document) -> s
     wanted, grid, folder = "", document.grid, document.folder
     if imgui.begin_child("found", (0, ui.px(208))):
         rig, wrong = verdict(typed, grid, folder)
-        if rig is not None and typed.casefold() not in {n.casefold() for n in found}:
+        if rig is not None and typed not in found and not canonical_light(typed):
             found = [typed, *found]
         for i in shown_rows(len(found)):
             if _entry(found[i], ui, verdict(found[i], grid, folder)[0]):
@@ -124,7 +76,7 @@ def _found(found: list[str], typed: str, ui: UiContext, document: Document) -> s
 
 
 def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
-    """Draw colour, name and class; return True if it was clicked."""
+    """Draw colour, name and description; return True if it was clicked."""
     x, y = imgui.get_cursor_screen_pos()
     width, line = imgui.get_content_region_avail().x, imgui.get_text_line_height()
     clicked, _ = imgui.selectable(f"##{name}", False, size=(width, line))
@@ -134,7 +86,7 @@ def _entry(name: str, ui: UiContext, rig: LightRig | None) -> bool:
     most = width - side - ui.px(16)
     text = imgui.get_color_u32(imgui.Col_.text)
     draw_list.add_text((x + side + ui.px(8), y), text, shorten(name, most))
-    kind = light_class(name) if name in library_names() else "as typed"
+    kind = describe_light(name) if name in library_names() else "as typed"
     room = width - side - ui.px(20) - min(text_width(name), most)
     short = shorten(kind, room) if room > ui.px(40) else ""
     dim = imgui.get_color_u32(imgui.Col_.text_disabled)
