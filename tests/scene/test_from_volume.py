@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from tests.support.errors import raises
 from volspec.errors import InputError, SceneError, VolumeError
+from volspec.pipeline import raycast, relight
 from volspec.raycast.camera import Orbit
 from volspec.scene import Scene
+from volspec.spectra import light
 from volspec.volume import phantom
 
 LAYOUT = "?shape=16x16x16&dtype=float32&spacing=1,1,4"
@@ -43,6 +49,28 @@ def test_a_volume_s_scene_has_the_given_preset_lights_and_camera(ball: Path) -> 
     assert scene.file.transfer.kind == "surfaces"
     assert [light.name for light in scene.lights] == ["A", "planck:3000"]
     assert scene.file.camera.azimuth_deg == 90 and scene.file.camera.orthographic
+
+
+def test_a_steep_preset_shows_no_rings(tmp_path: Path) -> None:
+    """Errors of a cast against one of fine steps, averaged over rings: a sphere of bone in air."""
+    z, y, x = np.ogrid[-24:24, -24:24, -24:24]
+    inside = gaussian_filter((np.sqrt(x**2 + y**2 + z**2) < 18).astype(np.float64), 0.7)
+    np.save(tmp_path / "bone.npy", (2300 * inside - 1000).astype(np.int16))
+    scene = Scene.from_volume(tmp_path / "bone.npy", preset="muscle-bone")
+    volume, size = scene.volume(), (120, 120)
+    camera = replace(scene.file.camera, zoom=3 * scene.file.camera.zoom).camera(volume)
+
+    def cast(**changes: Any) -> NDArray[np.float64]:
+        spec = replace(scene.raycast, **changes)
+        image = raycast(volume, scene.transfer, camera, size, spec)
+        return relight(image, light("D65"), dtype=np.float32, backend="numpy").astype(np.float64)
+
+    truth = cast(step_mm=1 / 32, jitter=0.0)
+
+    def rings(picture: NDArray[np.float64]) -> float:
+        return float(gaussian_filter(picture - truth, (2, 2, 0)).std())
+
+    assert rings(cast()) < 0.5 * rings(cast(jitter=0.0))
 
 
 def test_a_saved_scene_moves_with_its_volume(ball: Path, tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from tests.support.viewer import wait_until
 from volspec.appearance import lut3d
 from volspec.errors import RelightError, ViewingError
 from volspec.pipeline import raycast
-from volspec.raycast import Camera, CoefficientImage
+from volspec.raycast import Camera, CoefficientImage, Headlight, LightGroup
 from volspec.relight import Illumination, LightRig
 from volspec.relight.error_map import error_map
 from volspec.spectra import colour_matching_functions
@@ -170,6 +170,27 @@ def seen_by(state: ViewState, model: str, light: int) -> ViewState:
 def pixels(screen: Screen) -> NDArray[np.uint8]:
     with screen.pictures._context:  # a window's stays current
         return screen.pictures.pixels().copy()
+
+
+def test_lights_from_groups_that_are_being_cast_wait_for_them(
+    screen: Screen, state: ViewState
+) -> None:
+    screen.relight(state, held=False)
+    before = pixels(screen)
+    rig = replace(state.lights[1].rig, groups=("lamp",))
+    lamp = replace(state, lights=(light_rows.LightRow("A", "A", rig, 1.0),))
+    groups = tuple(LightGroup(name, (Headlight(),)) for name in ("lamp", "sky"))
+    for awaited in (
+        replace(lamp, shading=replace(state.shading, groups=groups)),
+        replace(state, other=lamp.lights, shading=replace(state.shading, groups=groups)),
+    ):
+        screen.mark_stale()
+        assert not screen.relight(awaited, held=False)
+        assert screen._notice.text == "" and not screen.ready
+        assert np.array_equal(pixels(screen), before) and not screen.pictures.current
+    # No cast will bring a group that the scene lacks.
+    screen.relight(lamp, held=False)
+    assert "lamp" in screen._notice.text
 
 
 def until_told(screen: Screen) -> None:

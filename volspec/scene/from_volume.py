@@ -63,7 +63,7 @@ def volume_file(
         "volume": {"file": path.name + ("?" + details if details else "")},
         "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
         "transfer": plain(TransferSpec.of(transfer)),
-        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "flat_gradient": 0.02},
+        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "jitter": 1.0},
         "light": [
             {"name": name, "spectrum": name} | ({"label": label} if label else {})
             for name, label in labels.items()

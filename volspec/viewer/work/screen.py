@@ -270,7 +270,7 @@ class Screen:
         self._drawing = False
         if self._coarse and not held:
             self.mark_stale()
-        if self._relit or self.pictures.image is None:
+        if self._relit or self.pictures.image is None or self._awaits_groups(state):
             return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
@@ -303,6 +303,16 @@ class Screen:
                 self._shape = self._cast.job.size
         self._meter.note_relight(relit, first == 0, self._relit, whole)
         return True
+
+    def _awaits_groups(self, state: ViewState) -> bool:
+        """Return True if the lights shine from groups that the next cast will bring."""
+        rigs = (light_rig(state.lights), light_rig(state.other or ()))
+        lit = {group for rig in rigs if rig is not None for group in rig.groups if group}
+        image, cast = self.pictures.image, {group.name for group in state.shading.groups}
+        awaits = image is not None and not lit <= {*image.groups} and lit <= cast
+        if awaits:
+            self.pictures.current = False
+        return awaits
 
     def _tables_missing(
         self, rig: LightRig | None, spec: RelightSpec, other: LightRig | None
