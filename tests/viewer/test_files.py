@@ -34,10 +34,18 @@ from volspec.viewer.app import Options, view
 from volspec.viewer.model import camera, light_rows, transfer_edits
 from volspec.viewer.model.document import demo
 from volspec.viewer.model.light_rows import LightRow
-from volspec.viewer.model.paths import PathRequest, dropped_path, list_paths
+from volspec.viewer.model.paths import (
+    Listing,
+    PathRequest,
+    dropped_path,
+    folder_places,
+    list_paths,
+)
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.dialogs import initial_path
 from volspec.viewer.work import background
 from volspec.viewer.work.background import Outcome, Tasks
+from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.screenshot import (
     CUSTOM,
@@ -162,14 +170,56 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> N
     (tmp_path / "folder").mkdir()
     start = f"{tmp_path}/"
     everything = list_paths(start, (".toml",))
-    assert everything.rows == ("folder/", "Engine-a.toml", "engine-b.toml")
-    assert everything.common == start
+    assert names(everything) == ["folder/", "Engine-a.toml", "engine-b.toml"]
+    assert everything.common == start and everything.others == 2
     some = list_paths(start + "en", (".toml",))
     assert some.common.casefold() == start.casefold() + "engine-"
     assert list_paths(start + "f").common == start + "folder/"
-    assert list_paths(start + ".h", (".toml",)).rows == (hidden,)
+    assert names(list_paths(start + ".h", (".toml",))) == [hidden]
     nothing = list_paths(missing := f"{tmp_path}/nosuch/a")
     assert nothing.rows == () and nothing.common == missing
+    # A dialog shows a folder; what is typed starts from there.
+    inside = list_paths("en", (".toml",), base=str(tmp_path))
+    assert names(inside) == ["Engine-a.toml", "engine-b.toml"]
+    assert (inside.folder, inside.common.casefold()) == ("", "engine-")
+    assert names(list_paths(start, base="/nosuch")) == names(list_paths(start))
+
+
+def names(listing: Listing) -> list[str]:
+    return [row.name for row in listing.rows]
+
+
+def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folders = [tmp_path / name for name in ("home", "open", "examples", "a", "b")]
+    for folder in folders:
+        folder.mkdir()
+    home, opened, examples, a, b = map(str, folders)
+    monkeypatch.setenv("HOME", home)
+    monkeypatch.chdir(home)
+    recent = [f"{a}/1.nrrd", f"{opened}/2.nrrd", f"{a}/3.nrrd", "/nowhere/4.nrrd", f"{b}/5.nrrd"]
+    places = folder_places(opened, recent, examples)
+    assert [place.folder for place in places if place.folder != "/"] == [
+        *(home, opened, examples),
+        *(a, b),
+    ]
+
+
+def test_a_dialog_starts_where_the_last_file_was_else_at_home(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("home", "work"):
+        (tmp_path / name).mkdir()
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir("/")
+    read, save = PathRequest("x", "Open"), PathRequest("x", "Save", True, (".toml",))
+    assert initial_path(read, None) == f"{tmp_path}/home/"
+    assert initial_path(read, None, [f"{tmp_path}/work/a.nrrd"]) == f"{tmp_path}/work/"
+    state = opened(tmp_path / "work")
+    assert initial_path(save, state.document) == f"{tmp_path}/work/ball-view.toml"
+    volume = open_document(str(tmp_path / "work" / "ball.npy"))
+    assert initial_path(save, volume) == f"{tmp_path}/work/ball-view.toml"  # ball.toml exists
+    (tmp_path / "work" / "ball.toml").unlink()
+    assert initial_path(save, volume) == f"{tmp_path}/work/ball.toml"
 
 
 def test_a_name_to_be_written_gets_its_ending() -> None:

@@ -97,3 +97,69 @@ def test_arrows_lead_from_menu_to_menu(tmp_path: Path) -> None:
         assert pressed("Right", "Right") == [] and "action crop" in layout(robot)
         assert pressed("Escape", "Escape") == []
         assert "cast" in pressed("Left")
+
+
+def test_files_are_found_by_mouse_arrows_and_tab(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    (data / "inner").mkdir(parents=True)
+    for name in ("ball.npy", "data/one.npy", "data/two.npy", "data/inner/three.npy"):
+        np.save(tmp_path / name, phantom.ball(16).values)
+    (data / "notes.txt").touch()
+    with Robot(tmp_path, ["ball.npy"], (1000, 700)) as robot:
+
+        def titles(after: float) -> list[str]:
+            robot.rest()
+            return [row["title"] for row in robot.since(after) if row["event"] == "open"]
+
+        def dialog() -> float:
+            after = robot.rest()
+            robot.key("ctrl+o")
+            robot.rest()
+            return after
+
+        robot.whole()
+        # It starts next to the open file; a double click goes into a folder, and opens a file.
+        before = dialog()
+        twice(robot, "file data/")
+        assert "file notes.txt" not in layout(robot)
+        twice(robot, "file inner/")
+        robot.click("path up")
+        robot.rest()
+        twice(robot, "file two.npy")
+        assert titles(before) == ["two.npy"]
+        # Arrows choose a row, and a chord selects the text.
+        before = dialog()
+        for key in ("Down", "Down", "ctrl+a"):
+            robot.key(key)
+            robot.rest()
+        robot.type("inn")
+        robot.rest()
+        robot.key("Tab")
+        robot.rest()
+        robot.key("Down")
+        robot.rest()
+        robot.key("Return")
+        assert titles(before) == ["three.npy"]
+        # All files; the place of the open file, and Escape.
+        dialog()
+        robot.click("place Home")
+        robot.rest()
+        robot.click("place Open file")
+        robot.rest()
+        robot.click("path filter")
+        robot.rest()
+        robot.key("Escape")
+        robot.rest()
+        before = robot.rest()
+        robot.key("Escape")
+        robot.rest()
+        robot.key("Left")
+        assert event(robot, "cast", before)
+
+
+def twice(robot: Robot, area: str) -> None:
+    """Double-click an item."""
+    x, y = robot.middle(area)
+    click = ("click", "--repeat", "2", "--delay", "60", "1")
+    robot.do("mousemove", x, y, "sleep", "0.1", *click)
+    robot.rest()

@@ -15,7 +15,7 @@ from volspec.errors import InputError
 # Slices: one DICOM file means its series, pictures mean their folder.
 _DICOM = (".dcm", ".dicom", ".ima")
 _PICTURES = ((".tif", ".tiff"), (".png",))
-MOST_ROWS = 200
+MOST_ROWS = 2000
 
 
 def dropped_path(paths: Sequence[str]) -> str:
@@ -63,25 +63,38 @@ def _is_text(name: str) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
+class PathRow:
+    """A folder, whose name ends with "/", or a file of a list."""
+
+    name: str
+    size: int = 0  # bytes
+    changed_s: float = 0.0  # since the epoch
+
+
+@dataclass(frozen=True, slots=True)
 class Listing:
     """Contents of a folder that complete a path."""
 
     folder: str  # as typed, ending with the separator
-    rows: tuple[str, ...]  # names that begin as typed, `MOST_ROWS` at most; folders end with "/"
+    # Those whose names begin as typed: folders first, `MOST_ROWS` at most.
+    rows: tuple[PathRow, ...]
     common: str  # the path, completed as far as all names agree
+    others: int = 0  # number of files with other endings
 
 
-def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
+def list_paths(text: str, suffixes: Sequence[str] = (), base: str = "") -> Listing:
     """List folders, and files with one of the endings, that complete a path.
 
-    ``~`` is the user's home folder. ``suffixes`` are in lower case; none lists all files. Names
-    that are not UTF-8 are left out, as `check_name` refuses them.
+    The path starts from the folder ``base``, the current one if empty; ``~`` is the user's home
+    folder. ``suffixes`` are in lower case; none lists all files. Names that are not UTF-8 are left
+    out, as `check_name` refuses them.
     """
     start = max(text.rfind("/"), text.rfind(os.sep)) + 1  # Windows accepts both
     folder, typed = text[:start], text[start:]
-    rows: list[str] = []
+    rows: list[tuple[str, os.DirEntry[str]]] = []
+    others = 0
     try:
-        with os.scandir(os.path.expanduser(folder) or ".") as entries:
+        with os.scandir(os.path.join(base, os.path.expanduser(folder)) or ".") as entries:
             for entry in entries:
                 name = entry.name
                 hidden = name.startswith(".") and not typed.startswith(".")
@@ -89,16 +102,89 @@ def list_paths(text: str, suffixes: Sequence[str] = ()) -> Listing:
                 if hidden or not name.casefold().startswith(typed.casefold()):
                     continue
                 if entry.is_dir():
-                    rows.append(name + "/")
+                    rows.append((name + "/", entry))
                 elif not suffixes or name.lower().endswith(tuple(suffixes)):
-                    rows.append(name)
+                    rows.append((name, entry))
+                else:
+                    others += 1
     except OSError:
         return Listing(folder, (), text)
-    rows.sort(key=lambda name: (not name.endswith("/"), name.casefold()))
-    letters = zip(*(row.casefold() for row in rows), strict=False)
+    rows.sort(key=lambda row: (not row[0].endswith("/"), row[0].casefold()))
+    letters = zip(*(name.casefold() for name, _ in rows), strict=False)
     shared = sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, letters))
-    common = rows[0][:shared] if rows else typed
-    return Listing(folder, tuple(rows[:MOST_ROWS]), folder + common)
+    common = rows[0][0][:shared] if rows else typed
+    listed = tuple(_path_row(*row) for row in rows[:MOST_ROWS])
+    return Listing(folder, listed, folder + common, others)
+
+
+def _path_row(name: str, entry: os.DirEntry[str]) -> PathRow:
+    try:
+        found = entry.stat()
+    except OSError:  # a link to nowhere
+        return PathRow(name)
+    return PathRow(name, found.st_size, found.st_mtime)
+
+
+@dataclass(frozen=True, slots=True)
+class FolderPlace:
+    """A folder that a dialog offers."""
+
+    name: str
+    folder: str
+
+
+# Folders of recent files that a dialog offers.
+_MOST_RECENT = 6
+
+
+def folder_places(
+    opened: str | None, recent: Sequence[str], examples: str
+) -> tuple[FolderPlace, ...]:
+    """Return the folders to offer: each once, and only those that exist.
+
+    ``opened`` is the folder of the open file, ``recent`` are files, the last one first.
+    """
+    places = [("Home", os.path.expanduser("~"))]
+    if opened is not None:
+        places.append(("Open file", opened))
+    places += [("Current folder", os.getcwd()), ("Examples", examples)]
+    if os.name == "posix":
+        places.append(("Computer", "/"))
+    known = {os.path.realpath(folder) for _, folder in places}
+    folders = dict.fromkeys(os.path.dirname(path) for path in recent)
+    fresh = [folder for folder in folders if folder and os.path.realpath(folder) not in known]
+    places += [(os.path.basename(folder) or folder, folder) for folder in fresh[:_MOST_RECENT]]
+    found: dict[str, FolderPlace] = {}
+    for name, folder in places:
+        if os.path.isdir(folder):
+            found.setdefault(os.path.realpath(folder), FolderPlace(name, os.path.abspath(folder)))
+    return tuple(found.values())
+
+
+def plain_stem(name: str) -> str:
+    """Return a file's name without its ending, of which ``.nii.gz`` and sessions have two.
+
+    >>> plain_stem("head.nii.gz"), plain_stem("a.b.toml"), plain_stem("run.volspec.json")
+    ('head', 'a.b', 'run')
+    """
+    stem, ending = os.path.splitext(name)
+    inner = os.path.splitext(stem)
+    doubled = ending.lower() in (".gz", ".json") and inner[1].lower() in (".nii", ".volspec")
+    return inner[0] if doubled else stem
+
+
+def size_text(size: int) -> str:
+    """Return a file's size in the greatest unit that gives at least 1.
+
+    >>> [size_text(size) for size in (0, 999, 1500, 7_250_000, 3_000_000_000)]
+    ['0 B', '999 B', '1.5 kB', '7.2 MB', '3 GB']
+    """
+    number, unit = float(size), "B"
+    for larger in ("kB", "MB", "GB", "TB"):
+        if number < 1000:
+            break
+        number, unit = number / 1000, larger
+    return f"{number:.2g} {unit}" if number < 100 else f"{number:.0f} {unit}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +196,9 @@ class PathRequest:
     save: bool = False  # the file will be written
     # Accepted endings; the first is added to a file name for saving that has none of them.
     suffixes: tuple[str, ...] = ()
-    start: str = ""  # the proposed path
+    start: str = ""  # the proposed path; one that ends with "/" is a folder
+    files: str = ""  # what the endings are, for the choice of a filter
+    folders: bool = False  # a folder may be chosen, too
 
     def complete(self, text: str) -> str:
         """Return a typed path with ``~`` and the ending filled in; an empty one stays empty."""

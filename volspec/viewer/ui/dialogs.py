@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+import time
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -12,11 +14,21 @@ from typing import Any
 
 from imgui_bundle import imgui
 
+from volspec._gpu.sources import asset
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.paths import Listing, PathRequest, list_paths
+from volspec.viewer.model.paths import (
+    FolderPlace,
+    Listing,
+    PathRequest,
+    folder_places,
+    list_paths,
+    plain_stem,
+    size_text,
+)
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import wrap_text
+from volspec.viewer.ui.widgets import as_one_line, shown_rows, text_width, wrap_text
 from volspec.viewer.work.session import SUFFIX
+from volspec.viewer.work.session_store import RecentFile
 
 _W = imgui.WindowFlags_
 DIALOG_FLAGS = (
@@ -25,7 +37,9 @@ DIALOG_FLAGS = (
 _DIM = imgui.Col_.text_disabled
 _INPUT = imgui.InputTextFlags_
 # Rows of the list of files, and of the rest of its dialog.
-_ROWS, _OTHER_ROWS = 9, 6
+_ROWS, _OTHER_ROWS = 13, 9
+_SELECT = imgui.SelectableFlags_
+_STAYS = _SELECT.no_auto_close_popups
 _BUTTON_WIDTH, _BUTTON_GAP = 84, 8
 
 
@@ -61,19 +75,30 @@ def dialog_buttons(label: str, name: str, ui: UiContext) -> tuple[bool, bool]:
 
 
 class PathDialog:
-    """A field for a path, with the files of its folder below; Tab completes."""
+    """A list of a folder's files, and a field for a name or a path, which Tab completes.
 
-    def __init__(self, request: PathRequest) -> None:
-        self.request, self._text = request, request.start
+    Arrows, or a click, choose a row of the list; a double click opens it.
+    """
+
+    def __init__(self, request: PathRequest, places: tuple[FolderPlace, ...] = ()) -> None:
+        self.request, self._places = request, places
+        start = Path(os.path.abspath(os.path.expanduser(request.start)))
+        inside = start if request.start.endswith("/") or not request.start else start.parent
+        self._folder = str(inside)
+        self._text = "" if inside == start else start.name
+        self._typed = ""  # the text that the list completes
+        self._at = -1  # the chosen row
         self._opens = self._focus = True
+        self._follow = False  # scroll to the chosen row
+        self._all = False  # list files with any ending
         self._replaces = ""  # the file that the next Enter replaces
 
     def draw(self, ui: UiContext) -> str | None:
         """Draw the dialog; return the path, empty if none was entered, None while it is open."""
         opens, self._opens = self._opens, False
-        if not begin_dialog(f"{self.request.title}###path", opens, ui, 560):
+        if not begin_dialog(f"{self.request.title}###path", opens, ui, 760):
             return ""
-        path = self._body(self.request, ui)
+        path = self._body(ui)
         if path is None and imgui.is_key_pressed(imgui.Key.escape, False):
             path = ""
         if path is not None:
@@ -81,79 +106,241 @@ class PathDialog:
         imgui.end_popup()
         return path
 
-    def _body(self, request: PathRequest, ui: UiContext) -> str | None:
-        now = int(imgui.get_time())
-        found = _list_paths(self._text, request.suffixes, now)
-        if self._focus:
-            imgui.set_keyboard_focus_here()
-            self._focus = False
-        imgui.set_next_item_width(-1)
-        hint = f"name{request.suffixes[0]}" if request.save else "scene.toml, volume.nrrd, …"
-        flags = _INPUT.enter_returns_true | _INPUT.callback_completion
-
-        def complete(data: Any) -> int:
-            data.delete_chars(0, data.buf_text_len)
-            data.insert_chars(0, found.common)
-            return 0
-
-        done, self._text = imgui.input_text_with_hint("##path", hint, self._text, flags, complete)
-        ui.note("path")
-        # To save a file, all files of the folder are listed.
-        self._list(_list_paths(found.folder, request.suffixes, now) if request.save else found)
-        path = request.complete(self._text)
-        there = bool(path) and request.save and Path(path).is_file()
+    def _body(self, ui: UiContext) -> str | None:
+        request = self.request
+        suffixes = () if self._all else request.suffixes
+        found = _list_paths(self._typed, suffixes, self._folder, int(imgui.get_time()))
+        self._bar(ui)
+        tall = self._list_height()
+        if self._places:
+            self._list_places(tall, ui)
+            imgui.same_line()
+        chosen = self._list(found, tall, ui)
+        done = self._field(found, ui)
+        path = self._path()
+        there = bool(path) and request.save and os.path.isfile(path)
         sure = there and path == self._replaces
         if there:
             warning = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
             wrap_text(warning, imgui.Col_.check_mark)
+        if request.suffixes:
+            self._filter(found, ui)
         left = buttons_left(ui)
-        imgui.align_text_to_frame_padding()
-        imgui.text_disabled("Tab completes")
+        if request.folders:
+            if imgui.button("Open this folder"):
+                return self._folder
+            ui.note("path folder", "As a series of DICOM, TIFF or PNG slices, or an OME-Zarr")
+        else:
+            imgui.align_text_to_frame_padding()
+            imgui.text_disabled("Tab completes")
         imgui.same_line(left)
         label = "Replace" if there else "Save" if request.save else "Open"
         accepted, cancelled = dialog_buttons(label, "path ok", ui)
         if cancelled:
             return ""
-        if not (accepted or done):
+        if not (accepted or done or chosen) or not self._text.strip():
+            return None
+        if os.path.isdir(path) and not (request.folders and path.rstrip("/").endswith(".zarr")):
+            self._enter(path)
             return None
         if there and not sure:
             self._replaces, self._focus = path, True
             return None
-        return self._text.strip() or None
+        return path
 
-    def _list(self, found: Listing) -> None:
+    def _path(self) -> str:
+        """Return the whole path of the text."""
+        name = self.request.complete(self._text)
+        return os.path.join(self._folder, name) if name else ""
+
+    def _enter(self, folder: str) -> None:
+        """Show another folder; a file name that is to be saved stays."""
+        self._folder = os.path.normpath(folder)
+        if not self.request.save or os.path.isdir(self._path()):
+            self._text = ""
+        self._typed, self._at, self._focus = "", -1, True
+
+    def _bar(self, ui: UiContext) -> None:
+        """Draw the folders that lead to this one, as buttons."""
+        if imgui.arrow_button("##up", imgui.Dir.up):
+            self._enter(os.path.dirname(self._folder))
+        ui.note("path up", "The folder above")
+        imgui.same_line()
+        home, shown = os.path.expanduser("~"), self._folder
+        steps: list[tuple[str, str]] = []
+        while True:
+            above = os.path.dirname(shown)
+            if shown == home or above == shown:
+                steps.append(("Home" if shown == home else shown, shown))
+                break
+            steps.append((os.path.basename(shown), shown))
+            shown = above
+        room, gap = imgui.get_content_region_avail().x, ui.px(2)
+        pads = 2 * imgui.get_style().frame_padding.x
+        wide = 0.0
+        for count, (name, _) in enumerate(steps):
+            wide += text_width(name) + pads + gap
+            if wide > room and count:
+                steps = steps[:count]
+                break
+        for number, (name, folder) in enumerate(reversed(steps)):
+            if number:
+                imgui.same_line(0, gap)
+            if imgui.button(f"{as_one_line(name)}##step{number}"):
+                self._enter(folder)
+        ui.note("path folder name")
+
+    @staticmethod
+    def _list_height() -> float:
         line = imgui.get_text_line_height_with_spacing()
         others = _OTHER_ROWS * imgui.get_frame_height_with_spacing()
         room = imgui.get_main_viewport().work_size.y - others
-        tall = max(min(line * _ROWS, room), 2 * line)
-        if imgui.begin_child("files", (0, tall)):
-            for row in found.rows:
-                if imgui.selectable(row, False, imgui.SelectableFlags_.no_auto_close_popups)[0]:
-                    self._text = found.folder + row
-                    self._focus = True
-            if not found.rows:
-                imgui.text_disabled("No matching files")
+        return float(max(min(line * _ROWS, room), 3 * line))
+
+    def _list_places(self, tall: float, ui: UiContext) -> None:
+        if imgui.begin_child("places", (ui.px(130), tall)):
+            for number, place in enumerate(self._places):
+                here = place.folder == self._folder
+                if imgui.selectable(f"{as_one_line(place.name)}##{number}", here, _STAYS)[0]:
+                    self._enter(place.folder)
+                ui.note(f"place {place.name}", place.folder)
         imgui.end_child()
+
+    def _list(self, found: Listing, tall: float, ui: UiContext) -> bool:
+        """Draw the table of files; return True if a file was double-clicked."""
+        T = imgui.TableFlags_
+        flags = T.scroll_y | T.row_bg | T.sizing_fixed_fit | T.pad_outer_x
+        if not imgui.begin_table("files", 3, flags, (0, tall)):
+            return False
+        imgui.table_setup_scroll_freeze(0, 1)
+        for name, each in (
+            ("Name", imgui.TableColumnFlags_.width_stretch),
+            ("Size", 0),
+            ("Changed", 0),
+        ):
+            imgui.table_setup_column(name, each)
+        imgui.table_headers_row()
+        opened = False
+        for number in shown_rows(len(found.rows), always=self._at if self._at >= 0 else None):
+            opened |= self._row(number, found, ui)
+        if not found.rows:
+            imgui.table_next_row()
+            imgui.table_next_column()
+            imgui.text_disabled("No matching files")
+        imgui.end_table()
+        return opened
+
+    def _row(self, number: int, found: Listing, ui: UiContext) -> bool:
+        row = found.rows[number]
+        imgui.table_next_row()
+        imgui.table_next_column()
+        label = f"{as_one_line(row.name)}##{number}"
+        flags = _STAYS | _SELECT.span_all_columns | _SELECT.allow_double_click
+        pressed = imgui.selectable(label, number == self._at, flags)[0]
+        ui.note(f"file {row.name}")
+        if number == self._at and self._follow:
+            imgui.set_scroll_here_y(0.5)
+            self._follow = False
+        imgui.table_next_column()
+        if not row.name.endswith("/"):
+            right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+            text = size_text(row.size)
+            imgui.set_cursor_pos_x(max(right - text_width(text), imgui.get_cursor_pos_x()))
+            imgui.text_disabled(text)
+        imgui.table_next_column()
+        if row.changed_s:
+            when = time.strftime("%Y-%m-%d %H:%M", time.localtime(row.changed_s))
+            imgui.text_disabled(when)
+        if not pressed:
+            return False
+        double = imgui.is_mouse_double_clicked(0)
+        if double and row.name.endswith("/"):
+            self._enter(os.path.join(self._folder, found.folder, row.name))
+            return False
+        self._text, self._at = found.folder + row.name, number
+        self._focus = not double
+        return double
+
+    def _field(self, found: Listing, ui: UiContext) -> bool:
+        """Draw the field for the name; return True on Enter."""
+        request = self.request
+        if self._focus:
+            imgui.set_keyboard_focus_here()
+            self._focus = False
+        imgui.set_next_item_width(-1)
+        hint = f"name{request.suffixes[0]}" if request.save else "Name or path; Tab completes"
+        flags = _INPUT.enter_returns_true | _INPUT.callback_completion | _INPUT.callback_history
+
+        def change(data: Any) -> int:
+            text = found.common
+            if data.event_flag == _INPUT.callback_history:
+                if not found.rows:
+                    return 0
+                step = 1 if data.event_key == imgui.Key.down_arrow else -1
+                self._at = min(max(self._at + step, 0), len(found.rows) - 1)
+                self._follow = True
+                text = found.folder + found.rows[self._at].name
+            data.delete_chars(0, data.buf_text_len)
+            data.insert_chars(0, text)
+            return 0
+
+        before = self._text
+        done, self._text = imgui.input_text_with_hint("##path", hint, before, flags, change)
+        ui.note("path")
+        rows = found.rows
+        chosen = found.folder + rows[self._at].name if 0 <= self._at < len(rows) else None
+        if self._text not in (before, chosen):
+            # To save a file, all files of the folder are listed.
+            self._typed = self._text[: self._text.rfind("/") + 1] if request.save else self._text
+            self._at = -1
+        return bool(done)
+
+    def _filter(self, found: Listing, ui: UiContext) -> None:
+        """Draw the choice between the request's endings and all files."""
+        imgui.set_next_item_width(ui.px(260))
+        names = self.request.files or "Matching files", "All files"
+        if imgui.begin_combo("##filter", names[self._all]):
+            for number, name in enumerate(names):
+                if imgui.selectable(name, number == self._all)[0]:
+                    self._all, self._at = bool(number), -1
+            imgui.end_combo()
+        ui.note("path filter", " ".join(self.request.suffixes))
+        if found.others:
+            imgui.same_line()
+            kinds = f"{found.others} file{'s' * (found.others > 1)} of other kinds"
+            imgui.text_disabled(kinds)
 
 
 @lru_cache(maxsize=8)
-def _list_paths(text: str, suffixes: tuple[str, ...], _second: int) -> Listing:
+def _list_paths(text: str, suffixes: tuple[str, ...], folder: str, _second: int) -> Listing:
     """List paths once a second, not once a frame."""
-    return list_paths(text, suffixes)
+    return list_paths(text, suffixes, folder)
 
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
-_FILES = (
-    f".toml {SUFFIX} .nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy .tif .tiff .dcm .dicom .ima"
+_VOLUMES = (
+    f".toml {SUFFIX} .nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy .raw .tif .tiff .dcm "
+    ".dicom .ima"
 )
+
+
+def _open(title: str, *suffixes: str, files: str, kind: str = "open") -> PathRequest:
+    return PathRequest(kind, title, False, suffixes, files=files, folders=kind == "open")
+
+
+def _save(kind: str, title: str, *suffixes: str, files: str) -> PathRequest:
+    return PathRequest(kind, title, True, suffixes, files=files)
+
+
 REQUESTS = {
-    "open": PathRequest("open", "Open a scene or a volume", suffixes=tuple(_FILES.split())),
-    "open-session": PathRequest("resume", "Open a session", suffixes=(SUFFIX,)),
-    "export-scene": PathRequest("export-scene", "Export as scene", True, (".toml",)),
-    "export-python": PathRequest("export-python", "Export as Python", True, (".py",)),
-    "palette-load": PathRequest("palette-load", "Load a palette", suffixes=(".toml",)),
-    "palette-save": PathRequest("palette-save", "Save the palette as", True, (".toml",)),
-    "save-session": PathRequest("save-session", "Save the session", True, (SUFFIX, ".json")),
+    "open": _open("Open a scene or a volume", *_VOLUMES.split(), files="Scenes and volumes"),
+    "open-folder": _open("Open a folder of slices", files=""),
+    "open-session": _open("Open a session", SUFFIX, files="Sessions", kind="resume"),
+    "export-scene": _save("export-scene", "Export as scene", ".toml", files="Scenes"),
+    "export-python": _save("export-python", "Export as Python", ".py", files="Python"),
+    "palette-load": _open("Load a palette", ".toml", files="Palettes", kind="palette-load"),
+    "palette-save": _save("palette-save", "Save the palette as", ".toml", files="Palettes"),
+    "save-session": _save("save-session", "Save the session", SUFFIX, ".json", files="Sessions"),
 }
 
 
@@ -163,11 +350,21 @@ class FileDialogs:
     def __init__(self) -> None:
         self._dialog: PathDialog | NativeDialog | None = None
 
-    def ask(self, request: PathRequest, document: Document) -> None:
+    def ask(
+        self, request: PathRequest, document: Document | None, recent: Sequence[RecentFile]
+    ) -> None:
         """Open a dialog for a path; ignored while the system's dialog is open."""
-        if not isinstance(self._dialog, NativeDialog):
-            request = replace(request, start=initial_path(request, document))
-            self._dialog = (NativeDialog if has_native_dialogs() else PathDialog)(request)
+        if isinstance(self._dialog, NativeDialog):
+            return
+        files = [row.path.partition("?")[0] for row in recent]
+        request = replace(request, start=initial_path(request, document, files))
+        if has_native_dialogs():
+            self._dialog = NativeDialog(request)
+        else:
+            source = None if document is None else document.source
+            opened = os.path.dirname(source.partition("?")[0]) if source else None
+            places = folder_places(opened, files, os.fspath(asset("data/scenes")))
+            self._dialog = PathDialog(request, places)
 
     def take(self) -> tuple[PathRequest, str] | None:
         """Return the system dialog's answer, once there is one."""
@@ -191,15 +388,26 @@ class FileDialogs:
             self._dialog.close()
 
 
-def initial_path(request: PathRequest, document: Document) -> str:
-    """Return a path in the open file's folder, or in the current one."""
-    source = document.source
-    path = Path("engine.toml" if source is None else source.partition("?")[0])
-    if path.is_relative_to(Path.cwd()):
-        path = path.relative_to(Path.cwd())
-    if request.save:
-        return os.fspath(path.with_name(f"{path.stem}-view{request.suffixes[0]}"))
-    return "" if path.parent == Path() else f"{path.parent}/"
+def initial_path(
+    request: PathRequest, document: Document | None, recent: Sequence[str] = ()
+) -> str:
+    """Return a path in the folder of the open file, the last one, the current or the home folder.
+
+    A file to be saved is named as the open one; a scene is not to replace the one it came from.
+    """
+    source = None if document is None else document.source
+    opened = Path(source.partition("?")[0]) if source else None
+    files = [opened] if opened is not None else [Path(path) for path in recent]
+    current = Path.cwd()
+    usual = current if current != Path(current.anchor) else Path.home()
+    folder = next((file.parent for file in files if file.parent.is_dir()), usual)
+    if not request.save:
+        return f"{folder}/"
+    name = opened.name if opened is not None else "engine.toml"
+    stem = plain_stem(name)
+    if name.lower().endswith(".toml") or (folder / f"{stem}{request.suffixes[0]}").exists():
+        stem += "-view"
+    return os.fspath(folder / f"{stem}{request.suffixes[0]}")
 
 
 def has_native_dialogs() -> bool:
@@ -218,9 +426,14 @@ class NativeDialog:
         self.request = request
         start = os.path.abspath(os.path.expanduser(request.start or "."))
         patterns = " ".join(f"*{suffix}" for suffix in request.suffixes)
-        filters = [request.title, patterns, "All files", "*"] if patterns else ["All files", "*"]
-        make: Any = dialogs.save_file if request.save else dialogs.open_file
-        self._dialog = make(request.title, start, filters)
+        filters = ["All files", "*"]
+        if patterns:
+            filters = [request.files or request.title, patterns, *filters]
+        if request.folders and not patterns:
+            self._dialog: Any = dialogs.select_folder(request.title, start)
+        else:
+            make: Any = dialogs.save_file if request.save else dialogs.open_file
+            self._dialog = make(request.title, start, filters)
 
     def answer(self) -> str | None:
         """Return the path; empty if none was chosen, None while the dialog is open."""

@@ -86,7 +86,7 @@ class FileCommands:
         elif name == "open" and argument:
             self.documents.open(argument)
         elif name in REQUESTS:
-            self._dialogs.ask(REQUESTS[name], state.document)
+            self._dialogs.ask(REQUESTS[name], state.document, self.documents.recent)
         else:
             self._commands[name](state)
 

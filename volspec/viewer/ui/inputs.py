@@ -21,6 +21,7 @@ _MODIFIERS = (
     (glfw.MOD_ALT, glfw.KEY_LEFT_ALT, glfw.KEY_RIGHT_ALT, imgui.Key.mod_alt),
     (glfw.MOD_SUPER, glfw.KEY_LEFT_SUPER, glfw.KEY_RIGHT_SUPER, imgui.Key.mod_super),
 )
+_MODIFIER_KEYS = frozenset(key for _, *keys, _ in _MODIFIERS for key in keys)
 _ARROWS = {
     getattr(glfw, f"KEY_{name.upper()}"): name.replace("_", "")
     for name in ("left", "right", "up", "down", "page_up", "page_down")
@@ -40,7 +41,8 @@ STEPPING = frozenset({*_ARROWS.values(), "+", "=", "-"})
 class Input:
     """Something that the user did."""
 
-    name: str  # "press", "release", "move", "wheel", "key", "typed", "drop" or "resize"
+    # "press", "release", "move", "wheel", "key", "modifier", "typed", "drop" or "resize"
+    name: str
     x: float = 0.0  # the mouse's place in the window, or the wheel's notches
     y: float = 0.0
     button: str = ""
@@ -147,7 +149,7 @@ class Inputs:
             whole = f"{'ctrl+' if ctrl else ''}{alt}{shift}{name}"
             self._add(Input("key", key=whole, repeated=repeated), pass_on)
         else:  # for imgui alone: Tab, keys that are held or released
-            self._add(Input("typed"), pass_on)
+            self._add(Input("modifier" if key in _MODIFIER_KEYS else "typed"), pass_on)
 
 
 def _gesture_end(inputs: Sequence[Input]) -> int:
@@ -164,6 +166,9 @@ def _gesture_end(inputs: Sequence[Input]) -> int:
 
 def _begins_gesture(before: Input, given: Input) -> bool:
     """Return True unless an input belongs to the same gesture as the one before it."""
+    if given.name == "modifier":
+        # imgui sees a key with the modifiers at the frame's end.
+        return before.name == "key"
     runs = replace(given, x=before.x, y=before.y, repeated=before.repeated) == before
     return given.name in ("press", "wheel", "key") and not runs
 

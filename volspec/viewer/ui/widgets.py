@@ -82,7 +82,8 @@ def set_theme(imgui: Any, implot: Any, dark: bool) -> None:
     greys = {
         window: "window_bg child_bg title_bg title_bg_active title_bg_collapsed "
         "scrollbar_bg menu_bar_bg tab tab_dimmed",
-        frame: "frame_bg button header tab_selected tab_dimmed_selected checkbox_selected_bg",
+        frame: "frame_bg button header table_header_bg tab_selected tab_dimmed_selected "
+        "checkbox_selected_bg",
         hovered: "frame_bg_hovered button_hovered header_hovered tab_hovered",
         active: "frame_bg_active button_active header_active",
         line: "separator border table_border_light table_border_strong separator_hovered "
