@@ -14,10 +14,19 @@ from volspec.cli.arguments import (
     read_image_setting,
     read_setting,
     require_image,
-    require_scene,
     sides,
 )
-from volspec.cli.shell import Device, Json, app, as_written, bar, counted, print_json, say
+from volspec.cli.inputs import (
+    CameraOption,
+    Inputs,
+    Job,
+    Preset,
+    Progress,
+    jobs,
+    open_scene,
+    run_jobs,
+)
+from volspec.cli.shell import Device, Json, app, as_written, counted, say
 from volspec.cli.viewing import in_options
 from volspec.errors import ImageError, InputError
 
@@ -30,11 +39,13 @@ _ALL = "all"
 
 @app.command
 def export(
-    scene: Path,
+    inputs: Inputs,
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    preset: Preset = None,
     light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    camera: CameraOption = None,
     turntable: _Whole = None,
     sweep: _Whole = None,
     size: Size = None,
@@ -48,7 +59,7 @@ def export(
     device: Device = None,
     json: Json = False,
 ) -> None:
-    """Export re-lit frames: each light of a scene from its camera, a turntable, keyframes.
+    """Export re-lit frames of a scene or a volume: each light, from one camera, a turntable, keys.
 
     Each camera is cast once, however many lights there are. Options override the scene's
     `[export]`. To resume an interrupted export, repeat the command.
@@ -57,19 +68,22 @@ def export(
 
     Example: `volspec export engine.toml -o engine.mp4 --turntable 120`
 
+    Example: `volspec export head.nii.gz -o head.mp4 --preset skin --turntable 120`
+
+    Example: `volspec export 'scans/*.nrrd' -o 'films/{name}.mp4' --turntable 60`
+
     Example: `volspec export engine.toml -o shot --format coefficients --turntable 72`
 
     Example: `volspec export engine.toml -o poster --size 12000x9000 --samples 2 --bits 16`
 
     Parameters
     ----------
-    scene
-        A scene file.
     output
-        A folder; or a film, `.mp4`, `.webm` or `.gif` (needs `volspec[video]`).
+        A folder; or a film, `.mp4`, `.webm` or `.gif` (needs `volspec[video]`). Of a batch, a
+        folder of folders, or a pattern such as `films/{name}.mp4`.
     light
-        Name of a light of the scene to export, or all; repeatable. Default: all lights, but with
-        --turntable the first.
+        Name of a light of the scene to export, or all; for a volume: a light such as D65 or
+        planck:3200; repeatable. Default: all lights, but with --turntable the first.
     turntable
         Number of frames in a full turn of the camera.
     sweep
@@ -92,30 +106,29 @@ def export(
     overwrite
         Replace files that an export of another scene left in the folder.
     """
-    from volspec.scene import Scene
     from volspec.settings import plain
 
-    require_scene(scene)
-    changes: dict[str, Any] = {
-        "samples": samples,
-        "bits": bits,
-        "format": format,
-        "spectral": spectral or None,
-        "transparent": transparent or None,
-        "fps": fps,
-    }
-    with bar(quiet=json, left=True) as tell:
+    def frames(job: Job, tell: Progress) -> str | dict[str, Any]:
         tell("load the scene", 0)
-        loaded = Scene.load(scene)
-        own = loaded.file.export
-        for key, frames, table in (
+        lights = None if light == [_ALL] else light
+        scene, volume = open_scene(job.address, preset, lights, camera)
+        own = scene.file.export
+        changes: dict[str, Any] = {
+            "samples": samples,
+            "bits": bits,
+            "format": format,
+            "spectral": spectral or None,
+            "transparent": transparent or None,
+            "fps": fps,
+        }
+        for key, count, table in (
             ("turntable", turntable, own.turntable),
             ("sweep", sweep, own.sweep),
         ):
-            if frames is not None:
+            if count is not None:
                 kept = {} if table is None else plain(table)
-                changes[key] = kept | {"frames": frames}
-        names = tuple(each.name for each in loaded.lights)
+                changes[key] = kept | {"frames": count}
+        names = tuple(each.name for each in scene.lights)
         fades = own.sweep is not None or sweep is not None
         # One turn under one light; coefficient images hold no light, and a sweep needs several.
         one = turntable is not None and not (
@@ -125,35 +138,35 @@ def export(
         given = {key: value for key, value in changes.items() if value is not None}
         options = {key: f"--{key}" for key in (*given, "size")} | {"lights": "--light"}
         with in_options(options):
-            loaded = loaded.exporting(**given)
+            scene = scene.exporting(**given)
             tell("load the scene", 1)
-            made = loaded.export(
-                output,
+            made = scene.export(
+                job.output,
                 size=sides(size) if size else None,
                 overwrite=overwrite,
                 device=device,
                 progress=tell,
+                volume=volume,
             )
-    if json:
-        print_json(
-            {
+        if json:
+            return {
                 "output": str(made.output),
                 "files": list(made.files),
                 "frames": made.frames,
                 "made": made.made,
                 "casts": made.casts,
             }
+        there = made.frames - made.made
+        line = (
+            f"{made.output}: {counted(made.frames, 'frame')}, {made.made} made from "
+            f"{counted(made.casts, 'cast')}" + (f"; {there} already existed" if there else "")
         )
-        return
-    there = made.frames - made.made
-    rest = f"; {there} already existed" if there else ""
-    said = (
-        f"{made.output}: {counted(made.frames, 'frame')}, {made.made} made from "
-        f"{counted(made.casts, 'cast')}{rest}"
-    )
-    if one and len(names) > 1:
-        said += f", under {names[0]}; --light {_ALL} makes a turn under each of {len(names)} lights"
-    say(said)
+        if one and len(names) > 1:
+            turns = f"a turn under each of {len(names)} lights"
+            line += f", under {names[0]}; --light {_ALL} makes {turns}"
+        return line
+
+    run_jobs(jobs(inputs, output, ""), frames, json=json)
 
 
 def _check_views(_: object, views: int) -> None:
@@ -174,10 +187,12 @@ def _check_bits(_: object, bits: int) -> None:
 
 @app.command
 def page(
-    scene: Path,
+    inputs: Inputs,
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    preset: Preset = None,
+    camera: CameraOption = None,
     views: Annotated[int, Parameter(converter=as_written, validator=_check_views)] = 1,
     light: Annotated[list[str] | None, Parameter(negative="")] = None,
     size: Size = None,
@@ -186,7 +201,7 @@ def page(
     caption: str = "",
     device: Device = None,
 ) -> None:
-    """Write a scene as a single web page with switchable lights.
+    """Write a scene or a volume as a single web page with switchable lights.
 
     The page is one file that needs no network: open it from disk, mail it, or embed it in another
     page. It mixes the lights, applies the appearance model and draws with the desktop viewer's
@@ -196,17 +211,17 @@ def page(
 
     Example: `volspec page engine.toml --views 36 --light planck:2000 -o around.html`
 
+    Example: `volspec page head.nii.gz -o head.html --preset skin`
+
     Parameters
     ----------
-    scene
-        A scene file.
     output
-        The HTML file to write.
+        The HTML file to write; of a batch, a folder, or a pattern such as `pages/{name}.html`.
     views
         Cameras on a circle around the scene's `up`, starting at the scene's own: drag to turn.
     light
         A light to add to the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
-        repeatable.
+        for a volume, instead of the default four; repeatable.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's.
     bits
@@ -218,42 +233,51 @@ def page(
     """
     from volspec.export.page import PageSpec, scene_views, write_page
     from volspec.relight import LightRig
-    from volspec.scene import Scene
     from volspec.scene.lights import NamedLight, require_lux
 
-    require_suffix(output, "pages", ".html", ".htm")
-    require_writable(output)
-    require_scene(scene, "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT)
-    with bar() as tell:
+    found = jobs(inputs, output, ".html")
+    for job in found:
+        require_suffix(job.output, "pages", ".html", ".htm")
+        require_writable(job.output)
+
+    def write(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
-        loaded = Scene.load(scene)
+        scene, volume = open_scene(
+            *(job.address, preset, light, camera),
+            image="give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT,
+        )
         tell("load the scene", 1)
-        require_lux(loaded.lights, loaded.relight, scene)
-        lights = list(loaded.lights)
-        shares = loaded.raycast.shares()
-        if light and loaded.relight.level == "absolute":
+        require_lux(scene.lights, scene.relight, job.address)
+        lights = list(scene.lights)
+        shares = scene.raycast.shares()
+        extra = (light or []) if volume is None else []
+        if extra and scene.relight.level == "absolute":
             raise InputError(
-                f'--light {light[0]}: has no lux, but [viewing] level = "absolute" of {scene} '
-                "requires it; leave it out, or make it a [[light]] with illuminance_lux",
+                f'--light {extra[0]}: has no lux, but [viewing] level = "absolute" of '
+                f"{job.address} requires it; leave it out, or make it a [[light]] with "
+                "illuminance_lux",
                 code="conflict",
             )
-        for text in light or ():
-            lamp = read_setting(text, shares, loaded.basis.grid)
+        for text in extra:
+            lamp = read_setting(text, shares, scene.basis.grid)
             rig = lamp if isinstance(lamp, LightRig) else LightRig((lamp,))
-            shown = rig.facing(shares).mixed(loaded.basis.grid)
+            shown = rig.facing(shares).mixed(scene.basis.grid)
             lights.append(NamedLight(text, text, shown, rig))
         cast = scene_views(
-            loaded,
+            scene,
             views,
             size=sides(size) if size else None,
             device=device,
             progress=lambda share: tell("cast", share),
+            volume=volume,
         )
-        name = title or loaded.file.title or scene.stem
-        count = write_page(output, cast, lights, loaded.relight, PageSpec(name, caption, bits))
-    many = f", {views} views" if views > 1 else ""
-    lit = counted(len(lights), "light")
-    say(f"{output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser")
+        name = title or scene.file.title or Path(job.address).stem
+        count = write_page(job.output, cast, lights, scene.relight, PageSpec(name, caption, bits))
+        many = f", {views} views" if views > 1 else ""
+        lit = counted(len(lights), "light")
+        return f"{job.output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser"
+
+    run_jobs(found, write)
 
 
 @app.command

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import App
+from cyclopts import App, Parameter
 
+from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, require_image, require_scene
+from volspec.cli.inputs import CameraOption, Preset, open_scene
 from volspec.cli.shell import Json, Terminal, app, counted, print_json, say
-from volspec.errors import one_line
+from volspec.errors import InputError, SceneError, one_line
 
 if TYPE_CHECKING:
     from volspec.export.plan import Checked
@@ -86,7 +89,9 @@ def _labels(volume: Volume) -> list[int]:
     return sorted(found)
 
 
-scene = App(name="scene", help="Check scene files; print their JSON schema.")
+scene = App(
+    name="scene", help="Make a scene file for a volume, check scene files, print their JSON schema."
+)
 app.command(scene)
 
 
@@ -115,6 +120,44 @@ def check(files: list[Path], /, *, json: Json = False) -> None:
                 say(one_line(line))
     if any(each.errors for each in found):
         raise SystemExit(1)
+
+
+@scene.command
+def new(
+    volume: str,
+    /,
+    *,
+    output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    preset: Preset = None,
+    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    camera: CameraOption = None,
+    overwrite: Annotated[bool, Parameter(negative="")] = False,
+) -> None:
+    """Write a scene file for a volume, as the viewer opens it, to edit and to export.
+
+    Example: `volspec scene new head.nii.gz -o head.toml --preset bone`
+
+    Parameters
+    ----------
+    volume
+        A volume file or folder, as for `volspec info`.
+    output
+        The scene file to write; it refers to the volume by a relative path.
+    light
+        A light such as D65 or planck:3200, instead of the default four; repeatable.
+    overwrite
+        Replace an existing file.
+    """
+    require_suffix(output, "scenes", ".toml", error=SceneError)
+    require_writable(output)
+    if Path(volume).suffix.lower() == ".toml":
+        raise InputError(f"{volume}: is a scene already; give a volume", code="type")
+    if output.exists() and not overwrite:
+        raise InputError(
+            f"{output}: exists; give another name, or add --overwrite", code="conflict"
+        )
+    made, _ = open_scene(volume, preset, light, camera)
+    say(f"{made.save(output)}: now try volspec view {shlex.quote(str(output))}")
 
 
 @scene.command

@@ -10,7 +10,7 @@ from cyclopts import App, Parameter
 from rich.table import Table
 
 from volspec._files import require_suffix, require_writable
-from volspec.cli.arguments import require_scene
+from volspec.cli.inputs import open_scene
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, note, print_json, say
 from volspec.errors import InputError, PaletteError
 
@@ -111,7 +111,7 @@ _UNSEEN, _AT_A_GLANCE = 1.0, 3.0
 
 @wizard.command
 def hide(
-    scene: Path,
+    scene: str,
     material: str,
     /,
     *,
@@ -166,7 +166,7 @@ def hide(
 
 @wizard.command
 def reveal(
-    scene: Path,
+    scene: str,
     material: str,
     /,
     *,
@@ -215,7 +215,7 @@ def reveal(
 
 @wizard.command
 def merge(
-    scene: Path,
+    scene: str,
     /,
     *materials: str,
     under: Annotated[str, Parameter(help="The light of the scene under which they match.")],
@@ -259,7 +259,7 @@ def merge(
 
 
 @wizard.command
-def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -> None:
+def keep(scene: str, material: str, /, *, output: Output, json: Json = False) -> None:
     """Give a material the same colour under all lights of the scene.
 
     Example: `volspec wizard keep engine.toml block -o constant.toml`
@@ -276,13 +276,11 @@ def keep(scene: Path, material: str, /, *, output: Output, json: Json = False) -
     _finish(keep(_loaded(scene, output), material), output, json)
 
 
-def _loaded(path: Path, output: Path) -> Scene:
-    """Load the scene; refuse an output that would destroy something before the work starts."""
-    from volspec.scene import Scene
+def _loaded(path: str, output: Path) -> Scene:
+    """Load or make the scene; refuse an output that would destroy something before the work."""
     from volspec.wizard import require_output
 
-    require_scene(path)
-    scene = Scene.load(path)
+    scene, _ = open_scene(path)
     require_output(scene, output)
     return scene
 

@@ -11,21 +11,34 @@ from rich.table import Table
 
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, Size, Sized, require_scene, sides
-from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json, say
+from volspec.cli.inputs import (
+    CameraOption,
+    Inputs,
+    Job,
+    Preset,
+    Progress,
+    jobs,
+    open_scene,
+    run_jobs,
+)
+from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
 from volspec.errors import InputError
 
 
 @app.command
 def render(
-    scene: Path,
+    inputs: Inputs,
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
+    preset: Preset = None,
+    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    camera: CameraOption = None,
     size: Size = None,
     half: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
 ) -> None:
-    """Cast a scene once into a coefficient image.
+    """Cast a scene or a volume once into a coefficient image.
 
     Compositors can open the image: it has a layer of channels per light group, depth, a picture
     under the first light, and relighting data in the header (`volspec compositing --help`).
@@ -34,39 +47,47 @@ def render(
 
     Example: `volspec render engine.toml -o engine.exr --size 1024x768`
 
+    Example: `volspec render head.nii.gz -o head.exr --preset bone --camera left`
+
+    Example: `volspec render scans -o images`
+
     Parameters
     ----------
-    scene
-        A scene file.
     output
-        The OpenEXR file to write.
+        The OpenEXR file to write; of a batch, a folder, or a pattern such as `images/{name}.exr`.
+    light
+        For a volume: a light such as D65 or planck:3200, instead of the default four; repeatable.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's.
     half
         Store the channels as float16: half the memory and file size, three digits.
     """
     from volspec.export.compositing import save_for_compositors, scene_recipe
-    from volspec.scene import Scene
 
-    require_suffix(output, "coefficient images", ".exr")
-    require_scene(scene, f"it is already cast; {RELIGHT}")
-    require_writable(output)
-    with bar() as tell:
+    found = jobs(inputs, output, ".exr")
+    for job in found:
+        require_suffix(job.output, "coefficient images", ".exr")
+        require_writable(job.output)
+
+    def cast(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
-        loaded = Scene.load(scene)
+        scene, volume = open_scene(
+            *(job.address, preset, light, camera), image=f"it is already cast; {RELIGHT}"
+        )
         tell("load the scene", 1)
-        spec = replace(loaded.raycast, half=half or loaded.raycast.half)
-        recipe = scene_recipe(loaded, loaded.lights, loaded.relight)
-        image = loaded.render(
+        image = scene.render(
+            volume,
             size=sides(size) if size else None,
-            spec=spec,
+            spec=replace(scene.raycast, half=half or scene.raycast.half),
             device=device,
             progress=lambda share: tell("cast", share),
         )
-    save_for_compositors(image, output, recipe)
-    groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
-    said = f"{output}: {image.size[0]}×{image.size[1]}, {image.basis.size} channels{groups}"
-    say(said)
+        save_for_compositors(image, job.output, scene_recipe(scene, scene.lights, scene.relight))
+        groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
+        width, height = image.size
+        return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"
+
+    run_jobs(found, cast)
 
 
 @app.command

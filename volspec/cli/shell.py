@@ -115,6 +115,16 @@ class bar:
             self._tasks[step] = self._progress.add_task(step, total=1.0)
         self._progress.update(self._tasks[step], completed=share)
 
+    def describe(self, step: str, text: str) -> None:
+        """Replace the text of a step's line."""
+        if step not in self._tasks:
+            self(step, 0.0)
+        self._progress.update(self._tasks[step], description=visible(text))
+
+    def note(self, text: str) -> None:
+        """Print a line above the bar."""
+        self._progress.console.print(f"volspec: note: {one_line(text)}", soft_wrap=True)
+
 
 class Terminal(Console):
     """Terminal that prints control characters and markup in names literally.
@@ -276,7 +286,8 @@ def _run(words: list[str]) -> None:
     except CycloptsError as error:
         # Cyclopts cuts a long list of commands short: "info, ...".
         said = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
-        raise _failure(f"{said}; see volspec --help", 2) from error
+        command = " ".join(("volspec", *(error.command_chain or ())))
+        raise _failure(f"{said}; see {command} --help", 2) from error
     except BrokenPipeError as error:
         _close_pipes()
         raise SystemExit(_CLOSED_PIPE) from error

@@ -11,7 +11,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ from volspec.scene.basis import ChosenBasis, choose_basis, retrained
 from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.from_volume import framed, volume_file, volume_path
 from volspec.scene.resolve import Resolver
+from volspec.scene.specs import CameraSpec
 from volspec.scene.writing import write_scene
 from volspec.settings import plain, read_table
 from volspec.spectra import Spectrum
@@ -266,6 +267,12 @@ class Scene:
                 caster=caster,
                 notes={"scene": self.file.title, "viewing": viewing_note(self.relight)},
             )
+
+    def with_camera(self, camera: CameraSpec) -> Scene:
+        """Return the scene with another ``[camera]``."""
+        scene = copy(self)
+        scene.file = replace(self.file, camera=camera)
+        return scene
 
     def exporting(self, **changes: Any) -> Scene:
         """Return the scene with other settings of ``[export]``; None removes one.

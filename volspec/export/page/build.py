@@ -41,6 +41,7 @@ from volspec.scene import Scene
 from volspec.scene.export import Turntable
 from volspec.scene.lights import NamedLight
 from volspec.settings import settings
+from volspec.volume import Volume
 
 Codes = NDArray[np.int64]
 
@@ -194,6 +195,7 @@ def scene_views(
     size: tuple[int, int] | None = None,
     device: str | None = None,
     progress: Progress | None = None,
+    volume: Volume | None = None,
 ) -> Iterator[PageView]:
     """Cast a scene from cameras around it.
 
@@ -202,10 +204,10 @@ def scene_views(
     scene : Scene
     count : int
         Number of cameras on a circle around the scene's ``up``; the first is the scene's own.
-    size, device, progress
+    size, device, progress, volume
         As in `Scene.render`.
     """
-    volume = scene.volume()
+    volume = volume or scene.volume()
     caster = Raycaster(volume, device=device)
     pixels = size or (scene.file.output.width, scene.file.output.height)
     for i, camera in enumerate(turntable_cameras(scene, volume, Turntable(frames=count))):

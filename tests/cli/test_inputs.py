@@ -1,0 +1,100 @@
+"""Volumes, folders and patterns as inputs of render, export, page and scene new."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.commands import call, refusal
+from volspec.raycast import CoefficientImage
+from volspec.scene import Scene
+from volspec.volume import phantom
+
+SIZE = "--size", "24x16"
+
+
+@pytest.fixture
+def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    folder = Path("scans")
+    folder.mkdir()
+    for name, size in {"a": 8, "b": 10}.items():
+        np.save(folder / f"{name}.npy", phantom.ball(size).values)
+    return folder
+
+
+def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
+    options = "--preset", "skin", "--camera", "left", "--light", "A"
+    assert call("render", scans / "a.npy", "-o", "a.exr", *options, *SIZE) == 0
+    assert call("scene", "new", scans / "a.npy", "-o", "other/a.toml", *options) == 0
+    assert call("render", "other/a.toml", "-o", "again.exr", *SIZE) == 0
+    one, other = map(CoefficientImage.load, ("a.exr", "again.exr"))
+    np.testing.assert_array_equal(one.coefficients, other.coefficients)
+    scene = Scene.load("other/a.toml")
+    assert scene.file.volume.file == "../scans/a.npy"
+    assert scene.file.camera.azimuth_deg == -90 and [each.name for each in scene.lights] == ["A"]
+
+
+def test_a_scene_takes_a_camera_too(scans: Path) -> None:
+    assert call("scene", "new", scans / "a.npy", "-o", "a.toml") == 0
+    assert call("render", "a.toml", "-o", "turned.exr", "--camera", "90,0", *SIZE) == 0
+    scene = Scene.load("a.toml")
+    camera = Scene.from_volume(scans / "a.npy").file.camera
+    assert scene.file.camera == camera and (camera.azimuth_deg, camera.elevation_deg) == (30, 20)
+
+
+@pytest.mark.parametrize(
+    "inputs", [["scans"], ["scans/*.npy"], ["scans/a.npy", "scans/b.npy"]], ids=repr
+)
+def test_a_batch_has_an_output_for_each_input(
+    scans: Path, inputs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("render", *inputs, "-o", "out", *SIZE) == 0
+    assert sorted(path.name for path in Path("out").iterdir()) == ["a.exr", "b.exr"]
+    assert capsys.readouterr().out.splitlines()[-1] == "2 of 2 inputs done"
+
+
+def test_a_pattern_names_the_outputs_of_a_batch(scans: Path) -> None:
+    assert call("export", "scans", "-o", "films/{name}-A", "--light", "A", *SIZE) == 0
+    assert call("page", "scans", "-o", "pages", *SIZE) == 0
+    assert (Path("films/a-A/A.png")).is_file() and (Path("pages/b.html")).is_file()
+
+
+def test_a_batch_goes_on_after_an_input_that_cannot_be_read(
+    scans: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (scans / "aa.nrrd").write_text("not a volume")
+    assert call("export", "scans", "-o", "out", "--light", "A", "--json", *SIZE) == 1
+    printed = capsys.readouterr()
+    assert [Path(each["output"]).name for each in json.loads(printed.out)] == ["a", "b"]
+    assert "aa.nrrd" in printed.err
+
+
+def test_inputs_of_one_name_keep_their_endings(scans: Path) -> None:
+    shutil.copy(scans / "a.npy", "a.npy")
+    call("scene", "new", "a.npy", "-o", "a.toml")
+    assert call("render", "a.npy", "a.toml", "-o", "out", *SIZE) == 0
+    assert sorted(path.name for path in Path("out").iterdir()) == ["a.npy.exr", "a.toml.exr"]
+    assert refusal("render", "a.npy", scans / "a.npy", "-o", "out").code == "duplicate"
+
+
+def test_a_folder_of_slices_is_one_volume(scans: Path) -> None:
+    from imageio.v3 import imwrite
+
+    folder = Path("slices")
+    folder.mkdir()
+    for i, layer in enumerate((255 * phantom.ball(8).values).astype(np.uint8)):
+        imwrite(folder / f"{i}.png", layer)
+    assert call("render", f"{folder}?spacing=1,1,1", "-o", "slices.exr", *SIZE) == 0
+
+
+def test_nothing_that_is_there_is_replaced_by_a_new_scene(scans: Path) -> None:
+    Path("a.toml").write_text("# mine")
+    assert refusal("scene", "new", scans / "a.npy", "-o", "a.toml").code == "conflict"
+    assert Path("a.toml").read_text() == "# mine"
+    assert call("scene", "new", scans / "a.npy", "-o", "a.toml", "--overwrite") == 0
+    Scene.load("a.toml")

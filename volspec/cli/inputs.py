@@ -1,0 +1,218 @@
+"""Scenes and volumes that a command works on, one or many.
+
+arguments -> [inputs] -> Scene, Volume | None; Job, Job, …
+"""
+
+from __future__ import annotations
+
+import glob
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from cyclopts import Parameter
+
+from volspec.cli.arguments import RELIGHT, require_scene
+from volspec.cli.shell import bar, counted, print_json, say
+from volspec.cli.viewing import in_options
+from volspec.errors import InputError, VolspecError, one_line
+
+if TYPE_CHECKING:
+    from volspec.raycast.camera import Orbit
+    from volspec.scene import Scene
+    from volspec.volume import Volume
+
+Inputs = Annotated[
+    list[str],
+    Parameter(
+        name="INPUT",
+        negative="",
+        help="A scene file, or a volume (file or folder, as for `volspec info`). Several, a folder "
+        "of them or a pattern such as 'scans/*.nii.gz' are a batch.",
+    ),
+]
+Preset = Annotated[
+    str | None,
+    Parameter(help="For a volume: its transfer function, such as bone, skin or mr-head."),
+]
+CameraOption = Annotated[
+    str | None,
+    Parameter(
+        name="--camera",
+        allow_leading_hyphen=True,
+        help="Side (front, back, left, right, top, bottom, isometric), or AZIMUTH,ELEVATION in "
+        "degrees.",
+    ),
+]
+# Endings of files that each are a whole volume or scene, unlike the slices of a series.
+_WHOLE = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk", ".npy", ".toml")
+# Endings that belong together.
+_DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr")
+_NAME = "{name}"
+
+
+def open_scene(
+    address: str,
+    preset: str | None = None,
+    lights: Sequence[str] | None = None,
+    camera: str | None = None,
+    *,
+    image: str = RELIGHT,
+) -> tuple[Scene, Volume | None]:
+    """Load a scene file, or make a scene for a volume, whose voxels are returned, too.
+
+    ``lights`` are for a volume, instead of the default ones; ``image`` is the remedy for a
+    coefficient image. Raises VolspecError if the file cannot be read, or has no use for an option.
+    """
+    from volspec.scene import Scene
+    from volspec.spectra import DEFAULT_GRID, light
+    from volspec.volume import load_volume
+
+    require_scene(Path(address), image)
+    orbit = None if camera is None else _orbit(camera)
+    if Path(address).suffix.lower() != ".toml":
+        for text in lights or ():
+            light(text, DEFAULT_GRID)  # refused before the volume is read
+        volume = load_volume(address)
+        with in_options({"preset": "--preset"}):
+            scene = Scene.from_volume(
+                address, preset=preset, lights=lights or (), camera=orbit, volume=volume
+            )
+        return scene, volume
+    scene = Scene.load(address)
+    if preset is not None:
+        raise InputError(
+            f"--preset {preset}: {address} is a scene with a [transfer] of its own; leave it out, "
+            "or give its volume",
+            code="conflict",
+        )
+    if orbit is not None:
+        turned = replace(
+            scene.file.camera,
+            azimuth_deg=orbit.azimuth_deg,
+            elevation_deg=orbit.elevation_deg,
+            roll_deg=0.0,
+            position_mm=None,
+        )
+        scene = scene.with_camera(turned)
+    return scene, None
+
+
+def _orbit(camera: str) -> Orbit:
+    """Return a side, or azimuth and elevation, as an orbit."""
+    from volspec.raycast.camera import SIDES, Orbit
+
+    try:
+        azimuth, elevation = SIDES.get(camera.lower()) or map(float, camera.split(","))
+        return Orbit(azimuth, elevation)
+    except ValueError:  # not numbers, not two, or not finite
+        remedy = f"give a side ({', '.join(SIDES)}) or AZIMUTH,ELEVATION, as 45,20"
+        raise InputError.refused("--camera", camera, remedy, "syntax") from None
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """An input of a batch, and its output."""
+
+    address: str
+    output: Path
+
+
+def jobs(inputs: Sequence[str], output: Path, suffix: str) -> list[Job]:
+    """Pair inputs with outputs: one keeps its output, of several each gets a name in that folder.
+
+    Names are the inputs' without their endings, plus ``suffix``; or they replace ``{name}`` in the
+    output, as in ``films/{name}.mp4``. Raises InputError if a pattern or folder holds no input.
+    """
+    found: list[str] = []
+    for text in inputs:
+        found += _expanded(text)
+    if [*inputs] == found and len(found) == 1 and _NAME not in str(output):
+        return [Job(found[0], output)]
+    stems = [_stem(Path(text.partition("?")[0])) for text in found]
+    names = [
+        stem if stems.count(stem) == 1 else Path(text.partition("?")[0]).name
+        for stem, text in zip(stems, found, strict=True)
+    ]
+    twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
+    if twice is not None:
+        raise InputError(
+            f"two inputs are named {twice}, and would write the same output; give one of them at a "
+            "time",
+            code="duplicate",
+        )
+    pattern = str(output) if _NAME in str(output) else str(output / (_NAME + suffix))
+    return [
+        Job(text, Path(pattern.replace(_NAME, name)))
+        for text, name in zip(found, names, strict=True)
+    ]
+
+
+def _stem(path: Path) -> str:
+    """Return a file's name without its ending, or endings that belong together."""
+    name = path.name or path.resolve().name
+    double = next((ending for ending in _DOUBLE if name.lower().endswith(ending)), "")
+    return name[: -len(double)] if double else Path(name).stem if not path.is_dir() else name
+
+
+def _expanded(text: str) -> list[str]:
+    """Return the files that a pattern or a folder means; anything else is itself."""
+    if any(mark in text for mark in "*[") and not Path(text).exists():
+        found = sorted(glob.glob(text))
+        if not found:
+            raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
+        return found
+    folder = Path(text)
+    if not folder.is_dir():
+        return [text]
+    # Folders of slices and OME-Zarr are volumes themselves.
+    whole = sorted(
+        str(path)
+        for path in folder.iterdir()
+        if path.name.lower().endswith(_WHOLE) and not path.name.startswith(".")
+    )
+    return whole or [text]
+
+
+Progress = Callable[[str, float], object]
+Figures = str | dict[str, Any]
+"""Result of a job: a line to print, or figures to print as JSON."""
+
+
+def run_jobs(
+    found: Sequence[Job], work: Callable[[Job, Progress], Figures], *, json: bool = False
+) -> None:
+    """Run a command's work on each input, and print its line or, with ``json``, its figures.
+
+    In a batch, an input that fails is reported and the others still run; then the exit code is 1.
+    """
+    if len(found) == 1:
+        with bar(quiet=json, left=True) as tell:
+            made = work(found[0], tell)
+        print_json(made) if isinstance(made, dict) else say(made)
+        return
+    done: list[Figures] = []
+    failed = 0
+    with bar(quiet=json, left=True) as tell:
+        for i, job in enumerate(found):
+            tell.describe("batch", f"{i + 1} of {len(found)}: {Path(job.address).name}")
+
+            def inner(step: str, share: float, i: int = i) -> None:
+                tell("batch", (i + min(share, 1.0) * (step != "load the scene")) / len(found))
+
+            try:
+                done.append(work(job, inner))
+            except (VolspecError, OSError) as error:
+                failed += 1
+                tell.note(f"failed: {one_line(error)}")
+        tell("batch", 1.0)
+    if json:
+        print_json([each for each in done if isinstance(each, dict)])
+    else:
+        for line in done:
+            say(line)
+        rest = f"; {counted(failed, 'input')} failed" if failed else ""
+        say(f"{len(done)} of {counted(len(found), 'input')} done{rest}")
+    if failed:
+        raise SystemExit(1)
