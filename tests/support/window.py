@@ -79,6 +79,7 @@ class Robot:
         }
         # Use its own settings, not the user's.
         self.environment.setdefault("VOLSPEC_STATE", str(folder / "state"))
+        self.environment["XDG_PICTURES_DIR"] = str(folder)
         self.environment["DISPLAY"] = f":{self._server.stdout.readline().strip()}"
         if dpi != 96:
             given = ("-f", "RESOURCE_MANAGER", "8s", "-set", "RESOURCE_MANAGER", f"Xft.dpi: {dpi}")

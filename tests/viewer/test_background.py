@@ -28,7 +28,8 @@ from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import DIVISORS, CastDone, CastJob, CastWorker, Pace
 from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice
-from volspec.viewer.work.screenshot import Progress, render_frame
+from volspec.viewer.work.outputs import Progress
+from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
 

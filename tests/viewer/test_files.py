@@ -46,14 +46,20 @@ from volspec.viewer.ui.dialogs import initial_path
 from volspec.viewer.work import background
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.documents import open_document
-from volspec.viewer.work.probe import Reading
-from volspec.viewer.work.screenshot import (
+from volspec.viewer.work.outputs import (
     CUSTOM,
+    PRESETS,
     SHOWN,
     TWICE,
-    UHD,
-    ClipboardError,
+    Destination,
+    PictureSize,
     Progress,
+    output_folder,
+    pictures_folder,
+)
+from volspec.viewer.work.probe import Reading
+from volspec.viewer.work.screenshot import (
+    ClipboardError,
     Shot,
     copy_values,
     render_frame,
@@ -258,22 +264,41 @@ def test_where_things_are_remembered_can_be_said(monkeypatch: pytest.MonkeyPatch
     assert state_folder().name == "volspec"
 
 
-def test_pictures_have_the_size_that_was_asked_for() -> None:
-    shown = (300, 200)
-    sizes = {preset: Shot(preset, (99, 77)).size(shown) for preset in (SHOWN, TWICE, UHD, CUSTOM)}
-    assert sizes == {SHOWN: shown, TWICE: (600, 400), UHD: (3840, 2160), CUSTOM: (99, 77)}
-    assert Shot(CUSTOM, (-5, 10**9)).size(shown) == (1, MAX_SIDE)
+def test_pictures_have_even_sides_or_the_size_that_was_asked_for() -> None:
+    shown = (301, 200)
+    sizes = {preset: PictureSize(preset, (99, 77)).pixels(shown) for preset in PRESETS}
+    assert sizes[SHOWN] == (300, 200) and sizes[TWICE] == (602, 400) and sizes[CUSTOM] == (99, 77)
+    assert (3840, 2160) in sizes.values()
+    assert PictureSize(CUSTOM, (-5, 10**9)).pixels(shown) == (1, MAX_SIDE)
 
 
 @pytest.mark.parametrize(
-    ("name", "stems"), [("", ("volspec-My-ball-1", "volspec-My-ball-2")), ("a b", ("a-b", "a-b-1"))]
+    ("name", "stems"), [("", ("volspec-ball-1", "volspec-ball-2")), ("a b.png", ("a-b", "a-b-1"))]
 )
-def test_pictures_get_free_names(tmp_path: Path, name: str, stems: tuple[str, ...]) -> None:
-    shot = Shot(folder=str(tmp_path), name=name)
+def test_files_get_free_names_next_to_what_was_opened(
+    tmp_path: Path, name: str, stems: tuple[str, ...]
+) -> None:
+    document = opened(tmp_path).document
     for stem in stems:
-        path = shot.path("My ball")
-        assert path.stem == stem and path.suffix == ".png"
+        path = Destination(name=name).path(document, ".png")
+        assert path == tmp_path / f"{stem}.png"
         path.touch()
+
+
+def test_files_go_to_the_pictures_if_nothing_can_be_written_next_to_what_was_opened(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "pictures").mkdir()
+    monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path / "pictures"))
+    document = opened(tmp_path).document
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert output_folder(document) == tmp_path / "pictures"
+    monkeypatch.undo()
+    monkeypatch.delenv("XDG_PICTURES_DIR", raising=False)
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
+    (tmp_path / "Bilder").mkdir()
+    (tmp_path / "user-dirs.dirs").write_text(f'XDG_PICTURES_DIR="{tmp_path}/Bilder"\n')
+    assert pictures_folder() == tmp_path / "Bilder"
 
 
 def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path: Path) -> None:
@@ -291,7 +316,7 @@ def test_a_picture_holds_both_sides_of_the_divide_and_says_what_made_it(tmp_path
     np.testing.assert_array_equal(both[:, :20], left[:, :20])
     np.testing.assert_array_equal(both[:, 20:], right[:, 20:])
     assert (left != right).any()
-    path = save_picture(state, Shot(folder=str(tmp_path)), Progress(""))
+    path = save_picture(state, Shot(to=Destination(str(tmp_path))), Progress(""))
     assert read_frame_text(path)["scene"] == "ball"
 
 
@@ -299,10 +324,10 @@ def test_a_picture_that_is_given_up_is_not_written(tmp_path: Path) -> None:
     progress = Progress("")
     progress.ended = True
     with pytest.raises(CastCancelled):
-        save_picture(opened(tmp_path), Shot(folder=str(tmp_path)), progress)
+        save_picture(opened(tmp_path), Shot(to=Destination(str(tmp_path))), progress)
     assert not list(tmp_path.glob("*.png"))
     with raises(InputError, "not-found"):
-        save_picture(opened(tmp_path), Shot(folder=str(tmp_path / "no")), Progress(""))
+        save_picture(opened(tmp_path), Shot(to=Destination(str(tmp_path / "no"))), Progress(""))
 
 
 @pytest.fixture

@@ -43,7 +43,8 @@ from volspec.viewer.ui.menus import sizes, timings
 from volspec.viewer.ui.overlays import error_map_lines
 from volspec.viewer.ui.palette_cells import cell_lines, column_note
 from volspec.viewer.ui.palette_panel import summary
-from volspec.viewer.work.screenshot import Progress, copy_values, render_frame
+from volspec.viewer.work.outputs import Progress
+from volspec.viewer.work.screenshot import copy_values, render_frame
 from volspec.viewer.work.script import script_from_state
 
 GOLDEN = Path(__file__).with_name("messages.txt")

@@ -177,7 +177,7 @@ def titles(state: ViewState, search: str) -> list[str]:
 
 def test_the_palette_lists_every_action_light_model_display_and_file(state: ViewState) -> None:
     rows = commands.list_entries(state, RECENT)
-    names = {row.text for row in rows}
+    names = {f"{row.group}: {row.title}" for row in rows}
     for action in COMMANDS:
         title = f"{action.menu or 'Step'}: {action.title.removesuffix(' …')}"
         assert title in names or action.name == "commands"

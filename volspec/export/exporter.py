@@ -18,7 +18,7 @@ import numpy as np
 
 from volspec._deprecated import renamed_keyword
 from volspec._files import require_writable, require_writable_folder
-from volspec.errors import InputError, ViewingError
+from volspec.errors import CastCancelled, InputError, ViewingError
 from volspec.export.exr import ExrWriter
 from volspec.export.film import SUFFIXES, check_film, write_film
 from volspec.export.frame_files import (
@@ -94,6 +94,7 @@ def export(
     progress: Progress | None = None,
     volume: Volume | None = None,
     caster: Raycaster | None = None,
+    plan: Plan | None = None,
 ) -> Exported:
     """Export the frames of a scene's ``[export]``.
 
@@ -112,11 +113,14 @@ def export(
     device : str, optional
         Part of an OpenCL device's name.
     progress : callable, optional
-        Called with a step's name and its progress, 0…1.
+        Called with a step's name and its progress, 0…1. If it raises CastCancelled, the frames
+        that this export has made are removed.
     volume : Volume, optional
         The scene's volume, if it is already loaded.
     caster : Raycaster, optional
         Caster that already has the volume on a device; ``device`` is then ignored.
+    plan : Plan, optional
+        Frames instead of those of ``[export]``, in its files' format.
 
     Raises
     ------
@@ -138,8 +142,11 @@ def export(
     progress("read the volume", 0.0)
     volume = caster.volume if caster else volume or scene.volume()
     progress("read the volume", 1.0)
-    plan = plan_export(scene, volume, table)
     settings = {"size": pixels, "export": plain(table), "film": is_film}
+    if plan is None:
+        plan = plan_export(scene, volume, table)
+    else:
+        settings["plan"] = plan.fingerprint()
     # Until a film is done, its frames are in a folder next to it.
     path = target.with_name(f"{target.name}.frames") if is_film else target
     has_sheet = table.sheet and not is_film
@@ -148,25 +155,31 @@ def export(
     with exclusive_folder(path):
         folder = ExportFolder(path, fingerprint(scene, volume, settings), files)
         folder.begin(overwrite, own=is_film)
-        maker = FrameMaker(FrameFiles(scene, folder, table, pixels))
         try:
-            made, casts = maker.make(
-                plan, lambda: caster or Raycaster(volume, device=device), progress
-            )
-        except ViewingError as error:
-            message = re.sub(r"^(?:[A-Z]\w+\.|export: )", "", str(error))
-            raise ViewingError(f"{scene.path}: [viewing] {message}", code=error.code) from error
-        finally:
-            folder.record_sizes()
-        frames = [path / name for name in files[: len(plan.shots)]]
-        if is_film:
-            progress("encode", 0.0)
-            colours = scene.relight.viewing.display.colours
-            write_film(target, frames, table.fps, colours, lambda done: progress("encode", done))
+            maker = FrameMaker(FrameFiles(scene, folder, table, pixels))
+            try:
+                made, casts = maker.make(
+                    plan, lambda: caster or Raycaster(volume, device=device), progress
+                )
+            except ViewingError as error:
+                message = re.sub(r"^(?:[A-Z]\w+\.|export: )", "", str(error))
+                raise ViewingError(f"{scene.path}: [viewing] {message}", code=error.code) from error
+            finally:
+                folder.record_sizes()
+            frames = [path / name for name in files[: len(plan.shots)]]
+            if is_film:
+                progress("encode", 0.0)
+                colours = scene.relight.viewing.display.colours
+                write_film(
+                    target, frames, table.fps, colours, lambda done: progress("encode", done)
+                )
+                folder.remove()
+            elif has_sheet and "sheet.png" in folder.missing():
+                write_overview(path / "sheet.png", scene, plan, frames, table.primaries)
+                folder.record_sizes()
+        except CastCancelled:
             folder.remove()
-        elif has_sheet and "sheet.png" in folder.missing():
-            write_overview(path / "sheet.png", scene, plan, frames, table.primaries)
-            folder.record_sizes()
+            raise
     return Exported(target, (target.name,) if is_film else files, len(frames), made, casts)
 
 

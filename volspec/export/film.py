@@ -12,11 +12,12 @@ References
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import tempfile
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
@@ -43,10 +44,11 @@ _BITEXACT = "-map_metadata -1 -fflags +bitexact -flags:v +bitexact"
 _CODECS = {
     ".mp4": "-c:v libx264 -preset medium -crf 16 -pix_fmt yuv420p -movflags +faststart",
     ".webm": "-c:v libvpx-vp9 -crf 22 -b:v 0 -pix_fmt yuv420p",
-    ".gif": "-loop 0",
 }
 # GIF counts in hundredths of a second, and players slow down frames shorter than two of them.
 _GIF_TICKS, _LEAST_TICKS = 100, 2
+# Numbers sampled from all frames together for a GIF's palette.
+_PALETTE_NUMBERS = 3_000_000
 # Variable that overrides imageio-ffmpeg's own ffmpeg; time limit of `ffmpeg -version`.
 _VARIABLE, _TIMEOUT_S = "IMAGEIO_FFMPEG_EXE", 20.0
 Progress = Callable[[float], object]
@@ -70,7 +72,8 @@ def check_film(path: Path, table: ExportSpec, space: ColourSpace) -> None:
         )
     if path.suffix.lower() == ".gif" and space != SPACES["sRGB"]:
         raise InputError(f"{path}: GIF is sRGB, not {space.name!r}", "use .mp4", code="unsupported")
-    ffmpeg()
+    if path.suffix.lower() != ".gif":
+        ffmpeg()
 
 
 def _is_tagged(space: ColourSpace) -> bool:
@@ -85,8 +88,8 @@ def ffmpeg() -> str:
         found = str(get_ffmpeg_exe())
     except (ImportError, RuntimeError) as error:
         raise DeviceError(
-            "export: films need ffmpeg, which is not installed",
-            "pip install 'volspec[video]'",
+            "export: .mp4 and .webm need ffmpeg, which is not installed",
+            "pip install 'volspec[video]', or name a .gif or a folder",
             code="unsupported",
         ) from error
     if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):
@@ -118,9 +121,11 @@ def write_film(
     Odd sides get one more row or column, as MP4 and WebM subsample chroma.
     """
     suffix = path.suffix.lower()
-    first = _pixels(frames[0])
-    height, width = first.shape[:2]
-    padded = (width, height) if suffix == ".gif" else (width + width % 2, height + height % 2)
+    if suffix == ".gif":
+        _write_gif(path, frames, fps, progress)
+        return
+    height, width = _pixels(frames[0]).shape[:2]
+    padded = width + width % 2, height + height % 2
     if padded != (width, height):
         warnings.warn(
             f"{path}: {suffix[1:]} cannot have odd sides, {width}x{height}; the edge is repeated "
@@ -133,8 +138,8 @@ def write_film(
             ffmpeg(),
             *f"-y -nostdin -loglevel error -threads {_THREADS}".split(),
             *f"-f rawvideo -pix_fmt rgb24 -s {padded[0]}x{padded[1]}".split(),
-            *f"-framerate {_rate(path, suffix, fps):.6f} -i - -an".split(),
-            *_filters(suffix, space),
+            *f"-framerate {fps:.6f} -i - -an".split(),
+            *_filters(space),
             *f"{_CODECS[suffix]} -threads {_THREADS} {_BITEXACT}".split(),
             str(temporary),
         ]
@@ -176,25 +181,42 @@ def _pixels(path: Path) -> NDArray[np.uint8]:
     return np.asarray(read_frame(path).convert("RGB"))
 
 
-def _rate(path: Path, suffix: str, fps: float) -> float:
-    """Return the nearest frame rate that the format supports."""
-    if suffix != ".gif":
-        return fps
+def _write_gif(path: Path, frames: Sequence[Path], fps: float, progress: Progress) -> None:
+    """Write a GIF with one palette for all frames; Pillow needs no ffmpeg for it."""
+    from PIL import Image
+
+    every = math.ceil(math.sqrt(_pixels(frames[0]).size * len(frames) / _PALETTE_NUMBERS))
+    sampled = [_pixels(frame)[::every, ::every].reshape(-1, 3) for frame in frames]
+    colours = Image.fromarray(np.concatenate(sampled)[None])
+    palette = colours.quantize(256, Image.Quantize.MEDIANCUT)
+
+    def indexed() -> Iterator[Image.Image]:
+        for i, frame in enumerate(frames, start=1):
+            picture = read_frame(frame).convert("RGB")
+            yield picture.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
+            progress(i / len(frames))
+
+    pictures, ms = indexed(), 10 * _gif_ticks(path, fps)
+    with write_whole(path) as temporary:
+        next(pictures).save(
+            temporary, "GIF", save_all=True, append_images=pictures, duration=ms, loop=0
+        )
+
+
+def _gif_ticks(path: Path, fps: float) -> int:
+    """Return the time of a frame in hundredths of a second, as GIF counts it."""
     ticks = max(_LEAST_TICKS, round(_GIF_TICKS / fps))
     rate = _GIF_TICKS / ticks
     if abs(rate - fps) > 1e-6 * fps:
         warnings.warn(
             f"{path}: GIF counts in hundredths of a second; {fps:g} fps become {rate:.4g}",
             VolspecWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
-    return rate
+    return ticks
 
 
-def _filters(suffix: str, space: ColourSpace) -> list[str]:
-    if suffix == ".gif":
-        palette = "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=sierra2_4a"
-        return ["-filter_complex", palette]
+def _filters(space: ColourSpace) -> list[str]:
     primaries, curve = _TAGS[space.name]
     convert = (
         "scale=in_range=pc:out_range=tv:out_color_matrix=bt709:flags=accurate_rnd+full_chroma_int"

@@ -7,6 +7,7 @@ A scene is checked by planning its export.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -74,6 +75,17 @@ class Plan:
         for shot in self.shots:
             found.setdefault(shot.cast, []).append(shot)
         return list(found.values())
+
+    def fingerprint(self) -> str:
+        """Return a hash that is equal for equal frames."""
+        digest = hashlib.blake2b(digest_size=16)
+        for shot in self.shots:
+            rig = shot.rig
+            facts = shot.stem, shot.camera, shot.transfer, shot.spec, rig.weights, rig.groups
+            digest.update(repr((*facts, rig.illuminance_lux)).encode())
+            for light in rig.lights:
+                digest.update(np.stack([light.wavelengths_nm, light.values]).tobytes())
+        return digest.hexdigest()
 
 
 def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
+from volspec.basis import Basis
 from volspec.errors import ImageError, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
@@ -82,6 +83,8 @@ class Scene:
         Path of the file, for messages; paths in the file are relative to its folder.
     known : {address: Spectrum}, optional
         Newly designed spectra that the file names but that are not on disk yet.
+    basis : SpectralBasis or MaterialBasis, optional
+        Basis instead of the file's.
 
     Raises
     ------
@@ -95,6 +98,7 @@ class Scene:
         file: SceneFile,
         path: str | os.PathLike[str] = "scene",
         known: Mapping[str, Spectrum] | None = None,
+        basis: Basis | None = None,
     ) -> None:
         self.file = file
         self.path = Path(path)
@@ -102,7 +106,7 @@ class Scene:
         self._known = dict(known or {})
         names = Resolver(file, self.path, self._known)
         self._names = names
-        shipped = names.shipped_basis()
+        shipped = basis or names.shipped_basis()
         grid = names.grid(shipped)
         self.materials = names.reflectances("reflectance", grid)
         filters = names.reflectances("filter", grid)

@@ -134,7 +134,7 @@ class _App:
     @property
     def _moves(self) -> bool:
         """True if more changes are likely: a mouse button is down, or lights fade."""
-        return self._mouse.held or self._fading
+        return self._mouse.held or self._fading or self._ui.plays
 
     def run(self) -> None:
         """Draw frames until the window closes."""
@@ -234,7 +234,10 @@ class _App:
         if state is not None and self._history is not None:
             state = self._next(state, [*self._early, *inputs], area)
             self._early = []
-            if present is not None and shown is not None and shown is not present:
+            if present is not None and self._ui.preview is not None:
+                # The dialog leaves no other edits.
+                state = present if state.size == present.size else replace(present, size=state.size)
+            elif present is not None and shown is not None and shown is not present:
                 state = after_fade(present, shown, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
@@ -245,7 +248,7 @@ class _App:
                 if change is None or change.old is not self._shown or change.new is not now:
                     change = Difference.between(self._shown, now)  # a fade, or several steps
                 self._update(change, started)
-            if self._fading:
+            if self._fading or self._ui.plays:
                 self._settle = max(self._settle, _SETTLE)
         else:
             self._mouse.take(inputs)
@@ -267,9 +270,11 @@ class _App:
             self._relight(self._shown)
 
     def _during_fade(self, state: ViewState, now: float) -> ViewState:
-        """Return a state as it is shown; the clock of a new fade starts now."""
+        """Return a state as it is shown, in a preview or a fade; a new fade's clock starts now."""
         if state.fade is not self._fade:
             self._fade, self._fade_began = state.fade, now
+        if self._ui.preview is not None:
+            return self._ui.preview(state)
         if self._fade is None:
             self._fading = False
             return state

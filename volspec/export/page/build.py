@@ -196,6 +196,7 @@ def scene_views(
     device: str | None = None,
     progress: Progress | None = None,
     volume: Volume | None = None,
+    caster: Raycaster | None = None,
 ) -> Iterator[PageView]:
     """Cast a scene from cameras around it.
 
@@ -204,11 +205,11 @@ def scene_views(
     scene : Scene
     count : int
         Number of cameras on a circle around the scene's ``up``; the first is the scene's own.
-    size, device, progress, volume
+    size, device, progress, volume, caster
         As in `Scene.render`.
     """
-    volume = volume or scene.volume()
-    caster = Raycaster(volume, device=device)
+    volume = caster.volume if caster else volume or scene.volume()
+    caster = caster or Raycaster(volume, device=device)
     pixels = size or (scene.file.output.width, scene.file.output.height)
     for i, camera in enumerate(turntable_cameras(scene, volume, Turntable(frames=count))):
         image = raycast(

@@ -85,9 +85,11 @@ _FILES = (
     Command("save-session", "File", "Save the session as …", ("ctrl+shift+s",)),
     Command("open-session", "File", "Open a session …", ("ctrl+shift+o",)),
     Command("restore", "File", "Restore the last session", ("ctrl+shift+r",)),
-    Command("screenshot", "File", "Save the picture", ("s",)),
+    Command("screenshot", "File", "Save the picture", ("s",), words="screenshot image png"),
     Command("picture", "File", "Save the picture as …", ("ctrl+i",)),
-    Command("cancel", "File", "Cancel the picture that is being cast"),
+    Command("film", "File", "Save a film …", ("ctrl+m",), words="movie video turntable animation"),
+    Command("page", "File", "Save a web page …", ("ctrl+shift+m",), words="html share browser"),
+    Command("cancel", "File", "Cancel the file that is being made"),
     Command("clear-recent", "File", "Clear the recent files"),
     Command("quit", "File", "Quit", ("ctrl+q",)),
 )

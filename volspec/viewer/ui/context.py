@@ -7,6 +7,7 @@ It is not part of the state, and undo does not restore it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -133,6 +134,9 @@ class UiContext:
     item: str = ""  # and its item to focus
     lights: LightsPanelState = field(default_factory=LightsPanelState)
     library: LibraryState = field(default_factory=LibraryState)
+    # The state that the picture shows instead of the present one, and whether it keeps changing.
+    preview: Callable[[ViewState], ViewState] | None = None
+    plays: bool = False
     popup: str = ""  # the popup of the palette to open now,
     member: tuple[str, int] = ("", 0)  # and the (kind, index) of the light or material it is about
     _projected: tuple[Any, Projection] | None = None

@@ -43,17 +43,23 @@ _STAYS = _SELECT.no_auto_close_popups
 _BUTTON_WIDTH, _BUTTON_GAP = 84, 8
 
 
-def begin_dialog(name: str, opens: bool, ui: UiContext, wide: float) -> bool:
-    """Begin a dialog, if it is open or opens now; the picture is dimmed only a little."""
+def begin_dialog(name: str, opens: bool, ui: UiContext, wide: float, aside: bool = False) -> bool:
+    """Begin a dialog, if it is open or opens now; the picture is dimmed only a little.
+
+    A dialog ``aside`` is at the window's right, and the picture is not dimmed.
+    """
     if opens:
         imgui.open_popup(name)
     viewport = imgui.get_main_viewport()
     middle, room = viewport.get_work_center(), viewport.work_size
     width = min(ui.px(wide), room.x * 0.94)
-    imgui.set_next_window_pos(middle, imgui.Cond_.always, (0.5, 0.5))
+    place, pivot = (middle.x, middle.y), (0.5, 0.5)
+    if aside:
+        place, pivot = (viewport.work_pos.x + room.x - ui.px(6), middle.y), (1.0, 0.5)
+    imgui.set_next_window_pos(place, imgui.Cond_.always, pivot)
     imgui.set_next_window_size((width, 0))
     imgui.set_next_window_size_constraints((width, 0), (width, room.y * 0.98))
-    imgui.push_style_color(imgui.Col_.modal_window_dim_bg, (0.0, 0.0, 0.0, 0.25))
+    imgui.push_style_color(imgui.Col_.modal_window_dim_bg, (0.0, 0.0, 0.0, 0.0 if aside else 0.25))
     begun = bool(imgui.begin_popup_modal(name, True, DIALOG_FLAGS)[0])
     imgui.pop_style_color()
     return begun

@@ -14,20 +14,20 @@ from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import Request, Search, UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs
-from volspec.viewer.ui.output_dialogs import PictureDialog, draw_progress
+from volspec.viewer.ui.output_dialogs import (
+    FilmDialog,
+    PageDialog,
+    PictureDialog,
+    draw_progress,
+)
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import PALETTES
 from volspec.viewer.work.documents import DocumentService, Opened
+from volspec.viewer.work.films import save_film, save_page
 from volspec.viewer.work.notify import Notice
+from volspec.viewer.work.outputs import CUSTOM, PictureSize, Progress
 from volspec.viewer.work.pictures import Pictures
-from volspec.viewer.work.screenshot import (
-    CUSTOM,
-    Progress,
-    Shot,
-    copy_shown,
-    copy_values,
-    save_picture,
-)
+from volspec.viewer.work.screenshot import Shot, copy_shown, copy_values, save_picture
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import save_session
 
@@ -52,15 +52,18 @@ class FileCommands:
         self._tasks, self._ui, self._palette = tasks, ui, palette
         self._notice = notice
         self.documents = DocumentService(tasks, notice, device)
-        shot = Shot() if size is None else Shot(CUSTOM, size)
-        self._dialogs, self._picture = FileDialogs(), PictureDialog(shot)
+        sides = PictureSize() if size is None else PictureSize(CUSTOM, size)
+        self._dialogs, self._picture = FileDialogs(), PictureDialog(Shot(sides))
+        self._film, self._page = FilmDialog(sides), PageDialog(sides)
         self._progress: Progress | None = None
         self._state: ViewState | None = None
         self._commands: dict[str, Callable[[ViewState], None]] = {
             "reload": self.documents.reload,
             "restore": self.documents.restore,
-            "screenshot": self._cast,
+            "screenshot": self._save_picture,
             "picture": lambda _: self._picture.ask(),
+            "film": lambda _: self._film.ask(),
+            "page": lambda _: self._page.ask(),
             "cancel": lambda _: self._cancel(),
             "clear-messages": lambda _: notice.clear(),
             "clear-recent": lambda _: self.documents.clear_recent(),
@@ -100,12 +103,14 @@ class FileCommands:
         outcomes = self._tasks.take()
         found = None
         for outcome in outcomes:
-            progress = self._progress if outcome.kind == "picture" else None
+            progress = self._progress
+            if progress is not None and progress.kind != outcome.kind:
+                progress = None
             if progress is not None:
                 self._progress = None
-            # A picture that was cancelled too late is still written.
+            # A file that was cancelled too late is still written.
             if progress is not None and progress.ended and outcome.error:
-                self._notice.show("The picture was cancelled")
+                self._notice.show(f"The {progress.kind} was cancelled")
             elif outcome.kind == "open":
                 found = self.documents.finish_open(outcome, first)
             elif outcome.error:
@@ -124,11 +129,16 @@ class FileCommands:
         self._tasks.close()
 
     def draw(self, state: ViewState | None) -> None:
-        """Draw the dialogs and the progress of a picture."""
+        """Draw the dialogs and the progress of a file."""
         if answer := self._dialogs.draw(self._ui):
             self._use_path(*answer)
-        if state is not None and self._picture.draw(state, self._ui):
-            self._cast(state)
+        if state is not None:
+            if self._picture.draw(state, self._ui):
+                self._save_picture(state)
+            if self._film.draw(state, self._ui):
+                self._save_film(state)
+            if self._page.draw(state, self._ui):
+                self._save_page(state)
         if self._progress is not None and draw_progress(self._progress, self._ui):
             self._cancel()
 
@@ -149,15 +159,30 @@ class FileCommands:
             }[request.kind]
             self._tasks.start(request.kind, lambda: write(state, path), writes=True)
 
-    def _cast(self, state: ViewState) -> None:
-        if self._progress is not None:
-            self._notice.show_warning("A picture is already being cast; wait or cancel it")
-            return
+    def _save_picture(self, state: ViewState) -> None:
         shot = self._picture.shot
-        width, height = shot.size(state.size)
-        progress = self._progress = Progress(f"Casting {width} × {height}")
+        width, height = shot.size.pixels(state.size)
+        what = f"Casting {width} × {height}"
+        self._make("picture", what, lambda progress: save_picture(state, shot, progress))
+
+    def _save_film(self, state: ViewState) -> None:
+        file = self._film.file
+        what = f"Film of {file.film.frames} frames"
+        self._make("film", what, lambda progress: save_film(state, file, progress))
+
+    def _save_page(self, state: ViewState) -> None:
+        file = self._page.file
+        what = f"Page of {file.views} views" if file.views > 1 else "Web page"
+        self._make("page", what, lambda progress: save_page(state, file, progress))
+
+    def _make(self, kind: str, what: str, make: Callable[[Progress], Path]) -> None:
+        """Start making a file in the background, unless another one is being made."""
+        if self._progress is not None:
+            self._notice.show_warning(f"A {self._progress.kind} is being made; wait or cancel it")
+            return
+        progress = self._progress = Progress(what, kind)
         # `close` waits for it, too: a thread in native code must not outlive the interpreter.
-        self._tasks.start("picture", lambda: save_picture(state, shot, progress), writes=True)
+        self._tasks.start(kind, lambda: make(progress), writes=True)
 
     def _cancel(self) -> None:
         if self._progress is not None:

@@ -1,19 +1,30 @@
-"""Dialogs for files that the viewer makes, and the progress of those that take time."""
+"""Dialogs for pictures, films and web pages, and the progress of those that take time."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
 
 from imgui_bundle import imgui
 
+from volspec.export.page import MOST_VIEWS
 from volspec.raycast.checks import MAX_SIDE
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.film import AS_SHOWN, RATES, SECONDS, Film, frame_state, light_changes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.dialogs import DIALOG_FLAGS, begin_dialog, buttons_left, dialog_buttons
-from volspec.viewer.ui.widgets import pick, wrap_text
-from volspec.viewer.work.screenshot import CUSTOM, PRESETS, Progress, Shot, megabytes
+from volspec.viewer.ui.widgets import BLACK, over_picture, pack_colour, pick, wrap_text
+from volspec.viewer.work.films import FILM_KINDS, FilmFile, PageFile, possible_kinds
+from volspec.viewer.work.outputs import CUSTOM, PRESETS, Destination, PictureSize, Progress
+from volspec.viewer.work.screenshot import Shot, megabytes
 
 _DIM = imgui.Col_.text_disabled
+# Width of the labels at the right of the fields, at 96 dpi.
+_LABELS = 72
+# Views that the slider offers; and bytes of a channel of a pixel in a page, at most.
+_MOST_SLIDER_VIEWS, _PAGE_BYTES = 72, 0.5
 
 
 class PictureDialog:
@@ -32,35 +43,187 @@ class PictureDialog:
         opens, self._opens = self._opens, False
         if not begin_dialog("Save the picture", opens, ui, 420):
             return False
-        imgui.push_item_width(-ui.px(64))
-        self._fields(state, ui)
+        shot = self.shot
+        imgui.push_item_width(-ui.px(_LABELS))
+        size = _size_fields(shot.size, state, ui)
+        channels = state.transfer.basis.size * len(state.shading.groups)
+        room = megabytes(size.pixels(state.size), channels)
+        imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
+        to = _destination_fields(shot.to, state.document, ".png", ui)
         imgui.pop_item_width()
-        imgui.spacing()
-        imgui.set_cursor_pos_x(buttons_left(ui))
-        accepted, cancelled = dialog_buttons("Save", "picture ok", ui)
-        saved = accepted or imgui.is_key_pressed(imgui.Key.enter, False)
-        if cancelled or saved or imgui.is_key_pressed(imgui.Key.escape, False):
-            imgui.close_current_popup()
-        imgui.end_popup()
+        self.shot = replace(shot, size=size, to=to)
+        return _end_dialog("picture ok", ui)[0]
+
+
+class FilmDialog:
+    """The dialog for a film, previewed in the picture; it keeps its settings."""
+
+    def __init__(self, size: PictureSize) -> None:
+        self.file = FilmFile(size=size)
+        self._opens = False
+        self._at = 0.0  # position of the preview, in seconds
+        self._plays = False
+        self._shown: tuple[tuple[ViewState, Film, int], ViewState] | None = None
+
+    def ask(self) -> None:
+        """Open the dialog."""
+        self._opens, self._at, self._plays = True, 0.0, False
+
+    def draw(self, state: ViewState, ui: UiContext) -> bool:
+        """Draw the dialog; return True if the film is to be saved now."""
+        opens, self._opens = self._opens, False
+        ui.preview, ui.plays = None, False
+        if not begin_dialog("Save a film", opens, ui, 340, aside=True):
+            return False
+        kinds = possible_kinds()
+        if self.file.kind not in kinds:
+            self.file = replace(self.file, kind=kinds[0])
+        imgui.push_item_width(-ui.px(_LABELS))
+        film = self._film_fields(self.file.film, state, ui)
+        imgui.separator()
+        kind = pick("Format", self.file.kind, kinds) or self.file.kind
+        ui.note("film format")
+        size = _size_fields(self.file.size, state, ui)
+        self.file = replace(self.file, film=film, kind=kind, size=size)
+        to = _destination_fields(self.file.to, state.document, self.file.suffix, ui)
+        self.file = replace(self.file, to=to)
+        imgui.pop_item_width()
+        if len(kinds) < len(FILM_KINDS):
+            wrap_text(".mp4 and .webm need ffmpeg: pip install 'volspec[video]'", _DIM)
+        saved, closed = _end_dialog("film ok", ui)
+        if not closed:
+            ui.preview, ui.plays = self._preview, self._plays
+            _shade_outside(self.file.size.pixels(state.size), ui)
         return saved
 
-    def _fields(self, state: ViewState, ui: UiContext) -> None:
-        shot = self.shot
-        shot = replace(shot, preset=pick("Size", shot.preset, PRESETS) or shot.preset)
-        ui.note("picture size")
-        imgui.begin_disabled(shot.preset != CUSTOM)
-        changed, sides = imgui.input_int2("Pixels", list(shot.size(state.size)))
-        imgui.end_disabled()
-        if changed and shot.preset == CUSTOM:
-            shot = replace(shot, custom=(sides[0], sides[1]))
-        channels = state.transfer.basis.size * len(state.shading.groups)
-        room = megabytes(shot.size(state.size), channels)
-        imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
-        _, name = imgui.input_text_with_hint("Name", "from the title", shot.name)
-        _, folder = imgui.input_text_with_hint("Folder", "current folder", shot.folder)
-        shot = replace(shot, name=name, folder=folder)
-        wrap_text(f"Saves as {shot.path(state.document.title)}", _DIM)
-        self.shot = shot
+    def _preview(self, state: ViewState) -> ViewState:
+        """Return the state of the frame to show, the same object while nothing changes."""
+        film = self.file.film
+        key = state, film, min(int(self._at * film.fps), film.frames - 1)
+        if self._shown is None or self._shown[0] != key:
+            self._shown = key, frame_state(*key)
+        return self._shown[1]
+
+    def _film_fields(self, film: Film, state: ViewState, ui: UiContext) -> Film:
+        _, degrees = imgui.slider_float("Turn", film.degrees, -360.0, 360.0, "%.0f°")
+        ui.note("film turn", "By which the camera turns around the volume; 0 for none")
+        changes = light_changes(state)
+        lights = film.lights if film.lights in changes else changes[0]
+        lights = pick("Lights", lights, changes) or lights
+        ui.note("film lights")
+        loops = film.loops
+        if lights != AS_SHOWN:
+            _, loops = imgui.checkbox("The last fades back to the first", loops)
+            ui.note("film loops")
+        logarithmic = imgui.SliderFlags_.logarithmic
+        _, seconds = imgui.slider_float("Length", film.seconds, *SECONDS, "%.1f s", logarithmic)
+        ui.note("film length")
+        _, fps = imgui.slider_float("Rate", film.fps, *RATES, "%.0f fps")
+        ui.note("film rate")
+        film = Film(float(round(degrees)), lights, loops, round(seconds, 1), float(round(fps)))
+        if imgui.button("Stop" if self._plays else "Play", (ui.px(56), 0)):
+            self._plays = not self._plays
+        ui.note("film play")
+        imgui.same_line()
+        end = (film.frames - 1) / film.fps
+        if self._plays:
+            self._at = (self._at + imgui.get_io().delta_time) % (film.frames / film.fps)
+        imgui.set_next_item_width(-ui.px(_LABELS))
+        moved, at = imgui.slider_float("Preview", min(self._at, end), 0.0, end, "%.1f s")
+        ui.note("film preview")
+        if moved:
+            self._at, self._plays = at, False
+        imgui.text_disabled(f"{film.frames} frames")
+        return film
+
+
+def _shade_outside(size: tuple[int, int], ui: UiContext) -> None:
+    """Shade the parts of the picture that a narrower film leaves out; its height is the same."""
+    x, y, width, height = ui.areas["picture"]
+    side = (width - height * size[0] / size[1]) / 2
+    if side < 1:
+        return
+    shade = pack_colour(BLACK, 0.6)
+    with over_picture(ui) as draw_list:
+        for left in (x, x + width - side):
+            draw_list.add_rect_filled((left, y), (left + side, y + height), shade)
+
+
+class PageDialog:
+    """The dialog for a web page; it keeps its settings."""
+
+    def __init__(self, size: PictureSize) -> None:
+        self.file = PageFile(size=size)
+        self._opens = False
+
+    def ask(self) -> None:
+        """Open the dialog."""
+        self._opens = True
+
+    def draw(self, state: ViewState, ui: UiContext) -> bool:
+        """Draw the dialog; return True if the page is to be saved now."""
+        opens, self._opens = self._opens, False
+        if not begin_dialog("Save a web page", opens, ui, 420):
+            return False
+        file = self.file
+        imgui.push_item_width(-ui.px(_LABELS))
+        _, title = imgui.input_text_with_hint("Title", state.document.title, file.title)
+        ui.note("page title")
+        _, views = imgui.slider_int("Views", file.views, 1, _MOST_SLIDER_VIEWS)
+        ui.note("page views", "1 for a still; more to turn it by a drag")
+        size = _size_fields(file.size, state, ui)
+        width, height = size.pixels(state.size)
+        channels = state.transfer.basis.size * len(state.shading.groups) + 1
+        megabytes = 0.2 + 1e-6 * views * width * height * channels * _PAGE_BYTES
+        wrap_text(f"One file of up to {megabytes:,.1f} MB that any browser opens", _DIM)
+        to = _destination_fields(file.to, state.document, ".html", ui)
+        imgui.pop_item_width()
+        self.file = PageFile(min(max(views, 1), MOST_VIEWS), title, size, to)
+        return _end_dialog("page ok", ui)[0]
+
+
+def _size_fields(size: PictureSize, state: ViewState, ui: UiContext) -> PictureSize:
+    size = replace(size, preset=pick("Size", size.preset, PRESETS) or size.preset)
+    ui.note("picture size")
+    imgui.begin_disabled(size.preset != CUSTOM)
+    changed, sides = imgui.input_int2("Pixels", list(size.pixels(state.size)))
+    imgui.end_disabled()
+    if changed and size.preset == CUSTOM:
+        size = replace(size, custom=(sides[0], sides[1]))
+    return size
+
+
+def _destination_fields(
+    to: Destination, document: Document, suffix: str, ui: UiContext
+) -> Destination:
+    second = int(imgui.get_time())
+    _, name = imgui.input_text_with_hint("Name", "from the title", to.name)
+    ui.note("file name")
+    hint = str(_path(Destination(), document, suffix, second).parent)
+    _, folder = imgui.input_text_with_hint("Folder", hint, to.folder)
+    ui.note("file folder")
+    to = Destination(folder, name)
+    wrap_text(f"Saves as {_path(to, document, suffix, second)}", _DIM)
+    return to
+
+
+@lru_cache(maxsize=8)
+def _path(to: Destination, document: Document, suffix: str, _second: int) -> Path:
+    """Look for a free name once a second, not once a frame."""
+    return to.path(document, suffix)
+
+
+def _end_dialog(name: str, ui: UiContext) -> tuple[bool, bool]:
+    """Draw the buttons and end a dialog; return whether its file is wanted, and if it closed."""
+    imgui.spacing()
+    imgui.set_cursor_pos_x(buttons_left(ui))
+    accepted, cancelled = dialog_buttons("Save", name, ui)
+    saved = accepted or imgui.is_key_pressed(imgui.Key.enter, False)
+    closed = cancelled or saved or imgui.is_key_pressed(imgui.Key.escape, False)
+    if closed:
+        imgui.close_current_popup()
+    imgui.end_popup()
+    return saved, closed
 
 
 def draw_progress(progress: Progress, ui: UiContext) -> bool:
@@ -82,7 +245,8 @@ def draw_progress(progress: Progress, ui: UiContext) -> bool:
     imgui.progress_bar(progress.share, (ui.px(140), 0), "")
     imgui.pop_style_color()
     imgui.same_line()
-    imgui.text(f"{100 * progress.share:3.0f} %" if progress.share < 1 else "relighting")
+    step = progress.step or ("relighting" if progress.share >= 1 else "")
+    imgui.text(step or f"{100 * progress.share:3.0f} %")
     imgui.same_line()
     ended = bool(imgui.button("Cancel"))
     ui.note("cancel")

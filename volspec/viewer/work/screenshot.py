@@ -5,11 +5,9 @@ state, Shot -> [screenshot] -> PNG
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
-from itertools import chain, count
 from pathlib import Path
 from typing import Any
 
@@ -17,20 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec import __version__
-from volspec.errors import CastCancelled, DeviceError, InputError, OpenCLError, ViewingError
+from volspec.errors import CastCancelled, DeviceError, ViewingError
 from volspec.export import write_frame
-from volspec.export.frames import file_stem
-from volspec.pipeline import Relighter, raycast
+from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
-from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.outputs import Destination, PictureSize, Progress, with_own_caster
 from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.probe import Reading
 
-SHOWN, TWICE, UHD, CUSTOM = "As shown", "Twice as shown", "4K, 3840 × 2160", "Custom"
-PRESETS = (SHOWN, TWICE, UHD, CUSTOM)
-_UHD = (3840, 2160)
 # Bytes of a pixel without its channels: alpha, two depths, the codes.
 _OTHER_BYTES = 16
 
@@ -39,26 +33,8 @@ _OTHER_BYTES = 16
 class Shot:
     """Settings for saved pictures."""
 
-    preset: str = SHOWN
-    custom: tuple[int, int] = _UHD  # width and height in pixels, for the last of `PRESETS`
-    folder: str = ""  # empty for the current one
-    name: str = ""  # without ".png"; empty for the scene's title
-
-    def size(self, shown: tuple[int, int]) -> tuple[int, int]:
-        """Return width and height in pixels; ``shown`` is the size in the window."""
-        twice = 2 * shown[0], 2 * shown[1]
-        sizes = {SHOWN: shown, TWICE: twice, UHD: _UHD, CUSTOM: self.custom}
-        width, height = (min(max(side, 1), MAX_SIDE) for side in sizes[self.preset])
-        return width, height
-
-    def path(self, title: str) -> Path:
-        """Return the first free path; names made from titles always have a number."""
-        named = bool(self.name.strip())
-        stem = file_stem(self.name.removesuffix(".png")) if named else ""
-        stem = stem or f"volspec-{file_stem(title)}"
-        names = chain([stem] * named, (f"{stem}-{number}" for number in count(1)))
-        folder = Path(os.path.expanduser(self.folder))
-        return next(path for name in names if not (path := folder / f"{name}.png").exists())
+    size: PictureSize = field(default_factory=PictureSize)
+    to: Destination = field(default_factory=Destination)
 
 
 def megabytes(size: tuple[int, int], channels: int) -> float:
@@ -68,25 +44,10 @@ def megabytes(size: tuple[int, int], channels: int) -> float:
     return 3 * width * height * (4 * channels + _OTHER_BYTES) / 1e6
 
 
-@dataclass(slots=True)
-class Progress:
-    """Progress of a cast for a file; the window shows it, and cancels the cast with ``ended``."""
-
-    what: str
-    share: float = 0.0  # 0 to 1
-    ended: bool = False
-
-    def report(self, share: float) -> None:
-        """Set the share; called by the cast."""
-        self.share = share
-
-
 def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     """Cast, relight and write a picture, off the window's thread; return its path."""
-    path = shot.path(state.document.title)
-    if not path.parent.is_dir():
-        raise InputError(f"{path.parent}: no such folder; choose another", code="not-found")
-    frame = render_frame(state, shot.size(state.size), progress)
+    path = shot.to.new_path(state.document, ".png")
+    frame = render_frame(state, shot.size.pixels(state.size), progress)
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}
     write_frame(path, frame, notes, state.relight.viewing.display.space)
     return path
@@ -97,13 +58,8 @@ def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) ->
     rig = light_rig(state.lights)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save", code="missing")
-    cancelled = CastCancelled("the picture was cancelled")
-    try:
-        image = _cast(state, size, progress)
-    except CastCancelled:
-        raise cancelled from None
-    if progress.ended:
-        raise cancelled
+    image = with_own_caster(state.document, partial(_cast, state, size, progress))
+    progress.check()
     other = light_rig(state.other) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.
     with Relighter(image) as relighter:
@@ -115,20 +71,19 @@ def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) ->
     return frame
 
 
-def _cast(state: ViewState, size: tuple[int, int], progress: Progress) -> CoefficientImage:
-    """Cast with a Raycaster of its own: the window's casts would wait for the document's."""
-    document = state.document
-    volume, shared = document.volume, document.caster
+def _cast(
+    state: ViewState, size: tuple[int, int], progress: Progress, caster: Raycaster
+) -> CoefficientImage:
+    volume = state.document.volume
     camera = state.view.camera(volume)
     what = volume, state.transfer, camera, size, state.shading
-    cast = partial(raycast, *what, progress=progress.report, cancel=lambda: progress.ended)
     try:
-        return cast(device=shared.device if shared else None)
-    except OpenCLError:
-        if shared is None:
-            raise
-        # The device has no room for the volume twice.
-        return cast(caster=shared)
+        return raycast(
+            *what, progress=progress.report, cancel=lambda: progress.ended, caster=caster
+        )
+    except CastCancelled:
+        progress.check()
+        raise
 
 
 class ClipboardError(DeviceError):

@@ -1,0 +1,201 @@
+"""Films and pages of the viewer: the frames of the preview, by the exporters of the commands."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.support.errors import raises
+from tests.support.viewer import opened
+from tests.support.window import Robot
+from volspec.errors import CastCancelled, ViewingError
+from volspec.scene import Scene
+from volspec.viewer.model import light_rows, light_states
+from volspec.viewer.model.film import LIGHTS, SIDES, STATES, Film, frame_state, light_changes
+from volspec.viewer.model.scene_file import export_scene
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import commands
+from volspec.viewer.work.films import (
+    FRAMES,
+    FilmFile,
+    PageFile,
+    possible_kinds,
+    save_film,
+    save_page,
+)
+from volspec.viewer.work.outputs import CUSTOM, Destination, PictureSize, Progress
+from volspec.viewer.work.screenshot import render_frame
+
+SMALL = PictureSize(CUSTOM, (40, 30))
+
+
+def azimuths(state: ViewState, film: Film) -> list[float]:
+    frames = (frame_state(state, film, i) for i in range(film.frames))
+    return [frame.view.azimuth_deg - state.view.azimuth_deg for frame in frames]
+
+
+def test_a_whole_turn_ends_before_its_start_and_a_part_at_its_angle(state: ViewState) -> None:
+    assert azimuths(state, Film(360.0, seconds=1.0, fps=4.0)) == [0.0, 90.0, -180.0, -90.0]
+    assert azimuths(state, Film(-90.0, seconds=1.0, fps=4.0)) == [0.0, -30.0, -60.0, -90.0]
+    assert azimuths(state, Film(0.0, seconds=0.5, fps=4.0)) == [0.0, 0.0]
+
+
+def weights(state: ViewState, film: Film) -> list[list[float]]:
+    frames = (frame_state(state, film, i) for i in range(film.frames))
+    return [[round(row.weight, 6) for row in frame.lights] for frame in frames]
+
+
+def test_lights_fade_into_each_other_and_back(state: ViewState) -> None:
+    state = replace(state, lights=state.lights[:2])
+    fade = Film(0.0, LIGHTS, seconds=1.0, fps=4.0)
+    assert weights(state, fade) == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [0.5, 0.5]]
+    once = weights(state, replace(fade, loops=False, fps=3.0))
+    assert once == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
+
+
+def test_a_film_fades_through_saved_states_and_between_sides(state: ViewState) -> None:
+    assert light_changes(state)[1:] == (LIGHTS,)
+    other = replace(state, lights=light_rows.only_row(state.lights, 1))
+    both = light_states.save(light_states.save(state).state)
+    saved = both.state.saved_lights
+    dim = replace(saved[1], relight=replace(state.relight, backdrop=0.5))
+    seen = replace(state, other=other.lights, saved_lights=(saved[0], dim))
+    assert light_changes(seen)[1:] == (LIGHTS, STATES, SIDES)
+    states = Film(0.0, STATES, False, seconds=1.0, fps=3.0)
+    backdrops = [frame_state(seen, states, i).relight.backdrop for i in range(3)]
+    start = state.relight.backdrop
+    assert isinstance(start, float)
+    assert backdrops == pytest.approx([start, (start + 0.5) / 2, 0.5])
+    sides = weights(seen, replace(states, lights=SIDES))
+    assert [row[:2] for row in sides] == [[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]]
+
+
+def test_the_frames_of_a_film_are_the_pictures_of_its_preview(tmp_path: Path) -> None:
+    state = replace(opened(tmp_path), size=(40, 30))
+    film = Film(120.0, LIGHTS, seconds=1.0, fps=3.0)
+    to = Destination(str(tmp_path), "turn")
+    file = FilmFile(film, FRAMES, SMALL, to)
+    folder = save_film(state, file, Progress("", "film"))
+    assert folder == tmp_path / "turn"
+    assert sorted(path.name for path in folder.glob("*.png")) == [f"000{i}.png" for i in range(3)]
+    for i in range(3):
+        shown = render_frame(frame_state(state, film, i), (40, 30), Progress("")).astype(int)
+        frame = np.asarray(Image.open(folder / f"000{i}.png")).astype(int)
+        # The window's relighter may use a LUT, the exporter's does not.
+        assert np.abs(shown - frame).max() <= 2
+    # A turn is what the command line makes of the saved scene.
+    whole = replace(file, film=Film(seconds=0.5, fps=8.0), to=replace(to, name="whole"))
+    frames = save_film(state, whole, Progress("", "film"))
+    scene = Scene.load(export_scene(state, tmp_path / "again.toml"))
+    first = scene.lights[0].name
+    made = scene.export(tmp_path / "cli", turntable={"frames": 4}, lights=[first], size=(40, 30))
+    for i, name in enumerate(made.files[:4]):
+        ours = np.asarray(Image.open(frames / f"000{i}.png")).astype(int)
+        theirs = np.asarray(Image.open(made.output / name)).astype(int)
+        assert np.abs(ours - theirs).max() <= 1
+
+
+@pytest.mark.parametrize("kind", [".gif", FRAMES])
+def test_without_ffmpeg_there_are_gifs_and_folders(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    assert possible_kinds() == (".gif", FRAMES)
+    film = Film(seconds=0.5, fps=10.0)
+    path = save_film(opened(tmp_path), FilmFile(film, kind, SMALL), Progress("", "film"))
+    if kind == ".gif":
+        with Image.open(path) as gif:
+            assert (gif.size, gif.n_frames, gif.info["duration"]) == ((40, 30), 5, 100)
+    else:
+        assert len(list(path.glob("*.png"))) == 5
+
+
+def test_a_film_that_is_cancelled_leaves_nothing(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    before = set(tmp_path.iterdir())
+
+    class Cancelled(Progress):
+        def report(self, share: float) -> None:
+            self.ended = share > 0.5
+
+    for kind in (FRAMES, ".gif"):
+        with pytest.raises(CastCancelled):
+            save_film(state, FilmFile(kind=kind, size=SMALL), Cancelled("", "film"))
+    with pytest.raises(CastCancelled):
+        save_page(state, PageFile(size=SMALL), Cancelled("", "page"))
+    assert set(tmp_path.iterdir()) == before
+    with raises(ViewingError, "missing"):
+        dark = replace(state, lights=state.lights[1:])
+        save_film(dark, FilmFile(kind=FRAMES, size=SMALL), Progress("", "film"))
+
+
+def test_a_page_has_the_views_and_the_lights_of_the_window(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    path = save_page(state, PageFile(2, "A ball", SMALL), Progress("", "page"))
+    text = path.read_text(encoding="utf-8")
+    assert "<title>A ball" in text and text.count('"azimuth_deg":') == 2
+    assert '"daylight"' in text and '"tungsten"' in text
+
+
+def test_from_a_volume_to_a_film_and_a_page_by_mouse_in_few_actions(
+    tmp_path: Path, screen: None
+) -> None:
+    imageio = pytest.importorskip("imageio_ffmpeg")
+    np.save(tmp_path / "ball.npy", np.random.default_rng(1).random((12, 12, 12), np.float32))
+    with Robot(tmp_path, ["ball.npy", "--screenshot", "64x48"], (1000, 700)) as robot:
+        robot.whole()
+        robot.rest()
+        actions = 0
+
+        def click(name: str, at: float = 0.5) -> float:
+            nonlocal actions
+            x, y, width, height = robot.area(name)
+            before = robot.rest()
+            robot.click((x + at * width, y + height / 2))
+            robot.rest()
+            actions += 1
+            return before
+
+        click("menu File")
+        click("action film")
+        click("film length", 0.01)
+        click("film rate", 0.01)
+        # The preview turns the picture, and the picture is as it was after it.
+        before = click("film preview", 0.5)
+        assert any(row["stage"] == "cast" for row in robot.since(before))
+        before = click("film ok")
+        film = robot.wait_for(lambda row: row["event"] in ("film", "error"), before)
+        assert actions <= 12
+        command = [imageio.get_ffmpeg_exe(), "-loglevel", "error", "-i", film["path"]]
+        raw = subprocess.run(
+            [*command, "-f", "rawvideo", "-pix_fmt", "rgb24", "-"], capture_output=True, check=True
+        )
+        frames = np.frombuffer(raw.stdout, np.uint8).reshape(-1, 48, 64, 3)
+        assert len(frames) == 4
+        assert np.abs(np.subtract(frames[0], frames[2], dtype=int)).mean() > 1
+        click("menu File")
+        click("action page")
+        before = click("page ok")
+        page = robot.wait_for(lambda row: row["event"] in ("page", "error"), before)
+        assert Path(page["path"]).parent == tmp_path
+        assert '<script type="text/plain" id="view-0">' in Path(page["path"]).read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("word", "title"),
+    [
+        *((word, "Save a film") for word in ("film", "movie", "video", "turntable", "animation")),
+        *((word, "Save a web page") for word in ("page", "web page", "html")),
+        *((word, "Save the picture") for word in ("screenshot", "png")),
+    ],
+)
+def test_films_pages_and_pictures_are_found_by_their_usual_names(
+    state: ViewState, word: str, title: str
+) -> None:
+    assert commands.list_entries(state, (), word)[0].title == title

@@ -1,0 +1,119 @@
+"""Films and web pages of a state, made by the exporters of the command line.
+
+    state, settings -> [films] -> MP4, WebM, GIF, folder of frames | HTML
+
+A film's frames are those of its preview: `volspec.viewer.model.film.frame_state`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from volspec.errors import DeviceError, ViewingError
+from volspec.export.exporter import export
+from volspec.export.film import SUFFIXES, ffmpeg
+from volspec.export.page import PageSpec, scene_views, write_page
+from volspec.export.plan import Plan, Shot
+from volspec.pipeline import Raycaster
+from volspec.scene import Scene
+from volspec.scene.export import ExportSpec
+from volspec.viewer.model.film import Film, frame_state
+from volspec.viewer.model.light_rows import effective_weights, light_rig
+from volspec.viewer.model.scene_file import scene_from_state
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.outputs import Destination, PictureSize, Progress, with_own_caster
+
+FRAMES = "PNG frames in a folder"
+FILM_KINDS = (*SUFFIXES, FRAMES)
+
+
+@dataclass(frozen=True, slots=True)
+class FilmFile:
+    """Settings of a film's file."""
+
+    film: Film = field(default_factory=Film)
+    kind: str = ".mp4"  # one of `FILM_KINDS`
+    size: PictureSize = field(default_factory=PictureSize)
+    to: Destination = field(default_factory=Destination)
+
+    @property
+    def suffix(self) -> str:
+        """File name suffix; empty for a folder."""
+        return "" if self.kind == FRAMES else self.kind
+
+
+@dataclass(frozen=True, slots=True)
+class PageFile:
+    """Settings of a web page."""
+
+    views: int = 1  # cameras around the scene
+    title: str = ""  # empty for the scene's
+    size: PictureSize = field(default_factory=PictureSize)
+    to: Destination = field(default_factory=Destination)
+
+
+def possible_kinds() -> tuple[str, ...]:
+    """Return the kinds of films that can be written; some need ffmpeg."""
+    try:
+        ffmpeg()
+    except DeviceError:
+        return ".gif", FRAMES
+    return FILM_KINDS
+
+
+def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
+    """Cast, relight and encode a film, off the window's thread; return its path."""
+    path = file.to.new_path(state.document, file.suffix)
+    plan, size = film_plan(state, file.film), file.size.pixels(state.size)
+    scene = _scene(state, ExportSpec(fps=file.film.fps, sheet=False))
+
+    def report(step: str, share: float) -> None:
+        progress.step = "encoding" if step == "encode" else ""
+        progress.report(share)
+        progress.check()
+
+    def make(caster: Raycaster) -> None:
+        export(scene, path, size=size, progress=report, caster=caster, plan=plan)
+
+    with_own_caster(state.document, make)
+    return path
+
+
+def film_plan(state: ViewState, film: Film) -> Plan:
+    """Return the frames of a film."""
+    volume, shots = state.document.volume, []
+    for i in range(film.frames):
+        now = frame_state(state, film, i)
+        rig = light_rig(now.lights)
+        if rig is None:
+            raise ViewingError("No light is on, so there is no film to save", code="missing")
+        weights = zip(now.lights, effective_weights(now.lights), strict=True)
+        lit = ", ".join(f"{row.name} {weight:.3g}" for row, weight in weights if weight > 0)
+        camera = now.view.camera(volume)
+        shots.append(Shot(f"{i:04d}", i, camera, now.transfer, lit, rig, now.relight))
+    return Plan(tuple(shots), ())
+
+
+def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
+    """Cast a state's views and write them as a web page; return its path."""
+    path = file.to.new_path(state.document, ".html")
+    scene, size = _scene(state, ExportSpec()), file.size.pixels(state.size)
+    title = file.title.strip() or state.document.title
+
+    def report(share: float) -> None:
+        progress.report(share)
+        progress.check()
+
+    def make(caster: Raycaster) -> None:
+        views = scene_views(scene, file.views, size=size, progress=report, caster=caster)
+        write_page(path, views, scene.lights, scene.relight, PageSpec(title))
+
+    with_own_caster(state.document, make)
+    return path
+
+
+def _scene(state: ViewState, table: ExportSpec) -> Scene:
+    """Return the scene of a state as it would be saved, with the state's own basis."""
+    file = replace(scene_from_state(state), export=table, keyframe=())
+    return Scene(file, state.document.saved()[1], basis=state.transfer.basis)

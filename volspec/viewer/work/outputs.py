@@ -1,0 +1,150 @@
+"""Files that the viewer makes of its picture: where they go, how large they are, their progress.
+
+document -> [outputs] -> screenshot, films
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import chain, count
+from pathlib import Path
+from typing import TypeVar
+
+from volspec.errors import CastCancelled, InputError, OpenCLError
+from volspec.export.exporter import even_size
+from volspec.export.frames import file_stem
+from volspec.pipeline import Raycaster
+from volspec.raycast.checks import MAX_SIDE
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.paths import plain_stem
+
+T = TypeVar("T")
+SHOWN, TWICE, CUSTOM = "As shown", "Twice as shown", "Custom"
+_SIZES = {
+    "HD, 1280 × 720": (1280, 720),
+    "Full HD, 1920 × 1080": (1920, 1080),
+    "4K, 3840 × 2160": (3840, 2160),
+    "Square, 1080 × 1080": (1080, 1080),
+}
+PRESETS = (SHOWN, TWICE, *_SIZES, CUSTOM)
+
+
+@dataclass(frozen=True, slots=True)
+class PictureSize:
+    """Size of a picture or film in pixels; even unless it is given in numbers."""
+
+    preset: str = SHOWN
+    custom: tuple[int, int] = (1280, 720)  # width and height, for the last of `PRESETS`
+
+    def pixels(self, shown: tuple[int, int]) -> tuple[int, int]:
+        """Return width and height; ``shown`` is the size in the window."""
+        if self.preset == CUSTOM:
+            width, height = (min(max(side, 1), MAX_SIDE) for side in self.custom)
+            return width, height
+        times = 2 if self.preset == TWICE else 1
+        own = shown[0] * times, shown[1] * times
+        width, height = even_size(_SIZES.get(self.preset, own))
+        return min(width, MAX_SIDE), min(height, MAX_SIDE)
+
+
+@dataclass(frozen=True, slots=True)
+class Destination:
+    """Folder and name of a file to write."""
+
+    folder: str = ""  # empty for `output_folder`
+    name: str = ""  # with or without the suffix; empty for the scene's title
+
+    def path(self, document: Document, suffix: str) -> Path:
+        """Return the first free path; names made from titles always have a number."""
+        named = bool(self.name.strip())
+        stem = file_stem(self.name.strip().removesuffix(suffix)) if named else ""
+        stem = stem or f"volspec-{file_stem(_title(document))}"
+        names = chain([stem] * named, (f"{stem}-{number}" for number in count(1)))
+        folder = Path(os.path.expanduser(self.folder)) if self.folder.strip() else None
+        folder = (folder or output_folder(document)).absolute()
+        return next(path for name in names if not (path := folder / f"{name}{suffix}").exists())
+
+    def new_path(self, document: Document, suffix: str) -> Path:
+        """Return `path`; InputError if its folder is missing."""
+        path = self.path(document, suffix)
+        if not path.parent.is_dir():
+            raise InputError(f"{path.parent}: no such folder; choose another", code="not-found")
+        return path
+
+
+def _title(document: Document) -> str:
+    """Return the title; a volume's file name without its endings."""
+    source = document.source or ""
+    if document.title != os.path.basename(source.partition("?")[0]):
+        return document.title
+    return plain_stem(document.title)
+
+
+def output_folder(document: Document) -> Path:
+    """Return the opened file's folder; the user's pictures if nothing can be written there.
+
+    Next to a folder of slices, as a picture in it would become a slice.
+    """
+    source = document.source
+    if source is not None:
+        folder = Path(source.partition("?")[0]).absolute().parent
+        if os.access(folder, os.W_OK | os.X_OK):
+            return folder
+    return pictures_folder()
+
+
+def pictures_folder() -> Path:
+    """Return the user's folder of pictures, or the home folder."""
+    home = Path.home()
+    given = os.environ.get("XDG_PICTURES_DIR", "")
+    if not given:
+        settings = Path(os.environ.get("XDG_CONFIG_HOME") or home / ".config") / "user-dirs.dirs"
+        try:
+            text = settings.read_text(encoding="utf-8")
+        except (OSError, ValueError):
+            text = ""
+        found = re.search(r'^XDG_PICTURES_DIR="(.*)"', text, re.MULTILINE)
+        given = found[1].replace("$HOME", str(home)) if found else ""
+    folder = Path(given) if given else home / "Pictures"
+    return folder if folder.is_dir() else home
+
+
+@dataclass(slots=True)
+class Progress:
+    """Progress of a file in the making; the window shows it, and cancels the work with ``ended``.
+
+    The ``kind`` is a word for the file, such as "picture".
+    """
+
+    what: str
+    kind: str = "picture"
+    step: str = ""  # the present step, after the cast
+    share: float = 0.0  # 0 to 1
+    ended: bool = False
+
+    def report(self, share: float) -> None:
+        """Set the share; called by the cast."""
+        self.share = share
+
+    def check(self) -> None:
+        """Raise CastCancelled if the work is to end."""
+        if self.ended:
+            raise CastCancelled(f"the {self.kind} was cancelled")
+
+
+def with_own_caster(document: Document, use: Callable[[Raycaster], T]) -> T:
+    """Cast with a Raycaster of its own: the window's casts would wait for the document's.
+
+    If the device has no room for the volume twice, the document's is used.
+    """
+    shared = document.caster
+    try:
+        caster = Raycaster(document.volume, device=shared.device if shared else None)
+        return use(caster)
+    except OpenCLError:
+        if shared is None:
+            raise
+        return use(shared)
