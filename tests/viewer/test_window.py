@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -332,3 +333,36 @@ def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> Non
         robot.key("ctrl+shift+r")
         event(robot, "open", before)
         assert robot.viewer.poll() is None
+
+
+def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(tmp_path: Path) -> None:
+    import SimpleITK as sitk
+    from PIL import Image
+
+    values = (200 * phantom.ball(32).values).astype(np.uint8)
+    sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "ball.nii.gz"))
+    with Robot(tmp_path, ["ball.nii.gz"], (900, 600)) as robot:
+        robot.whole()
+        robot.rest()
+        robot.key("ctrl+p")
+        typed(robot, "preset skin")
+        robot.rest()
+        robot.drag(along(robot.middle("picture"), (300, 260), 0.1))
+        robot.rest()
+        # The name and the folder that are offered.
+        robot.key("ctrl+s")
+        robot.rest()
+        robot.key("Return")
+        saved = Path(event(robot, "export-scene")["path"])
+        assert saved == tmp_path / "ball.toml"
+        robot.key("s")
+        shot = tmp_path / event(robot, "screenshot")["path"]
+    text = saved.read_text(encoding="utf-8")
+    assert 'file = "ball.nii.gz"' in text and 'reflectance = "Vrhel/' in text
+    assert max(len(number) for number in re.findall(r"[\d.]+", text)) <= 9
+    seen = np.asarray(Image.open(shot).convert("RGB"), np.int16)
+    scene = Scene.load(saved)
+    assert (scene.file.output.height, scene.file.output.width) == seen.shape[:2]
+    made = scene.export(tmp_path / "frames", lights=[scene.lights[0].name], sheet=False)
+    frame = np.asarray(Image.open(made.output / made.files[0]).convert("RGB"), np.int16)
+    assert seen.std() > 5 and np.abs(frame - seen).max() <= 1

@@ -7,11 +7,12 @@ The current mix becomes the first light, under which the viewer opens a scene.
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Mapping
-from dataclasses import asdict, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from volspec._files import require_suffix
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.storage import shipped_names
 from volspec.errors import SceneError, SpectrumError
+from volspec.export.exporter import even_size
 from volspec.raycast.lights import HEADLIT
 from volspec.scene import Scene, SceneFile
 from volspec.scene.lights import LightSpec, rows_by_name
@@ -31,7 +33,8 @@ from volspec.scene.specs import (
 )
 from volspec.scene.transfer import TransferSpec
 from volspec.scene.writing import write_scene
-from volspec.spectra import Spectrum, light
+from volspec.settings import is_settings
+from volspec.spectra import Spectrum, light, reflectance
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Transfer, TransferFunction
 from volspec.viewer.model import light_rows
@@ -39,6 +42,7 @@ from volspec.viewer.model.state import ViewState
 
 # A folder without files: relative names must not be found in the working directory by chance.
 NOWHERE = "/"
+T = TypeVar("T")
 # Name of a light that combines several others.
 _MIX = "mix"
 
@@ -64,7 +68,7 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
         as_opened = any(row.rig is other.rig for other in state.document.lights)
         in_file = rows_by_name(file.light).get(row.name) if as_opened else None
         if in_file is not None and name == row.name:
-            tables[name] = [replace(t, weight=t.weight * weight) for t in in_file]
+            tables[name] = [replace(t, weight=as_typed(t.weight * weight)) for t in in_file]
         else:
             tables[name] = [_part_table(name, row, j, weight) for j in range(len(row.texts))]
     return [table for setting in tables.values() for table in setting]
@@ -81,17 +85,19 @@ def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -
         label=row.label if row.label != name else None,
         spectrum=given,
         group=rig.groups[part] or None,
-        weight=rig.weights[part] * weight * (_power(spectrum) if scaled else 1.0),
+        weight=as_typed(rig.weights[part] * weight * (_power(spectrum) if scaled else 1.0)),
         illuminance_lux=rig.illuminance_lux[part] if rig.illuminance_lux else None,
     )
 
 
-def _library_name(text: str | None, spectrum: Spectrum) -> str | None:
-    """Return a light's notation if it yields that spectrum wherever the scene file is."""
-    if text is None:
+def _library_name(
+    text: str | None, spectrum: Spectrum, find: Callable[..., Spectrum] = light
+) -> str | None:
+    """Return a spectrum's notation if it yields that spectrum wherever the scene file is."""
+    if not text:
         return None
     try:
-        known = light(text, spectrum.grid, folder=NOWHERE)
+        known = find(text, spectrum.grid, folder=NOWHERE)
     except (SpectrumError, OSError):
         return None
     return text if same_spectrum(known, spectrum) else None
@@ -101,6 +107,27 @@ def _power(spectrum: Spectrum) -> float:
     """Return the V-weighted mean, which `volspec.light` normalises to 1."""
     V = colour_matching_functions(spectrum.grid)[1]
     return float(V @ spectrum.values / V.sum())
+
+
+def as_typed(value: T) -> T:
+    """Return settings whose numbers have no digits beyond float32's, as people type them.
+
+    Sliders give 0.8500000238418579 for .85.
+
+    >>> as_typed((0.8500000238418579, 1 / 3, 7))
+    (0.85, 0.3333333, 7)
+    """
+    typed: Any = value
+    if isinstance(value, float) and math.isfinite(value):
+        typed = float(f"{value:.7g}")
+    elif isinstance(value, tuple | list):
+        typed = type(value)(map(as_typed, value))
+    elif isinstance(value, dict):
+        typed = {key: as_typed(each) for key, each in value.items()}
+    elif is_settings(type(value)):
+        made: Any = value
+        typed = replace(made, **{f.name: as_typed(getattr(value, f.name)) for f in fields(made)})
+    return typed
 
 
 def same_spectrum(one: Spectrum, other: Spectrum) -> bool:
@@ -154,32 +181,34 @@ def scene_from_state(state: ViewState) -> SceneFile:
         )
     shading = state.shading
     own = (file.group or HEADLIT) == shading.groups
-    width, height = state.size
-    same_transfer = state.transfer is document.transfer
+    width, height = even_size(state.size)
+    same_transfer, same_view = state.transfer is document.transfer, state.view == document.view
+    same_cast, same_viewing = shading == document.shading, state.relight == document.relight
     return replace(
         file,
         material=tuple(_materials(state, file)),
-        transfer=file.transfer if same_transfer else TransferSpec.of(state.transfer),
+        transfer=file.transfer if same_transfer else as_typed(TransferSpec.of(state.transfer)),
         basis=_basis(state, file.basis),
-        camera=file.camera if state.view == document.view else CameraSpec(**asdict(state.view)),
-        raycast=replace(shading, groups=HEADLIT),
-        group=file.group if own else () if shading.groups == HEADLIT else shading.groups,
+        camera=file.camera if same_view else as_typed(CameraSpec(**asdict(state.view))),
+        raycast=file.raycast if same_cast else as_typed(replace(shading, groups=HEADLIT)),
+        group=file.group if own else () if shading.groups == HEADLIT else as_typed(shading.groups),
         light=tuple(_light_tables(state, file)),
-        viewing=state.relight,
+        viewing=file.viewing if same_viewing else as_typed(state.relight),
         output=OutputSpec(width, height),
     )
 
 
 def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:
-    """Return the materials: as in the file if unchanged since then, otherwise as numbers."""
+    """Return the materials: as in the file if unchanged since then, else by name or as numbers."""
     old, new = state.document.transfer, state.transfer
     rows = {row.name: row for row in file.material}
 
     def given(key: str, name: str, now: Spectrum | None, then: Spectrum | None) -> Any:
         if now is None:
             return None
-        same = name in rows and then is not None and same_spectrum(now, then)
-        return getattr(rows[name], key) if same else SpectrumNumbers.of(now)
+        if name in rows and then is not None and same_spectrum(now, then):
+            return getattr(rows[name], key)
+        return _library_name(now.name, now, reflectance) or SpectrumNumbers.of(now)
 
     new_filters, old_filters = _filters(new), _filters(old)
     return [
