@@ -22,6 +22,8 @@ Row = dict[str, Any]
 Place = tuple[float, float]
 # Interval of the mouse's position reports.
 MOUSE_S = 1 / 60
+# The bundled scene, by its path: without one, the start screen would be over it.
+ENGINE = str(Path(__file__).resolve().parents[2] / "data" / "scenes" / "engine.toml")
 # A key that does nothing.
 _MARK = "F12"
 
@@ -55,7 +57,7 @@ class Robot:
     def __init__(
         self,
         folder: Path,
-        arguments: Sequence[str] = (),
+        arguments: Sequence[str] = (ENGINE,),
         size: tuple[int, int] = (1280, 720),
         dpi: int = 96,
     ) -> None:

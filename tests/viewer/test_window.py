@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.support.window import Robot, Row, along, small_engine
+from tests.support.window import ENGINE, Robot, Row, along, small_engine
 from volspec._gpu.devices import POCL, devices
 from volspec.scene import Scene
 from volspec.volume import phantom
@@ -135,7 +135,7 @@ def test_without_a_device_the_remedy_is_shown(
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv("OCL_ICD_VENDORS", str(tmp_path))
     monkeypatch.delenv("VOLSPEC_DEVICE", raising=False)
-    with Robot(tmp_path, [], (900, 600)) as robot:
+    with Robot(tmp_path, [ENGINE], (900, 600)) as robot:
         robot.wait_for(lambda row: row["event"] == "error" and row.get("stage") == "cast")
         robot.rest()
         x, y, width, height = robot.area("picture")
@@ -264,7 +264,7 @@ def typed(robot: Robot, text: str) -> None:
 def test_work_is_exported_found_by_name_kept_and_restored(tmp_path: Path) -> None:
     from PIL import Image
 
-    with Robot(tmp_path, ["--screenshot", "160x120"], (900, 600)) as robot:
+    with Robot(tmp_path, [ENGINE, "--screenshot", "160x120"], (900, 600)) as robot:
         robot.whole()
         robot.rest()
         # A command by a few letters, and a light in the list by name.
@@ -366,3 +366,46 @@ def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(tmp_path: Path
     made = scene.export(tmp_path / "frames", lights=[scene.lights[0].name], sheet=False)
     frame = np.asarray(Image.open(made.output / made.files[0]).convert("RGB"), np.int16)
     assert seen.std() > 5 and np.abs(frame - seen).max() <= 1
+
+
+def test_a_first_start_offers_demonstrations(tmp_path: Path) -> None:
+    with Robot(tmp_path, [], (1000, 640)) as robot:
+        robot.whole()
+        robot.rest()
+        assert {f"demonstration {name}" for name in ("head", "engine", "frog")} <= areas(robot)
+        before = robot.rest()
+        robot.click("demonstration head")
+        event(robot, "open", before)
+        robot.rest()
+        assert "demonstration frog" not in areas(robot)
+        # Again from the command list; Esc leaves the scene as it is.
+        before = robot.rest()
+        robot.key("ctrl+p")
+        typed(robot, "demonstrations")
+        assert "demonstration frog" in areas(robot)
+        robot.key("Escape")
+        robot.rest()
+        assert "demonstration frog" not in areas(robot) and opened(robot, before) == []
+        # One's own file, without a way back through the screen.
+        robot.key("ctrl+p")
+        typed(robot, "demonstrations")
+        np.save(tmp_path / "own.npy", phantom.ball(16).values)
+        robot.click("open your own")
+        robot.rest()
+        robot.key("ctrl+a")
+        before = robot.now()
+        robot.type(str(tmp_path / "own.npy"))
+        robot.key("Return")
+        event(robot, "open", before)
+        robot.rest()
+    (tmp_path / "trace.jsonl").unlink()
+    # Now there is something of one's own; demonstrations are none of the recent files.
+    with Robot(tmp_path, [], (1000, 640)) as robot:
+        robot.whole()
+        robot.rest()
+        assert "open your own" not in areas(robot)
+
+
+def areas(robot: Robot) -> set[str]:
+    """Names of the items of the last layout."""
+    return set([row["areas"] for row in robot.rows() if row["event"] == "layout"][-1])

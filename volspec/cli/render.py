@@ -112,7 +112,8 @@ def view(
     Parameters
     ----------
     file
-        A scene file, a volume (file or folder) or a session; default: the bundled engine.
+        A scene file, a volume (file or folder) or a session; by default the viewer offers three
+        demonstrations at its first start, and then opens the bundled engine.
     size
         WIDTHxHEIGHT of the window.
     screenshot

@@ -30,6 +30,7 @@ from volspec.viewer.ui.widgets import as_one_line, set_theme
 from volspec.viewer.ui.window import Window
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.casts import CastScheduler
+from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.designs import DesignService
 from volspec.viewer.work.documents import Opened, open_path
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, WarningQueue, collect_warnings
@@ -66,6 +67,11 @@ class Options:
         """True if the viewer resumes a session."""
         return self.restore or (self.path or "").lower().endswith(SUFFIX)
 
+    @property
+    def is_first(self) -> bool:
+        """True if nothing was asked for."""
+        return self.path is None and not self.restore
+
 
 def view(options: Options) -> None:
     """Open the window; return when it is closed.
@@ -98,6 +104,7 @@ class _App:
         if window.note:
             self._notice.show_warning(window.note)
         self._screen = Screen(window.context, Window.wake, self._meter, self._notice)
+        self._thumbnails = Thumbnails(window.context)
         self._designs = DesignService(Window.wake, self._notice)
         self._file_commands = FileCommands(
             tasks,
@@ -112,6 +119,8 @@ class _App:
             self._file_commands.documents.resume_last(options.path)
         elif options.resumes:
             self._file_commands.documents.open(options.path)
+        # At the first start there is nothing of the user's own to go on with.
+        self._ui.start = options.is_first and not self._file_commands.documents.recent
         self._scheduler = CastScheduler(Window.wake)
         self._docks, self._mouse = Docks(), Mouse()
         self._focus = Focus()
@@ -168,6 +177,7 @@ class _App:
             self._file_commands.close(self._present, faulty)
             self._designs.close()
             self._scheduler.close()
+            self._thumbnails.close()
             self._screen.close()
 
     def _patience(self) -> float:
@@ -297,6 +307,7 @@ class _App:
             design=self._designs.status,
             recent=self._file_commands.documents.recent,
             messages=self._notice.messages,
+            thumbnails=self._thumbnails,
         )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:

@@ -79,6 +79,7 @@ def _panel(title: str, *keys: str) -> Command:
 _FILES = (
     Command("open", "File", "Open …", ("ctrl+o",)),
     Command("open-folder", "File", "Open a folder of slices …"),
+    Command("demonstrations", "File", "Demonstrations …"),
     Command("reload", "File", "Read the file again, keeping only the view", ("f5", "ctrl+r")),
     Command("export-scene", "File", "Export as scene …", ("ctrl+s",)),
     Command("export-python", "File", "Export as Python …", ("ctrl+e",)),

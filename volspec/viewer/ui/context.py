@@ -20,6 +20,7 @@ from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import DesignStatus
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import Projection
+from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.notify import Message
 from volspec.viewer.work.probe import Reading
 from volspec.viewer.work.screen import ErrorMapTexture
@@ -114,6 +115,7 @@ class Results:
     design: DesignStatus = field(default_factory=DesignStatus)
     recent: tuple[RecentFile, ...] = ()
     messages: tuple[Message, ...] = ()  # the last is the newest
+    thumbnails: Thumbnails | None = None
 
 
 @dataclass(slots=True)
@@ -130,6 +132,7 @@ class UiContext:
     menu_step: int = 0  # the step to another menu that an arrow was pressed for
     focus_menu: str = ""  # the menu whose title to focus now, and then to open,
     open_menu: str = ""  # and the menu to open now
+    start: bool = False  # the start screen is open
     front: str = ""  # the panel to bring to the front now,
     item: str = ""  # and its item to focus
     lights: LightsPanelState = field(default_factory=LightsPanelState)

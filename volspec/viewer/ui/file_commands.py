@@ -71,6 +71,7 @@ class FileCommands:
             "copy-values": lambda _: self._copy(lambda: copy_values(ui.results.under_mouse)),
             "commands": lambda _: self._toggle_palette(),
             "rename-light": self._rename_light,
+            "demonstrations": lambda _: self._toggle_start(),
         }
 
     @property
@@ -199,6 +200,9 @@ class FileCommands:
 
     def _toggle_palette(self) -> None:
         self._ui.commands = None if self._ui.commands else Search()
+
+    def _toggle_start(self) -> None:
+        self._ui.start = not self._ui.start
 
     def _rename_light(self, state: ViewState) -> None:
         if "Lights" in state.interface.panels:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import commands, cuts, menus, messages, overlays, slices, viewing
+from volspec.viewer.ui import commands, cuts, menus, messages, overlays, slices, start, viewing
 from volspec.viewer.ui import lights_panel as lights
 from volspec.viewer.ui import palette_panel as palette
 from volspec.viewer.ui import transfer_panel as transfer
@@ -38,6 +38,7 @@ _OVERLAYS = (
     cuts.draw_handles,
     overlays.draw_cube,
     overlays.draw_scale,
+    start.draw,
     commands.draw,
 )
 _D = imgui.DockNodeFlags_

@@ -20,6 +20,7 @@ from volspec.viewer.model.paths import check_name, dropped_path
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.casts import make_caster
+from volspec.viewer.work.demonstrations import demonstration_at
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
@@ -138,7 +139,9 @@ class DocumentService:
                 "The last session ended early; File › Restore the last session brings it back"
             )
             self._notice.trace.note("ended-early")
-        if opened.path is not None:
+        if (demonstration := demonstration_at(opened.path)) is not None:
+            self._notice.show(demonstration.hint)
+        elif opened.path is not None:
             self._recent.add(opened.path)
             self.recent = self._recent.rows()
 
