@@ -1,4 +1,4 @@
-"""Scene for a volume alone: a preset's transfer function, four lights and a framed camera.
+"""Scene for a volume alone: a preset's transfer function, lights and a framed camera.
 
 Volume, preset -> [from_volume] -> SceneFile
 """
@@ -26,8 +26,22 @@ from volspec.transfer.presets import Preset, fit_preset, histogram
 from volspec.volume import Volume
 from volspec.volume.files.query import Query
 
-# Names and labels of the default lights.
-LIGHTS = {"D65": "daylight", "A": "tungsten lamp", "FL2": "cool fluorescent", "HP1": "sodium lamp"}
+# Spectra and labels of the default lights by name. The LEDs are as white as daylight, and change
+# every preset's colours by two to ten times as much as the lamps do.
+LIGHTS = {
+    "D65": ("D65", "daylight"),
+    "A": ("A", "tungsten lamp"),
+    "FL2": ("FL2", "cool fluorescent"),
+    "HP1": ("HP1", "sodium lamp"),
+    "LEDs yellow": (
+        "led:430*0.0112+led:510*0.0841+led:570*0.905",
+        "white of violet, green and yellow LEDs",
+    ),
+    "LEDs red": (
+        "led:470*0.068+led:510*0.645+led:670*0.287",
+        "white of blue, green and deep red LEDs",
+    ),
+}
 # Significant digits of fitted numbers.
 _DIGITS = 5
 
@@ -50,12 +64,13 @@ def volume_file(
     preset : Preset
         Materials and transfer function.
     lights : sequence of str, optional
-        In `volspec.light`'s notation; default: daylight, tungsten, fluorescent and sodium.
+        In `volspec.light`'s notation; default: daylight, tungsten, fluorescent, sodium, and two
+        whites of LEDs.
     camera : Orbit, optional
         Direction, field of view and projection; default: the default of scenes.
     """
     transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
-    labels = dict.fromkeys(lights) or LIGHTS
+    rows = {name: (name, "") for name in lights} or LIGHTS
     path = volume_path(address)
     details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
     document: dict[str, Any] = {
@@ -63,10 +78,12 @@ def volume_file(
         "volume": {"file": path.name + ("?" + details if details else "")},
         "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
         "transfer": plain(TransferSpec.of(transfer)),
+        # Exact under any light: no fitted basis holds the lines of LEDs.
+        "basis": {"method": "materials"},
         "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "jitter": 1.0},
         "light": [
-            {"name": name, "spectrum": name} | ({"label": label} if label else {})
-            for name, label in labels.items()
+            {"name": name, "spectrum": spectrum} | ({"label": label} if label else {})
+            for name, (spectrum, label) in rows.items()
         ],
         "camera": plain(CameraSpec(**asdict(camera))) if camera else {},
         "viewing": {"backdrop": 0.05},

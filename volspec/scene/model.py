@@ -35,6 +35,7 @@ from volspec.settings import plain, read_table
 from volspec.spectra import Spectrum
 from volspec.transfer.presets import DEFAULT, preset_named
 from volspec.volume import Volume, load_volume
+from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
@@ -166,7 +167,8 @@ class Scene:
         preset : str, optional
             Name of a transfer function in ``data/presets.toml``; default: soft-hard.
         lights : sequence of str, optional
-            In `volspec.light`'s notation; default: D65, A, FL2 and HP1.
+            In `volspec.light`'s notation; default: D65, A, FL2, HP1 and two whites of LEDs under
+            which most materials look very different.
         camera : Orbit, optional
             Its zoom and target are replaced: it frames what the transfer function shows.
         volume : Volume, optional
@@ -188,7 +190,7 @@ class Scene:
         >>> [light.name for light in scene.lights], scene.file.transfer.kind
         (['A'], 'surfaces')
         """
-        address = os.fspath(path)
+        address = locate_volume(os.fspath(path))
         volume = volume or load_volume(address)
         file = volume_file(address, volume, preset_named(preset or DEFAULT), lights, camera)
         scene = cls(file, volume_path(address))

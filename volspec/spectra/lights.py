@@ -53,6 +53,8 @@ _NOT_SPIKY = {
     "F40/N (Natural FL)",
 }
 Folder = str | os.PathLike[str]
+# Peaks of coloured LEDs, and their full width at half maximum.
+_LED_NM, _LED_WIDTH_NM = (400.0, 700.0), 20.0
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
 
 
@@ -64,7 +66,8 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
     text : str
         A name in `light_names` (any case), an everyday name (``tungsten``, ``sodium``,
         ``candle``, …; see `EVERYDAY`), ``planck:KELVIN`` (500-100000),
-        ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), a file (``FILE.csv``,
+        ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), ``led:NM`` (a coloured LED,
+        20 nm wide, with its peak at 400-700 nm), a file (``FILE.csv``,
         ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, ``PALETTE.toml#name``, …; see
         `read_spectrum`), or a mix ``NAME*WEIGHT+NAME*WEIGHT`` with shares of illuminance as
         weights (default 1). Known names with ``+`` or ``/`` are matched whole; in a mix, give a
@@ -199,7 +202,7 @@ def _is_known(name: str, folder: Folder) -> bool:
     prefix, _, number = low.partition(":")
     if prefix == PREFIX:
         return number.strip() in LAMPS
-    return prefix in ("planck", "daylight") and _number(number) is not None
+    return prefix in ("planck", "daylight", "led") and _number(number) is not None
 
 
 def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
@@ -266,7 +269,7 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     if name in light_tables():
         return _named_light(name, grid)
     prefix, _, number = fold_name(name).partition(":")
-    kelvin = _number(number)
+    kelvin = peak_nm = _number(number)
     if prefix in ("planck", "daylight"):
         if kelvin is None:
             raise SpectrumError(
@@ -280,6 +283,15 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
             )
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
         return _normalise(values, grid, f"{prefix}:{kelvin:g}")
+    if prefix == "led":
+        low_nm, high_nm = _LED_NM
+        if peak_nm is None or not low_nm <= peak_nm <= high_nm:
+            raise SpectrumError(
+                f"light {name!r}: {number!r} is no peak of a visible LED; give {low_nm:g} to "
+                f"{high_nm:g} nm, as in led:450",
+                code="range",
+            )
+        return _normalise(_led(peak_nm, grid), grid, f"{prefix}:{peak_nm:g}")
     if prefix == PREFIX and number.strip() in LAMPS:
         source = LAMPS[number.strip()]
         return _normalise(_planck(source.kelvin, grid), grid, f"{PREFIX}:{source.name}")
@@ -347,6 +359,13 @@ def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
     exponent = C2_NM_K / (kelvin * w) - C2_NM_K / (kelvin * 560.0)
     floor = np.exp(-C2_NM_K / (kelvin * 560.0))
     return grid.band_means(w, (560.0 / w) ** 5 / (np.exp(np.minimum(exponent, 600.0)) - floor))
+
+
+def _led(peak_nm: float, grid: SpectralGrid) -> NDArray[np.float64]:
+    """Return the band means of a Gaussian of an LED's width."""
+    wavelengths = np.arange(360.0, 831.0)
+    values = np.exp(-4.0 * np.log(2.0) * ((wavelengths - peak_nm) / _LED_WIDTH_NM) ** 2)
+    return extended_band_means(wavelengths, values, grid)
 
 
 def _daylight(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
