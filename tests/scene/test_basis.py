@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,14 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
-from volspec.errors import SceneError
+from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene
 from volspec.scene.basis import SceneSpectra, train_basis, use_of
 from volspec.scene.specs import BasisSpec
 from volspec.scene.transfer import PointSpec, TransferSpec
-from volspec.spectra import light, light_set, reflectance
+from volspec.spectra import SpectralGrid, light, light_set, reflectance
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
@@ -113,6 +115,46 @@ def test_a_designed_light_is_trained_for(tmp_path: Path, fits: list[dict[str, An
     # The same light without the note is one of many that the general basis holds.
     (tmp_path / "led.csv").write_text("380,1\n500,2\n780,1\n")
     assert scene(tmp_path, lamp="led.csv").basis.name == "general-7" and len(fits) == 1
+
+
+def comb_palette(folder: Path, step_nm: float) -> None:
+    """Write a palette whose light and reflectances alternate from band to band."""
+    bands = int(300 / step_nm) + 1
+    comb = np.arange(bands) % 2
+    rows = {"light": {"comb": 2 * comb}, "reflectance": {"odd": comb, "even": 1 - comb}}
+    text = f"[criteria]\ngrid_nm = [400, 700, {step_nm:g}]\n"
+    for kind, spectra in rows.items():
+        for name, values in spectra.items():
+            text += f'[[{kind}]]\nname = "{name}"\ndesign = true\nvalues = {values.tolist()}\n'
+    (folder / "comb.toml").write_text(text)
+
+
+def test_a_scene_takes_the_bands_of_its_palette(
+    tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    """On 31 bands each reflectance of the comb would be a grey of one half."""
+    comb_palette(tmp_path, 5)
+    for light_name in ("A", "comb.toml#comb", "comb.toml#comb*0.5+A*0.5"):
+        exact = '[basis]\nmethod = "materials"'
+        found = scene(tmp_path, exact, block="comb.toml#odd", lamp=light_name)
+        bands = SpectralGrid(400, 700, 5)
+        assert {row.spectrum.grid for row in found.lights} == {bands}
+        assert found.materials["block"].values.tolist() == [0, 1] * 30 + [0]
+        assert found.basis.grid == bands and "61" in found.basis_reason
+    assert not recwarn.list
+
+
+def test_a_scene_of_other_bands_than_its_palette_s_warns_with_the_difference(
+    tmp_path: Path,
+) -> None:
+    comb_palette(tmp_path, 5)
+    bands = "[basis]\ngrid_nm = [400, 700, 10]"
+    with pytest.warns(VolspecWarning, match=r"61 bands.*scene has 31.*ΔE00 (\d+\.\d)") as warned:
+        scene(tmp_path, bands, block="comb.toml#odd", lamp="comb.toml#comb")
+    off = re.search(r"ΔE00 (\d+\.\d) \(block under lamp\)", str(warned[0].message))
+    # Under the comb it reflects all light that there is, and half of it on bands of 10 nm.
+    half, white = cielab(np.array([[0.5], [1.0]]) * [95.05, 100, 108.88], [95.05, 100, 108.88])
+    assert off and float(off[1]) == pytest.approx(delta_E_2000(half, white), abs=0.5)
 
 
 def test_spectra_are_trained_for_by_their_use(tmp_path: Path, fits: list[dict[str, Any]]) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -9,10 +10,11 @@ from rich.table import Table
 
 from volspec.cli.shell import Json, Row, app, as_written, print_json, print_table, say
 from volspec.cli.viewing import in_options
-from volspec.errors import InputError
+from volspec.errors import InputError, VolspecWarning
 
-# nm; the photometric range, and the range over which most lamps are measured.
-RANGE_NM = (380.0, 780.0, 5.0)
+# nm: bands for the colour, the whole range of the CIE 1931 observer, without which a radiator of
+# 7500 K comes out at 7497 K; and bands whose power counts as radiated, which most lamps' files have.
+_COLOUR_NM, _RADIATED_NM = (360.0, 830.0, 1.0), (380.0, 780.0, 5.0)
 
 
 @app.command
@@ -35,7 +37,8 @@ def light(
 ) -> None:
     """Print a light's colour, temperature and lumens; for a lamp, also the lux at a distance.
 
-    Computed over 380 to 780 nm for the 2 degree observer.
+    Computed for the 2 degree observer over 360 to 830 nm; the efficacy counts the power radiated
+    between 380 and 780 nm.
 
     Example: `volspec light D65*0.7+A*0.3`
 
@@ -77,8 +80,11 @@ def light(
         return
     if spectrum is None:
         raise InputError("no light; give one, such as D65, or --list for all names")
-    found = find(spectrum, SpectralGrid(*RANGE_NM))
-    X, Y, Z = white_XYZ(found).tolist()
+    found = find(spectrum, SpectralGrid(*_RADIATED_NM))
+    with warnings.catch_warnings():
+        # A file that ends within the range is mentioned above; its end values continue.
+        warnings.simplefilter("ignore", VolspecWarning)
+        X, Y, Z = white_XYZ(find(spectrum, SpectralGrid(*_COLOUR_NM))).tolist()
     near = correlated_temperature((X, Y, Z))
     lamp = LAMPS.get(found.name.removeprefix(f"{PREFIX}:"))
     row: Row = {

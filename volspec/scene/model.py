@@ -25,7 +25,7 @@ from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.camera import Orbit
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
-from volspec.scene.basis import ChosenBasis, choose_basis, retrained
+from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained
 from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.from_volume import framed, volume_file, volume_path
 from volspec.scene.resolve import Resolver
@@ -120,8 +120,15 @@ class Scene:
                 spectra = names.spectra(self.lights, self.materials, filters)
                 # A title may have control characters; the name of a basis must not.
                 name = visible(file.title or self.path.stem)
-                chosen = choose_basis(file.basis, spectra, name, file.viewing.mode)
+                bands = grid.start_nm, grid.stop_nm, grid.step_nm
+                same = grid == grid_of(file.basis)
+                table = file.basis if same else replace(file.basis, grid_nm=bands)
+                chosen = choose_basis(table, spectra, name, file.viewing.mode)
+                if not same:
+                    reason = f"{chosen.reason}, on its palettes' {grid.size} bands"
+                    chosen = replace(chosen, reason=reason)
             self.basis, self.basis_reason = chosen.basis, chosen.reason
+        names.warn_of_palette_grids(grid, self.materials)
         with names.at("transfer"):
             self.transfer = file.transfer.function(self.materials, filters, self.basis)
         self.relight = file.viewing

@@ -9,21 +9,25 @@ import os
 import re
 import warnings
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, load_basis
-from volspec.errors import InputError, SceneError, VolspecWarning
+from volspec.basis.display import visible_white
+from volspec.errors import InputError, SceneError, SpectrumError, VolspecWarning
 from volspec.raycast import RaycastSpec
-from volspec.scene.basis import SceneSpectra, grid_of, use_of
+from volspec.scene.basis import LARGEST_ERROR, SceneSpectra, grid_of, use_of
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
 from volspec.scene.specs import given_reflectance
-from volspec.spectra import SpectralGrid, Spectrum
+from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
+from volspec.spectra.files import palette_grid
+from volspec.spectra.lights import light_terms
 from volspec.volume import Volume, load_volume
 from volspec.volume.bundled import locate_volume
 
@@ -70,11 +74,80 @@ class Resolver:
         return found
 
     def grid(self, shipped: Basis | None) -> SpectralGrid:
-        """Return the grid of the scene's spectra."""
-        grid = shipped.grid if shipped else SpectralGrid()
+        """Return the grid of the scene's spectra: that of ``[basis]``, or else of its palettes.
+
+        Of several palettes' grids it is the one with the most bands.
+        """
+        if shipped:
+            return shipped.grid
+        if self.file.basis.grid_nm is None and (grids := self.palette_grids().values()):
+            return max(grids, key=lambda grid: grid.size)
+        grid = SpectralGrid()
         with self.at("basis"):
-            grid = shipped.grid if shipped else grid_of(self.file.basis)
+            grid = grid_of(self.file.basis)
         return grid
+
+    def palette_grids(self) -> dict[str, SpectralGrid]:
+        """Return the grids of the spectra that the file takes from palettes, by address."""
+        folder, grids = self.path.parent, dict[str, SpectralGrid]()
+        for role, address in self._addresses():
+            with suppress(SpectrumError):  # raised again where its row is looked up
+                known = self.known.get(address)
+                grid = known.grid if known else palette_grid(address, role, folder)
+                if grid is not None:
+                    grids[address] = grid
+        return grids
+
+    def _addresses(self) -> Iterator[tuple[Literal["light", "reflectance"], str]]:
+        """Yield kind and name of all spectra that are given by name, each part of a mix alone."""
+        for material in self.file.material:
+            for given in (material.reflectance, material.filter):
+                if isinstance(given, str):
+                    yield "reflectance", given
+        for light in self.file.light:
+            if isinstance(light.spectrum, str) and light.spectrum in self.known:
+                yield "light", light.spectrum
+            elif isinstance(light.spectrum, str):
+                with suppress(SpectrumError):
+                    for name, _ in light_terms(light.spectrum, os.fspath(self.path.parent)):
+                        yield "light", name
+
+    def warn_of_palette_grids(self, grid: SpectralGrid, materials: Mapping[str, Spectrum]) -> None:
+        """Warn if the colours of palettes differ visibly on the scene's grid from their own.
+
+        ``materials`` are the reflectances on the scene's grid.
+        """
+        grids = self.palette_grids()
+        for own in set(grids.values()) - {grid}:
+            designed = [name for name in grids if grids[name] == own]
+            error, where = self._colour_change(own, grid, materials)
+            if error > LARGEST_ERROR:
+                remedy = f"grid_nm = [{own.start_nm:g}, {own.stop_nm:g}, {own.step_nm:g}]"
+                warnings.warn(
+                    f"{self.path}: {', '.join(designed)}: designed on {own.size} bands, but the "
+                    f"scene has {grid.size}, which changes colours by up to ΔE00 {error:.1f} "
+                    f"({where}); give [basis] {remedy}",
+                    VolspecWarning,
+                    stacklevel=4,
+                )
+
+    def _colour_change(
+        self, own: SpectralGrid, grid: SpectralGrid, materials: Mapping[str, Spectrum]
+    ) -> tuple[float, str]:
+        """Return the largest CIEDE2000 of a material between two grids, and its place."""
+        there = self.reflectances("reflectance", own)
+        lights = (self.lights(each, self.file.cast) for each in (own, grid))
+        worst = (0.0, "")
+        for one, two in zip(*lights, strict=True):
+            Lab = [
+                cielab(self.file.viewing.viewing.exposure * XYZ, visible_white(white_XYZ(light)))
+                for light, known in ((one.spectrum, there), (two.spectrum, materials))
+                for XYZ in [XYZ_from_spectra(light, [known[name] for name in materials])]
+            ]
+            errors = delta_E_2000(*Lab)
+            k = int(errors.argmax())
+            worst = max(worst, (float(errors[k]), f"{list(materials)[k]} under {one.name}"))
+        return worst
 
     def reflectances(
         self, key: Literal["reflectance", "filter"], grid: SpectralGrid

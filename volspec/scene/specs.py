@@ -161,7 +161,8 @@ class BasisSpec:
     positive: bool = False
     """Sensors without negative parts."""
     grid_nm: Annotated[Vector, Unit("nm")] | None = None
-    """First, last and step of the bands; default: 400 to 700 by 10."""
+    """First, last and step of the bands; default: those of the palettes that spectra are from, else
+    400 to 700 by 10."""
     observer_deg: Literal[2, 10] = 2
     """Field of the CIE observer."""
 

@@ -136,6 +136,21 @@ def named_in_palette(
     return None if given is None else (given, os.fspath(path.parent))
 
 
+def palette_grid(address: str, role: str, folder: Address) -> SpectralGrid | None:
+    """Return the grid of a palette's values, such as designed ones.
+
+    ``folder`` is the base of a relative address. None if the address is not a palette's, or if the
+    palette gives the spectrum by its name. Raises SpectrumError as `read_spectrum` does.
+    """
+    parts = split_address(address)
+    if parts is None or Path(parts[0]).suffix.lower() != PALETTE:
+        return None
+    if named_in_palette(parts, role, folder):
+        return None
+    path = os.fspath(Path(path_text(folder), parts[0]))
+    return palette_spectrum(path, parts[1], role).grid
+
+
 def rebase_address(text: str, folder: Path, to: Path) -> str:
     """Rewrite ``FILE#selector`` relative to another folder; other names do not change."""
     if (address := split_address(text)) is None:

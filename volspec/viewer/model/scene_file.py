@@ -23,6 +23,7 @@ from volspec.errors import SceneError, SpectrumError
 from volspec.export.exporter import even_size
 from volspec.raycast.lights import HEADLIT
 from volspec.scene import Scene, SceneFile
+from volspec.scene.basis import grid_of
 from volspec.scene.lights import LightSpec, rows_by_name
 from volspec.scene.specs import (
     BasisSpec,
@@ -238,9 +239,11 @@ def _basis(state: ViewState, table: BasisSpec) -> BasisSpec:
         return table
     if is_shipped(basis):
         return BasisSpec(name=basis.name)
+    grid = basis.grid
+    nm = (grid.start_nm, grid.stop_nm, grid.step_nm)
     if isinstance(basis, MaterialBasis) and table.method != "materials":
-        grid = basis.grid
-        nm = (grid.start_nm, grid.stop_nm, grid.step_nm)
         given: dict[str, Any] = {"grid_nm": nm, "observer_deg": basis.observer_deg}
         return BasisSpec(method="materials", **given)
-    return table
+    # The bands of a palette, to which the new scene need not refer.
+    own = table.name is not None or grid == grid_of(table)
+    return table if own else replace(table, grid_nm=nm)
