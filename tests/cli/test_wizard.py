@@ -12,7 +12,9 @@ import pytest
 import volspec as vs
 from tests.support.commands import call as command
 from tests.support.commands import refusal, write_wizard_scene
+from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette import load_palette
+from volspec.wizard.result import displayed_Lab
 
 
 @pytest.fixture
@@ -83,6 +85,42 @@ def test_reveal_merge_and_keep_write_theirs(ball: Path) -> None:
         == 0
     )
     assert call("keep", ball, "stone", "-o", out) == 0
+
+
+def test_keep_prints_how_constant_the_colour_is(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ball.with_name("out.toml")
+    assert call("keep", ball, "stone", "-o", out) == 0
+    table = capsys.readouterr().out
+    assert call("keep", ball, "stone", "--json", "-o", out) == 0
+    rows = json.loads(capsys.readouterr().out)["lights"]
+    scene = vs.Scene.load(out)
+    number = list(scene.materials).index("stone")
+    Lab = [displayed_Lab(scene, light)[number] for light in scene.lights]
+    for row, seen in zip(rows, Lab, strict=True):
+        assert row["constancy"] == {"stone": pytest.approx(delta_E_2000(Lab[0], seen), abs=1e-4)}
+        assert row["constancy"]["stone"] < 1.0
+    assert "stone from day" in table and f"{rows[1]['constancy']['stone']:.2f}" in table
+
+
+def test_a_new_light_of_lamps_comes_with_their_shares(
+    ball: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lamps = [word for name in ("LED-B1", "LED-RGB1", "HP1") for word in ("--lamp", name)]
+    words = ("merge", ball, "shell", "core", "--under", "day", "--split", "apart", *lamps)
+    out = ball.with_name("out.toml")
+    assert call(*words, "-o", out) == 0
+    text = capsys.readouterr().out.replace("\n", " ")
+    assert call(*words, "--json", "-o", out) == 0
+    shares = json.loads(capsys.readouterr().out)["lamps"]
+    assert (
+        list(shares) == ["LED-B1", "LED-RGB1", "HP1"] and pytest.approx(sum(shares.values())) == 1.0
+    )
+    row = tomllib.loads(out.with_name("out-palette.toml").read_text())["light"][-1]
+    assert row["shares"] == pytest.approx(list(shares.values()), abs=1e-4)
+    best = max(shares, key=lambda name: shares[name])
+    assert f"{best}*{round(shares[best], 4):g}" in text
 
 
 def test_colours_that_are_apart_already_are_told(

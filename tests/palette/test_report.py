@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,8 +12,11 @@ import pytest
 
 import volspec as vs
 from tests.support.palettes import free_light, lamp, must, surface
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
-from volspec.spectra import XYZ_from_spectra
+from volspec.palette.file import palette_file
+from volspec.palette.state import State
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, XYZ_from_spectra
 
 ROOT = Path(__file__).resolve().parents[2]
 GREY = (0.6, 0.6, 0.6)
@@ -90,6 +94,53 @@ def test_a_mixture_is_counted_by_its_lamps() -> None:
     cells = {("s", "L"): Cell(colour=GREY)}
     report = DesignReport.of(design(Palette((surface("s"),), (mixed,), cells)))
     assert {(s.kind, s.bands) for s in report.spectra} == {("reflectance", 31), ("light", 2)}
+
+
+def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path: Path) -> None:
+    """The report's text, the file and the mix of `volspec.light` are one light."""
+    lamps = ("HP1", "LED-B5", "FL7")
+    free = free_light("L", mixture=tuple(vs.light(name) for name in lamps))
+    mixed = vs.light("HP1*0.3+LED-B5*0.7")
+    given = PaletteSpectrum("copper", vs.reflectance("copper"))
+    shown = vs.Viewing("none").display.colours
+    colour = shown.encode(XYZ_from_spectra(mixed, given.spectrum) @ shown.RGB_from_XYZ.T)
+    cells = {("copper", "L"): Cell(colour=tuple(np.clip(colour, 0, 1).tolist()), weight=100)}
+    made = design(Palette((given,), (free,), cells))
+    (light,) = DesignReport.of(made).spectra
+    assert sum(light.lamps.values()) == pytest.approx(1.0) and tuple(light.lamps) == lamps
+    text = str(DesignReport.of(made))
+    mix = re.search(r"L = (\S+),", text)
+    assert mix
+    again = vs.light(mix[1]).values
+    own = made.light("L").on(DEFAULT_GRID).values
+    assert np.allclose(again, own, atol=2e-4 * own.max())
+    vs.save_palette(made, tmp_path / "made.toml")
+    (row,) = palette_file(tmp_path / "made.toml").light
+    assert row.shares == pytest.approx(list(light.lamps.values()), abs=6e-5)
+
+
+def test_metamers_are_compared_at_1_nm_too() -> None:
+    """Between bands of 10 nm designed spectra are interpolated, so that their products differ."""
+    nm = DEFAULT_GRID.wavelengths_nm
+    wave = 0.5 + 0.5 * np.cos(np.pi * (nm - 400) / 10)  # 1 and 0 in turn
+    comb = free_light("comb", spectrum=Spectrum(nm, wave + 1e-9))
+    rows = surface("a"), surface("b", spectrum=Spectrum(nm, wave))
+    cells = {(name, "comb"): Cell(colour=GREY) for name in "ab"}
+    palette = Palette(rows, (comb, lamp("HP1")), cells)
+    state = State.start(palette)
+    report = DesignReport.of(Design(palette, state, 0.0, 0.0))
+    (pair,) = report.metamers
+    fine = SpectralGrid(400, 700, 1)
+    light, a, b = (Spectrum(nm, v).on(fine) for v in (wave + 1e-9, np.full(31, 0.5), wave))
+    white = vs.Viewing("none").display.colours.white_XYZ
+    colours = [cielab(XYZ_from_spectra(light, row), white) for row in (a, b)]
+    assert pair.delta_E_1nm == pytest.approx(float(delta_E_2000(*colours)), abs=1e-3)
+    assert pair.delta_E > pair.delta_E_1nm + 5.0
+    assert f"{pair.delta_E:.2f} ({pair.delta_E_1nm:.2f} at 1 nm)" in str(report)
+    # A light of the library is looked up, as bands of 10 nm hide its lines.
+    sodium = State.at_1_nm(state).E[1]
+    found = vs.light("HP1", fine).values
+    assert np.allclose(sodium / sodium.sum(), found / found.sum())
 
 
 def test_advice_comes_true(sodium: DesignReport) -> None:

@@ -13,7 +13,7 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecWarning
 
 # nm: bands for the colour, the whole range of the CIE 1931 observer, without which a radiator of
-# 7500 K comes out at 7497 K; and bands whose power counts as radiated, which most lamps' files have.
+# 7500 K comes out at 7497 K; and bands whose power counts as radiated, which most files cover.
 _COLOUR_NM, _RADIATED_NM = (360.0, 830.0, 1.0), (380.0, 780.0, 5.0)
 
 

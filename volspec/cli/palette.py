@@ -262,6 +262,8 @@ def merge(
 def keep(scene: str, material: str, /, *, output: Output, json: Json = False) -> None:
     """Give a material the same colour under all lights of the scene.
 
+    Prints how far its colour still moves from that under the first light.
+
     Example: `volspec wizard keep engine.toml block -o constant.toml`
 
     Parameters
@@ -287,10 +289,12 @@ def _loaded(path: str, output: Path) -> Scene:
 
 def _finish(made: Redesigned, output: Path, json: bool) -> None:
     """Write the new scene and print its colour differences."""
+    from volspec.palette.variables import mixture_text
+
     paths = made.save(output)
     if json:
         files = dict(zip(("scene", "palette"), map(str, paths), strict=True))
-        print_json(files | {"lights": [_row(row) for row in made.evaluations]})
+        print_json(files | {"lights": [_row(row) for row in made.evaluations], "lamps": made.lamps})
         return
     out = Terminal()
     out.print(_table(made))
@@ -302,6 +306,9 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
                 f"{row.changed[worst]:.2f} ({worst})",
                 highlight=False,
             )
+    if made.lamps:
+        mix = mixture_text(made.lamps)
+        out.print(f"{made.changes.light} = {mix}, shares of the illuminance", highlight=False)
     if made.changes.exact:
         out.print("cast by its materials, as a basis of its size would blur them", highlight=False)
     say(f"{paths[0]}, {paths[1]}")
@@ -309,7 +316,13 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
 
 def _row(row: LightEvaluation) -> dict[str, object]:
     apart = [{"materials": list(pair), "delta_e": value} for pair, value in row.apart.items()]
-    return {"light": row.light, "like": row.like, "apart": apart, "changed": row.changed}
+    return {
+        "light": row.light,
+        "like": row.like,
+        "apart": apart,
+        "changed": row.changed,
+        "constancy": row.constancy,
+    }
 
 
 def _table(made: Redesigned) -> Table:
@@ -322,8 +335,11 @@ def _table(made: Redesigned) -> Table:
         table.add_column(f"{one} – {two}", justify="right")
     for name in made.materials:
         table.add_column(f"{name} before – after", justify="right")
+    for name in made.constant:
+        table.add_column(f"{name} from {made.evaluations[0].light}", justify="right")
     for row in made.evaluations:
         apart = [f"{row.apart[pair]:.2f}" for pair in pairs]
         changed = ["" if row.like else f"{row.changed[n]:.2f}" for n in made.materials]
-        table.add_row(row.light, *apart, *changed)
+        moved = [f"{row.constancy[name]:.2f}" for name in made.constant]
+        table.add_row(row.light, *apart, *changed, *moved)
     return table

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.models.cielab import delta_E_2000
-from volspec.palette.model import Cell, Palette, Place, Triple, hexadecimal
+from volspec.palette.model import Cell, Place, Triple, hexadecimal
 from volspec.palette.optimisation import Design, Phase, compared_colours
-from volspec.palette.state import State
+from volspec.palette.state import ColourModel, State
+from volspec.spectra import Spectrum
 
 Array = NDArray[np.float64]
 
@@ -94,6 +95,9 @@ class MetamerReport:
     reflectances : (str, str)
     delta_E : float
         CIEDE2000 between them under that light.
+    delta_E_1nm : float
+        The same on bands of 1 nm, between which a design on wider ones is interpolated: what a
+        light and paints of these spectra would show.
     apart : {light: float}
         CIEDE2000 under every other light: the special metamerism indices [1].
     """
@@ -101,12 +105,16 @@ class MetamerReport:
     light: str
     reflectances: tuple[str, str]
     delta_E: float
+    delta_E_1nm: float
     apart: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
 class SpectrumReport:
-    """Counts of a free spectrum's bands (or lamps), and of the bands that touch its bounds."""
+    """Counts of a free spectrum's bands (or lamps), and of the bands that touch its bounds.
+
+    ``lamps`` has the share of each lamp in the illuminance of a light that is a mixture.
+    """
 
     kind: str
     name: str
@@ -114,6 +122,7 @@ class SpectrumReport:
     at_lower: int
     at_upper: int
     largest: float
+    lamps: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,7 +176,7 @@ class DesignReport:
         cells, Lab = report_cells(state, targets)
         return cls(
             cells,
-            tuple(_metamers(state.palette, targets, Lab)),
+            tuple(_metamers(state, targets, Lab)),
             tuple(_spectra(state)),
             state.palette.viewing.exposure,
             _costs(state, cells),
@@ -221,7 +230,7 @@ def report_cells(
     RGB, XYZ = state.RGB(models), state.XYZ
     cells = {palette.index(place): cell for place, cell in targets.items()}
     wanted = compared_colours(palette, cells, RGB)
-    Lab = np.stack([m.Lab_from_RGB(RGB[:, j]) for j, m in enumerate(models)], axis=1)
+    Lab = _Lab(RGB, models)
     reports = []
     for i, row in enumerate(palette.names[0]):
         for j, column in enumerate(palette.names[1]):
@@ -246,22 +255,28 @@ def report_cells(
     return tuple(reports), Lab
 
 
+def _Lab(RGB: Array, models: Sequence[ColourModel]) -> Array:
+    return np.stack([m.Lab_from_RGB(RGB[:, j]) for j, m in enumerate(models)], axis=1)
+
+
 def _triple(values: Array) -> Triple:
     one, two, three = values.tolist()
     return one, two, three
 
 
-def _metamers(
-    palette: Palette, targets: Mapping[Place, Cell], Lab: Array
-) -> Iterator[MetamerReport]:
+def _metamers(state: State, targets: Mapping[Place, Cell], Lab: Array) -> Iterator[MetamerReport]:
     """Yield every pair of reflectances with the same target colour, light by light."""
-    rows, columns = palette.names
+    rows, columns = state.palette.names
+    fine = state.at_1_nm()
+    models = fine.colour_models()
+    fine_Lab = _Lab(fine.RGB(models), models)
     for j, column in enumerate(columns):
         for (i, one), (k, other) in combinations(enumerate(rows), 2):
             if _have_one_target(targets, (one, column), (other, column)):
                 between = delta_E_2000(Lab[i], Lab[k])
                 apart = {n: float(d) for n, d in zip(columns, between, strict=True) if n != column}
-                yield MetamerReport(column, (one, other), float(between[j]), apart)
+                at_1_nm = float(delta_E_2000(fine_Lab[i, j], fine_Lab[k, j]))
+                yield MetamerReport(column, (one, other), float(between[j]), at_1_nm, apart)
 
 
 def _have_one_target(targets: Mapping[Place, Cell], one: Place, other: Place) -> bool:
@@ -287,9 +302,15 @@ def _last_same(targets: Mapping[Place, Cell], place: Place) -> Place:
 
 
 def _spectra(state: State) -> Iterator[SpectrumReport]:
+    grid = state.palette.grid
     for kind, phase in (("reflectance", Phase(state, False)), ("light", Phase(state, True))):
         for number, x in phase.values().items():
             member = phase.members[number]
+            spectrum = Spectrum(grid.wavelengths_nm, (state.S, state.E)[kind == "light"][number])
+            lamps: dict[str, float] = {}
+            shares = replace(member, spectrum=spectrum).lamp_shares(grid)
+            for lamp, share in zip(member.mixture, shares, strict=True):
+                lamps[lamp.name] = lamps.get(lamp.name, 0.0) + share
             near = _TOUCH * max(float(np.abs(x).max()), 1e-12)
             yield SpectrumReport(
                 kind,
@@ -298,6 +319,7 @@ def _spectra(state: State) -> Iterator[SpectrumReport]:
                 0 if member.lower is None else int((x <= member.lower + near).sum()),
                 0 if member.upper is None else int((x >= member.upper - near).sum()),
                 float(x.max()),
+                lamps,
             )
 
 

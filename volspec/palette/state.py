@@ -8,6 +8,7 @@ least squares are solved in it or in CIELAB relative to the display's white.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -20,8 +21,8 @@ from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import ClosedTransform, LinearTransform
 from volspec.palette.model import Palette
-from volspec.palette.variables import fault, initial_light, initial_reflectance
-from volspec.spectra import colour_matching_functions
+from volspec.palette.variables import fault, initial_light, initial_reflectance, values_on
+from volspec.spectra import SpectralGrid, colour_matching_functions, light, reflectance
 
 Array = NDArray[np.float64]
 
@@ -139,6 +140,28 @@ class State:
         """Return (R, L, 3) linear RGB of the display, not clipped; default: `colour_models`."""
         models, XYZ = models or self.colour_models(), self.XYZ
         return np.stack([model.RGB_from_XYZ(XYZ[:, j]) for j, model in enumerate(models)], axis=1)
+
+    def at_1_nm(self) -> State:
+        """Return the state on bands of 1 nm; every light keeps its luminance.
+
+        Spectra and lamps that are given by name are looked up, designed ones are interpolated.
+        """
+        palette, own = self.palette, self.palette.grid
+        last = own.start_nm + math.floor(own.stop_nm - own.start_nm)
+        fine = SpectralGrid(own.start_nm, last, 1.0)
+        S = [
+            values_on(row, values, reflectance, (own, fine))
+            for row, values in zip(palette.reflectances, self.S, strict=True)
+        ]
+        E = np.stack(
+            [
+                values_on(column, values, light, (own, fine))
+                for column, values in zip(palette.lights, self.E, strict=True)
+            ]
+        )
+        E *= ((self.E @ self.Q[1]) / (E @ colour_matching_functions(fine)[1]))[:, None]
+        criteria = replace(palette.criteria, subspace=0.0)  # which has a basis on the palette's
+        return State(replace(palette, grid=fine, criteria=criteria), np.stack(S), E)
 
     def with_spectra(self, lights: bool, spectra: dict[int, Array]) -> State:
         """Return the state with some lights (columns) or reflectances (rows) replaced."""

@@ -11,17 +11,15 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from volspec._files import line_end, require_suffix, write_whole
 from volspec._toml import set_key
 from volspec.appearance.profile import is_profile
 from volspec.basis.storage import shipped_names
-from volspec.errors import PaletteError, SpectrumError, visible
+from volspec.errors import PaletteError, visible
 from volspec.palette.file import palette_file, palette_text
 from volspec.palette.model import Cell, Palette, hexadecimal, parse_colour
 from volspec.palette.optimisation import Design
-from volspec.palette.variables import PaletteSpectrum, fault
+from volspec.palette.variables import SHARE_DECIMALS, PaletteSpectrum, fault, is_named
 from volspec.settings import plain
 from volspec.spectra import Spectrum, light
 from volspec.spectra.files import rebase_address, rebase_path
@@ -95,6 +93,8 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
             if member.free:
                 if "design" not in entry:
                     set_key(entry, "design", True)
+                if shares := _shares(member, palette):
+                    set_key(entry, "shares", shares)
                 if member.spectrum is not None:
                     set_key(entry, "values", _values(member, palette))
     space = document.get("viewing", {}).get("display", {}).get("space")
@@ -112,6 +112,10 @@ def _values(member: PaletteSpectrum, palette: Palette) -> list[float]:
     assert member.spectrum is not None
     values = stack(member.spectrum, palette.grid)
     return [float(value) + 0.0 for value in values.round(_DECIMALS)]  # never -0
+
+
+def _shares(member: PaletteSpectrum, palette: Palette) -> list[float]:
+    return [round(share, SHARE_DECIMALS) for share in member.lamp_shares(palette.grid)]
 
 
 def _new_document(palette: Palette, comment: str) -> TOMLDocument:
@@ -178,6 +182,8 @@ def _spectrum_keys(member: PaletteSpectrum, palette: Palette) -> dict[str, Any]:
             keys["band_nm"] = list(member.band_nm)
         if member.mixture:
             keys["mixture"] = [_lamp(lamp, palette) for lamp in member.mixture]
+            if shares := _shares(member, palette):
+                keys["shares"] = shares
         if member.constant:
             keys["constant"] = True
     if member.spectrum is not None:
@@ -187,13 +193,8 @@ def _spectrum_keys(member: PaletteSpectrum, palette: Palette) -> dict[str, Any]:
 
 def _lamp(lamp: Spectrum, palette: Palette) -> str:
     """Return the name that finds a mixture's lamp when the file is loaded."""
-    try:
-        known = light(lamp.name, palette.grid).values
-        shape = stack(lamp, palette.grid)
-        if np.allclose(known / known.mean(), shape / shape.mean(), rtol=1e-3, atol=1e-3):
-            return lamp.name
-    except SpectrumError:
-        pass
+    if is_named(lamp, light, palette.grid):
+        return lamp.name
     problem = f"the lamp {lamp.name!r} is not the light of that name"
     remedy = "save it as a file and load it from there: volspec.light('FILE.csv')"
     raise fault("PaletteSpectrum.mixture", f"{problem}; {remedy}", "unknown", lamp.name)

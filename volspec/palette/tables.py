@@ -75,7 +75,7 @@ class _MemberSpec:
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
         """Refuse keys that only designed spectra may have."""
-        keys = {"lower", "upper", "band_nm", "mixture", "constant"} & set(table)
+        keys = {"lower", "upper", "band_nm", "mixture", "shares", "constant"} & set(table)
         given = table.get("spectrum") is not None or table.get("values") is not None
         if keys and not table.get("design", not given):
             problem = f"it is not designed, but has {' and '.join(sorted(keys))}"
@@ -101,6 +101,9 @@ class LightMember(_MemberSpec):
 
     mixture: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Lamps to mix the light from, so that it can be built; if omitted, any spectrum is allowed."""
+    shares: Annotated[tuple[float, ...], Field(strict=False)] = ()
+    """Share of each lamp in the mixture's illuminance; written by `volspec design` for whoever
+    builds the light, and not used by it."""
 
 
 @settings(PaletteError)

@@ -14,6 +14,7 @@ from rich.table import Table
 from rich.text import Text
 
 from volspec.palette.model import hexadecimal
+from volspec.palette.variables import mixture_text
 
 if TYPE_CHECKING:
     from volspec.palette.report import CellReport, DesignReport, MetamerReport
@@ -100,6 +101,10 @@ def _lines(report: DesignReport) -> Iterator[Text]:
                 (f"{kind}s ", "dim"),
                 f"{low} of {bands} bands at their lower bound, {high} at their upper one",
             )
+    for made in report.spectra:
+        if made.lamps:
+            shares = f"{made.name} = {mixture_text(made.lamps)}, shares of the illuminance"
+            yield Text.assemble(("mixture ", "dim"), shares)
     cost = ", ".join(f"{name} {value:.2g}" for name, value in report.cost.items() if value)
     yield Text.assemble(("cost ", "dim"), cost or "0")
 
@@ -107,12 +112,14 @@ def _lines(report: DesignReport) -> Iterator[Text]:
 def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
     """Largest ΔE of metamers under their light, and the range under others."""
     many = f"{len(pairs)} pairs" if len(pairs) > 1 else " and ".join(pairs[0].reflectances)
-    there = max(pair.delta_E for pair in pairs)
     others = list(pairs[0].apart)
     elsewhere = [f"{_range([p.apart[n] for p in pairs])} under {n}" for n in others]
     if len(others) > _MOST_NAMED:
         elsewhere = [f"{_range([d for p in pairs for d in p.apart.values()])} elsewhere"]
-    most = f"at most ΔE {there:.2f}" if len(pairs) > 1 else f"ΔE {there:.2f}"
+    there = f"{max(pair.delta_E for pair in pairs):.2f}"
+    fine = f"{max(pair.delta_E_1nm for pair in pairs):.2f}"
+    there += f" ({fine} at 1 nm)" if fine != there else ""
+    most = f"at most ΔE {there}" if len(pairs) > 1 else f"ΔE {there}"
     apart = f", apart {', '.join(elsewhere)}" if elsewhere else ""
     return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart}")
 

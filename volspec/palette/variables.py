@@ -6,20 +6,28 @@ spectra -> [variables] -> model
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
 from volspec._deprecated import renamed_attribute, renamed_keyword
-from volspec.errors import Code, PaletteError
+from volspec.errors import Code, PaletteError, SpectrumError
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
-from volspec.spectra.spectrum import light_power, reflectance_values
+from volspec.spectra.spectrum import light_power, reflectance_values, stack
 
 Array = NDArray[np.float64]
+Find = Callable[[str, SpectralGrid], Spectrum]
+"""`volspec.light` or `volspec.reflectance`."""
 
 # Periods of the waves that free lights start from, nm (Bergner et al., section 4.1: 60 and 85).
 _WAVES_NM = (60.0, 85.0, 110.0, 140.0, 45.0)
+SHARE_DECIMALS = 4
+"""Decimals of a lamp's share of the illuminance in files and reports."""
+# Relative difference up to which two spectra are the same one.
+_SAME_SHAPE = 1e-3
 # A light with less luminance than this fraction of equal energy is too dark to show a colour.
 _LEAST_Y = 1e-9
 
@@ -104,12 +112,70 @@ class PaletteSpectrum:
             return (lamps / lamps.mean(axis=0)) * inside[:, None]
         return np.eye(grid.size)[:, inside]
 
+    def lamp_shares(self, grid: SpectralGrid) -> tuple[float, ...]:
+        """Return each lamp's share of a designed mixture's illuminance; empty if there is none."""
+        if not self.mixture or self.spectrum is None:
+            return ()
+        lamps = self.synthesis(grid)
+        weights, _ = nnls(lamps, self.spectrum.on(grid).values)
+        lux = weights * (colour_matching_functions(grid)[1] @ lamps)
+        return tuple((lux / lux.sum()).tolist())
+
     open = renamed_attribute("free")
 
 
 # The keyword `open` is accepted for one version;
 # a generated constructor has no place for a decorator.
 PaletteSpectrum.__init__ = renamed_keyword(open="free")(PaletteSpectrum.__init__)  # type: ignore[method-assign]
+
+
+def mixture_text(shares: Mapping[str, float]) -> str:
+    """Return shares of illuminance as `volspec.light` takes them, without lamps of no share.
+
+    >>> mixture_text({"D65": 0.25, "FL2": 1e-9, "A": 0.75})
+    'D65*0.25+A*0.75'
+    """
+    rounded = {name: round(share, SHARE_DECIMALS) for name, share in shares.items()}
+    return "+".join(f"{name}*{share:g}" for name, share in rounded.items() if share)
+
+
+def is_named(spectrum: Spectrum, find: Find, grid: SpectralGrid) -> bool:
+    """Return True if `volspec.light` or `volspec.reflectance` finds the spectrum by its name."""
+    try:
+        known, shape = find(spectrum.name, grid).values, stack(spectrum, grid)
+    except SpectrumError:
+        return False
+    level = known.mean(), shape.mean()
+    return min(level) > 0.0 and np.allclose(
+        known / level[0], shape / level[1], rtol=_SAME_SHAPE, atol=_SAME_SHAPE
+    )
+
+
+def values_on(
+    member: PaletteSpectrum, values: Array, find: Find, grids: tuple[SpectralGrid, SpectralGrid]
+) -> Array:
+    """Return a spectrum's (N,) values on other bands, for a light in any unit.
+
+    A given spectrum and the lamps of a mixture are looked up by their names; what has none, as a
+    designed spectrum, is interpolated. ``values`` are on the first of the grids.
+    """
+    here, there = grids
+    nm = here.wavelengths_nm
+    if member.mixture:
+        shares = replace(member, spectrum=Spectrum(nm, values)).lamp_shares(here)
+        lamps = [
+            light_power((find(lamp.name, there) if is_named(lamp, find, here) else lamp), there)
+            for lamp in member.mixture
+        ]
+        V = colour_matching_functions(there)[1]
+        inside = member.synthesis(there).any(axis=1)
+        mixed = sum(share / (V @ lamp) * lamp for share, lamp in zip(shares, lamps, strict=True))
+        return np.asarray(mixed * inside)
+    given = member.spectrum
+    if given is not None and not member.free and is_named(given, find, here):
+        known = find(given.name, there).values
+        return np.asarray(known * (values.mean() / find(given.name, here).values.mean()))
+    return Spectrum(nm, values).on(there).values
 
 
 def initial_reflectance(row: PaletteSpectrum, grid: SpectralGrid) -> Array:

@@ -55,6 +55,8 @@ class LightEvaluation:
     changed : {material: ΔE}
         Changes of the designed materials; under a new light, changes of the other materials from
         the light it is ``like``.
+    constancy : {material: ΔE}
+        Differences of the designed materials' colours from those under the scene's first light.
     like : str
         Name of the light that a new one resembles; empty for a light of the original scene.
     """
@@ -62,6 +64,7 @@ class LightEvaluation:
     light: str
     apart: dict[tuple[str, str], float]
     changed: dict[str, float]
+    constancy: dict[str, float]
     like: str = ""
 
 
@@ -101,6 +104,27 @@ class Redesigned:
         """Return CIEDE2000 between two materials under a light, as its frames show them."""
         apart = next(row.apart for row in self.evaluations if row.light == light)
         return apart[(one, other) if (one, other) in apart else (other, one)]
+
+    @property
+    def constant(self) -> tuple[str, ...]:
+        """Designed materials that should have one colour under all lights."""
+        palette = self.design.palette
+        wanted = {
+            name: {palette.cells.get((name, light)) for light in palette.names[1]}
+            for name in self.materials
+        }
+        groups = {name: {c.group if c else "" for c in cells} for name, cells in wanted.items()}
+        return tuple(n for n, group in groups.items() if len(group) == 1 and any(group))
+
+    @property
+    def lamps(self) -> dict[str, float]:
+        """Share of each lamp in the illuminance of a new light that is a mixture."""
+        if self.changes.light is None:
+            return {}
+        palette = self.design.palette
+        light = palette.member("light", self.changes.light)
+        names = (lamp.name for lamp in light.mixture)
+        return dict(zip(names, light.lamp_shares(palette.grid), strict=True))
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, Path]:
         """Write the scene's file with its comments, and next to it ``…-palette.toml``.
@@ -189,8 +213,10 @@ def evaluate_lights(
         for two in names
         if two not in materials[: number + 1]
     ]
+    first: dict[str, Array] = {}
     for light in after.lights:
         shown = dict(zip(names, displayed_Lab(after, light), strict=True))
+        first = first or shown
         apart = {(one, two): float(delta_E_2000(shown[one], shown[two])) for one, two in pairs}
         is_new, changed = light.name not in old, dict[str, float]()
         compared = old.get(light.name, like)
@@ -202,7 +228,8 @@ def evaluate_lights(
                 if (name in materials) != is_new
             }
         resembled = compared.name if is_new and compared is not None else ""
-        evaluations.append(LightEvaluation(light.name, apart, changed, resembled))
+        constancy = {name: float(delta_E_2000(first[name], shown[name])) for name in materials}
+        evaluations.append(LightEvaluation(light.name, apart, changed, constancy, resembled))
     return tuple(evaluations)
 
 
