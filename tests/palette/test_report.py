@@ -120,7 +120,7 @@ def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path: Path) -> None
 
 
 def test_metamers_are_compared_at_1_nm_too() -> None:
-    """Between bands of 10 nm designed spectra are interpolated, so that their products differ."""
+    """The product of interpolated spectra is not the interpolated product."""
     nm = DEFAULT_GRID.wavelengths_nm
     wave = 0.5 + 0.5 * np.cos(np.pi * (nm - 400) / 10)  # 1 and 0 in turn
     comb = free_light("comb", spectrum=Spectrum(nm, wave + 1e-9))

@@ -102,8 +102,7 @@ class LightMember(_MemberSpec):
     mixture: Annotated[tuple[str, ...], Field(strict=False)] = ()
     """Lamps to mix the light from, so that it can be built; if omitted, any spectrum is allowed."""
     shares: Annotated[tuple[float, ...], Field(strict=False)] = ()
-    """Share of each lamp in the mixture's illuminance; written by `volspec design` for whoever
-    builds the light, and not used by it."""
+    """Share of each lamp in the mixture's illuminance, written by `volspec design`; not read."""
 
 
 @settings(PaletteError)

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from volspec._deprecated import renamed_attribute, renamed_keyword
 from volspec.errors import Code, PaletteError, SpectrumError
@@ -116,6 +115,8 @@ class PaletteSpectrum:
         """Return each lamp's share of a designed mixture's illuminance; empty if there is none."""
         if not self.mixture or self.spectrum is None:
             return ()
+        from scipy.optimize import nnls
+
         lamps = self.synthesis(grid)
         weights, _ = nnls(lamps, self.spectrum.on(grid).values)
         lux = weights * (colour_matching_functions(grid)[1] @ lamps)
