@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
 
 import volspec as vs
 from tests.support.commands import PALETTE, call, figures
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.fixture
@@ -37,6 +41,47 @@ def test_json_holds_every_cell(palette: Path, capsys: pytest.CaptureFixture[str]
     assert data["metamers"][0]["reflectances"] == ["a", "b"]
 
 
-def test_a_designed_palette_can_be_designed_again(palette: Path) -> None:
+def test_a_designed_palette_can_be_designed_again(
+    palette: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert call("design", palette, "-o", palette) == 0 == call("design", palette, "-o", palette)
     assert palette.read_text(encoding="utf-8").count("values = [") == 2
+    assert "--again" in capsys.readouterr().err
+    kept = palette.read_text(encoding="utf-8")
+    rough = kept.replace("[[light]]", "[criteria]\nsmoothness = 1\n[[light]]", 1)
+    palette.write_text(rough, encoding="utf-8")
+    assert call("design", palette, "-o", palette) == 0
+    assert palette.read_text(encoding="utf-8") == rough
+    assert call("design", palette, "--again", "-o", palette) == 0
+    assert palette.read_text(encoding="utf-8") != rough
+    other = kept.replace("steelblue", "firebrick")
+    palette.write_text(other, encoding="utf-8")
+    assert call("design", palette, "-o", palette) == 0
+    assert palette.read_text(encoding="utf-8") != other, "a cell is not met"
+
+
+GALLERY = ROOT / "data" / "palettes"
+
+
+@pytest.mark.parametrize("name", ["figure-2-volume", "figure-6", "figure-7"])
+def test_the_command_of_a_gallery_s_palette_keeps_its_colours(name: str, tmp_path: Path) -> None:
+    """Pictures are cast from the values in the file, and its command writes it."""
+    own = tmp_path / f"{name}.toml"
+    shutil.copy(GALLERY / own.name, own)
+    assert call("design", own, "-o", own) == 0
+    assert own.read_bytes() == (GALLERY / own.name).read_bytes()
+
+
+@pytest.mark.parametrize("name", ["figure-1", "figure-2"])
+def test_a_gallery_s_palette_comes_out_in_the_colours_on_its_page(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "docs/gallery/palette.md").read_text(encoding="utf-8")
+    report = page.partition(f"volspec design data/palettes/{name}.toml")[2].partition("\n## ")[0]
+    shown = re.findall(r"#[0-9a-f]{6} \d\.\d", report)
+    assert call("design", GALLERY / f"{name}.toml") == 0
+    printed = re.findall(r"#[0-9a-f]{6} \d\.\d", capsys.readouterr().out)
+    assert len(shown) == {"figure-1": 4, "figure-2": 15}[name]
+    for one, other in zip(shown, printed, strict=True):
+        codes = [bytes.fromhex(text[1:7]) for text in (one, other)]
+        assert max(abs(a - b) for a, b in zip(*codes, strict=True)) <= 1

@@ -26,9 +26,12 @@ def design(
     *,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     figure: Path | None = None,
+    again: Annotated[bool, Parameter(negative="")] = False,
     json: Json = False,
 ) -> None:
     """Design a palette's open lights and reflectances to give the wanted colours.
+
+    A palette whose designed values already meet every cell is kept as it is.
 
     Example: `volspec design palette.toml -o designed.toml --figure palette.png`
 
@@ -48,6 +51,8 @@ def design(
         The .toml to write: the palette, with its comments, and the spectra filled in.
     figure
         Figure to write: .png, .svg or .pdf.
+    again
+        Design on from values that already meet every cell, say, after a change of [criteria].
     """
     from volspec.palette import DesignReport, load_palette, save_palette, suggestions
     from volspec.palette import design as solved
@@ -65,7 +70,7 @@ def design(
         tell("design", 0)
         asked = load_palette(palette)
         try:
-            made = solved(asked)
+            made = solved(asked, again=again)
         except InputError as error:
             raise PaletteError(f"{palette}: {str(error).removeprefix('palette: ')}") from error
         tell("design", 1)
@@ -81,6 +86,8 @@ def design(
     if json:
         print_json(report.to_dict())
         return
+    if made.kept:
+        note(f"{palette}: its values meet every cell and are kept; --again designs on from them")
     console = Terminal(highlight=False)
     console.print(render(report, colours=console.color_system in ("256", "truecolor")))
     for path in (output, figure):

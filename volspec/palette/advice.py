@@ -59,7 +59,7 @@ def suggestions(design: Design) -> tuple[str, ...]:
 
 def _report(palette: Palette) -> DesignReport | None:
     try:
-        return DesignReport.of(design(palette))
+        return DesignReport.of(design(palette, again=True))
     except InputError:  # a trial may be impossible, or start from a light without luminance
         return None
 

@@ -68,7 +68,7 @@ def palette_figure(design: Design, report: DesignReport | None = None, title: st
     _draw_lights(figure, layout, design)
     _draw_reflectances(figure, layout, design)
     _draw_cells(figure, layout, report)
-    _draw_key(figure, layout, report)
+    _draw_key(figure, layout, report, design.palette.grid)
     return figure
 
 
@@ -229,7 +229,7 @@ def _square(axes: Axes, x: float, y: float, wide: float, tall: float, **style: A
     axes.add_patch(Rectangle((x, y), wide, tall, **{"linewidth": 0.0, **style}))
 
 
-def _draw_key(figure: Figure, layout: _Layout, report: DesignReport) -> None:
+def _draw_key(figure: Figure, layout: _Layout, report: DesignReport, grid: SpectralGrid) -> None:
     kinds = {cell.kind for cell in report.cells}
     words = ["surround: obtained", "square: wanted"]
     words += ["dashed: left free"] * ("free" in kinds)
@@ -238,8 +238,13 @@ def _draw_key(figure: Figure, layout: _Layout, report: DesignReport) -> None:
     words += ["number: ΔE00 above 1"] * (report.max > _VISIBLE)
     words += ["!: outside the display"] * any(not cell.in_gamut for cell in report.cells)
     totals = (
-        f"ΔE00 mean {report.mean:.2f}, largest {report.max:.2f}; exposure {report.exposure:.3g}"
+        f"ΔE00 mean {report.mean:.2f}, largest {report.max:.2f} on {grid.size} bands; "
+        f"exposure {report.exposure:.3g}"
     )
+    if report.metamers:
+        own = max(pair.delta_E for pair in report.metamers)
+        fine = max(pair.delta_E_1nm for pair in report.metamers)
+        totals += f"; metamers apart {own:.2f}, at 1 nm {fine:.2f}"
     axes = inch_axes(figure, _MARGIN, 0.1, layout.width - 2 * _MARGIN, _KEY)
     axes.set(xlim=(0, layout.width - 2 * _MARGIN), ylim=(0, _KEY))
     axes.set_axis_off()

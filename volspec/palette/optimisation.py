@@ -37,6 +37,8 @@ Array = NDArray[np.float64]
 _STEP = 1e-4
 # Linear RGB within which a cell is met exactly.
 _MET = 1e-4
+# CIELAB difference within which a design in a file meets a cell: half a visible one.
+_KEPT_dE = 0.5
 # Weight of an exact cell in the true cost: more than all other cells together.
 _EXACT_WEIGHT = 1e4
 _SUBSPACE = "the subspace error of"
@@ -259,12 +261,15 @@ class Design:
         Weighted sum of squares of the best iteration's last solve.
     residual : float
         Largest relative violation of the optimality conditions in the best iteration.
+    kept : bool
+        True if the palette's own values meet every cell and were kept.
     """
 
     palette: Palette
     state: State
     cost: float
     residual: float
+    kept: bool = False
 
     def light(self, name: str) -> Spectrum:
         """Return a light of the palette."""
@@ -275,13 +280,17 @@ class Design:
         return _spectrum(self.palette.member("reflectance", name))
 
 
-def design(palette: Palette) -> Design:
+def design(palette: Palette, *, again: bool = False) -> Design:
     """Optimise a palette's free spectra.
 
-    Reflectances are designed under the initial lights, then lights on these reflectances, and so on
-    for `Criteria.rounds` iterations; the best one is the result. If both are free and weights
-    differ, a first design weights all cells alike: equality constraints under arbitrary lights
-    would otherwise fix the reflectances.
+    A palette that has been designed already and meets every cell is kept: metamers and free
+    colours have many designs, and another run would drift to another of them. ``again`` goes on
+    from it.
+
+    Otherwise reflectances are designed under the initial lights, then lights on these reflectances,
+    and so on for `Criteria.rounds` iterations; the best one is the result. If both are free and
+    weights differ, a first design weights all cells alike: equality constraints under arbitrary
+    lights would otherwise fix the reflectances.
 
     Raises
     ------
@@ -291,6 +300,8 @@ def design(palette: Palette) -> Design:
         If a given spectrum is invalid, or does not cover the palette's grid.
     """
     begun = _Iteration(State.start(palette), math.inf, math.inf)
+    if not again and _is_designed(begun.state):
+        return Design(palette, begun.state, true_cost(begun.state), 0.0, kept=True)
     weights = {cell.weight for cell in palette.cells.values()}
     both = all(any(m.free for m in members) for members in (palette.lights, palette.reflectances))
     if both and (len(weights) > 1 or math.inf in weights):
@@ -355,6 +366,35 @@ def _meets_exact_cells(state: State) -> bool:
     return all(np.abs(shown[at] - target).max() <= _MET for at, target in compared.items())
 
 
+def _is_designed(state: State) -> bool:
+    """Return True if all free spectra were designed, are within bounds and meet every cell."""
+    palette, unit = state.palette, 100.0 / float(state.Q[1].sum())
+    for members, spectra in ((palette.reflectances, state.S), (palette.lights, state.E / unit)):
+        for member, values in zip(members, spectra, strict=True):
+            if member.free and not (
+                member.spectrum is not None
+                and member.spectrum.designed
+                and member.allows(values, palette.grid)
+            ):
+                return False
+    if palette.criteria.subspace or not _meets_exact_cells(state):
+        return False
+    models, cells = state.colour_models(), palette.indexed_cells()
+    RGB, model = state.RGB(models), models[0]
+    Lab = model.Lab_from_RGB(RGB)
+    for place, target in compared_colours(palette, cells, Lab, model).items():
+        cell, away = cells[place], float(np.linalg.norm(Lab[place] - target))
+        if cell.kind == "distinct":
+            away = max(cell.distance - away, 0.0)
+        if cell.kind == "free":
+            bounds = model.space.decode(palette.free_bounds(cell.group))
+            inside = model.Lab_from_RGB(np.clip(RGB[place], *bounds))
+            away = max(away, float(np.linalg.norm(Lab[place] - inside)))
+        if away > _KEPT_dE:
+            return False
+    return True
+
+
 def _spectrum(member: PaletteSpectrum) -> Spectrum:
     assert member.spectrum is not None  # a design fills in all spectra
     return member.spectrum
@@ -399,7 +439,7 @@ def fitted_exposure(palette: Palette) -> float:
     """
     rows = palette.reflectances
     unbounded = tuple(replace(row, upper=None) if row.free else row for row in rows)
-    S = design(replace(palette, reflectances=unbounded)).state.S
+    S = design(replace(palette, reflectances=unbounded), again=True).state.S
     ratios = [
         float(values.max() / row.upper)
         for row, values in zip(rows, S, strict=True)

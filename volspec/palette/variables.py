@@ -27,6 +27,8 @@ SHARE_DECIMALS = 4
 """Decimals of a lamp's share of the illuminance in files and reports."""
 # Relative difference up to which two spectra are the same one.
 _SAME_SHAPE = 1e-3
+# Values in files have six decimals.
+_ROUNDING = 1e-5
 # A light with less luminance than this fraction of equal energy is too dark to show a colour.
 _LEAST_Y = 1e-9
 
@@ -110,6 +112,16 @@ class PaletteSpectrum:
             lamps = np.stack([light_power(lamp, grid) for lamp in self.mixture], axis=-1)
             return (lamps / lamps.mean(axis=0)) * inside[:, None]
         return np.eye(grid.size)[:, inside]
+
+    def allows(self, values: Array, grid: SpectralGrid) -> bool:
+        """Return True if (N,) values are within the bounds and the band, to rounding."""
+        least = -math.inf if self.lower is None else self.lower
+        most = math.inf if self.upper is None else self.upper
+        if self.mixture:
+            return bool((values >= -_ROUNDING).all())
+        inside = self.synthesis(grid).any(axis=1)
+        bounded = (values >= least - _ROUNDING) & (values <= most + _ROUNDING)
+        return bool(np.where(inside, bounded, np.abs(values) <= _ROUNDING).all())
 
     def lamp_shares(self, grid: SpectralGrid) -> tuple[float, ...]:
         """Return each lamp's share of a designed mixture's illuminance; empty if there is none."""

@@ -389,7 +389,8 @@ class DesignProblem:
         starts = [()] if light is None else ((start,) for start in _starts(light, palette.grid))
         for new in starts:
             lights = (*columns, *new)
-            yield design(Palette(rows, lights, cells, palette.viewing, palette.grid, criteria))
+            asked = Palette(rows, lights, cells, palette.viewing, palette.grid, criteria)
+            yield design(asked, again=True)
 
     def redesign(self, made: Design) -> Redesigned:
         """Put a design into the scene."""

@@ -73,7 +73,7 @@ def _run(job: DesignJob, palette: Palette, whole: bool) -> DesignDone:
     started = time.perf_counter()
     made, error = None, ""
     try:
-        made = design(palette)
+        made = design(palette, again=True)
     except MemoryError:
         error = "no memory for the design"
     except VolspecError as refused:
