@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 SIZES = tuple(range(1, 13))
-# With 100 bands each design takes ten times as long, so fewer sizes.
-SIZES_OF = {31: SIZES, 100: (1, 3, 5, 7, 10, 12)}
 # Square palettes: figure 3's numbers for every way to draw colours and compare them.
 SQUARES = (3, 5, 7, 10, 12)
 WAYS = (("linear", "RGB"), ("linear", "Lab"), ("codes", "RGB"), ("codes", "Lab"))
@@ -46,13 +44,12 @@ DPI = 150
 
 
 def draw() -> None:
-    """Measure, draw and write; takes minutes."""
+    """Measure, draw and write; takes half an hour."""
     surfaces = {}
     for model in MODELS:
-        sizes = SIZES_OF[model.bands]
-        means = [[error(model, rows, columns).mean() for columns in sizes] for rows in sizes]
+        means = [[error(model, rows, columns).mean() for columns in SIZES] for rows in SIZES]
         surfaces[model.name] = np.array(means)
-        print(f"{model.name}: {len(sizes) ** 2 * SEEDS} palettes", flush=True)
+        print(f"{model.name}: {len(SIZES) ** 2 * SEEDS} palettes", flush=True)
     write(surface_figure(surfaces), "palette-3.png")
     pairs = {model.name: distances(model) for model in ORDER}
     write(distance_figure(pairs), "palette-4.png")
@@ -79,8 +76,7 @@ def surface_table(surfaces: Mapping[str, Array]) -> str:
     heads = " | ".join(f"{n} × {n}" for n in SIZES)
     lines = [f"| mean ΔE*ab | {heads} |", "|---" * (len(SIZES) + 1) + "|"]
     for model in MODELS:
-        means = dict(zip(SIZES_OF[model.bands], np.diag(surfaces[model.name]), strict=True))
-        cells = [two_digits(means[n]) if n in means else "" for n in SIZES]
+        cells = [two_digits(mean) for mean in np.diag(surfaces[model.name])]
         lines.append(f"| {model.name} bands | {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -123,8 +119,8 @@ def surface_figure(surfaces: Mapping[str, Array]) -> Figure:
     top = 5.0 * np.ceil(top / 5.0)
     halo = [withStroke(linewidth=2.2, foreground=PAPER)]
     for number, model in enumerate(MODELS):
-        means, sizes = surfaces[model.name], SIZES_OF[model.bands]
-        x, y = np.meshgrid(sizes, sizes)
+        means = surfaces[model.name]
+        x, y = np.meshgrid(SIZES, SIZES)
         axes: Any = figure.add_axes((0.005 + 0.33 * number, 0.02, 0.325, 0.93), projection="3d")
         axes.set_box_aspect((1, 1, 0.82), zoom=1.0)
         axes.view_init(elev=22, azim=-122)
@@ -133,7 +129,7 @@ def surface_figure(surfaces: Mapping[str, Array]) -> Figure:
             rstride=1, cstride=1, antialiased=True, shade=False,
         )  # fmt: skip
         for n in (5, 7, 10, 12):
-            height = means[sizes.index(n), sizes.index(n)]
+            height = means[SIZES.index(n), SIZES.index(n)]
             axes.plot([n], [n], [height], "o", color=INK, markersize=3, zorder=20)
             axes.text(
                 n, n, height + 0.045 * top, tenths(height), color=INK, fontsize=8, ha="center",
