@@ -16,11 +16,6 @@ from volspec.errors import InputError, SceneError, one_line
 
 if TYPE_CHECKING:
     from volspec.export.plan import Checked
-    from volspec.volume import Volume
-
-
-# An integer volume with up to this many distinct values counts as a segmentation.
-_MOST_LABELS = 64
 
 
 @app.command
@@ -42,7 +37,7 @@ def doctor(*, json: Json = False) -> None:
 
 @app.command
 def info(volume: str, /, *, json: Json = False) -> None:
-    """Print size, spacing, orientation, range and histogram of a volume, and labels if any.
+    """Print size, spacing, orientation, range and histogram of a volume, and labels with names.
 
     Example: `volspec info engine.nrrd`
 
@@ -54,7 +49,7 @@ def info(volume: str, /, *, json: Json = False) -> None:
         A volume file (NRRD, MHD/MHA, NIfTI, VTI/VTK, `.npy`, TIFF), a folder (DICOM, TIFF or PNG
         slices, OME-Zarr), or `FILE.raw?shape=256x256x110&dtype=uint8&spacing=1,1,1`. Details
         follow a question mark: `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
-        `channel=`, `time=`, `level=`.
+        `channel=`, `time=`, `level=`; `labels=FILE` names a table of a segmentation's labels.
     """
     from volspec.volume import load_volume
     from volspec.volume.summary import summarise
@@ -63,30 +58,11 @@ def info(volume: str, /, *, json: Json = False) -> None:
     require_scene(path, f"give a volume, or {RELIGHT}")
     require_image(path, "give the volume file of its [volume], or run volspec scene check {file}")
     loaded = load_volume(volume)
-    summary, labels = summarise(loaded), _labels(loaded)
+    summary = summarise(loaded)
     if json:
-        print_json(summary.to_dict() | ({"labels": labels} if labels else {}))
-        return
-    table = summary.table()
-    if labels:
-        table.add_row("labels", f"{labels[0]}–{labels[-1]}: {len(labels)} values")
-    Terminal().print(table)
-
-
-def _labels(volume: Volume) -> list[int]:
-    """Return the sorted values of a volume that looks like a segmentation, else an empty list."""
-    import numpy as np
-
-    if volume.values.dtype.kind not in "ui":
-        return []
-    low = int(volume.range[0])
-    found: set[int] = set()
-    for layer in volume.values:  # a volume's own integers are never wider than 16 bits
-        counts = np.bincount(layer.ravel().astype(np.int64) - low)
-        found.update((np.flatnonzero(counts) + low).tolist())
-        if len(found) > _MOST_LABELS:
-            return []
-    return sorted(found)
+        print_json(summary.to_dict())
+    else:
+        Terminal().print(summary.table())
 
 
 scene = App(

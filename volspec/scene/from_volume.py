@@ -1,4 +1,4 @@
-"""Scene for a volume alone: a preset's transfer function, lights and a framed camera.
+"""Scene for a volume alone: labels or a preset, lights and a framed camera.
 
 Volume, preset -> [from_volume] -> SceneFile
 """
@@ -22,6 +22,7 @@ from volspec.scene.transfer import TransferSpec
 from volspec.settings import plain, read_table
 from volspec.spectra import DEFAULT_GRID
 from volspec.transfer import Transfer
+from volspec.transfer.label_look import label_function
 from volspec.transfer.presets import Preset, fit_preset, histogram
 from volspec.volume import Volume
 from volspec.volume.files.query import Query
@@ -49,7 +50,7 @@ _DIGITS = 5
 def volume_file(
     address: str,
     volume: Volume,
-    preset: Preset,
+    preset: Preset | None,
     lights: Sequence[str] = (),
     camera: Orbit | None = None,
 ) -> SceneFile:
@@ -61,26 +62,37 @@ def volume_file(
         Path of the volume, with its details after a question mark.
     volume : Volume
         The voxels.
-    preset : Preset
-        Materials and transfer function.
+    preset : Preset, optional
+        Materials and transfer function; default: the volume's labels.
     lights : sequence of str, optional
         In `volspec.light`'s notation; default: daylight, tungsten, fluorescent, sodium, and two
         whites of LEDs.
     camera : Orbit, optional
         Direction, field of view and projection; default: the default of scenes.
     """
-    transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
+    transfer: Transfer
+    if preset is None:
+        transfer, materials = label_function(volume, DEFAULT_GRID)
+    else:
+        transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
+        materials = preset.materials
     rows = {name: (name, "") for name in lights} or LIGHTS
     path = volume_path(address)
     details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
     document: dict[str, Any] = {
         "title": path.name,
         "volume": {"file": path.name + ("?" + details if details else "")},
-        "material": [{"name": k, "reflectance": v} for k, v in preset.materials.items()],
+        "material": [{"name": k, "reflectance": v} for k, v in materials.items()],
         "transfer": plain(TransferSpec.of(transfer)),
         # Exact under any light: no fitted basis holds the lines of LEDs.
         "basis": {"method": "materials"},
-        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "jitter": 1.0},
+        # Borders of labels are rough.
+        "raycast": {
+            "ambient": 0.2,
+            "diffuse": 0.8,
+            "specular": 0.3 if preset else 0.1,
+            "jitter": 1.0,
+        },
         "light": [
             {"name": name, "spectrum": spectrum} | ({"label": label} if label else {})
             for name, (spectrum, label) in rows.items()

@@ -33,6 +33,7 @@ from volspec.scene.specs import CameraSpec
 from volspec.scene.writing import write_scene
 from volspec.settings import plain, read_table
 from volspec.spectra import Spectrum
+from volspec.transfer.label_look import LABELS, with_labels
 from volspec.transfer.presets import DEFAULT, preset_named
 from volspec.volume import Volume, load_volume
 from volspec.volume.bundled import locate_volume
@@ -172,7 +173,8 @@ class Scene:
         path : path
             A volume, as for `volspec.load_volume`; the scene's paths are relative to its folder.
         preset : str, optional
-            Name of a transfer function in ``data/presets.toml``; default: soft-hard.
+            Name of a transfer function in ``data/presets.toml``, or labels; default: labels if
+            the volume has some, else soft-hard.
         lights : sequence of str, optional
             In `volspec.light`'s notation; default: D65, A, FL2, HP1 and two whites of LEDs under
             which most materials look very different.
@@ -184,7 +186,7 @@ class Scene:
         Raises
         ------
         VolumeError
-            If the volume cannot be read.
+            If the volume cannot be read, or labels are asked for and its values are not whole.
         InputError
             If there is no such preset.
         SceneError
@@ -199,7 +201,11 @@ class Scene:
         """
         address = locate_volume(os.fspath(path))
         volume = volume or load_volume(address)
-        file = volume_file(address, volume, preset_named(preset or DEFAULT), lights, camera)
+        if preset == LABELS and not volume.labels:
+            volume = with_labels(volume)
+        labelled = preset == LABELS or (preset is None and volume.labels)
+        look = None if labelled else preset_named(preset or DEFAULT)
+        file = volume_file(address, volume, look, lights, camera)
         scene = cls(file, volume_path(address))
         scene.file = framed(file, volume, scene.transfer, scene.raycast)
         return scene

@@ -83,6 +83,10 @@ class LabelSpec(LookSpec):
     row_keys: ClassVar = ("label",)
     label: Annotated[int, Field(examples=[1])]
     """0 to 65535; labels left out are transparent."""
+    name: str = ""
+    """Such as liver, for lists of labels."""
+    visible: bool = True
+    """False hides the label, which keeps its opacity."""
 
 
 @settings(SceneError)
@@ -137,7 +141,12 @@ class TransferSpec:
             rows = [{f.name: getattr(row, f.name) for f in fields(row)} for row in transfer.regions]
         elif isinstance(transfer, LabelFunction):
             kind, looks = "labels", transfer.labels.items()
-            rows = [{"label": label, "opacity": o, "material": mix} for label, (o, mix) in looks]
+            rows = [
+                {"label": label, "opacity": opacity, "material": mix}
+                | ({"name": transfer.names[label]} if label in transfer.names else {})
+                | ({"visible": False} if label in transfer.hidden else {})
+                for label, (opacity, mix) in looks
+            ]
         else:
             kind = "points" if isinstance(transfer, TransferFunction) else "surfaces"
             points = getattr(transfer, kind)
@@ -172,7 +181,9 @@ class TransferSpec:
             return TransferFunction2D(regions, materials, basis, step)
         if self.labels is not None:
             looks = {row.label: (row.opacity, row.material) for row in self.labels}
-            return LabelFunction(looks, materials, basis, step)
+            names = {row.label: row.name for row in self.labels}
+            hidden = frozenset(row.label for row in self.labels if not row.visible)
+            return LabelFunction(looks, materials, basis, step, names, hidden)
         rows = self.points or self.surfaces or ()
         looks_at = [(row.value, row.opacity, row.material) for row in rows]
         if self.surfaces is not None:

@@ -43,7 +43,9 @@ def reflectance(
         ``CES/1``-``CES/99`` (CIE 224:2017), ``TCS/1``-``TCS/15`` (CIE colour rendering,
         2024 data; ``TCS 1995/…``: older), ``VS/1``-``VS/15`` (NIST CQS 9.0; ``VS 7.4/…``),
         ``Vrhel/118 wood pine`` (170 natural and man-made objects), ``ACES/1`` (175 patches),
-        a metal such as ``aluminium``; ``white``, ``black``, ``grey:0.18``; or a file with
+        a metal such as ``aluminium``; ``sRGB/red`` … ``sRGB/yellow`` (the colours of display
+        codes 0 and 1 under D65); ``white``, ``black``, ``grey:0.18``; a mix of these,
+        ``white*0.25+sRGB/red*0.5``, whose weights sum to at most 1; or a file with
         values in 0..1 (``FILE.csv``, ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``,
         ``PALETTE.toml#name``, …; see `read_spectrum`).
     grid : SpectralGrid
@@ -81,6 +83,8 @@ def reflectance(
             return reflectance(text, grid, folder=its_folder)
         return _from_file(os.fspath(Path(folder, name)), grid)
     known = {n.casefold(): n for n in sample_tables()}
+    if folded not in known and ("*" in name or "+" in name):
+        return _mixed(name, grid)
     if folded not in known:
         raise SpectrumError(
             f"reflectance {name!r} is unknown; {nearest(name, reflectance_names())}"
@@ -103,6 +107,29 @@ def reflectance_names() -> tuple[str, ...]:
 def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.float64]:
     """Return the (K, N) reflectances of a set in `reflectance_set_names`."""
     return np.array([reflectance(n, grid).values for n in reflectance_set_names(name)])
+
+
+def _mixed(text: str, grid: SpectralGrid) -> Spectrum:
+    """Return the weighted sum of named reflectances; a weight left out is 1."""
+    total, values = 0.0, np.zeros(grid.size)
+    for part in text.split("+"):
+        name, star, given = part.rpartition("*")
+        try:
+            weight = read_number(given) if star else 1.0
+        except ValueError:
+            weight = np.nan
+        if not 0 <= weight <= 1:
+            raise SpectrumError(
+                f"reflectance {text!r}: weight {given!r} is not in 0..1; write NAME*0.5+NAME*0.5",
+                code="range",
+            )
+        total += weight
+        values += weight * reflectance(name if star else part, grid).values
+    if total > 1 + 1e-6:
+        raise SpectrumError(
+            f"reflectance {text!r}: its weights sum to {total:g}; give at most 1", code="range"
+        )
+    return Spectrum(grid.wavelengths_nm, values, text)
 
 
 def _flat(name: str, level: str, grid: SpectralGrid) -> Spectrum:
@@ -200,7 +227,7 @@ def sample_tables() -> dict[str, Table]:
             # Some are 0 below 400 nm, where they were not measured.
             measured = (nm >= 400) & (nm <= 700)
             tables[name] = (nm[measured], values[measured])
-    for prefix, file in (("", "metals"), ("Vrhel/", "vrhel")):
+    for prefix, file in (("", "metals"), ("Vrhel/", "vrhel"), ("sRGB/", "srgb")):
         table = read_table(asset(f"data/spectra/{file}.csv"))
         for name, column in zip(table.names, table.columns.T, strict=True):
             tables[prefix + name] = (table.wavelengths_nm, column)

@@ -6,7 +6,7 @@ volume -> [discrete] -> raycast -> relight -> appearance
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -30,6 +30,10 @@ class LabelFunction:
         Whole numbers from 0 to 65535; omitted labels are transparent.
     materials, basis, reference_step_mm
         As in `TransferFunction`.
+    names : {label: name}, optional
+        Names of labels; others have none.
+    hidden : set of label, optional
+        Labels that are transparent, but keep their opacity.
 
     Raises
     ------
@@ -53,6 +57,8 @@ class LabelFunction:
     materials: Mapping[str, Spectrum]
     basis: Basis
     reference_step_mm: float | None = None
+    names: Mapping[int, str] = field(default_factory=dict)
+    hidden: frozenset[int] = frozenset()
 
     def __post_init__(self) -> None:
         if not isinstance(self.labels, Mapping) or not self.labels:
@@ -66,6 +72,9 @@ class LabelFunction:
         step = mixes.checked_step("LabelFunction", self.reference_step_mm)
         checked = dict(self._checked(label, look) for label, look in self.labels.items())
         object.__setattr__(self, "labels", checked)
+        names = {int(label): str(name) for label, name in self.names.items() if name}
+        object.__setattr__(self, "names", names)
+        object.__setattr__(self, "hidden", frozenset(self.hidden) & checked.keys())
         object.__setattr__(self, "reference_step_mm", step)
 
     def _checked(self, label: Any, look: Any) -> tuple[int, tuple[float, Mix]]:
@@ -92,7 +101,11 @@ class LabelFunction:
         Weights of transparent entries are 0.
         """
         # Labels that are switched off add no materials, as these would slow the cast.
-        visible = [label for label, (opacity, _) in self.labels.items() if opacity > 0]
+        visible = [
+            label
+            for label, (opacity, _) in self.labels.items()
+            if opacity > 0 and label not in self.hidden
+        ]
         baked = visible or list(self.labels)[:1]
         rows, channels = mixes.weights_and_channels(
             [self.labels[label][1] for label in baked], self.materials, self.basis

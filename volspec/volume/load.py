@@ -21,12 +21,14 @@ from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
 from volspec.volume.files.itk import read_itk
+from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
 from volspec.volume.files.omezarr import is_zarr, read_ome_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 from volspec.volume.files.tiff import pictures_in, read_stack, read_tiff
 from volspec.volume.files.vtk import read_vtk
+from volspec.volume.labels import Labels, find_labels
 from volspec.volume.model import Volume
 from volspec.volume.reader_process import choices_in_child, read_in_child
 
@@ -42,7 +44,9 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     """Read a volume from a file or a folder.
 
     Options follow a question mark. ``spacing=X,Y,Z`` in millimetres overrides the file's and treats
-    slices as even; ``channel=N`` and ``time=N`` count from 0.
+    slices as even; ``channel=N`` and ``time=N`` count from 0. ``labels=FILE`` names a table of
+    labels, relative to the volume's folder, and so makes the values labels; without it, tables
+    next to the volume with its name are read, and labels are recognised.
 
     Parameters
     ----------
@@ -85,6 +89,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
+    volume = _with_labels(volume, query.path, query.labels, reading.labels)
     for remark in reading.remarks:
         warnings.warn(remark, VolspecWarning, stacklevel=2)
     low, high = volume.range
@@ -95,6 +100,21 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
             code="range",
         )
     return volume
+
+
+def _with_labels(volume: Volume, path: Path, named: str | None, in_header: Labels | None) -> Volume:
+    """Add the labels of a segmentation, named by a given table, the header, or tables beside."""
+    given = {} if named is None else read_label_table(path.parent / named)
+    names = given or merge_labels(in_header or {}, labels_beside(path))
+    certain = named is not None or in_header is not None
+    labels = find_labels(volume.values, volume.range, names, certain)
+    if named is not None and not labels:
+        raise VolumeError(
+            f"{path}: its values are no labels, which are whole numbers from 0 to 65535; leave out "
+            "labels=",
+            code="conflict",
+        )
+    return replace(volume, labels=labels) if labels else volume
 
 
 def volume_choices(path: str | os.PathLike[str]) -> tuple[Choice, ...]:

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import VolumeError
 from volspec.volume.checks import array_and_lattice, checked_geometry, checked_values
+from volspec.volume.labels import Labels
 
 if TYPE_CHECKING:
     import pyvista
@@ -49,6 +51,9 @@ class Volume:
         the spacing on the diagonal, the first voxel at the origin.
     name : str
         Used in messages.
+    labels : {number: Label}, optional
+        Labels of a segmentation with names and colours, without the background; empty if the
+        values are not labels.
 
     Raises
     ------
@@ -68,6 +73,7 @@ class Volume:
     spacing_mm: tuple[float, float, float] = None  # type: ignore[assignment]
     world_from_index: NDArray[np.float64] = None  # type: ignore[assignment]
     name: str = "volume"
+    labels: Labels = field(default_factory=dict)
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -76,6 +82,7 @@ class Volume:
         if self.spacing_mm is None and self.world_from_index is None:
             object.__setattr__(self, "world_from_index", lattice)
         spacing, world = checked_geometry(self.spacing_mm, self.world_from_index, self.name)
+        object.__setattr__(self, "labels", MappingProxyType(dict(self.labels)))
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "spacing_mm", spacing)
         object.__setattr__(self, "world_from_index", world)
@@ -114,7 +121,7 @@ class Volume:
         spacing, _ = checked_geometry(spacing_mm, None, self.name)
         world = self.world_from_index.copy()
         world[:3, :3] *= np.asarray(spacing) / np.asarray(self.spacing_mm)
-        return Volume(self.values, world_from_index=world, name=self.name)
+        return replace(self, spacing_mm=spacing, world_from_index=world)
 
     def downsampled(self, factor: int, *, labels: bool = False) -> Volume:
         """Return this volume with one voxel, of the same type, for every block of factor³.
@@ -163,10 +170,11 @@ class Volume:
             )
         index_from_new = np.diag([step, step, step, 1.0])
         index_from_new[:3, 3] = (step - 1) / 2
-        return Volume(
-            downsample(self.values, step, block_modes if labels else block_means),
+        return replace(
+            self,
+            values=downsample(self.values, step, block_modes if labels else block_means),
+            spacing_mm=None,  # type: ignore[arg-type]
             world_from_index=self.world_from_index @ index_from_new,
-            name=self.name,
         )
 
     @classmethod

@@ -35,6 +35,7 @@ from volspec import errors
 from volspec._child import child_command, exit_cause
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
+from volspec.volume.labels import Label
 
 # Timeout without a message; the time that a slow disk needs is added.
 _TIMEOUT_S, _SLOWEST_BYTES_PER_S = 8.0, 8e6
@@ -77,8 +78,16 @@ def read_in_child(query: Query) -> Reading:
     _idle_processes(os.getpid()).append(process)
     world = answer["world_from_index"]
     return Reading(
-        values, answer["spacing_mm"], None if world is None else np.array(world), answer["remarks"]
+        values,
+        answer["spacing_mm"],
+        None if world is None else np.array(world),
+        answer["remarks"],
+        None if answer["labels"] is None else _labels(answer["labels"]),
     )
+
+
+def _labels(rows: list[tuple[int, str, list[float] | None]]) -> dict[int, Label]:
+    return {n: Label(name, None if c is None else (c[0], c[1], c[2])) for n, name, c in rows}
 
 
 def choices_in_child(query: Query) -> tuple[Choice, ...]:
@@ -314,6 +323,8 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
             "spacing_mm": reading.spacing_mm,
             "world_from_index": None if world is None else world.tolist(),
             "remarks": list(reading.remarks),
+            "labels": reading.labels
+            and [(number, label.name, label.colour) for number, label in reading.labels.items()],
         }, memory
     fields = {"problem": f"{query.path}: {fault}", "code": code}
     return {"error": "VolumeError", "fields": fields}, None

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 _BINS = 16
 _BAR = 40
+# Most labels that the table lists.
+_MOST_LISTED = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,7 @@ class VolumeSummary:
     range: tuple[float, float]
     mean: float
     histogram: list[tuple[float, float, int]]  # from, to (included by integers), count
+    labels: dict[int, str]  # names of a segmentation's labels by number; empty for other volumes
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to JSON types."""
@@ -48,12 +51,21 @@ class VolumeSummary:
         axes = ["(" + ", ".join(f"{v:g}" for v in column) + ")" for column in columns]
         table.add_row("axes x y z", " ".join(axes))
         table.add_row("range", f"{self.range[0]:g} … {self.range[1]:g}, mean {self.mean:.4g}")
+        if self.labels:
+            table.add_row("labels", self._label_text())
         most = max(count for _, _, count in self.histogram)
         for low, high, count in self.histogram:
             length = round(_BAR * np.log1p(count) / np.log1p(most))
             table.add_row(f"{low:g} … {high:g}", "█" * length + f" {count:,}")
         table.caption = "histogram bars: logarithmic"
         return table
+
+    def _label_text(self) -> str:
+        """Return the number of labels, and the names of the first, or all numbers if few."""
+        named = [f"{number} {name}" for number, name in self.labels.items() if name]
+        listed = named or [str(number) for number in self.labels]
+        more = ", …" if len(listed) > _MOST_LISTED else ""
+        return f"{len(self.labels)}: {', '.join(listed[:_MOST_LISTED])}{more}"
 
 
 def summarise(volume: Volume) -> VolumeSummary:
@@ -80,4 +92,5 @@ def summarise(volume: Volume) -> VolumeSummary:
         histogram=[
             (float(a), float(b), int(n)) for a, b, n in zip(edges[:-1], ends, counts, strict=True)
         ],
+        labels={number: label.name for number, label in volume.labels.items()},
     )

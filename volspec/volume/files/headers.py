@@ -9,7 +9,7 @@ ITK mirrors an axis with negative spacing, passes MetaImage's ``ElementDataFile`
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePath
 
 import numpy as np
@@ -109,6 +109,8 @@ class HeaderFields:
 
     # NRRD's names in lower case without spaces, such as ``byteskip``; MetaImage's unchanged.
     named: dict[str, str]
+    # Custom keys and values of NRRD.
+    pairs: dict[str, str] = field(default_factory=dict)
     # First byte after the header, or after the line that begins a list of files.
     end: int = 0
 
@@ -117,6 +119,7 @@ class HeaderFields:
         """Read a header; refuse a MetaImage line that is not a field, since MetaIO misreads it."""
         read_line = cls._meta_field if is_meta(path) else cls._nrrd_field
         named: dict[str, str] = {}
+        pairs: dict[str, str] = {}
         with path.open("rb") as file:
             if not is_meta(path) and not file.readline(80).startswith(b"NRRD"):
                 return cls({})
@@ -126,21 +129,24 @@ class HeaderFields:
                 if not read or not (line or is_meta(path)):
                     break
                 try:
-                    field = read_line(line)
+                    given = read_line(line)
                 except ValueError as error:
                     raise VolumeError(
                         f"{path}: line {number + 1} of its header, {quoted(line)}, is not "
                         "written as Name = value; correct or delete it",
                         code="syntax",
                     ) from error
-                if field is None:
+                if given is None:
+                    key, is_pair, value = line.partition(":=")
+                    if is_pair and not line.startswith("#"):
+                        pairs[key] = value
                     continue
-                key, value = field
+                key, value = given
                 named[key] = value
                 is_list = value.upper().startswith("LIST")
                 if key == "ElementDataFile" or (key == "datafile" and is_list):  # the last
                     break
-            return cls(named, file.tell())
+            return cls(named, pairs, file.tell())
 
     @staticmethod
     def _meta_field(line: str) -> tuple[str, str] | None:

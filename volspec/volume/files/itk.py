@@ -35,8 +35,10 @@ from volspec.volume.files.headers import (
     is_count,
     is_meta,
 )
+from volspec.volume.files.label_tables import labels_in_nrrd, labels_in_xml
 from volspec.volume.files.lattice import affine
 from volspec.volume.files.query import Query, Reading, Stored
+from volspec.volume.labels import Label, Labels
 
 NIFTI_SUFFIXES = (".nii", ".nii.gz")
 _CHUNK = 1 << 22
@@ -46,6 +48,8 @@ _SURPLUS = 1 << 24
 _NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8"}
 _NIFTI_TYPES |= {256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 _NIFTI_HEADER = 348
+# NIfTI's code of the intent "label", and the most bytes of extensions that are searched for names.
+_NIFTI_LABELS, _MOST_EXTENSION = 1002, 1 << 24
 # Seconds in NIfTI's units of time, by the bits of xyzt_units.
 _NIFTI_SECONDS = {8: 1.0, 16: 1e-3, 24: 1e-6}
 
@@ -69,6 +73,7 @@ class Layout:
     scaling: tuple[float, float] = (1.0, 0.0)  # NIfTI's slope and intercept of the stored numbers
     planar: bool = False  # components are volumes one after another, not neighbours
     step_s: float | None = None  # time between steps if stated
+    labels: Labels | None = None  # stated by a NIfTI header
 
     @classmethod
     def of(cls, path: Path) -> Layout | None:
@@ -157,10 +162,18 @@ class Layout:
         slope, shift = (number if math.isfinite(number) else 0.0 for number in (slope, shift))
         scaling = slope or 1.0, shift
         step_s = step * second if second is not None and 0 < step < math.inf else None
+        (intent,) = struct.unpack_from(order + "h", head, 68)
+        labels = None
+        if head[348]:
+            with _one_line_for(path), gzip.open(path) if packed else path.open("rb") as file:
+                labels = _labels_in_extensions(file.read(min(first, _MOST_EXTENSION)), order)
+        if labels is None and intent == _NIFTI_LABELS:
+            labels = {}
         return cls(
             *(path, path, first, encoding, order, packed, stored, scaling),
             planar=True,
             step_s=step_s,
+            labels=labels,
         )
 
     def chunks(self, nbytes: int) -> Iterator[bytes]:
@@ -232,6 +245,20 @@ class Layout:
         return scaled
 
 
+def _labels_in_extensions(head: bytes, order: str) -> dict[int, Label] | None:
+    """Return the first table of labels in the extensions of a NIfTI header."""
+    at = _NIFTI_HEADER + 4
+    while at + 8 <= len(head):
+        nbytes, _ = struct.unpack_from(order + "2i", head, at)
+        if nbytes < 8:
+            break
+        text = head[at + 8 : at + nbytes].decode("utf-8", "replace")
+        if labels := labels_in_xml(text):
+            return labels
+        at += nbytes
+    return None
+
+
 @dataclass(frozen=True, slots=True)
 class Extent:
     """Size of an image of several time steps or components, and those that are read."""
@@ -297,7 +324,8 @@ def read_itk(query: Query) -> Reading:
 
     path = query.path
     query.allow("time", "channel")
-    if not path.name.lower().endswith(NIFTI_SUFFIXES):
+    is_nifti = path.name.lower().endswith(NIFTI_SUFFIXES)
+    if not is_nifti:
         check_itk_header(path)
     layout = Layout.of(path)
     output: list[str] = []
@@ -335,8 +363,14 @@ def read_itk(query: Query) -> Reading:
         spacing_mm=tuple(spacing.tolist()),
         world_from_index=affine(directions * spacing, image.GetOrigin()[:3]),
         remarks=remarks,
+        labels=layout.labels if is_nifti and layout else _segments(path, extent.channel),
         owner=image,
     )
+
+
+def _segments(path: Path, layer: int) -> dict[int, Label] | None:
+    """Return the segments of Slicer's NRRD in a layer; None if the header states none."""
+    return None if is_meta(path) else labels_in_nrrd(HeaderFields.read(path).pairs, layer)
 
 
 def _scalar_type(reader: Any) -> np.dtype[Any]:

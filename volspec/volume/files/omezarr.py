@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
+from volspec.volume.files.label_tables import labels_in_zarr
 from volspec.volume.files.lattice import affine, mm_per_unit
 from volspec.volume.files.query import Choice, Query, Reading
 
@@ -71,7 +72,10 @@ def read_ome_zarr(query: Query) -> Reading:
     level = levels[_level(levels, names, query, remarks)]
     world = _world(level, axes, query, remarks)
     values = _values(level, names, query, _channel_names(group))
-    return Reading(values, world_from_index=world, remarks=remarks)
+    stated = dict(group.attrs)
+    image_label = stated.get("ome", stated).get("image-label")
+    labels = None if image_label is None else labels_in_zarr(image_label)
+    return Reading(values, world_from_index=world, remarks=remarks, labels=labels)
 
 
 def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from volspec._gpu.memory import host_free_bytes
 from volspec.errors import VolumeError, one_line, quoted
+from volspec.volume.labels import Labels
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,7 @@ class Query:
     declare: Callable[[int], None] = field(default=lambda nbytes: None, compare=False)
     # A list makes readers add their choices to it, and end before they read voxels.
     choices: list[Choice] | None = field(default=None, compare=False)
+    labels: str | None = None  # ``labels=``, a table for volumes of any format
 
     @classmethod
     def of(cls, text: str) -> Query:
@@ -76,7 +78,7 @@ class Query:
             if key in options:
                 raise VolumeError(f"{path}: {key}= is given twice; give it once", code="duplicate")
             options[key] = value
-        return cls(Path(path), options)
+        return cls(Path(path), options, labels=options.pop("labels", None))
 
     @property
     def name(self) -> str:
@@ -230,4 +232,5 @@ class Reading:
     spacing_mm: tuple[float, float, float] | None = None
     world_from_index: NDArray[np.float64] | None = None
     remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`
+    labels: Labels | None = None  # stated by the header, perhaps without names; None: not stated
     owner: Any = None  # owner of the values' memory, if they do not own it themselves

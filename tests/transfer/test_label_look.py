@@ -1,0 +1,98 @@
+"""First look of a segmentation: materials, colours, names, and the scene made of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from tests.support.errors import raises
+from tests.volume.test_labels import blocks
+from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.basis import MaterialBasis
+from volspec.errors import SpectrumError, VolumeError
+from volspec.spectra import DEFAULT_GRID
+from volspec.transfer import LabelFunction
+from volspec.transfer.label_look import (
+    distinct_colours,
+    label_colours,
+    label_function,
+    mix_text,
+    smits_weights,
+)
+from volspec.volume.labels import Label
+
+
+@pytest.mark.parametrize("colour", [(1, 0, 0), (0.2, 0.7, 0.4), (0.9, 0.8, 0.95), (0.0, 0.0, 0.0)])
+def test_a_mix_has_its_display_colour_under_daylight(colour: tuple[float, float, float]) -> None:
+    spectrum = vs.reflectance(mix_text(smits_weights(colour)))
+    XYZ = MaterialBasis({"m": spectrum}).xyz([1, 0], vs.light("D65"))
+    shown = encode_sRGB(linear_sRGB_from_XYZ(XYZ))
+    assert np.abs(shown - colour).max() < 0.02
+
+
+def test_mixes_of_reflectances_sum_to_at_most_one() -> None:
+    half = vs.reflectance("white*0.25+copper*0.5").values
+    assert np.allclose(half, 0.25 + 0.5 * vs.reflectance("copper").values)
+    with raises(SpectrumError, "range"):
+        vs.reflectance("white*0.75+copper*0.5")
+    with raises(SpectrumError, "unknown"):
+        vs.reflectance("white*0.25+coper*0.5")
+
+
+def test_colours_of_neighbouring_numbers_differ() -> None:
+    codes = np.array(distinct_colours(255))
+    assert np.linalg.norm(np.diff(codes[:24], axis=0), axis=1).min() > 0.2
+    assert len({tuple(row) for row in codes.tolist()}) == 255
+
+
+def test_black_in_a_table_is_no_colour() -> None:
+    colours = label_colours({1: Label("a", (0, 0, 0)), 2: Label("b", (1, 0, 0)), 3: Label("c")})
+    assert max(colours[1]) > 0.2 and colours[2] == (1, 0, 0) and colours[3] != colours[1]
+
+
+def test_few_labels_have_a_material_each_and_many_share_eight() -> None:
+    few = vs.Volume(blocks([1, 2]), labels={1: Label("liver"), 2: Label()})
+    function, texts = label_function(few, DEFAULT_GRID)
+    assert list(function.materials) == list(texts) == ["liver", "label 2"]
+    assert function.names == {1: "liver"}
+    many = vs.Volume(blocks(list(range(1, 118)), 3), labels={n: Label() for n in range(1, 118)})
+    function, texts = label_function(many, DEFAULT_GRID)
+    assert len(function.labels) == 117 and len(function.materials) <= 8
+    assert function.basis.size <= 9
+
+
+def test_a_segmentation_opens_with_labels_and_its_scene_keeps_them(tmp_path: Path) -> None:
+    np.save(tmp_path / "v.npy", blocks([1, 2, 5]))
+    (tmp_path / "v.txt").write_text("1 liver\n2 spleen\n5 aorta\n")
+    scene = vs.Scene.from_volume(tmp_path / "v.npy")
+    assert isinstance(scene.transfer, LabelFunction) and isinstance(scene.basis, MaterialBasis)
+    again = vs.Scene.load(scene.save(tmp_path / "v.toml"))
+    assert isinstance(again.transfer, LabelFunction)
+    assert again.transfer.names == {1: "liver", 2: "spleen", 5: "aorta"}
+    image = again.render(size=(48, 32))
+    assert image.alpha.max() > 0.9
+    assert (
+        vs.Scene.from_volume(tmp_path / "v.npy", preset="soft-hard").file.transfer.kind == "points"
+    )
+
+
+def test_labels_can_be_asked_for_if_values_are_whole(tmp_path: Path) -> None:
+    np.save(tmp_path / "mask.npy", blocks([1, 1]))
+    assert vs.Scene.from_volume(tmp_path / "mask.npy").file.transfer.kind == "points"
+    labelled = vs.Scene.from_volume(tmp_path / "mask.npy", preset="labels")
+    assert labelled.file.transfer.kind == "labels"
+    np.save(tmp_path / "mask.npy", blocks([1, 1]) * np.float32(0.3))
+    with raises(VolumeError, "conflict"):
+        vs.Scene.from_volume(tmp_path / "mask.npy", preset="labels")
+
+
+def test_hidden_labels_are_transparent_and_keep_their_opacity() -> None:
+    volume = vs.Volume(blocks([1, 2]), labels={1: Label("liver"), 2: Label("spleen")})
+    function, _ = label_function(volume, DEFAULT_GRID)
+    hidden = LabelFunction(
+        function.labels, function.materials, function.basis, 1.0, function.names, frozenset({2})
+    )
+    assert hidden.bake(1.0).opacity.tolist() == [0, 0.9, 0] and hidden.labels[2][0] == 0.9

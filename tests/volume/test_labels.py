@@ -1,0 +1,196 @@
+"""Labels of segmentations: which volumes hold them, and their names and colours."""
+
+from __future__ import annotations
+
+import gzip
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import SimpleITK as sitk
+import zarr
+
+from tests.support.errors import raises
+from tests.support.volumes import load_silently, nifti
+from tests.volume.test_zarr import SPACE, write
+from volspec.errors import VolumeError
+from volspec.volume import Volume, load_volume
+from volspec.volume.files.label_tables import read_label_table
+from volspec.volume.labels import Label
+
+RED = (1.0, 0.0, 0.0)
+
+
+def blocks(numbers: list[int], side: int = 6, dtype: type = np.uint8) -> np.ndarray:
+    """A cube per label in a row, with background around them."""
+    row = np.zeros((side + 2, side + 2, len(numbers) * (side + 1) + 1), dtype)
+    for k, number in enumerate(numbers):
+        start = k * (side + 1) + 1
+        row[1:-1, 1:-1, start : start + side] = number
+    return row
+
+
+def smooth(levels: int, side: int = 24) -> np.ndarray:
+    """A ball whose value falls from its centre, in few grey levels."""
+    z, y, x = np.mgrid[-1 : 1 : side * 1j, -1 : 1 : side * 1j, -1 : 1 : side * 1j]
+    return (np.clip(1 - x * x - y * y - z * z, 0, 1) * levels).astype(np.uint8)
+
+
+NOISE = np.random.default_rng(1).integers(0, 30, (16, 16, 16)).astype(np.uint8)
+CASES = {
+    "few": (blocks([1, 2, 3]), 3),
+    "116": (blocks(list(range(1, 117)), side=3), 116),
+    "a hundred far apart": (blocks(list(range(1000, 3000, 20)), 3, np.uint16), 100),
+    "whole floats": (blocks([1, 2, 5], dtype=np.float32), 3),
+    "floats": (blocks([1, 2, 5], dtype=np.float32) * 0.5, 0),
+    "a mask": (blocks([1, 1]), 0),
+    "a phantom": (blocks([60, 120, 255]), 0),
+    "a CT phantom": (blocks([0, 40, 300], dtype=np.int16) - 100, 0),
+    "noise": (NOISE, 0),
+    "grey levels": (smooth(20), 0),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_label_maps_are_told_from_measurements(tmp_path: Path, case: str) -> None:
+    values, count = CASES[case]
+    np.save(tmp_path / "v.npy", values)
+    assert len(load_silently(tmp_path / "v.npy").labels) == count
+
+
+TABLES = {
+    "v.ctbl": "# Color\n0 Background 0 0 0 0\n1 liver 255 0 0 255\n2 left_kidney 0 128 255 255\n",
+    "v_LUT.txt": "#No. Label Name: R G B A\n\n0  Unknown 0 0 0 0\n1 liver 255 0 0 0\n"
+    "2  left_kidney  0 128 255 0\n",
+    "v.label": '################\n  0  0 0 0  0 0 0  "Clear Label"\n  1 255 0 0 1 1 1 "liver"\n'
+    '  2 0 128 255 0.5 1 1 "left_kidney"\n',
+    "v.tsv": "index\tname\tcolor\n1\tliver\t#ff0000\n2\tleft_kidney\t#0080ff\n",
+    "named.txt": "1 liver 2001\r\n2 left_kidney 2002\r\n",
+    "tabbed.txt": "0\tUnclassified\n1\tliver\n2\tleft_kidney\n",
+    "numbers.json": '{"1": "liver", "2": "left_kidney"}',
+    "dataset.json": '{"labels": {"background": 0, "liver": 1, "left_kidney": 2}}',
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables_of_other_programs_are_read(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(TABLES[name])
+    table = read_label_table(tmp_path / name)
+    assert (table[1].name, table[2].name) == ("liver", "left_kidney")
+    if "255" in TABLES[name] or "#ff" in TABLES[name]:
+        assert table[1].colour == RED and table[2].colour == (0, 128 / 255, 1)
+    np.save(tmp_path / "seg.npy", blocks([1, 2]))
+    labels = load_silently(f"{tmp_path}/seg.npy?labels={name}").labels
+    assert labels == {1: table[1], 2: table[2]}
+
+
+def test_names_and_colours_of_two_tables_next_to_a_volume_are_joined(tmp_path: Path) -> None:
+    """As MRIcron has them: names in a text, 256 colours in planes of red, green and blue."""
+    values = blocks([1, 2])
+    (tmp_path / "v.nii.gz").write_bytes(gzip.compress(nifti(values, np.eye(4), code=2)))
+    (tmp_path / "v.nii.txt").write_text("1 liver 7\n2 kidney 9\n")
+    lut = np.zeros((3, 256), np.uint8)
+    lut[:, 1], lut[:, 2] = (255, 0, 0), (0, 255, 0)
+    (tmp_path / "v.nii.lut").write_bytes(lut.tobytes())
+    labels = load_silently(tmp_path / "v.nii.gz").labels
+    assert labels == {1: Label("liver", RED), 2: Label("kidney", (0, 1, 0))}
+
+
+def test_notes_and_other_volumes_tables_do_not_make_labels(tmp_path: Path) -> None:
+    np.save(tmp_path / "v.npy", NOISE)
+    (tmp_path / "v.txt").write_text("Scanned on a Monday\n2 views\n")
+    assert not load_silently(tmp_path / "v.npy").labels
+    (tmp_path / "v.ctbl").write_text(TABLES["v.ctbl"])
+    assert not load_silently(tmp_path / "v.npy").labels
+
+
+def test_a_table_that_names_all_values_makes_labels(tmp_path: Path) -> None:
+    np.save(tmp_path / "v.npy", blocks([10, 900], dtype=np.uint16))
+    assert not load_silently(tmp_path / "v.npy").labels
+    (tmp_path / "v.txt").write_text("10 liver\n900 spleen\n")
+    assert load_silently(tmp_path / "v.npy").labels[900].name == "spleen"
+
+
+@pytest.mark.parametrize(
+    ("text", "code"), [(None, "not-found"), ("once upon a time", "syntax"), ("{}", "syntax")]
+)
+def test_a_named_table_must_be_one(tmp_path: Path, text: str | None, code: str) -> None:
+    np.save(tmp_path / "v.npy", blocks([1, 2]))
+    if text is not None:
+        (tmp_path / "t.txt").write_text(text)
+    with raises(VolumeError, code):
+        load_volume(f"{tmp_path}/v.npy?labels=t.txt")
+
+
+def test_values_that_are_not_whole_have_no_labels(tmp_path: Path) -> None:
+    np.save(tmp_path / "v.npy", blocks([1, 2]) * np.float32(0.3))
+    (tmp_path / "t.json").write_text(TABLES["numbers.json"])
+    with raises(VolumeError, "conflict"):
+        load_volume(f"{tmp_path}/v.npy?labels=t.json")
+
+
+def test_slicer_s_segments_are_labels(tmp_path: Path) -> None:
+    image = sitk.GetImageFromArray(blocks([1, 2]))
+    for key, value in {
+        "Segment0_LabelValue": "1",
+        "Segment0_Name": "right lung",
+        "Segment0_Color": "1 0 0",
+        "Segment0_Layer": "0",
+        "Segment1_LabelValue": "2",
+        "Segment1_Name": "tumour",
+    }.items():
+        image.SetMetaData(key, value)
+    sitk.WriteImage(image, str(tmp_path / "v.seg.nrrd"))
+    assert load_silently(tmp_path / "v.seg.nrrd").labels == {
+        1: Label("right lung", RED),
+        2: Label("tumour"),
+    }
+
+
+def test_a_nifti_intent_makes_a_mask_a_label(tmp_path: Path) -> None:
+    data = bytearray(nifti(blocks([1, 1]), np.eye(4), code=2))
+    (tmp_path / "mask.nii").write_bytes(data)
+    assert not load_silently(tmp_path / "mask.nii").labels
+    struct.pack_into("<h", data, 68, 1002)
+    (tmp_path / "mask.nii").write_bytes(data)
+    assert load_silently(tmp_path / "mask.nii").labels == {1: Label()}
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_names_in_a_nifti_extension_are_read(tmp_path: Path, packed: bool) -> None:
+    """As TotalSegmentator writes them."""
+    xml = (
+        b'<?xml version="1.0"?><CaretExtension><VolumeInformation Index="0"><LabelTable>'
+        b'<Label Key="1" Red="1" Green="0" Blue="0" Alpha="1"><![CDATA[spleen]]></Label>'
+        b'<Label Key="2" Red="0" Green="0.5" Blue="1" Alpha="1"><![CDATA[kidney_right]]></Label>'
+        b"</LabelTable></VolumeInformation></CaretExtension>"
+    )
+    size = -(-(len(xml) + 8) // 16) * 16
+    data = bytearray(nifti(blocks([1, 2]), np.eye(4), code=2))
+    struct.pack_into("<f", data, 108, 352 + size)
+    data[348] = 1
+    data[352:352] = struct.pack("<2i", size, 30) + xml.ljust(size - 8, b"\0")
+    path = tmp_path / ("v.nii.gz" if packed else "v.nii")
+    path.write_bytes(gzip.compress(data) if packed else data)
+    labels = load_silently(path).labels
+    assert labels == {1: Label("spleen", RED), 2: Label("kidney_right", (0, 0.5, 1))}
+
+
+def test_an_image_label_of_ome_zarr_has_names_and_colours(tmp_path: Path) -> None:
+    path = write(tmp_path / "v.zarr", blocks([1, 2], 3).astype(np.uint16), SPACE)
+    group = zarr.open_group(str(path))
+    ome = dict(group.attrs["ome"])  # type: ignore[arg-type]
+    ome["image-label"] = {
+        "colors": [{"label-value": 1, "rgba": [255, 0, 0, 255]}],
+        "properties": [{"label-value": 1, "class": "nucleus"}, {"label-value": 2, "area": 7}],
+    }
+    group.attrs["ome"] = ome
+    labels = load_silently(path).labels
+    assert labels == {1: Label("nucleus", RED), 2: Label("")}
+
+
+def test_labels_stay_through_spacing_and_downsampling() -> None:
+    volume = Volume(blocks([1, 2]), labels={1: Label("liver")})
+    assert volume.with_spacing((1, 2, 3)).labels == volume.labels
+    assert volume.downsampled(2, labels=True).labels == volume.labels

@@ -1,0 +1,222 @@
+"""Tables of labels: numbers, names and colours, from files next to a volume and from headers.
+
+    table, header -> [label_tables] -> {number: Label} -> labels
+
+Files: 3-D Slicer (``.ctbl``) and FreeSurfer (``LUT.txt``), ITK-SNAP label descriptions, MRIcron
+(``.nii.txt``, ``.nii.lut``), BIDS (``_dseg.tsv``), and JSON of numbers and names in either order
+(TotalSegmentator, nnU-Net). Headers: ``Segment0_Name`` of Slicer's NRRD, the XML of Connectome
+Workbench and TotalSegmentator in NIfTI extensions, ``image-label`` of OME-Zarr.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from volspec.errors import VolumeError
+from volspec.volume.labels import Label, Labels
+
+Colour = tuple[float, float, float]
+SUFFIXES = (".ctbl", ".txt", ".lut", ".tsv", ".json", ".label")
+# Parts of a volume's name that its table lacks or has in addition.
+_PACKED = (".gz",)
+_MOST_BYTES = 1 << 24
+_LUT_BYTES = 3 * 256
+# Number, red, green, blue, opacity, visibility, mesh visibility, "name".
+_SNAP = re.compile(r'\s*(\d+)\s+(\d+)\s+(\d+)\s+(\d+)\s+([\d.]+)\s+[01]\s+[01]\s+"(.*)"\s*')
+# Number, name (with spaces at most if colours follow), red, green, blue, opacity.
+_NAME_COLOUR = re.compile(r"\s*(\d+)\s+(.+?)\s+(\d+)\s+(\d+)\s+(\d+)(?:\s+\d+)?\s*")
+# Number, name without spaces, another number.
+_NAME = re.compile(r"\s*(\d+)\s+(\S+)(?:\s+\d+)?\s*")
+_HEX = re.compile(r"#[0-9a-fA-F]{6}")
+
+
+def read_label_table(path: Path) -> dict[int, Label]:
+    """Read a table of labels.
+
+    Raises VolumeError if the file is missing, or none of the known tables.
+    """
+    try:
+        if not path.is_file():
+            raise VolumeError(f"{path}: no such file; check labels=", code="not-found")
+        if path.stat().st_size > _MOST_BYTES:
+            raise _no_table(path)
+        data = path.read_bytes()
+    except OSError as error:
+        raise VolumeError(f"{path}: cannot be read ({error.strerror})", code="damaged") from error
+    found = _table(data)
+    if not found:
+        raise _no_table(path)
+    return found
+
+
+def _no_table(path: Path) -> VolumeError:
+    return VolumeError(
+        f"{path}: not a table of labels; give lines of a number and a name (and 0 to 255 for red, "
+        'green, blue), a .ctbl, an ITK-SNAP description, or JSON such as {{"1": "liver"}}',
+        code="syntax",
+    )
+
+
+def _table(data: bytes) -> dict[int, Label]:
+    """Return the labels of a file; empty if it is no table."""
+    if len(data) == _LUT_BYTES:
+        planes = [data[start : start + 256] for start in (0, 256, 512)]
+        return {n: Label("", _colour(planes[0][n], planes[1][n], planes[2][n])) for n in range(256)}
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    if text.lstrip()[:1] == "{":
+        return _json_table(text)
+    lines = [line for line in text.splitlines() if line.strip() and line.lstrip()[0] not in "#%"]
+    if lines and "\t" in lines[0] and "name" in lines[0].split("\t"):
+        return _tsv_table([line.split("\t") for line in lines])
+    found = {}
+    for line in lines:
+        if match := _SNAP.fullmatch(line):
+            number, r, g, b, _, name = match.groups()
+        elif match := _NAME_COLOUR.fullmatch(line):
+            number, name, r, g, b = match.groups()
+        elif match := _NAME.fullmatch(line):
+            found[int(match[1])] = Label(match[2])
+            continue
+        else:
+            return {}
+        found[int(number)] = Label(name.strip('"'), _colour(r, g, b))
+    return found
+
+
+def _json_table(text: str) -> dict[int, Label]:
+    """Return the labels of ``{"1": "liver"}`` or ``{"labels": {"liver": 1}}``."""
+    try:
+        table = json.loads(text)
+        table = table.get("labels", table)
+        pairs = [(key, value) for key, value in table.items() if isinstance(value, str | int)]
+        named = [(key, name) if isinstance(name, str) else (name, key) for key, name in pairs]
+        return {int(number): Label(str(name)) for number, name in named}
+    except (ValueError, AttributeError, RecursionError):
+        return {}
+
+
+def _tsv_table(rows: Sequence[Sequence[str]]) -> dict[int, Label]:
+    """Return the labels of a table with the columns ``index``, ``name`` and perhaps ``color``."""
+    found = {}
+    for row in rows[1:]:
+        fields = dict(zip(rows[0], row, strict=False))
+        try:
+            code = fields.get("color", "")
+            colour = _from_hex(code) if _HEX.fullmatch(code) else None
+            found[int(fields["index"])] = Label(fields["name"].strip(), colour)
+        except (KeyError, ValueError):
+            return {}
+    return found
+
+
+def _colour(r: Any, g: Any, b: Any) -> Colour | None:
+    """Return display codes 0 to 255 as fractions; None if one is out of range."""
+    codes = int(r) / 255, int(g) / 255, int(b) / 255
+    return codes if max(codes) <= 1 else None
+
+
+def _from_hex(code: str) -> Colour:
+    r, g, b = bytes.fromhex(code[1:])
+    return r / 255, g / 255, b / 255
+
+
+def tables_beside(path: Path) -> list[Path]:
+    """Return the files next to a volume that may be its tables, those with names first.
+
+    Theirs is the volume's name with another suffix, with or without its own: ``aal.nii.txt`` and
+    ``aal.txt`` belong to ``aal.nii.gz``.
+    """
+    whole = path.name.removesuffix(".gz")
+    stems = dict.fromkeys((whole, Path(whole).stem, Path(Path(whole).stem).stem))
+    names = [stem + suffix for suffix in SUFFIXES for stem in stems if stem]
+    return [path.with_name(name) for name in names if name != path.name]
+
+
+def labels_beside(path: Path) -> dict[int, Label]:
+    """Return the labels of all tables next to a volume; the first with a name or colour counts."""
+    found: dict[int, Label] = {}
+    for table in tables_beside(path):
+        try:
+            read = read_label_table(table) if table.is_file() else {}
+        except (VolumeError, OSError):
+            continue
+        found = merge_labels(found, read)
+    return found
+
+
+def merge_labels(first: Labels, then: Labels) -> dict[int, Label]:
+    """Return the labels of two tables; the second fills in names and colours.
+
+    >>> merge_labels({1: Label("liver")}, {1: Label("", (1, 0, 0)), 2: Label()})[1]
+    Label(name='liver', colour=(1, 0, 0))
+    """
+    merged = {**then, **first}
+    for number in first.keys() & then.keys():
+        one, other = first[number], then[number]
+        merged[number] = Label(one.name or other.name, one.colour or other.colour)
+    return merged
+
+
+def labels_in_nrrd(pairs: Mapping[str, str], layer: int) -> dict[int, Label] | None:
+    """Return a layer's segments in Slicer's NRRD from its keys and values; None without any."""
+    found: dict[int, Label] = {}
+    for key in pairs:
+        if not (match := re.fullmatch(r"Segment(\d+)_LabelValue", key)):
+            continue
+        start = f"Segment{match[1]}_"
+        try:
+            r, g, b = (float(word) for word in pairs.get(start + "Color", "").split())
+            colour: Colour | None = (r, g, b) if 0 <= min(r, g, b) <= max(r, g, b) <= 1 else None
+        except ValueError:
+            colour = None
+        in_layer = pairs.get(start + "Layer", "0").strip() == str(layer)
+        if in_layer and pairs[key].strip().isdecimal():
+            found[int(pairs[key])] = Label(pairs.get(start + "Name", "").strip(), colour)
+    return found or None
+
+
+def labels_in_xml(text: str) -> dict[int, Label] | None:
+    """Return the label table in a NIfTI extension; None if there is none.
+
+    >>> labels_in_xml('<X><LabelTable><Label Key="1">spleen</Label></LabelTable></X>')
+    {1: Label(name='spleen', colour=None)}
+    """
+    try:
+        root = ElementTree.fromstring(text.strip("\0 \n"))
+    except ElementTree.ParseError:
+        return None
+    found = {}
+    for element in root.iter("Label"):
+        try:
+            r, g, b = (float(element.get(name, "nan")) for name in ("Red", "Green", "Blue"))
+            colour = (r, g, b) if 0 <= min(r, g, b) <= max(r, g, b) <= 1 else None
+            found[int(element.get("Key", ""))] = Label((element.text or "").strip(), colour)
+        except ValueError:
+            continue
+    return found or None
+
+
+def labels_in_zarr(stated: Any) -> dict[int, Label]:
+    """Return the labels of OME-Zarr's ``image-label``, with the first text among properties."""
+    found: dict[int, Label] = {}
+    try:
+        for row in stated.get("colors") or ():
+            number, codes = int(row["label-value"]), row.get("rgba")
+            found[number] = Label("", _colour(*codes[:3]) if codes else None)
+        for row in stated.get("properties") or ():
+            number = int(row["label-value"])
+            texts = [row[key] for key in ("name", "label", "class") if key in row]
+            texts += [value for value in row.values() if isinstance(value, str)]
+            colour = found.get(number, Label()).colour
+            found[number] = Label(str(texts[0]) if texts else "", colour)
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return {}
+    return found
