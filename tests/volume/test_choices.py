@@ -13,7 +13,6 @@ from tifffile import imwrite
 
 from tests.support.errors import raises
 from tests.support.volumes import RAW, VALUES, load_silently, write_nrrd
-from tests.volume.test_series import write_series
 from tests.volume.test_zarr import CHANNEL, SPACE, TIME, write
 from volspec.errors import VolumeError
 from volspec.volume import Choice, load_volume, volume_choices
@@ -82,8 +81,7 @@ def test_a_step_that_the_file_lacks_is_refused(tmp_path: Path, packed: bool) -> 
 
 def test_volumes_of_one_value_leave_no_choice(tmp_path: Path) -> None:
     np.save(tmp_path / "v.npy", VALUES)
-    write_series(tmp_path / "series")
-    for path in (write_nrrd(tmp_path / "v.nrrd"), tmp_path / "v.npy", tmp_path / "series"):
+    for path in (write_nrrd(tmp_path / "v.nrrd"), tmp_path / "v.npy"):
         assert volume_choices(path) == ()
     with raises(VolumeError, "not-found"):
         volume_choices(tmp_path / "none.nrrd")
@@ -114,13 +112,3 @@ def test_an_ome_zarr_lists_levels_channels_and_times(tmp_path: Path) -> None:
     assert (level.key, level.names, level.chosen) == ("level", ("4 × 3 × 2", "2 × 2 × 1"), "0")
     assert (time.key, time.values, time.chosen) == ("time", ("0", "1"), None)
     assert (channel.names, channel.chosen) == (("DAPI", "GFP", "Cy5"), "1")
-
-
-def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path: Path) -> None:
-    write_series(tmp_path / "a")
-    write_series(tmp_path / "b", series=7, name="Chest")
-    (choice,) = volume_choices(tmp_path)
-    assert choice.key == "series" and choice.values == ("3", "7")
-    assert choice.names[1] == "CT 'Chest' (4 slices of 5x3)"
-    for value in choice.values:
-        assert load_volume(f"{tmp_path}?series={value}").shape_xyz

@@ -15,7 +15,7 @@ import SimpleITK as sitk
 from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently
 from volspec.errors import VolumeError
-from volspec.volume import load_volume
+from volspec.volume import load_volume, volume_choices
 
 VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
 SPACING = (0.5, 0.75)
@@ -288,3 +288,14 @@ def test_options_that_do_not_fit_are_refused(tmp_path: Path, query: str, code: s
     write_series(tmp_path)
     with raises(VolumeError, code):
         load_volume(f"{tmp_path}{query}")
+
+
+def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path: Path) -> None:
+    write_series(tmp_path / "a")
+    write_series(tmp_path / "b", series=7, name="Chest")
+    (choice,) = volume_choices(tmp_path)
+    assert choice.key == "series" and choice.values == ("3", "7")
+    assert choice.names[1] == "CT 'Chest' (4 slices of 5x3)"
+    for value in choice.values:
+        assert load_volume(f"{tmp_path}?series={value}").shape_xyz
+    assert volume_choices(tmp_path / "a") == ()
