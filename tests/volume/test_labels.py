@@ -86,7 +86,7 @@ def test_tables_of_other_programs_are_read(tmp_path: Path, name: str) -> None:
 
 
 def test_names_and_colours_of_two_tables_next_to_a_volume_are_joined(tmp_path: Path) -> None:
-    """As MRIcron has them: names in a text, 256 colours in planes of red, green and blue."""
+    """MRIcron has names in a text, and 256 colours in planes of red, green and blue."""
     values = blocks([1, 2])
     (tmp_path / "v.nii.gz").write_bytes(gzip.compress(nifti(values, np.eye(4), code=2)))
     (tmp_path / "v.nii.txt").write_text("1 liver 7\n2 kidney 9\n")
@@ -159,7 +159,7 @@ def test_a_nifti_intent_makes_a_mask_a_label(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("packed", [False, True])
 def test_names_in_a_nifti_extension_are_read(tmp_path: Path, packed: bool) -> None:
-    """As TotalSegmentator writes them."""
+    """TotalSegmentator writes them like this."""
     xml = (
         b'<?xml version="1.0"?><CaretExtension><VolumeInformation Index="0"><LabelTable>'
         b'<Label Key="1" Red="1" Green="0" Blue="0" Alpha="1"><![CDATA[spleen]]></Label>'
