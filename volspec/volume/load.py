@@ -103,7 +103,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
 
 
 def _with_labels(volume: Volume, path: Path, named: str | None, in_header: Labels | None) -> Volume:
-    """Add the labels of a segmentation, named by a given table, the header, or tables next to it."""
+    """Add the labels of a segmentation, from a given table, the header, or tables next to it."""
     given = {} if named is None else read_label_table(path.parent / named)
     names = given or merge_labels(in_header or {}, labels_beside(path))
     certain = named is not None or in_header is not None
