@@ -17,9 +17,11 @@ from volspec.viewer.model import (
     cuts,
     light_parts,
     light_states,
+    lighting,
     lights,
     materials,
     palette_edits,
+    quality,
     slices,
     transfer_edits,
     viewing,
@@ -29,7 +31,7 @@ from volspec.viewer.model.state import ViewState
 
 MODULES = (
     *(camera, commands, cuts, light_parts, light_states, lights, materials),
-    *(palette_edits, slices, transfer_edits, viewing),
+    *(palette_edits, slices, transfer_edits, viewing, lighting, quality),
 )
 NUMBERS = st.floats(-2, 30) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
 INDICES = st.integers(-2, 12)

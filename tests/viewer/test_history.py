@@ -17,7 +17,7 @@ from tests.support.viewer import run_command
 from tests.viewer._edits import MODULES, drawn, edits_of, with_arguments
 from volspec.errors import InputError
 from volspec.palette import Cell
-from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup
+from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import DEFAULT_GRID, light, reflectance
 from volspec.viewer.model import (
@@ -89,6 +89,8 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
 _COSTS = dict.fromkeys(("camera", "cuts", "transfer_edits", "materials", "palette_edits"), "cast")
 _COSTS |= dict.fromkeys(("lights", "light_parts", "viewing", "light_states.recall"), "relight")
 _COSTS |= dict.fromkeys(("slices", "light_states", "cuts.choose_plane", "lights.choose"), "frame")
+_COSTS |= dict.fromkeys(("lighting", "quality"), "cast")
+_COSTS |= {"lighting.choose_source": "frame", "lighting.set_spectrum": "relight"}
 _COSTS["transfer_edits.choose_part"] = "frame"
 # The first target makes the materials channels, which is the one cast; these relight.
 _COSTS |= {
@@ -101,14 +103,19 @@ _COSTS["palette_edits.toggle_merged"] = "frame"
 _NOTHING = {
     "commands": "open_viewing",
     "viewing": "set_luminance",
-    "light_parts": "remove_part split_part",
+    "light_parts": "remove_part",
     "transfer_edits": "set_region_values set_region_gradients set_softness "
     "move_gradient_point add_gradient_point remove_gradient_point",
+    "lighting": "set_occlusion_radius",  # of a lamp
     "palette_edits": "set_target_weight set_target_group set_target_distance",
 }
 # Texts with which edits do something; others take a material's name.
 _WORDS = {
     "lights.add": "HP1",
+    "lighting.add_source": "sky",
+    "lighting.set_spectrum": "FL2",
+    "quality.set_projection": "maximum",
+    "quality.set_quality": "draft",
     "light_parts.respell": "FL2",
     "materials.remove_material": "silver",
     "palette_edits.set_target": "#804020",
@@ -132,9 +139,11 @@ _WORDS = {
 
 @pytest.fixture
 def cut(state: ViewState) -> ViewState:
-    """Something to reset and remove: a crop, two planes, two saved states, a material too many."""
+    """Something to remove: a crop, two planes, two sources, two saved states, a material."""
     planes = (ClipPlane((3.0, 3.0, 3.0), (1.0, 0.0, 0.0)),) * 2
     shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
+    groups = LightGroup("sky", (Ambient(),)), LightGroup("lamp", (Point((9.0, 0.0, 0.0)),))
+    shading = replace(shading, ambient=0.5, groups=groups)
     kept = tuple(LightState(name, state.lights[1:], state.relight) for name in "ab")
     metals = {**state.transfer.materials, "silver": reflectance("silver")}
     transfer = replace(state.transfer, materials=metals)
@@ -155,14 +164,15 @@ def test_edits_cost_what_their_names_say(cut: ViewState, name: str) -> None:
 
 # What an action does at most, by its menu; others are in `_ODD`.
 _MENUS = {"View": "cast", "Light": "relight", "Window": "frame"}
-_MENUS |= {"Cut": "cast", "Transfer": "cast", "": "cast"}
+_MENUS |= {"Cut": "cast", "Transfer": "cast", "Render": "cast", "": "cast"}
 _ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | dict.fromkeys(
-    ("cube", "scale", "crop", "planes", "error-map")
+    ("cube", "scale", "crop", "planes", "lights", "error-map")
     + ("axial-down", "axial-up", "coronal-forward", "coronal-backward")
     + ("sagittal-right", "sagittal-left"),
     "frame",
 )
 # Points are what it has already.
+_ODD |= {"projection-composite": None, "quality-standard": None}
 _ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 

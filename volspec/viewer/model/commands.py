@@ -12,8 +12,10 @@ from typing import TypeVar
 from volspec.viewer.model import (
     camera,
     cuts,
+    lighting,
     lights,
     palette_edits,
+    quality,
     slices,
     transfer_edits,
     viewing,
@@ -22,7 +24,7 @@ from volspec.viewer.model.edit import Change, Command, edit, with_interface
 from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
-MENUS = ("File", "Edit", "View", "Cut", "Light", "Transfer", "Palette", "Window")
+MENUS = ("File", "Edit", "View", "Cut", "Light", "Render", "Transfer", "Palette", "Window")
 # A word's letters may spread over this many times its length.
 _LOOSE = 3
 
@@ -120,7 +122,8 @@ def open_viewing(state: ViewState) -> ViewState:
 
 
 _WINDOW = (
-    *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Cuts")),
+    *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Lighting")),
+    *(_panel(title) for title in ("Quality", "Cuts")),
     _panel("Slices", "o"),
     _panel("Messages"),
     Command("clear-messages", "Window", "Clear the messages"),
@@ -144,6 +147,8 @@ COMMANDS: tuple[Command, ...] = (
     *_WINDOW,
     *cuts.COMMANDS,
     *slices.COMMANDS,
+    *lighting.COMMANDS,
+    *quality.COMMANDS,
 )
 BY_NAME = {command.name: command for command in COMMANDS}
 BY_KEY = {key: command for command in COMMANDS for key in command.keys}

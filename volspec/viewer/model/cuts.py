@@ -333,10 +333,14 @@ def with_overlays(state: ViewState, **changes: Any) -> ViewState:
     return with_interface(state, overlays=replace(state.interface.overlays, **changes))
 
 
-def overlay_command(aid: str, menu: str, title: str, keys: tuple[str, ...] = ()) -> Command:
+def overlay_command(
+    aid: str, menu: str, title: str, keys: tuple[str, ...] = (), words: str = ""
+) -> Command:
     """Return the command that shows or hides one of the `Overlays`."""
     shown = attrgetter(f"interface.overlays.{aid}")
-    return Command(aid, menu, title, keys, lambda s: with_overlays(s, **{aid: not shown(s)}), shown)
+    return Command(
+        aid, menu, title, keys, lambda s: with_overlays(s, **{aid: not shown(s)}), shown, words
+    )
 
 
 def _add_facing(state: ViewState) -> Edited:

@@ -92,6 +92,8 @@ class Difference:
             if not self.fields.isdisjoint(fields):
                 return name
         old, new = self.old and self.old.shading, self.new.shading
+        if old and old.groups != new.groups:
+            return "light sources"
         cut = any(getattr(old, name, None) != getattr(new, name) for name in _CUTS)
         return "cuts" if cut else "shading"
 

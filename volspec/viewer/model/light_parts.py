@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from volspec.relight import LightRig
 from volspec.spectra import Spectrum, colour_matching_functions
 from volspec.spectra.library import describe_light, library_names
 from volspec.viewer.model import light_rows
@@ -90,7 +89,9 @@ def add_part(state: ViewState, index: int, group: str) -> ViewState:
     row = light_rows.row_at(state.lights, index)
     if row is None:
         return state
-    return _set_parts(state, index, [*_parts(row), (0, group, row.rig.weights[0] or 1.0)])
+    return _set_parts(
+        state, index, [*light_rows.parts_of(row), (0, group, row.rig.weights[0] or 1.0)]
+    )
 
 
 @edit
@@ -99,7 +100,7 @@ def remove_part(state: ViewState, index: int, part: int) -> ViewState:
     row = light_rows.row_at(state.lights, index, part)
     if row is None or len(row.rig.lights) < 2:
         return state
-    return _set_parts(state, index, [each for each in _parts(row) if each[0] != part])
+    return _set_parts(state, index, [each for each in light_rows.parts_of(row) if each[0] != part])
 
 
 @edit
@@ -109,30 +110,15 @@ def split_part(state: ViewState, index: int) -> ViewState:
     groups = [group.name for group in state.shading.groups]
     if row is None or "" not in row.rig.groups or len(groups) < 2:
         return state
-    at, parts = row.rig.groups.index(""), _parts(row)
+    at, parts = row.rig.groups.index(""), light_rows.parts_of(row)
     split = [(at, group, parts[at][2]) for group in groups]
     return _set_parts(state, index, [*parts[:at], *split, *parts[at + 1 :]])
 
 
-def _parts(row: light_rows.LightRow) -> list[tuple[int, str, float]]:
-    """Return the index, light group and weight of each of a light's spectra."""
-    rig = row.rig
-    return list(zip(range(len(rig.lights)), rig.groups, rig.weights, strict=True))
-
-
 def _set_parts(state: ViewState, index: int, parts: Sequence[tuple[int, str, float]]) -> ViewState:
     """Rebuild a light from the given (spectrum index, light group, weight) parts."""
-    row = state.lights[index]
-    lux = row.rig.illuminance_lux
-    rig = LightRig(
-        tuple(row.rig.lights[j] for j, _, _ in parts),
-        tuple(weight for _, _, weight in parts),
-        tuple(lux[j] for j, _, _ in parts) if lux else None,
-        tuple(group for _, group, _ in parts),
-    )
-    texts = tuple(row.texts[j] for j, _, _ in parts)
-    kelvin = light_rows.kelvin_from_text(texts[0]) if len(texts) == 1 else None
-    return change_row(state, index, rig=rig, texts=texts, kelvin=kelvin, before=None)
+    row = light_rows.with_parts(state.lights[index], parts)
+    return replace(state, lights=light_rows.with_item(state.lights, index, row))
 
 
 @edit

@@ -155,6 +155,48 @@ def parts_by_group(rig: LightRig) -> dict[str, LightRig]:
     return parts
 
 
+def parts_of(row: LightRow) -> list[tuple[int, str, float]]:
+    """Return the index, light group and weight of each of a light's spectra."""
+    rig = row.rig
+    return list(zip(range(len(rig.lights)), rig.groups, rig.weights, strict=True))
+
+
+def with_parts(row: LightRow, parts: Sequence[tuple[int, str, float]]) -> LightRow:
+    """Rebuild a light from some of its spectra: the index, light group and weight of each."""
+    lux = row.rig.illuminance_lux
+    rig = LightRig(
+        tuple(row.rig.lights[j] for j, _, _ in parts),
+        tuple(weight for _, _, weight in parts),
+        tuple(lux[j] for j, _, _ in parts) if lux else None,
+        tuple(group for _, group, _ in parts),
+    )
+    texts = tuple(row.texts[j] for j, _, _ in parts)
+    kelvin = kelvin_from_text(texts[0]) if len(texts) == 1 else None
+    return replace(row, rig=rig, texts=texts, kelvin=kelvin, before=None)
+
+
+def regrouped(row: LightRow, names: Mapping[str, str], lit: str = "") -> LightRow:
+    """Rename the light groups of a row; spectra of those renamed to nothing are removed.
+
+    If nothing would shine, the first spectrum shines from all groups. Group ``lit`` gets the first
+    spectrum, unless one shines from all.
+    """
+    parts = [
+        (j, names.get(group, group), weight)
+        for j, group, weight in parts_of(row)
+        if not group or names.get(group, group)
+    ]
+    lux = row.rig.illuminance_lux
+    if not any(weight and (lux is None or lux[j]) for j, _, weight in parts):
+        shining = (j for j, _, w in parts_of(row) if w and (lux is None or lux[j]))
+        first = next(shining, 0)
+        parts = [(first, "", row.rig.weights[first] or 1.0)]
+    if lit and all(group for _, group, _ in parts):
+        first, _, weight = parts[0]
+        parts = [*parts, (first, lit, weight or 1.0)]
+    return row if parts == parts_of(row) else with_parts(row, parts)
+
+
 def row_at(rows: Rows, index: int, part: int = 0) -> LightRow | None:
     """Return a row; None if the list has no such row, or the row no such part."""
     if not 0 <= index < len(rows) or not 0 <= part < len(rows[index].rig.lights):

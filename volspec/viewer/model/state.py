@@ -26,6 +26,7 @@ class Overlays:
     crop: bool = False
     planes: bool = True
     plane: int = 0  # index of the chosen clip plane
+    lights: bool = False  # the handles of light sources
     outlines: bool = True  # of the slices
     patient: bool | None = None  # name directions by the patient's body; None: the volume decides
 
@@ -49,9 +50,12 @@ class Interface:
     logarithmic: bool = True  # scale of the histogram
     keys: bool = False  # the cheat sheet is open
     light: int = 0  # the chosen row of the lights; a state clamps it to its lights
+    source: int = 0  # index of the chosen light source of the cast, counted through its groups
     probe: bool = True  # show the values under the mouse
     error_map: bool = False
-    panels: frozenset[str] = frozenset({"Lights", "Viewing", "Transfer", "Palette"})  # open
+    panels: frozenset[str] = frozenset(
+        {"Lights", "Viewing", "Transfer", "Palette", "Lighting"}
+    )  # open
     overlays: Overlays = field(default_factory=Overlays)
     slices: Slices = field(default_factory=Slices)
     fade_s: float = 1.5  # duration of a fade to a saved light state

@@ -42,14 +42,20 @@ class View(Orbit):
         )
 
 
-def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
-    """Return azimuth and elevation of a unit vector from the target to the camera."""
+def orbit_axes(up: Vector) -> NDArray[np.float64]:
+    """(3, 3) rows: right, up and front, from which an orbit's azimuth and elevation count."""
     axis = np.asarray(up) / np.linalg.norm(up)
     front = np.array([0.0, -1.0, 0.0]) - axis * np.dot([0.0, -1.0, 0.0], axis)
     if np.linalg.norm(front) < 1e-6:
         front = np.array([-1.0, 0.0, 0.0]) - axis * np.dot([-1.0, 0.0, 0.0], axis)
     front /= np.linalg.norm(front)
-    azimuth = math.atan2(float(away @ np.cross(axis, front)), float(away @ front))
+    return np.stack([np.cross(axis, front), axis, front])
+
+
+def orbit_deg(away: NDArray[np.float64], up: Vector) -> tuple[float, float]:
+    """Return azimuth and elevation of a unit vector from the target to the camera."""
+    right, axis, front = orbit_axes(up)
+    azimuth = math.atan2(float(away @ right), float(away @ front))
     return math.degrees(azimuth), math.degrees(math.asin(clamp(float(away @ axis), -1.0, 1.0)))
 
 

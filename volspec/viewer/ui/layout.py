@@ -7,7 +7,18 @@ from dataclasses import replace
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import commands, cuts, menus, messages, overlays, slices, start, viewing
+from volspec.viewer.ui import (
+    commands,
+    cuts,
+    lighting,
+    menus,
+    messages,
+    overlays,
+    quality,
+    slices,
+    start,
+    viewing,
+)
 from volspec.viewer.ui import lights_panel as lights
 from volspec.viewer.ui import palette_panel as palette
 from volspec.viewer.ui import transfer_panel as transfer
@@ -28,6 +39,8 @@ _PANELS = (
     ("Cuts", cuts.draw, "lower"),
     ("Slices", slices.draw, "left"),
     ("Palette", palette.draw, "lower"),
+    ("Lighting", lighting.draw, "lower"),
+    ("Quality", quality.draw, "lower"),
     ("Messages", messages.draw, "lower"),
 )
 _OVERLAYS = (
@@ -36,6 +49,7 @@ _OVERLAYS = (
     overlays.draw_probe,
     menus.draw_keys,
     cuts.draw_handles,
+    lighting.draw_handles,
     overlays.draw_cube,
     overlays.draw_scale,
     start.draw,

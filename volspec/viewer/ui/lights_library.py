@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 from imgui_bundle import imgui
@@ -13,6 +14,7 @@ from volspec.spectra.files import split_address
 from volspec.spectra.library import canonical_light, describe_light, library_names, search_lights
 from volspec.viewer.model import lights
 from volspec.viewer.model.document import Document
+from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
@@ -23,8 +25,8 @@ _HINT = "tungsten, sodium, FL2, D65*0.7+A*0.3, FILE.csv"
 _DAYLIGHT = (4000.0, 25000.0)
 
 
-def draw(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the library while it is open."""
+def draw(state: ViewState, ui: UiContext, take: Callable[..., Edited] = lights.add) -> ViewState:
+    """Draw the library while it is open; ``take`` gets the state and the ``text`` of a light."""
     imgui.set_next_window_size((ui.px(340), 0))
     if not imgui.begin_popup(POPUP):
         return state
@@ -38,7 +40,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     imgui.separator()
     wanted = _temperatures(ui) or wanted
     if wanted:
-        new, panel.complaint = lights.add(state, wanted)
+        new, panel.complaint = take(state, text=wanted)
         if new is not state:
             imgui.close_current_popup()
     if panel.complaint:

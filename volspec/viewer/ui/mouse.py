@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import camera, cuts, lights, transfer_edits
+from volspec.viewer.model import camera, cuts, lighting, lighting_aim, lights, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import Place, Projection, face_at
 from volspec.viewer.ui.inputs import STEPPING, Input
@@ -138,10 +138,13 @@ class Mouse:
         if given.button != "left" or given.modifiers:
             return state
         projected = Projection(state.view.camera(state.document.volume), area)
-        handles = cuts.list_handles(state, projected, self.scale)
+        lamps = lighting_aim.list_handles(state, projected)
+        handles = (*lamps, *cuts.list_handles(state, projected, self.scale))
         handle = cuts.nearest_handle(handles, self._at, self.scale)
         if handle is not None:
-            if handle.name != "crop":
+            if handle.name == lighting_aim.HANDLE:
+                state = lighting.choose_source(state, handle.index)
+            elif handle.name != "crop":
                 state = cuts.choose_plane(state, handle.index)
             self._handle = handle, state
         elif state.interface.overlays.cube:
@@ -167,6 +170,8 @@ class Mouse:
                 handle.held[0] + self._at[0] - self._pressed[0],
                 handle.held[1] + self._at[1] - self._pressed[1],
             )
+            if handle.name == lighting_aim.HANDLE:
+                return lighting.drag_handle(state, start, handle, place, projected)
             to = cuts.drag_handle(start.shading, volume, handle, place, projected)
             return cuts.move_handle(state, handle, *to)
         if self._edit == "divide":

@@ -19,7 +19,7 @@ from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import white_from_rig
-from volspec.viewer.ui.widgets import pick
+from volspec.viewer.ui.widgets import focus_if_wanted, pick
 
 SetText = Callable[[ViewState, str], ViewState]
 SetNumber = Callable[[ViewState, float], ViewState]
@@ -160,7 +160,7 @@ def _picture(state: ViewState, ui: UiContext) -> ViewState:
 def _combo(
     state: ViewState, ui: UiContext, change: SetText, label: str, now: str, names: Iterable[str]
 ) -> ViewState:
-    _focus_if_wanted(label, ui)
+    focus_if_wanted(label, ui)
     key = pick(label, now, names)
     return state if key is None else change(state, key)
 
@@ -176,18 +176,11 @@ def _slider(
     flags: int = 0,
     disabled: bool = False,
 ) -> ViewState:
-    _focus_if_wanted(label, ui)
+    focus_if_wanted(label, ui)
     imgui.begin_disabled(disabled)
     moved, value = imgui.slider_float(label, now, *limits, text, flags)
     imgui.end_disabled()
     return change(state, value) if moved else state
-
-
-def _focus_if_wanted(name: str, ui: UiContext) -> None:
-    """Focus the next item, and scroll to it, if that was requested."""
-    if ui.item == name:
-        ui.item = ""
-        imgui.set_keyboard_focus_here()
 
 
 def _surround_text(surround: str | float) -> str:

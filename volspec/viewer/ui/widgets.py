@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
@@ -13,8 +14,10 @@ import imgui_bundle
 from imgui_bundle import imgui
 
 from volspec.export.contact_sheet import printable
+from volspec.settings import descriptions
 from volspec.viewer.model.commands import format_key
 from volspec.viewer.model.edit import Command
+from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import LibraryState, UiContext
 
 FONT_SIZE = 15.0
@@ -183,6 +186,44 @@ def pick(
                 each(name)
         imgui.end_combo()
     return clicked
+
+
+def describe_field(cls: Any, field: str) -> str:
+    """Return the description of a setting, for a tooltip."""
+    return _filled(descriptions(cls)[field])
+
+
+@lru_cache(maxsize=128)
+def _filled(text: str) -> str:
+    return textwrap.fill(text.replace("``", ""), 64)
+
+
+def focus_if_wanted(name: str, ui: UiContext) -> None:
+    """Focus the next item, and scroll to it, if that was requested."""
+    if ui.item == name:
+        ui.item = ""
+        imgui.set_keyboard_focus_here()
+
+
+def setting_slider(
+    state: ViewState,
+    ui: UiContext,
+    change: Callable[[ViewState, float], ViewState],
+    label: str,
+    spec: Any,
+    limits: tuple[float, float],
+    text: str = "%.2f",
+    flags: int = 0,
+) -> ViewState:
+    """Draw a slider for the field of ``spec`` that is named as its label; return the edited state.
+
+    The field's description is the tooltip.
+    """
+    field = label.lower().replace(" ", "_")
+    focus_if_wanted(label, ui)
+    moved, value = imgui.slider_float(label, float(getattr(spec, field)), *limits, text, flags)
+    ui.note(label.lower(), describe_field(type(spec), field))
+    return change(state, value) if moved else state
 
 
 def lit_button(label: str, on: bool, dark: bool, size: tuple[float, float] = (0, 0)) -> bool:

@@ -1,0 +1,305 @@
+"""Light sources in the picture: their light, groups and spectra, directions, handles; quality."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.support.errors import raises
+from tests.support.viewer import assert_same_picture, opened, run_command
+from tests.support.window import Robot, missing, small_engine
+from tests.viewer._edits import drawn
+from volspec.errors import InputError
+from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
+from volspec.raycast.spec import MAX_GROUPS
+from volspec.spectra import light
+from volspec.viewer.model import lighting, lighting_aim, quality
+from volspec.viewer.model.light_rows import Rows, light_rig
+from volspec.viewer.model.lighting_aim import list_sources
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import Projection
+
+AREA = (10, 20, 400, 300)
+
+
+def added(state: ViewState, *kinds: str) -> ViewState:
+    for kind in kinds:
+        state = lighting.add_source(state, kind).state
+    return state
+
+
+def exposure(state: ViewState) -> float:
+    return sum(state.shading.strengths().values())
+
+
+def groups_of(rows: Rows) -> list[tuple[str, ...]]:
+    return [row.rig.groups for row in rows]
+
+
+def test_a_source_that_is_added_or_removed_leaves_the_exposure(state: ViewState) -> None:
+    before = exposure(state)
+    for kind in lighting.KINDS:
+        state = added(state, kind)
+        assert state.shading.groups[-1].name == kind
+        assert lighting.chosen_source(state) == len(list_sources(state.shading)) - 1
+        assert exposure(state) == pytest.approx(before, rel=5e-3)  # intensities have 3 digits
+    while len(list_sources(state.shading)) > 1:
+        state = lighting.remove_source(state, 0).state
+        assert exposure(state) == pytest.approx(before, rel=2e-2)
+    last = lighting.remove_source(state, 0)
+    assert last.state is state and last.message
+
+
+def test_a_group_too_many_is_refused(state: ViewState) -> None:
+    full = added(state, *["headlight"] * (MAX_GROUPS - 1))
+    assert len(full.shading.groups) == MAX_GROUPS
+    refused = lighting.add_source(full, "sky")
+    assert refused.state is full and refused.message
+
+
+def test_lights_follow_the_groups(tmp_path: Path) -> None:
+    """A row without groups lights all; one with groups gets a spectrum for a new group."""
+    state = opened(tmp_path)
+    both = added(state, "directional light", "sky")
+    assert groups_of(both.lights) == groups_of(state.lights)
+    own = lighting.set_spectrum(both, 1, "tungsten").state
+    row = own.lights[0]
+    assert row.rig.groups == ("light", "directional light", "sky")
+    assert row.texts == ("D65", "A", "D65") and row.name == "D65 + A"
+    assert [lighting.group_text(own, g) for g in range(3)] == ["D65", "A", "D65"]
+    spectrum = lighting.group_spectrum(own, 1)
+    assert spectrum is not None and np.array_equal(spectrum.values, light("A").values)
+    compared = run_command(own, "compare").state
+    for changed, names in (
+        (lighting.rename_group(compared, 1, "lamp").state, ("light", "lamp", "sky")),
+        (lighting.remove_source(compared, 2).state, ("light", "sky")),
+        (added(compared, "point light"), (*row.rig.groups, "point light")),
+    ):
+        assert tuple(group.name for group in changed.shading.groups) == names
+        for rows in (changed.lights, changed.other):
+            assert rows is not None and rows[0].rig.groups == names
+            assert groups_of(rows[1:]) == groups_of(state.lights[1:])
+
+
+def test_a_light_whose_only_group_is_removed_shines_from_the_others(state: ViewState) -> None:
+    state = lighting.set_spectrum(added(state, "sky"), 1, "FL2").state
+    state = run_command(state, "keep-mix").state
+    only_sky = replace(state.lights[0], rig=replace(state.lights[0].rig, weights=(0.0, 1.0)))
+    state = replace(state, lights=(only_sky,))
+    new = lighting.remove_source(state, 2).state
+    assert new.lights[0].texts == ("FL2",) and new.lights[0].rig.groups == ("",)
+
+
+def test_sources_move_between_groups(state: ViewState) -> None:
+    apart = lighting.move_source(state, 1, 1).state
+    assert [group.name for group in apart.shading.groups] == ["light", "headlight"]
+    assert lighting.chosen_source(apart) == 1
+    joined = lighting.move_source(apart, 0, 1).state
+    assert [len(group.sources) for group in joined.shading.groups] == [2]
+    assert lighting.move_source(joined, 5, 0).state is joined
+
+
+def test_names_of_groups_are_checked(state: ViewState) -> None:
+    two = added(state, "sky")
+    assert lighting.rename_group(two, 1, "light").state.shading.groups[1].name == "light (2)"
+    refused = lighting.rename_group(two, 1, "a=b")
+    assert refused.state is two and refused.message
+
+
+@settings(
+    deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(st.lists(drawn(("sky", "point light", "FL2", "a name", "draft"), lighting), max_size=8))
+def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list) -> None:  # type: ignore[type-arg]
+    state = added(state, "directional light", "point light")
+    for each in edits:
+        state = each(state)
+        shares = state.shading.shares()
+        for row in state.lights:
+            assert row.rig.facing(shares).total_lux is None  # raises for a group that is gone
+    rig = light_rig(state.lights)
+    assert rig is not None
+
+
+def test_shadows_and_occlusion_are_one_command_each(state: ViewState) -> None:
+    lit = run_command(state, "shadows").state
+    assert isinstance(list_sources(lit.shading)[-1].source, Directional)
+    off = run_command(lit, "shadows").state
+    assert not any(lighting.is_blocked(each.source) for each in list_sources(off.shading))
+    dark = run_command(off, "occlusion").state
+    assert [lighting.is_blocked(each.source) for each in list_sources(dark.shading)] == [
+        True,
+        False,
+        False,
+    ]
+
+
+ANGLES = [(0, 0), (30, 40), (-120, -70), (180, 10), (90, 90)]
+
+
+@pytest.mark.parametrize("kind", ["directional light", "point light"])
+@pytest.mark.parametrize("camera", [False, True])
+def test_lamps_are_aimed_by_azimuth_and_elevation(
+    state: ViewState, kind: str, camera: bool
+) -> None:
+    state = added(state, kind)
+    if camera:
+        state = lighting.toggle_frame(state, 2)
+    far = lighting.set_distance(state, 2, 20.0)
+    for azimuth, elevation in ANGLES:
+        new = lighting.aim(far, 2, azimuth, elevation)
+        source = list_sources(new.shading)[2].source
+        angles = lighting_aim.angles_deg(new, source)
+        assert angles is not None and angles[1] == pytest.approx(elevation, abs=1e-6)
+        if elevation < 90:
+            assert math.remainder(angles[0] - azimuth, 360) == pytest.approx(0, abs=1e-6)
+        if isinstance(source, Point):
+            assert lighting_aim.distance_mm(new, source) == pytest.approx(20)
+
+
+def test_a_lamp_at_the_cameras_angles_shines_like_a_headlight(state: ViewState) -> None:
+    state = replace(state, view=replace(state.view, azimuth_deg=50, elevation_deg=-20))
+    new = lighting.aim(added(state, "directional light"), 2, 50, -20)
+    source = list_sources(new.shading)[2].source
+    assert isinstance(source, Directional)
+    assert lighting_aim.camera_axes(new)[2] == pytest.approx(source.towards, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["directional light", "point light"])
+def test_a_change_of_frame_moves_nothing_until_the_camera_moves(
+    state: ViewState, kind: str
+) -> None:
+    state = added(state, kind)
+    with_camera = lighting.toggle_frame(state, 2)
+    places = [
+        lighting_aim.list_handles(each, projection(each))[0].place
+        for each in (state, with_camera, lighting.toggle_frame(with_camera, 2))
+    ]
+    assert places[1] == pytest.approx(places[0]) and places[2] == pytest.approx(places[0])
+    turned = replace(with_camera, view=replace(with_camera.view, azimuth_deg=77))
+    place = lighting_aim.list_handles(turned, projection(turned))[0].place
+    assert place == pytest.approx(places[0], abs=1e-6)
+
+
+def projection(state: ViewState) -> Projection:
+    return Projection(state.view.camera(state.document.volume), AREA)
+
+
+@pytest.mark.parametrize("kind", ["directional light", "point light"])
+@pytest.mark.parametrize("camera", [False, True])
+@pytest.mark.parametrize("place", [(210.0, 170.0), (230.0, 140.0), (120.0, 200.0), (200.0, 290.0)])
+def test_a_handle_follows_the_mouse(
+    state: ViewState, kind: str, camera: bool, place: tuple[float, float]
+) -> None:
+    state = added(state, kind)
+    if camera:
+        state = lighting.toggle_frame(state, 2)
+    shown = projection(state)
+    (handle,) = lighting_aim.list_handles(state, shown)
+    new = lighting.drag_handle(state, state, handle, place, shown)
+    (moved,) = lighting_aim.list_handles(new, shown)
+    assert moved.place == pytest.approx(place, abs=1e-6)
+    # Beyond the ring a directional light shines from behind.
+    centre, radius = lighting_aim.ring(shown)
+    if kind == "directional light":
+        source = list_sources(new.shading)[2].source
+        assert lighting_aim.is_behind(new, source) == (math.dist(place, centre) > radius)
+
+
+def test_handles_are_hidden_and_shown(state: ViewState) -> None:
+    state = added(state, "directional light")
+    assert lighting_aim.list_handles(state, projection(state))
+    hidden = run_command(state, "lights").state
+    assert not lighting_aim.list_handles(hidden, projection(hidden))
+
+
+def test_sources_and_quality_are_saved_in_scenes(tmp_path: Path) -> None:
+    state = added(opened(tmp_path), "directional light", "point light", "sky")
+    state = lighting.set_spectrum(state, 1, "A").state
+    state = lighting.set_falloff(state, 3, 30.0)
+    state = lighting.set_occlusion_radius(lighting.toggle_frame(state, 2), 4, 5.0)
+    state = quality.set_shininess(quality.set_specular(state, 0.5), 60)
+    state = quality.set_jitter(quality.set_step(state, 0.3), 0.4)
+    again = assert_same_picture(state, tmp_path)
+    assert [group.name for group in again.shading.groups] == [g.name for g in state.shading.groups]
+    assert again.shading.jitter == 0.4 and again.shading.shininess == 60
+
+
+def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
+    fine = quality.toggle_preintegration(state).state
+    assert fine.shading.preintegrated
+    mip = run_command(fine, "projection-maximum").state
+    assert mip.shading.mode == "maximum" and not mip.shading.preintegrated
+    back = quality.toggle_preintegration(mip).state
+    assert back.shading.mode == "composite" and back.shading.preintegrated
+    surfaces = run_command(state, "transfer-surfaces").state
+    for command in ("projection-average", "preintegration"):
+        refused = run_command(surfaces, command)
+        assert refused.state is surfaces and refused.message
+    with raises(InputError, "conflict", "mode"):
+        quality.require_curve(surfaces, "mode")
+
+
+def test_steps_are_counted_in_voxels(state: ViewState) -> None:
+    assert quality.step_voxels(state) == 0.5 and quality.quality_name(state) == "standard"
+    assert quality.set_step(state, 0.5).shading.step_mm is None
+    assert quality.set_step(state, 0.25).shading.step_mm == 0.25
+    for name in quality.QUALITIES:
+        assert quality.quality_name(quality.set_quality(state, name)) == name
+
+
+def test_every_setting_of_a_cast_can_be_edited() -> None:
+    """All but the device's, the crop and the planes, which have a panel of their own."""
+    edited = {name.partition("_")[2] for name in vars(quality) if "_" in name}
+    others = {"groups", "crop_voxels", "clip_planes", "tile_ms"}
+    names = {"mode": "projection", "step_mm": "step", "preintegrated": "preintegration"}
+    for field in set(RaycastSpec.__dataclass_fields__) - others:
+        assert names.get(field, field) in edited, field
+    sources = {field for kind in (Ambient, Directional, Point) for field in kind.__slots__}
+    changes = "radius_mm occlusion shadows towards position_mm falloff_mm frame intensity"
+    assert sources == set(changes.split())
+    assert set(LightGroup.__slots__) == {"name", "sources"}
+
+
+@pytest.fixture
+def window(tmp_path: Path) -> Iterator[Robot]:
+    if lacking := missing():
+        pytest.skip(lacking)
+    with Robot(tmp_path, small_engine(tmp_path)) as robot:
+        robot.whole()
+        robot.rest()
+        yield robot
+
+
+def casts(robot: Robot, after: float) -> list[object]:
+    return [row for row in robot.since(after) if row["event"] == "cast"]
+
+
+def test_a_lamp_is_added_and_aimed_with_mouse_and_keys(window: Robot) -> None:
+    before = window.now()
+    window.key("ctrl+p")
+    window.rest()
+    window.type("shadow")
+    window.key("Return")
+    window.rest()
+    assert casts(window, before)
+    x, y = window.middle("light 2")
+    window.drag([(x, y), (x + 10, y + 5), (x + 30, y + 12), (x + 60, y + 20)])
+    after = window.rest()
+    assert window.middle("light 2") == pytest.approx((x + 60, y + 20), abs=3)
+    window.key("ctrl+z")
+    window.rest()
+    assert window.middle("light 2") == pytest.approx((x, y), abs=3)
+    assert casts(window, after)
+    window.click((1205.0, 378.0))
+    window.rest()
+    window.click("remove source 2")
+    window.rest()
+    assert not [row for row in window.rows() if row["event"] == "error"]

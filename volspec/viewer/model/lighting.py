@@ -1,0 +1,440 @@
+"""Light sources of a cast: edits, commands and the handles that aim them in the picture.
+
+    panel, mouse, commands -> [lighting] -> light groups of the RaycastSpec -> cast
+
+A source that is added gets a light group of its own, and thus may get a spectrum of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import InputError
+from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point
+from volspec.raycast.camera import radius_mm
+from volspec.raycast.lights import Source
+from volspec.spectra import Spectrum
+from volspec.viewer.model import light_parts, light_rows, lighting_aim
+from volspec.viewer.model.cuts import Handle, overlay_command, with_overlays
+from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
+from volspec.viewer.model.lighting_aim import Placed, list_sources
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import Place, Projection, clamp, vector
+
+Groups = tuple[LightGroup, ...]
+# Names of the kinds of sources, as given to new groups.
+KINDS: Mapping[str, type[Source]] = {
+    "directional light": Directional,
+    "point light": Point,
+    "headlight": Headlight,
+    "sky": Ambient,
+}
+# A new source's fraction of all light; the other sources are dimmed, so that the exposure stays.
+_FRACTIONS = {Directional: 0.6, Point: 0.6, Headlight: 0.5, Ambient: 0.35}
+# A new lamp shines from the upper left of the eye: right, up, back.
+_UPPER_LEFT = (-0.6, 0.7, 0.55)
+_DIGITS = 3
+MOST_INTENSITY = 1e6
+# The least and greatest distance of a point light, in radii of the volume.
+_NEAREST, FURTHEST = 0.01, 10.0
+
+
+def kind_name(source: Source) -> str:
+    """Return the name of a source's kind."""
+    return next(name for name, kind in KINDS.items() if isinstance(source, kind))
+
+
+def chosen_source(state: ViewState) -> int:
+    """Return the index of the chosen source."""
+    return min(max(state.interface.source, 0), len(list_sources(state.shading)) - 1)
+
+
+def is_blocked(source: Source) -> bool:
+    """Return True if the volume blocks a source's light: shadows, or ambient occlusion."""
+    if isinstance(source, Headlight):
+        return False
+    return source.occlusion if isinstance(source, Ambient) else source.shadows
+
+
+def _with_blocking(source: Source, on: bool) -> Source:
+    if isinstance(source, Headlight):
+        return source
+    if isinstance(source, Ambient):
+        return replace(source, occlusion=on)
+    return replace(source, shadows=on)
+
+
+@refusable
+def add_source(state: ViewState, kind: str) -> ViewState:
+    """Add a light source of a kind as a group of its own, and choose it.
+
+    The other sources are dimmed by as much light as it brings. It shines with the spectrum of each
+    light of the list.
+    """
+    if kind not in KINDS:
+        return state
+    source, shading = _new_source(state, kind), state.shading
+    weight = shading.ambient if isinstance(source, Ambient) else shading.diffuse
+    total, fraction = sum(shading.strengths().values()), _FRACTIONS[KINDS[kind]]
+    groups = shading.groups
+    if total > 0 and weight > 0:
+        source = replace(source, intensity=round(min(fraction * total / weight, 1e3), _DIGITS))
+        groups = _scaled(groups, 1 - fraction)
+    name = light_rows.unused_name(kind, {group.name for group in groups})
+    new = _with_groups(state, (*groups, LightGroup(name, (source,))), lit=name)
+    return choose_source(new, len(list_sources(new.shading)) - 1)
+
+
+def _new_source(state: ViewState, kind: str) -> Source:
+    volume = state.document.volume
+    towards = vector(np.asarray(_UPPER_LEFT) @ lighting_aim.camera_axes(state))
+    if KINDS[kind] is Directional:
+        return Directional(towards, shadows=True)
+    if KINDS[kind] is Point:
+        centre = volume.corners_mm.mean(axis=0)
+        away = np.asarray(towards) / np.linalg.norm(towards)
+        return Point(vector(centre + 2 * radius_mm(volume) * away), shadows=True)
+    return Headlight() if KINDS[kind] is Headlight else Ambient(occlusion=True)
+
+
+def _scaled(groups: Groups, factor: float) -> Groups:
+    """Return the groups with every intensity multiplied."""
+
+    def scaled(source: Source) -> Source:
+        dimmed = min(round(source.intensity * factor, _DIGITS), MOST_INTENSITY)
+        return replace(source, intensity=dimmed)
+
+    return tuple(
+        replace(group, sources=tuple(scaled(source) for source in group.sources))
+        for group in groups
+    )
+
+
+@refusable
+def remove_source(state: ViewState, index: int) -> ViewState:
+    """Remove a light source, and its group if that is empty; the others take over its light."""
+    found, shading = list_sources(state.shading), state.shading
+    if not 0 <= index < len(found):
+        return state
+    if len(found) == 1:
+        raise InputError("The last light source cannot be removed; add another first", code="size")
+    total = sum(shading.strengths().values())
+    groups = _without(shading.groups, found[index])
+    rest = sum(replace(shading, groups=groups).strengths().values())
+    if rest > 0 and total > 0:
+        groups = _scaled(groups, total / rest)
+    return choose_source(_with_groups(state, groups), max(index - 1, 0))
+
+
+def _without(groups: Groups, placed: Placed) -> Groups:
+    """Return the groups without a source, and without its group if that would be empty."""
+    group = groups[placed.group]
+    rest = light_rows.without_item(group.sources, placed.at)
+    if not rest:
+        return light_rows.without_item(groups, placed.group)
+    return light_rows.with_item(groups, placed.group, replace(group, sources=rest))
+
+
+@edit
+def choose_source(state: ViewState, index: int) -> ViewState:
+    """Choose a light source, and show the handles of all."""
+    if not 0 <= index < len(list_sources(state.shading)):
+        return state
+    return with_overlays(with_interface(state, source=index), lights=True)
+
+
+@edit
+def set_intensity(state: ViewState, index: int, intensity: float) -> ViewState:
+    """Set the intensity of a light source."""
+    return _change_source(state, index, intensity=clamp(intensity, 0.0, MOST_INTENSITY))
+
+
+@edit
+def toggle_blocking(state: ViewState, index: int) -> ViewState:
+    """Turn the shadows of a light source on or off; of a sky, its ambient occlusion."""
+
+    def change(source: Source) -> Source:
+        return _with_blocking(source, not is_blocked(source))
+
+    return _with_source(state, index, change)
+
+
+@edit
+def set_occlusion_radius(state: ViewState, index: int, mm: float) -> ViewState:
+    """Set the distance up to which matter occludes a sky; 0 or less for the default."""
+    return _change_source(state, index, radius_mm=mm if mm > 0 else None)
+
+
+@edit
+def set_falloff(state: ViewState, index: int, mm: float) -> ViewState:
+    """Set the distance at which a point light has its intensity; 0 or less for no falloff."""
+    return _change_source(state, index, falloff_mm=mm if mm > 0 else None)
+
+
+@edit
+def aim(state: ViewState, index: int, azimuth_deg: float, elevation_deg: float) -> ViewState:
+    """Set the direction of a lamp, as `lighting_aim.angles_deg` returns it."""
+    azimuth = math.radians(math.fmod(azimuth_deg, 360.0))
+    elevation = math.radians(clamp(elevation_deg, -90.0, 90.0))
+    flat = math.cos(elevation)
+    towards = np.array([flat * math.sin(azimuth), math.sin(elevation), flat * math.cos(azimuth)])
+
+    def change(source: Source) -> Source:
+        away = towards @ lighting_aim.axes_from_angles(state, source)
+        if isinstance(source, Directional):
+            return replace(source, towards=vector(away))
+        if isinstance(source, Point):
+            reach = lighting_aim.distance_mm(state, source)
+            return _at(state, source, reach * away)
+        return source
+
+    return _with_source(state, index, change)
+
+
+@edit
+def set_distance(state: ViewState, index: int, mm: float) -> ViewState:
+    """Set the distance of a point light from the volume's middle."""
+    reach = radius_mm(state.document.volume)
+
+    def change(source: Source) -> Source:
+        away = lighting_aim.away(state, source)
+        if not isinstance(source, Point) or away is None:
+            return source
+        return _at(state, source, clamp(mm, _NEAREST * reach, FURTHEST * reach) * away)
+
+    return _with_source(state, index, change)
+
+
+def _at(state: ViewState, source: Point, offset: NDArray[np.float64]) -> Point:
+    place = lighting_aim.middle_mm(state, source) + offset
+    return replace(source, position_mm=vector(place))
+
+
+def drag_handle(
+    state: ViewState, start: ViewState, handle: Handle, place: Place, projection: Projection
+) -> ViewState:
+    """Move a lamp whose handle is dragged to a place; ``start`` is the state when it began."""
+    source = list_sources(start.shading)[handle.index].source
+    to = lighting_aim.dragged(start, source, place, projection)
+    if to is None:
+        return state
+    name = "towards" if isinstance(source, Directional) else "position_mm"
+    return _change_source(state, handle.index, **{name: vector(to)})
+
+
+@edit
+def toggle_frame(state: ViewState, index: int) -> ViewState:
+    """Let a lamp move with the camera, or stay with the volume; it stays where it is for now."""
+    axes, eye = lighting_aim.camera_axes(state), lighting_aim.eye_mm(state)
+
+    def change(source: Source) -> Source:
+        if isinstance(source, Directional):
+            if source.frame == "world":
+                towards = vector(axes @ np.asarray(source.towards))
+                return replace(source, towards=towards, frame="camera")
+            return replace(source, towards=vector(np.asarray(source.towards) @ axes), frame="world")
+        if isinstance(source, Point):
+            given = np.asarray(source.position_mm)
+            if source.frame == "world":
+                return replace(source, position_mm=vector(axes @ (given - eye)), frame="camera")
+            return replace(source, position_mm=vector(given @ axes + eye), frame="world")
+        return source
+
+    return _with_source(state, index, change)
+
+
+@refusable
+def rename_group(state: ViewState, group: int, name: str) -> ViewState:
+    """Rename a light group; a name that is taken gets a number."""
+    groups, name = state.shading.groups, " ".join(name.split())
+    if not 0 <= group < len(groups) or name in ("", groups[group].name):
+        return state
+    others = {each.name for each in light_rows.without_item(groups, group)}
+    renamed = replace(groups[group], name=light_rows.unused_name(name, others))
+    groups = light_rows.with_item(groups, group, renamed)
+    return _with_groups(state, groups, {state.shading.groups[group].name: renamed.name})
+
+
+@refusable
+def move_source(state: ViewState, index: int, group: int) -> ViewState:
+    """Move a light source to another group, or to a new one of its own after the last."""
+    found, groups = list_sources(state.shading), state.shading.groups
+    if not 0 <= index < len(found) or not 0 <= group <= len(groups) or group == found[index].group:
+        return state
+    source, lit = found[index].source, ""
+    if group == len(groups):
+        if len(groups[found[index].group].sources) == 1:
+            return state
+        lit = light_rows.unused_name(kind_name(source), {each.name for each in groups})
+        groups = (*groups, LightGroup(lit, (source,)))
+    else:
+        grown = replace(groups[group], sources=(*groups[group].sources, source))
+        groups = light_rows.with_item(groups, group, grown)
+    groups = _without(groups, found[index])
+    new = _with_groups(state, groups, lit=lit)
+    at = next(i for i, each in enumerate(list_sources(new.shading)) if each.source is source)
+    return choose_source(new, at)
+
+
+@refusable
+def set_spectrum(state: ViewState, group: int, text: str) -> ViewState:
+    """Give a light group a spectrum of its own in the light that shines, in its notation."""
+    groups = state.shading.groups
+    if not 0 <= group < len(groups) or not state.lights:
+        return state
+    index, name = shining_row(state), groups[group].name
+    rig = state.lights[index].rig
+    if "" in rig.groups and len(groups) > 1:
+        state = light_parts.split_part(state, index)
+    elif not {"", name} & {*rig.groups}:
+        state = light_parts.add_part(state, index, name)
+    rig = state.lights[index].rig
+    part = rig.groups.index(name if name in rig.groups else "")
+    new, problem = light_parts.respell(state, index, part, text)
+    if problem:
+        raise InputError(problem)
+    row = new.lights[index]
+    if row.named or len(row.texts) == 1 or None in row.texts:
+        return new
+    title = " + ".join(dict.fromkeys(text for text in row.texts if text))
+    new = light_parts.put_row(new, index, row, title)
+    palette = new.palette.with_light_renamed(row.name, new.lights[index].name)
+    return replace(new, palette=palette)
+
+
+def shining_row(state: ViewState) -> int:
+    """Return the index of the chosen light if it shines, else of the brightest."""
+    weights = light_rows.effective_weights(state.lights)
+    chosen = state.interface.light
+    return chosen if weights[chosen] > 0 else light_rows.brightest_row(state.lights)
+
+
+def group_text(state: ViewState, group: int) -> str:
+    """Return the notation of a group's spectrum in the light that shines; empty if it is dark."""
+    row = state.lights[shining_row(state)]
+    parts = dict(zip(row.rig.groups, row.texts, strict=True))
+    text = parts.get(state.shading.groups[group].name, parts.get("", ""))
+    return "drawn" if text is None else text
+
+
+def group_spectrum(state: ViewState, group: int) -> Spectrum | None:
+    """Return a group's spectrum in the light that shines; None if it is dark."""
+    rig = state.lights[shining_row(state)].rig
+    parts = dict(zip(rig.groups, rig.lights, strict=True))
+    return parts.get(state.shading.groups[group].name, parts.get(""))
+
+
+def _with_groups(
+    state: ViewState, groups: Groups, names: Mapping[str, str] | None = None, lit: str = ""
+) -> ViewState:
+    """Set the light groups, and let the lights shine from them.
+
+    ``names`` has the new names of groups. Spectra of groups that are gone are removed; group
+    ``lit`` gets the first spectrum of each light.
+    """
+    now = {group.name for group in groups}
+    gone = {group.name for group in state.shading.groups} - now
+    moved = dict.fromkeys(gone, "") | {**(names or {})}
+
+    def regrouped(rows: light_rows.Rows) -> light_rows.Rows:
+        return tuple(light_rows.regrouped(row, moved, lit) for row in rows)
+
+    return replace(
+        state,
+        shading=replace(state.shading, groups=groups),
+        lights=regrouped(state.lights),
+        other=None if state.other is None else regrouped(state.other),
+        saved_lights=tuple(
+            replace(each, lights=regrouped(each.lights)) for each in state.saved_lights
+        ),
+        fade=None,
+    )
+
+
+def _with_source(state: ViewState, index: int, change: Callable[[Source], Source]) -> ViewState:
+    """Change one source."""
+    found, groups = list_sources(state.shading), state.shading.groups
+    if not 0 <= index < len(found):
+        return state
+    placed = found[index]
+    group = groups[placed.group]
+    sources = light_rows.with_item(group.sources, placed.at, change(placed.source))
+    groups = light_rows.with_item(groups, placed.group, replace(group, sources=sources))
+    return replace(state, shading=replace(state.shading, groups=groups))
+
+
+def _change_source(state: ViewState, index: int, **changes: Any) -> ViewState:
+    """Change fields of one source, if it has them."""
+
+    def change(source: Source) -> Source:
+        return replace(source, **changes) if all(hasattr(source, n) for n in changes) else source
+
+    return _with_source(state, index, change)
+
+
+def _toggle_all(state: ViewState, kinds: tuple[type[Source], ...], missing: str) -> Edited:
+    """Turn shadows or occlusion of all sources of some kinds on or off; if none is, add one."""
+    sources = (each.source for each in list_sources(state.shading))
+    found = [i for i, source in enumerate(sources) if isinstance(source, kinds)]
+    if not found:
+        return add_source(state, missing)
+    on = not any(is_blocked(list_sources(state.shading)[i].source) for i in found)
+    for index in found:
+        state = _with_source(state, index, lambda source: _with_blocking(source, on))
+    return Edited(state)
+
+
+def _any_blocked(state: ViewState, kinds: tuple[type[Source], ...]) -> bool:
+    sources = (each.source for each in list_sources(state.shading))
+    return any(is_blocked(source) for source in sources if isinstance(source, kinds))
+
+
+_LAMPS: tuple[type[Source], ...] = (Directional, Point)
+_SKIES: tuple[type[Source], ...] = (Ambient,)
+
+
+def _add(name: str, title: str, words: str) -> Command:
+    """Return the command that adds a source of a kind."""
+    command = f"add-{name.partition(' ')[0]}"
+    return Command(command, "Render", title, (), bind(add_source, name), words=words)
+
+
+COMMANDS = (
+    _add("directional light", "Add a directional light", "lamp sun key light source shadow"),
+    _add("point light", "Add a point light", "lamp bulb spot light source near"),
+    _add("headlight", "Add a headlight", "camera light source front"),
+    _add("sky", "Add a sky", "ambient light dome environment fill occlusion source"),
+    Command(
+        "remove-source",
+        "Render",
+        "Remove the chosen light source",
+        (),
+        lambda state: remove_source(state, chosen_source(state)),
+        words="delete lamp",
+    ),
+    Command(
+        "shadows",
+        "Render",
+        "Shadows",
+        (),
+        lambda state: _toggle_all(state, _LAMPS, "directional light"),
+        lambda state: _any_blocked(state, _LAMPS),
+        "cast shadow lighting",
+    ),
+    Command(
+        "occlusion",
+        "Render",
+        "Ambient occlusion",
+        (),
+        lambda state: _toggle_all(state, _SKIES, "sky"),
+        lambda state: _any_blocked(state, _SKIES),
+        "AO ambient shading sky lighting",
+    ),
+    overlay_command("lights", "Render", "Handles of lights", words="aim direction move lamp"),
+)

@@ -1,0 +1,242 @@
+"""Surface, projection and quality of a cast: edits and commands.
+
+panel, commands -> [quality] -> RaycastSpec -> cast
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from volspec.errors import InputError
+from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
+from volspec.transfer import TransferFunction
+from volspec.viewer.model.edit import Command, bind, edit, refusable
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
+
+# The greatest ambient, diffuse and specular weight on a slider.
+MOST_WEIGHT = 4.0
+# Step, in smallest spacings.
+STEPS = (0.05, 4.0)
+LIGHT_CELLS = (8, 512)
+SHININESS = (1, 1024)
+# Step in smallest spacings, cells of the light volume, and adaptive steps, of each quality.
+QUALITIES = {"draft": (1.0, 64, 0.02), "standard": (0.5, 96, 0.0), "high": (0.2, 192, 0.0)}
+
+
+def step_voxels(state: ViewState) -> float:
+    """Return the step in smallest spacings."""
+    step = state.shading.step_mm
+    return 0.5 if step is None else step / min(state.document.volume.spacing_mm)
+
+
+def can_project(state: ViewState) -> bool:
+    """Return True if the transfer function allows projections and pre-integration."""
+    transfer = state.transfer
+    return (
+        isinstance(transfer, TransferFunction)
+        and transfer.gradient_opacity is None
+        and not transfer.filters
+    )
+
+
+@edit
+def set_ambient(state: ViewState, weight: float) -> ViewState:
+    """Set the weight of light from all directions."""
+    return _change(state, ambient=clamp(weight, 0.0, MOST_WEIGHT))
+
+
+@edit
+def set_diffuse(state: ViewState, weight: float) -> ViewState:
+    """Set the weight of directed light."""
+    return _change(state, diffuse=clamp(weight, 0.0, MOST_WEIGHT))
+
+
+@edit
+def set_specular(state: ViewState, weight: float) -> ViewState:
+    """Set the weight of highlights."""
+    return _change(state, specular=clamp(weight, 0.0, MOST_WEIGHT))
+
+
+@edit
+def set_shininess(state: ViewState, exponent: float) -> ViewState:
+    """Set the sharpness of highlights."""
+    return _change(state, shininess=round(clamp(exponent, *SHININESS)))
+
+
+@edit
+def set_flat_gradient(state: ViewState, share: float) -> ViewState:
+    """Set the gradient below which surfaces fade to unshaded."""
+    return _change(state, flat_gradient=clamp(share, 0.0, 1.0))
+
+
+@refusable
+def set_projection(state: ViewState, mode: str) -> ViewState:
+    """Show opacity and colour, or the greatest or the mean value along each ray."""
+    known = next((each for each in MODES if each == mode), None)
+    if known is None or known == state.shading.mode:
+        return state
+    if known != "composite":
+        require_curve(state, "mode")
+    # Pre-integration has no meaning with the others; it comes back with composite.
+    own = known == "composite" and state.document.shading.preintegrated
+    return _change(state, mode=known, preintegrated=own and can_project(state))
+
+
+@refusable
+def toggle_preintegration(state: ViewState) -> ViewState:
+    """Integrate the transfer function within each step, or read it once."""
+    on = not state.shading.preintegrated
+    if on:
+        require_curve(state, "preintegrated")
+        return _change(state, preintegrated=True, mode="composite")
+    return _change(state, preintegrated=False)
+
+
+def require_curve(state: ViewState, field: str) -> None:
+    """Raise InputError unless the transfer function allows projections and pre-integration."""
+    if not can_project(state):
+        raise InputError(
+            "needs a curve without opacity by gradient and without filters",
+            "choose Curve in the Transfer panel",
+            code="conflict",
+            field=field,
+        )
+
+
+@edit
+def set_step(state: ViewState, voxels: float) -> ViewState:
+    """Set the step in smallest spacings; half of one is the default."""
+    volume = state.document.volume
+    spacing = min(volume.spacing_mm)
+    least = diagonal_mm(volume) / MAX_STEPS
+    step = clamp(clamp(voxels, *STEPS) * spacing, 1.01 * least, diagonal_mm(volume))
+    return _change(state, step_mm=None if step == 0.5 * spacing else step)
+
+
+@edit
+def set_jitter(state: ViewState, share: float) -> ViewState:
+    """Shift samples at random by up to this fraction of a step."""
+    return _change(state, jitter=clamp(share, 0.0, 1.0))
+
+
+def _toggle_jitter(state: ViewState) -> ViewState:
+    return set_jitter(state, 0.0 if state.shading.jitter > 0 else 1.0)
+
+
+@edit
+def set_seed(state: ViewState, seed: int) -> ViewState:
+    """Set the seed of the jitter."""
+    return _change(state, seed=min(max(seed, 0), 2**32 - 1))
+
+
+@edit
+def set_adaptive(state: ViewState, opacity: float) -> ViewState:
+    """Lengthen steps where their opacity varies by less than this; 0 for equal steps."""
+    return _change(state, adaptive=clamp(opacity, 0.0, 1.0))
+
+
+@edit
+def set_alpha_stop(state: ViewState, opacity: float) -> ViewState:
+    """Set the opacity at which rays end."""
+    return _change(state, alpha_stop=clamp(opacity, 0.05, 1.0))
+
+
+@edit
+def set_first_opacity(state: ViewState, opacity: float) -> ViewState:
+    """Set the opacity at which a ray has hit something."""
+    return _change(state, first_opacity=clamp(opacity, 0.001, 1.0))
+
+
+@edit
+def set_light_cells(state: ViewState, cells: int) -> ViewState:
+    """Set the cells of the light volume along the longest axis: detail of shadows."""
+    low, high = LIGHT_CELLS
+    return _change(state, light_cells=min(max(cells, low), high))
+
+
+@edit
+def toggle_half(state: ViewState) -> ViewState:
+    """Store the picture's channels as float16, or float32."""
+    return _change(state, half=not state.shading.half)
+
+
+@edit
+def set_quality(state: ViewState, name: str) -> ViewState:
+    """Set step and light volume to draft, standard or high quality."""
+    if name not in QUALITIES:
+        return state
+    step, cells, adaptive = QUALITIES[name]
+    if not isinstance(state.transfer, TransferFunction) or state.transfer.filters:
+        adaptive = 0.0
+    return _change(set_step(state, step), light_cells=cells, adaptive=adaptive)
+
+
+def quality_name(state: ViewState) -> str:
+    """Return the name of the quality in use; empty if it is another."""
+    shading = state.shading
+    return next(
+        (
+            name
+            for name, (step, cells, _) in QUALITIES.items()
+            if shading.light_cells == cells and abs(step_voxels(state) - step) < 1e-6 * step
+        ),
+        "",
+    )
+
+
+def _change(state: ViewState, **changes: Any) -> ViewState:
+    return replace(state, shading=replace(state.shading, **changes))
+
+
+def _projection(mode: str, title: str, words: str) -> Command:
+    return Command(
+        f"projection-{mode}",
+        "Render",
+        f"Projection: {title}",
+        (),
+        bind(set_projection, mode),
+        lambda state: state.shading.mode == mode,
+        words,
+    )
+
+
+def _quality(name: str, words: str) -> Command:
+    return Command(
+        f"quality-{name}",
+        "Render",
+        f"Quality: {name}",
+        (),
+        bind(set_quality, name),
+        lambda state: quality_name(state) == name,
+        words,
+    )
+
+
+COMMANDS = (
+    _projection("composite", "composite", "volume rendering opacity alpha blend"),
+    _projection("maximum", "maximum (MIP)", "intensity"),
+    _projection("average", "average", "mean x-ray radiograph intensity"),
+    _quality("draft", "fast speed performance coarse step sampling"),
+    _quality("standard", "normal default step sampling"),
+    _quality("high", "best fine slow step sampling"),
+    Command(
+        "jitter",
+        "Render",
+        "Jitter against rings",
+        (),
+        _toggle_jitter,
+        lambda state: state.shading.jitter > 0,
+        "noise dither wood grain banding artefacts quality",
+    ),
+    Command(
+        "preintegration",
+        "Render",
+        "Pre-integration",
+        (),
+        toggle_preintegration,
+        lambda state: state.shading.preintegrated,
+        "preintegrated rings banding quality",
+    ),
+)

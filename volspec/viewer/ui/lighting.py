@@ -1,0 +1,283 @@
+"""The lighting panel: the cast's light sources and surface, and handles that aim lamps."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache, partial
+
+from imgui_bundle import imgui
+
+from volspec.raycast import Ambient, Directional, Headlight, Point
+from volspec.raycast.camera import radius_mm
+from volspec.raycast.lights import Source
+from volspec.relight import LightRig
+from volspec.spectra import Spectrum
+from volspec.viewer.model import lighting, lighting_aim, quality
+from volspec.viewer.model.commands import BY_NAME
+from volspec.viewer.model.cuts import nearest_handle
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import lights_library
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.light_look import fill_box, raw_colour
+from volspec.viewer.ui.widgets import (
+    ACCENT,
+    BLACK,
+    WHITE,
+    as_one_line,
+    describe_field,
+    lit_button,
+    over_picture,
+    pack_colour,
+    setting_slider,
+    shorten,
+)
+
+_ADD = "add a light source"
+_LABELS = 92
+_LOG = imgui.SliderFlags_.logarithmic
+_ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
+_INTENSITY = 4.0  # the greatest on a slider
+_NAMES = {
+    "directional light": "Directional",
+    "point light": "Point",
+    "headlight": "Headlight",
+    "sky": "Ambient",
+}
+# The sun of a handle: radius of its disc, and the rays' ends, in pixels at 96 dpi.
+_DISC, _RAYS = 6.0, (8.5, 12.0)
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the panel."""
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(4)))
+    new = _buttons(state, ui)
+    index = 0
+    for at, group in enumerate(state.shading.groups):
+        imgui.push_id(at)
+        new = _group(new, state, ui, at)
+        for source in group.sources:
+            imgui.push_id(index)
+            new = _source(new, state, ui, index, source)
+            imgui.pop_id()
+            index += 1
+        imgui.pop_id()
+    imgui.push_item_width(-ui.px(_LABELS))
+    new = _details(new, state, ui)
+    imgui.separator_text("Surface")
+    new = _surface(new, ui)
+    imgui.pop_item_width()
+    imgui.pop_style_var()
+    return None if new is state else new
+
+
+def _buttons(state: ViewState, ui: UiContext) -> ViewState:
+    new = state
+    if imgui.button("Add"):
+        imgui.open_popup(_ADD)
+    ui.note("add source", "Add a light source to the picture; the others are dimmed")
+    if imgui.begin_popup(_ADD):
+        for kind in lighting.KINDS:
+            title = {"sky": "Sky (ambient light)"}.get(kind, kind.capitalize())
+            if imgui.menu_item(title, "", False)[0]:
+                new = ui.edited(new, partial(lighting.add_source, kind=kind))
+            ui.note(f"add {kind}")
+        imgui.end_popup()
+    imgui.same_line()
+    dark = state.interface.dark
+    for name, title in (("shadows", "Shadows"), ("occlusion", "Occlusion"), ("lights", "Handles")):
+        command = BY_NAME[name]
+        on = command.on is not None and command.on(state)
+        if lit_button(title, on, dark):
+            new = ui.run(new, command)
+        ui.note(f"all {name}", command.title)
+        imgui.same_line()
+    imgui.new_line()
+    return new
+
+
+def _group(new: ViewState, state: ViewState, ui: UiContext, group: int) -> ViewState:
+    """Draw a group's name and its spectrum, which opens the library."""
+    name = state.shading.groups[group].name
+    imgui.set_next_item_width(ui.px(132))
+    entered, text = imgui.input_text("##name", name, _ENTER)
+    ui.note(f"light group {group}", "Light group: sources that share a spectrum")
+    if entered:
+        new = ui.edited(new, partial(lighting.rename_group, group=group, name=text))
+    imgui.same_line()
+    x, y = imgui.get_cursor_screen_pos()
+    width, height = imgui.get_content_region_avail().x, imgui.get_frame_height()
+    notation = lighting.group_text(state, group)
+    side = ui.px(13)
+    shown = shorten(notation or "dark", width - side - ui.px(26))
+    if imgui.button(f"     {shown}###spectrum", (width, 0)):
+        imgui.open_popup(lights_library.POPUP)
+    ui.note(f"group spectrum {group}", f"Spectrum of this group: {as_one_line(notation)}")
+    spectrum = lighting.group_spectrum(state, group)
+    if spectrum is not None:
+        box = x + ui.px(7), y + (height - side) / 2, side, side
+        fill_box(box, raw_colour(_rig(spectrum)), ui.px(3))
+    return lights_library.draw(new, ui, partial(lighting.set_spectrum, group=group))
+
+
+def _source(
+    new: ViewState, state: ViewState, ui: UiContext, index: int, source: Source
+) -> ViewState:
+    """Draw a source's kind, intensity, and buttons."""
+    kind, dark = lighting.kind_name(source), state.interface.dark
+    imgui.dummy((ui.px(4), 0))
+    imgui.same_line()
+    imgui.align_text_to_frame_padding()
+    label = _NAMES[kind]
+    chosen = lighting.chosen_source(state) == index
+    if imgui.selectable(f"{label}##kind", chosen, 0, (ui.px(88), 0))[0]:
+        new = lighting.choose_source(new, index)
+    ui.note(f"source {index}", str(type(source).__doc__).partition("\n")[0])
+    imgui.same_line()
+    side = imgui.get_frame_height()
+    imgui.set_next_item_width(imgui.get_content_region_avail().x - 2 * side - ui.px(16))
+    top = max(_INTENSITY, source.intensity)
+    moved, value = imgui.slider_float("##intensity", source.intensity, 0.0, top, "%.2f")
+    ui.note(f"intensity {index}", "Intensity")
+    if moved:
+        new = lighting.set_intensity(lighting.choose_source(new, index), index, value)
+    imgui.same_line()
+    letter = "O" if isinstance(source, Ambient) else "S"
+    imgui.begin_disabled(isinstance(source, Headlight))
+    if lit_button(letter, lighting.is_blocked(source), dark, (side, 0)):
+        new = lighting.toggle_blocking(new, index)
+    imgui.end_disabled()
+    ui.note(f"blocking {index}", _blocking_tip(source), greyed=True)
+    imgui.same_line()
+    if imgui.button("×", (side, 0)):
+        new = ui.edited(new, partial(lighting.remove_source, index=index))
+    ui.note(f"remove source {index}")
+    return new
+
+
+def _blocking_tip(source: Source) -> str:
+    if isinstance(source, Headlight):
+        return "The camera sees no shadow of a headlight"
+    return describe_field(type(source), "occlusion" if isinstance(source, Ambient) else "shadows")
+
+
+def _details(new: ViewState, state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the settings of the chosen source."""
+    index = lighting.chosen_source(state)
+    placed = lighting_aim.list_sources(state.shading)[index]
+    source, groups = placed.source, state.shading.groups
+    name = f"{groups[placed.group].name}: {_NAMES[lighting.kind_name(source)]}"
+    imgui.separator_text(as_one_line(name))
+    angles = lighting_aim.angles_deg(state, source)
+    if angles is not None:
+        azimuth, elevation = angles
+        moved, value = imgui.slider_float("Azimuth", azimuth, -180.0, 180.0, "%.0f°")
+        ui.note("light azimuth", "Around the up axis, as the camera's orbit counts it")
+        if moved:
+            new = lighting.aim(new, index, value, elevation)
+        moved, value = imgui.slider_float("Elevation", elevation, -90.0, 90.0, "%.0f°")
+        ui.note("light elevation")
+        if moved:
+            new = lighting.aim(new, index, azimuth, value)
+    reach = radius_mm(state.document.volume)
+    if isinstance(source, Point):
+        mm, limits = lighting_aim.distance_mm(state, source), (0.1 * reach, 10 * reach)
+        moved, value = imgui.slider_float("Distance", mm, *limits, "%.4g mm", _LOG)
+        ui.note("light distance", "From the volume's middle")
+        if moved:
+            new = lighting.set_distance(new, index, value)
+        mm, text = source.falloff_mm or 0.0, "%.4g mm" if source.falloff_mm else "none"
+        moved, value = imgui.slider_float("Falloff", mm, 0.0, 5 * reach, text)
+        ui.note("light falloff", describe_field(Point, "falloff_mm"))
+        if moved:
+            new = lighting.set_falloff(new, index, value)
+    if isinstance(source, Ambient):
+        imgui.begin_disabled(not source.occlusion)
+        mm, text = source.radius_mm or 0.0, "%.4g mm" if source.radius_mm else "automatic"
+        moved, value = imgui.slider_float("Radius", mm, 0.0, reach, text)
+        imgui.end_disabled()
+        ui.note("occlusion radius", describe_field(Ambient, "radius_mm"))
+        if moved:
+            new = lighting.set_occlusion_radius(new, index, value)
+    if isinstance(source, Directional | Point):
+        pressed, _ = imgui.checkbox("Moves with the camera", source.frame == "camera")
+        ui.note("light frame", describe_field(type(source), "frame"))
+        if pressed:
+            new = lighting.toggle_frame(new, index)
+    return _regroup(new, state, ui, index, placed.group)
+
+
+def _regroup(new: ViewState, state: ViewState, ui: UiContext, index: int, group: int) -> ViewState:
+    """Draw the list that moves a source to another group, if there is another."""
+    names = [as_one_line(each.name) for each in state.shading.groups]
+    if len(state.shading.groups[group].sources) > 1:
+        names.append("a group of its own")
+    if len(names) < 2:
+        return new
+    picked, at = imgui.combo("Light group", group, names)
+    ui.note("source group", "Sources of one group share a spectrum")
+    return ui.edited(new, partial(lighting.move_source, index=index, group=at)) if picked else new
+
+
+def _surface(state: ViewState, ui: UiContext) -> ViewState:
+    spec, weights = state.shading, (0.0, 2.0)
+    new = setting_slider(state, ui, quality.set_ambient, "Ambient", spec, weights)
+    new = setting_slider(new, ui, quality.set_diffuse, "Diffuse", spec, weights)
+    new = setting_slider(new, ui, quality.set_specular, "Specular", spec, weights)
+    limits = 1.0, 256.0
+    new = setting_slider(new, ui, quality.set_shininess, "Shininess", spec, limits, "%.0f", _LOG)
+    limits = 0.0, 0.3
+    return setting_slider(new, ui, quality.set_flat_gradient, "Flat gradient", spec, limits, "%.3f")
+
+
+@lru_cache(maxsize=128)
+def _rig(spectrum: Spectrum) -> LightRig:
+    """Return a spectrum's rig; always the same object, as the colour cache requires."""
+    return LightRig((spectrum,))
+
+
+def draw_handles(state: ViewState, ui: UiContext) -> None:
+    """Draw a sun for each lamp, hollow behind the volume, and the ring of directions."""
+    projection = ui.projection(state)
+    found = lighting_aim.list_handles(state, projection)
+    if not found:
+        return
+    hovered = None
+    if not imgui.get_io().want_capture_mouse:
+        mouse = imgui.get_mouse_pos()
+        hovered = nearest_handle(found, (mouse.x, mouse.y), ui.scale)
+    sources = lighting_aim.list_sources(state.shading)
+    middle, radius = lighting_aim.ring(projection)
+    with over_picture(ui) as draw_list:
+        if any(not isinstance(sources[each.index].source, Point) for each in found):
+            shade, line = pack_colour(BLACK, 0.35), pack_colour(WHITE, 0.35)
+            draw_list.add_circle(middle, radius, shade, 96, ui.px(2.5))
+            draw_list.add_circle(middle, radius, line, 96, ui.px(1))
+        for handle in found:
+            source = sources[handle.index].source
+            chosen = handle == hovered or handle.index == lighting.chosen_source(state)
+            colour = pack_colour(ACCENT[True] if chosen else WHITE, 0.95)
+            _sun(draw_list, ui, handle.place, colour, lighting_aim.is_behind(state, source))
+            x, y = handle.place
+            ui.areas[f"{handle.name} {handle.index}"] = int(x) - 2, int(y) - 2, 4, 4
+
+
+def _sun(
+    draw_list: imgui.ImDrawList,
+    ui: UiContext,
+    place: tuple[float, float],
+    colour: int,
+    hollow: bool,
+) -> None:
+    """Draw a disc with rays, with a dark outline so that it is visible on any picture."""
+    (x, y), shade = place, pack_colour(BLACK, 0.6)
+    inner, outer = (ui.px(length) for length in _RAYS)
+    for layer, width in ((shade, ui.px(4)), (colour, ui.px(1.8))):
+        for i in range(8):
+            across, down = math.cos(i * math.pi / 4), math.sin(i * math.pi / 4)
+            ends = (x + inner * across, y + inner * down), (x + outer * across, y + outer * down)
+            draw_list.add_line(*ends, layer, width)
+    draw_list.add_circle_filled(place, ui.px(_DISC + 1.5), shade)
+    if hollow:
+        draw_list.add_circle(place, ui.px(_DISC - 1), colour, 0, ui.px(2))
+    else:
+        draw_list.add_circle_filled(place, ui.px(_DISC), colour)

@@ -1,0 +1,94 @@
+"""The quality panel: projection, steps and jitter of a cast, and detail of its shadows."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from imgui_bundle import imgui
+
+from volspec.raycast import RaycastSpec
+from volspec.raycast.spec import MODES
+from volspec.viewer.model import quality
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, lit_button, setting_slider
+
+_LABELS = 104
+_LOG = imgui.SliderFlags_.logarithmic
+_TITLES = {"maximum": "maximum (MIP)"}
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the panel."""
+    imgui.push_item_width(-ui.px(_LABELS))
+    imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(4)))
+    new = _projection(state, ui)
+    new = _sampling(_presets(new, ui), ui)
+    imgui.separator_text("Shadows")
+    focus_if_wanted("Light cells", ui)
+    moved, cells = imgui.slider_int(
+        "Light cells", new.shading.light_cells, *quality.LIGHT_CELLS, "%d", _LOG
+    )
+    ui.note("light cells", _about("light_cells"))
+    new = quality.set_light_cells(new, cells) if moved else new
+    imgui.separator_text("Limits")
+    new = _limits(new, ui)
+    imgui.pop_style_var()
+    imgui.pop_item_width()
+    return None if new is state else new
+
+
+def _about(field: str) -> str:
+    return describe_field(RaycastSpec, field)
+
+
+def _projection(state: ViewState, ui: UiContext) -> ViewState:
+    focus_if_wanted("Projection", ui)
+    names = [_TITLES.get(mode, mode) for mode in MODES]
+    picked, at = imgui.combo("Projection", MODES.index(state.shading.mode), names)
+    ui.note("projection", _about("mode"))
+    return ui.edited(state, partial(quality.set_projection, mode=MODES[at])) if picked else state
+
+
+def _presets(state: ViewState, ui: UiContext) -> ViewState:
+    new, dark, now = state, state.interface.dark, quality.quality_name(state)
+    for name in quality.QUALITIES:
+        if lit_button(name.capitalize(), name == now, dark):
+            new = quality.set_quality(new, name)
+        ui.note(f"quality {name}", "Step and detail of shadows")
+        imgui.same_line()
+    imgui.align_text_to_frame_padding()
+    imgui.text("Quality")
+    return new
+
+
+def _sampling(state: ViewState, ui: UiContext) -> ViewState:
+    spec, new = state.shading, state
+    focus_if_wanted("Step", ui)
+    text = "%.2f voxels" + ("" if spec.step_mm else ", default")
+    moved, voxels = imgui.slider_float(
+        "Step", quality.step_voxels(state), *quality.STEPS, text, _LOG
+    )
+    ui.note("step", _about("step_mm"))
+    if moved:
+        new = quality.set_step(new, voxels)
+    new = setting_slider(new, ui, quality.set_jitter, "Jitter", spec, (0.0, 1.0))
+    pressed, _ = imgui.checkbox("Pre-integration", spec.preintegrated)
+    ui.note("pre-integration", _about("preintegrated"))
+    if pressed:
+        new = ui.edited(new, quality.toggle_preintegration)
+    return setting_slider(new, ui, quality.set_adaptive, "Adaptive", spec, (0.0, 0.2), "%.3f", _LOG)
+
+
+def _limits(state: ViewState, ui: UiContext) -> ViewState:
+    spec = state.shading
+    new = setting_slider(state, ui, quality.set_alpha_stop, "Alpha stop", spec, (0.5, 1.0), "%.4f")
+    limits = 0.001, 1.0
+    new = setting_slider(new, ui, quality.set_first_opacity, "First opacity", spec, limits)
+    focus_if_wanted("Seed", ui)
+    moved, seed = imgui.input_int("Seed", spec.seed)
+    ui.note("seed", _about("seed"))
+    new = quality.set_seed(new, seed) if moved else new
+    pressed, _ = imgui.checkbox("Half precision", spec.half)
+    ui.note("half", _about("half"))
+    return quality.toggle_half(new) if pressed else new
