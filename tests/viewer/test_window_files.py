@@ -163,3 +163,48 @@ def twice(robot: Robot, area: str) -> None:
     click = ("click", "--repeat", "2", "--delay", "60", "1")
     robot.do("mousemove", x, y, "sleep", "0.1", *click)
     robot.rest()
+
+
+def test_channels_steps_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> None:
+    tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
+    ball = (phantom.ball(16).values * 1000).astype(np.uint16)
+    stack = np.stack([np.stack([ball, ball[::-1]])] * 3)
+    names = {"Name": ["DAPI", "GFP"]}
+    tifffile.imwrite(tmp_path / "c.ome.tif", stack, metadata={"axes": "TCZYX", "Channel": names})
+    ball.tofile(tmp_path / "ball.raw")
+    (tmp_path / "bad.npy").write_text("no numbers", encoding="utf-8")
+    with Robot(tmp_path, ["bad.npy"], (1000, 700)) as robot:
+        # Nothing can be opened: the window says why, and offers another file.
+        robot.wait_for(lambda row: "open another" in row.get("areas", {}))
+        assert red(pixels(robot, "nothing", "picture")[300:]) > 100
+        robot.key("ctrl+o")
+        robot.wait_for(lambda row: "file c.ome.tif" in row.get("areas", {}))
+        twice_at(robot, "file c.ome.tif")
+        robot.wait_for(lambda row: "choice ok" in row.get("areas", {}))
+        robot.click("choice channel 1")
+        robot.click("choice ok")
+        opened = event(robot, "open")
+        robot.whole(opened["t"])
+        # Lights stay with another channel, and steps are chosen by key or from the status line.
+        before = robot.rest()
+        robot.key("period")
+        assert event(robot, "open", before)
+        before = robot.rest()
+        robot.click("status channel")
+        robot.rest()
+        robot.click("choose channel 0")
+        assert event(robot, "open", before)
+        before = robot.rest()
+        robot.drop((tmp_path / "ball.raw").as_uri())
+        robot.wait_for(lambda row: "guess 0" in row.get("areas", {}), before)
+        robot.key("Return")
+        assert event(robot, "open", before)["title"] == "ball.raw"
+        robot.rest()
+        robot.key("ctrl+q")
+        assert robot.viewer.wait(20) == 0
+
+
+def twice_at(robot: Robot, area: str) -> None:
+    """Double-click an item while nothing is open, when there is no rest to wait for."""
+    x, y = robot.middle(area)
+    robot.do("mousemove", x, y, "sleep", "0.3", "click", "--repeat", "2", "--delay", "60", "1")

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from imgui_bundle import imgui, implot
 
+from volspec.errors import InputError
 from volspec.viewer.model.commands import BY_KEY, MENUS
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import Fade
@@ -146,7 +147,7 @@ class _App:
         return self._mouse.held or self._fading or self._ui.plays
 
     def run(self) -> None:
-        """Draw frames until the window closes."""
+        """Draw frames until the window closes; raise InputError if nothing could be opened."""
         try:
             while not self._window.closing:
                 waited, patience = time.perf_counter(), self._patience()
@@ -179,6 +180,8 @@ class _App:
             self._scheduler.close()
             self._thumbnails.close()
             self._screen.close()
+        if self._history is None and self._file_commands.documents.problem:
+            raise InputError(self._file_commands.documents.problem, code="impossible")
 
     def _patience(self) -> float:
         if self._settle > 0:
@@ -262,10 +265,12 @@ class _App:
                 self._settle = max(self._settle, _SETTLE)
         else:
             self._mouse.take(inputs)
-            self._early += [given for given in inputs if given.name == "drop"]
+            self._wait_for_file(inputs)
         painted = self._screen.painted_picture(area, self._shown)
-        if text := self._screen.missing_message(self._shown, painted):
-            messages.draw_centred(text, bool(self._screen.fault), self._ui)
+        problem = "" if state is not None else self._file_commands.documents.problem
+        if text := problem or self._screen.missing_message(self._shown, painted):
+            fault = bool(problem or self._screen.fault)
+            messages.draw_centred(text, fault, bool(problem), self._ui)
         toast = self._notice.shown
         if toast is not None and toast.text != text and messages.draw_toast(toast, self._ui):
             self._notice.hide()
@@ -278,6 +283,25 @@ class _App:
         if self._shown is not None:
             # A software renderer then draws it while the next frame's panels are made.
             self._relight(self._shown)
+
+    def _wait_for_file(self, inputs: list[Input]) -> None:
+        """Use inputs while nothing is open: once that has failed, another file can be chosen."""
+        drops = [given for given in inputs if given.name == "drop" and given.paths]
+        if not self._file_commands.documents.problem:
+            self._early += drops
+            return
+        for given in drops:
+            self._file_commands.documents.drop(given.paths)
+        for given in inputs:
+            command = BY_KEY.get(given.key) if given.name == "key" else None
+            if command is not None and command.name in ("open", "quit"):
+                self._ui.request(command.name)
+        requests, self._ui.requests = self._ui.requests, []
+        for request in requests:
+            if request.name == "quit":
+                self._window.leave()
+            else:
+                self._file_commands.run(request, None)
 
     def _during_fade(self, state: ViewState, now: float) -> ViewState:
         """Return a state as it is shown, in a preview or a fade; a new fade's clock starts now."""

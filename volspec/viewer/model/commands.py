@@ -140,6 +140,8 @@ COMMANDS: tuple[Command, ...] = (
     *_EDITS,
     *transfer_edits.COMMANDS,
     *camera.COMMANDS,
+    Command("next-step", "View", "Next time step", (".",), words="time series frame"),
+    Command("previous-step", "View", "Previous time step", (",",), words="time series frame"),
     _switch("error_map", "View", "Error map", "e"),
     *viewing.COMMANDS,
     *lights.COMMANDS,

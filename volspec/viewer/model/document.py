@@ -30,7 +30,7 @@ from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer, presets
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
-from volspec.volume import Volume
+from volspec.volume import Choice, Volume
 
 _JOINT_BINS = 128, 64
 # Number of voxels sampled, which takes two milliseconds.
@@ -99,6 +99,7 @@ class Document:
     file: SceneFile | None = None  # opened, or made for a volume
     path: Path | None = None  # scene or volume; relative file names start from its folder
     fault: str = ""  # why nothing can be cast on this machine; empty if it can
+    choices: tuple[Choice, ...] = ()  # of the volume's address, such as its channels
     joint: JointHistogram = field(init=False)
 
     def __post_init__(self) -> None:

@@ -19,6 +19,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.spectra.library import EVERYDAY, describe_light, library_names
 from volspec.viewer.model import lights, viewing
+from volspec.viewer.model.choices import TITLES, value_text
 from volspec.viewer.model.commands import COMMANDS, open_viewing, rank_matches
 from volspec.viewer.model.edit import Change, Edited
 from volspec.viewer.model.state import ViewState
@@ -27,6 +28,7 @@ from volspec.viewer.ui.overlays import BARE_WINDOW
 from volspec.viewer.ui.viewing import SETTINGS
 from volspec.viewer.ui.widgets import as_one_line, key_text, shown_rows, text_width
 from volspec.viewer.work.session_store import RecentFile
+from volspec.volume import Choice
 
 _ROWS = 14
 _FLAGS = BARE_WINDOW | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_move
@@ -59,17 +61,21 @@ def list_entries(
         + ("" if row.label in ("", row.name) else f", {as_one_line(row.label)}")
         for row in state.lights
     )
-    return _search(names, tuple(recent), text)
+    return _search(names, tuple(recent), state.document.choices, text)
 
 
 @lru_cache(maxsize=8)
-def _search(names: tuple[str, ...], recent: tuple[RecentFile, ...], text: str) -> tuple[Entry, ...]:
+def _search(
+    names: tuple[str, ...], recent: tuple[RecentFile, ...], choices: tuple[Choice, ...], text: str
+) -> tuple[Entry, ...]:
     """Search the entries once per text, not in every frame."""
-    return tuple(rank_matches(_entries(names, recent), text, lambda entry: entry.text))
+    return tuple(rank_matches(_entries(names, recent, choices), text, lambda entry: entry.text))
 
 
 @lru_cache(maxsize=8)
-def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[Entry, ...]:
+def _entries(
+    names: tuple[str, ...], recent: tuple[RecentFile, ...], choices: tuple[Choice, ...]
+) -> tuple[Entry, ...]:
     """Return all entries: commands, settings, the state's lights, files, lights of the library."""
     commands = (
         Entry(
@@ -94,6 +100,15 @@ def _entries(names: tuple[str, ...], recent: tuple[RecentFile, ...]) -> tuple[En
         *(
             Entry("Light", name, change=partial(lights.only, index=i))
             for i, name in enumerate(names)
+        ),
+        *(
+            Entry(
+                TITLES.get(choice.key, choice.key),
+                as_one_line(value_text(choice, number)),
+                request=Request("choose", f"{choice.key}={value}"),
+            )
+            for choice in choices
+            for number, value in enumerate(choice.values)
         ),
         *(
             Entry("Open", row.label, request=Request("open", row.path))

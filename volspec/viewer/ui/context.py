@@ -39,8 +39,9 @@ def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
 class Request(NamedTuple):
     """A command for the app to run after the panels are drawn."""
 
-    name: str  # of a `Command`, "message" or "warning"
-    argument: str = ""  # the message, or the path that "open" opens without a dialog
+    name: str  # of a `Command`, or "message", "warning" or "choose"
+    # The message, the path that "open" opens without a dialog, or "key=value" of a choice.
+    argument: str = ""
 
 
 @dataclass(slots=True)

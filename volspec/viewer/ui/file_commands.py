@@ -12,6 +12,7 @@ from volspec.errors import VolspecError
 from volspec.viewer.model.paths import PathRequest
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.choice_dialog import ChoiceDialog
 from volspec.viewer.ui.context import Request, Search, UiContext
 from volspec.viewer.ui.dialogs import REQUESTS, FileDialogs
 from volspec.viewer.ui.output_dialogs import (
@@ -57,6 +58,7 @@ class FileCommands:
         self._film, self._page = FilmDialog(sides), PageDialog(sides)
         self._progress: Progress | None = None
         self._state: ViewState | None = None
+        self._choice: ChoiceDialog | None = None
         self._commands: dict[str, Callable[[ViewState], None]] = {
             "reload": self.documents.reload,
             "restore": self.documents.restore,
@@ -64,6 +66,8 @@ class FileCommands:
             "picture": lambda _: self._picture.ask(),
             "film": lambda _: self._film.ask(),
             "page": lambda _: self._page.ask(),
+            "next-step": lambda state: self.documents.step(state, 1),
+            "previous-step": lambda state: self.documents.step(state, -1),
             "cancel": lambda _: self._cancel(),
             "clear-messages": lambda _: notice.clear(),
             "clear-recent": lambda _: self.documents.clear_recent(),
@@ -79,8 +83,8 @@ class FileCommands:
         """True while files or pictures are read, cast or written."""
         return self._tasks.busy
 
-    def run(self, request: Request, state: ViewState) -> None:
-        """Run a command, open a file, or show a message."""
+    def run(self, request: Request, state: ViewState | None) -> None:
+        """Run a command, open a file, or show a message; commands need a state."""
         name, argument = request
         self._state = state
         if name == "message":
@@ -90,14 +94,19 @@ class FileCommands:
         elif name == "open" and argument:
             self.documents.open(argument)
         elif name in REQUESTS:
-            self._dialogs.ask(REQUESTS[name], state.document, self.documents.recent)
+            document = None if state is None else state.document
+            self._dialogs.ask(REQUESTS[name], document, self.documents.recent)
+        elif state is None:
+            return
+        elif name == "choose":
+            self.documents.choose(state, *argument.split("=", 1))
         else:
             self._commands[name](state)
 
     def take(self, first: bool) -> tuple[bool, Opened | None]:
         """Take the threads' results; return True if there are any, and the opened document.
 
-        If nothing is open yet (``first``), this raises as `DocumentService.finish_open` does.
+        ``first`` is True if nothing is open yet; see `DocumentService.finish_open`.
         """
         if answer := self._dialogs.take():
             self._use_path(*answer)
@@ -133,6 +142,15 @@ class FileCommands:
         """Draw the dialogs and the progress of a file."""
         if answer := self._dialogs.draw(self._ui):
             self._use_path(*answer)
+        if (undecided := self.documents.undecided) is not None:
+            self.documents.undecided = None
+            self._choice = ChoiceDialog(undecided)
+        if self._choice is not None and (address := self._choice.draw(self._ui)) is not None:
+            self._choice = None
+            if address:
+                self.documents.open(address)
+            elif state is None:
+                self.documents.problem = "Nothing was chosen to open"
         if state is not None:
             if self._picture.draw(state, self._ui):
                 self._save_picture(state)

@@ -6,13 +6,22 @@ from collections.abc import Callable, Sequence
 
 from imgui_bundle import imgui
 
+from volspec.viewer.model.choices import TITLES, value_text
 from volspec.viewer.model.commands import COMMANDS, MENUS, format_key
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.messages import draw_sign
 from volspec.viewer.ui.overlays import BARE_WINDOW
-from volspec.viewer.ui.widgets import as_one_line, key_text, shorten, text_width, whole_label
+from volspec.viewer.ui.widgets import (
+    as_one_line,
+    key_text,
+    shorten,
+    shown_rows,
+    text_width,
+    whole_label,
+)
+from volspec.volume import Choice
 
 # Commands with a separator above them.
 _PARTS = ("export-scene", "save-session", "screenshot", "quit", "copy-picture", "commands")
@@ -117,9 +126,14 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState:
     errors = sum(message.kind == "error" for message in ui.results.messages)
     counted = f"{errors} error{'s' * (errors > 1)}" if errors else ""
     taken = text_width(counted) + ui.px(40) if errors else 0.0
+    choices = [choice for choice in state.document.choices if choice.chosen is not None]
+    labels = [_choice_label(choice) for choice in choices]
+    taken += sum(text_width(label) + ui.px(52) for label in labels)
     room = imgui.get_content_region_avail().x - taken
     title, shown, times = fitting_texts(texts, room, ui.px(16), text_width)
     imgui.text(title)
+    for choice, label in zip(choices, labels, strict=True):
+        _draw_choice(choice, label, ui)
     if shown:
         imgui.same_line(0, ui.px(16))
         imgui.text_disabled(shown)
@@ -140,6 +154,29 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState:
     imgui.end()
     imgui.pop_style_var()
     return state
+
+
+def _choice_label(choice: Choice) -> str:
+    assert choice.chosen is not None
+    shown = value_text(choice, choice.values.index(choice.chosen))
+    return as_one_line(f"{TITLES.get(choice.key, choice.key)}: {shown}")
+
+
+def _draw_choice(choice: Choice, label: str, ui: UiContext) -> None:
+    """Draw the open volume's channel, time step, …, from which another can be chosen."""
+    imgui.same_line(0, ui.px(16))
+    imgui.push_style_var(imgui.StyleVar_.frame_padding, (ui.px(6), 0))
+    flags = imgui.ComboFlags_.width_fit_preview | imgui.ComboFlags_.height_large
+    if imgui.begin_combo(f"##{choice.key}", label, flags):
+        at = choice.values.index(choice.chosen or choice.values[0])
+        for number in shown_rows(len(choice.values), always=at):
+            name = f"{as_one_line(value_text(choice, number))}##{number}"
+            if imgui.selectable(name, number == at)[0]:
+                ui.request("choose", f"{choice.key}={choice.values[number]}")
+            ui.note(f"choose {choice.key} {choice.values[number]}")
+        imgui.end_combo()
+    ui.note(f"status {choice.key}")
+    imgui.pop_style_var()
 
 
 def fitting_texts(

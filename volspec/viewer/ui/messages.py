@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.overlays import BARE_WINDOW
-from volspec.viewer.ui.widgets import pack_colour, text_width
+from volspec.viewer.ui.widgets import pack_colour, text_width, whole_label
 from volspec.viewer.work.notify import Kind, Message
 
 _W = imgui.WindowFlags_
@@ -92,16 +92,27 @@ def draw_toast(message: Message, ui: UiContext) -> bool:
     return closed
 
 
-def draw_centred(text: str, fault: bool, ui: UiContext) -> None:
-    """Write in the middle of the picture's area; a ``fault`` as an error."""
+def draw_centred(text: str, fault: bool, opens: bool, ui: UiContext) -> None:
+    """Write in the middle of the picture's area; a ``fault`` as an error.
+
+    If it ``opens`` files, there are a button for that, and the recent files.
+    """
     x, y, width, height = ui.areas["picture"]
     place = x + width / 2, y + height / 2
     imgui.set_next_window_pos(place, imgui.Cond_.always, (0.5, 0.5))
-    _begin("##centred", ui, _W.no_inputs)
+    _begin("##centred", ui, 0 if opens else _W.no_inputs)
     if fault:
         draw_sign("error", ui)
         imgui.same_line()
     _write(text, "error" if fault else "info", min(0.8 * width, ui.px(_MOST)))
+    if opens:
+        imgui.spacing()
+        if imgui.button("Open …"):
+            ui.request("open")
+        ui.note("open another")
+        for number, row in enumerate(row for row in ui.results.recent if row.there):
+            if imgui.selectable(f"{whole_label(row.label)}##{number}", False)[0]:
+                ui.request("open", row.path)
     imgui.end()
     imgui.pop_style_var(2)
 

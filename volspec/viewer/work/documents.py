@@ -7,13 +7,16 @@ Of several requests, only the last is opened. The previous state is saved as a s
 
 from __future__ import annotations
 
+import os
 import threading
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from volspec.errors import InputError, VolspecError
+from volspec.errors import InputError, VolspecError, VolumeError, one_line
 from volspec.scene import Scene
 from volspec.spectra import reflectance_names
+from volspec.viewer.model.choices import Undecided, address_with
 from volspec.viewer.model.document import Document, demo
 from volspec.viewer.model.light_rows import brightest_row
 from volspec.viewer.model.paths import check_name, dropped_path
@@ -24,11 +27,15 @@ from volspec.viewer.work.demonstrations import demonstration_at
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
-from volspec.volume import load_volume
+from volspec.volume import Choice, load_volume, volume_choices
 
 
-def open_document(path: str | None, device: str | None = None) -> Document:
+def open_document(
+    path: str | None, device: str | None = None, choices: tuple[Choice, ...] | None = None
+) -> Document:
     """Open a scene file, or a volume with a scene made for it; None opens the bundled demo.
+
+    The ``choices`` of a volume's address are listed if they are not given.
 
     Raises VolspecError if the file cannot be read, or a device is named that cannot cast.
     """
@@ -36,14 +43,30 @@ def open_document(path: str | None, device: str | None = None) -> Document:
         check_name(path)
     if path is None or path.lower().endswith(".toml"):
         scene = Scene.load(demo() if path is None else path)
-        volume = scene.volume()
+        volume, choices = scene.volume(), ()
     else:
         volume = load_volume(path)
+        if choices is None:
+            choices = list_choices(path)
         scene = Scene.from_volume(path, volume=volume)
     # Loaded ahead, as presets would have to wait for the names.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
-    return Document.of(scene, volume, caster, fault)
+    document = Document.of(scene, volume, caster, fault)
+    return replace(document, choices=choices)
+
+
+def list_choices(path: str) -> tuple[Choice, ...]:
+    """Return what the address of a volume leaves open; nothing if it cannot be read.
+
+    A file without options was read whole; only a folder may hold more, as levels.
+    """
+    if "?" not in path and not os.path.isdir(path):
+        return ()
+    try:
+        return volume_choices(path)
+    except VolspecError:
+        return ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,9 +90,23 @@ class Opened:
         return replace(self, state=replace(self.state, size=before.size, interface=interface))
 
 
-def open_path(path: str | None, device: str | None) -> Opened:
+def open_path(path: str | None, device: str | None) -> Opened | Undecided:
     """Open a scene or a volume with `open_document`, in its initial state."""
-    return Opened(ViewState.first(open_document(path, device), (0, 0)), path)
+    try:
+        return Opened(ViewState.first(open_document(path, device), (0, 0)), path)
+    except VolumeError:
+        if path is None or path.lower().endswith(".toml"):
+            raise
+        choices: tuple[Choice, ...] = ()
+        with suppress(VolspecError):
+            choices = volume_choices(path)
+        if all(choice.chosen is not None for choice in choices):
+            raise
+        return Undecided(path, choices)
+
+
+# Choices whose values mean the same in each, so that the transfer function stays.
+_SAME_VALUES = ("time", "level")
 
 
 class DocumentService:
@@ -83,6 +120,8 @@ class DocumentService:
         self._fallbacks: list[str | None] = []
         self._opening = ""  # the message while a file is being opened
         self.recent = self._recent.rows()
+        self.undecided: Undecided | None = None  # an address of which to choose what to open
+        self.problem = ""  # why nothing is open yet
 
     def open(self, path: str | None, notify: bool = True) -> None:
         """Start reading a scene, a volume or a session; None for the bundled demo.
@@ -114,12 +153,17 @@ class DocumentService:
             self._open_fallback("There is no session to restore")
 
     def finish_open(self, outcome: Outcome, first: bool) -> Opened | None:
-        """Return the result of an ``open`` task; if it failed, show the error and return None.
+        """Return the result of an ``open`` task; None if it failed or there is a choice to make.
 
-        Raises InputError if nothing is open yet (``first``), and nothing can be opened instead.
+        If nothing is open yet (``first``), something else is opened instead, or `problem` is set.
         """
+        if isinstance(outcome.result, Undecided):
+            self._notice.hide(self._opening)
+            self.undecided = outcome.result
+            return None
         if not outcome.error:
             opened: Opened = outcome.result
+            self.problem = ""
             return opened
         if first:
             self._open_fallback(outcome.error)
@@ -179,10 +223,44 @@ class DocumentService:
         self._show_opening("Reading the file again; only the view stays …")
 
         def again() -> Opened:
-            found = open_path(path, self._device)
-            return replace(found, state=replace(found.state, view=state.view))
+            found = ViewState.first(open_document(path, self._device), (0, 0))
+            return Opened(replace(found, view=state.view), path)
 
         self._tasks.start("open", again)
+
+    def choose(self, state: ViewState, key: str, value: str) -> None:
+        """Open another channel, time step, … of the open volume, under the same lights and view."""
+        source = state.document.source
+        if source is None:
+            return
+        path = address_with(source, {key: value})
+        choices = tuple(
+            replace(choice, chosen=value) if choice.key == key else choice
+            for choice in state.document.choices
+        )
+        self._show_opening(f"Opening {path} …")
+
+        def chosen() -> Opened:
+            # The steps of a series may differ from another's.
+            known = None if key == "series" else choices
+            document = open_document(path, self._device, known)
+            if key in _SAME_VALUES:
+                return Opened(replace(state, document=document))
+            found = ViewState.first(document, state.size)
+            view = found.view if key == "series" else state.view
+            lights = {name: getattr(state, name) for name in ("lights", "relight", "saved_lights")}
+            return Opened(replace(found, view=view, **lights))
+
+        self._tasks.start("open", chosen)
+
+    def step(self, state: ViewState, by: int) -> None:
+        """Open a later or an earlier time step; the first follows the last."""
+        for choice in state.document.choices:
+            if choice.key == "time" and choice.chosen is not None:
+                at = (choice.values.index(choice.chosen) + by) % len(choice.values)
+                self.choose(state, "time", choice.values[at])
+                return
+        self._notice.show_warning("This volume has no time steps")
 
     def clear_recent(self) -> None:
         """Clear the list of recent files."""
@@ -199,15 +277,21 @@ class DocumentService:
                 state = restore_state(session, self._device)
             except BrokenSession as error:
                 raise self._store.broken(path, error) from error
-            return Opened(state, None if self._store.holds(path) else str(path), path)
+            document = state.document
+            if document.source is not None and not document.source.lower().endswith(".toml"):
+                document = replace(document, choices=list_choices(document.source))
+            shown = None if self._store.holds(path) else str(path)
+            return Opened(replace(state, document=document), shown, path)
 
         self._show_opening("Restoring the session …")
         self._tasks.start("open", restored)
 
     def _open_fallback(self, error: str) -> None:
-        """Open the next of `_fallbacks`, as nothing is open yet; without one, raise the error."""
+        """Open the next of `_fallbacks`, as nothing is open yet; without one, show the error."""
         if not self._fallbacks:
-            raise InputError(error, code="impossible")
+            self.problem = one_line(error)
+            self._notice.show_error(error)
+            return
         path = self._fallbacks.pop(0)
         name = "the demo" if path is None else Path(path).name
         self._notice.show_error(f"{error}; opening {name} instead")

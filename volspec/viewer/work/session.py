@@ -46,7 +46,7 @@ _FIELDS = {
 }
 _CLASSES = {1: {"Board": "PaletteState", "Wishes": "DesignTargets"}, 2: {"Aids": "Overlays"}}
 # Fields of a document that are read, made or measured again.
-_REMADE = ("volume", "caster", "fault", "histogram", "file", "path")
+_REMADE = ("volume", "caster", "fault", "histogram", "file", "path", "choices")
 # Fields of a state that are made again or not saved: a fade must not run a second time.
 _PASSING = ("document", "fade")
 
