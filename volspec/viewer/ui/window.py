@@ -83,6 +83,7 @@ class Window:
         io.set_ini_filename("")
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.config_windows_move_from_title_bar_only = True
+        io.mouse_double_click_time = 0.45  # about as long as elsewhere
         widgets.load_font(imgui)
         widgets.set_sizes(imgui, implot)
         self.scale = 1.0  # window coordinates per pixel at 96 dpi; 1 if they are not pixels
