@@ -17,6 +17,7 @@ from imgui_bundle import imgui, implot
 
 from volspec.errors import InputError
 from volspec.viewer.model.commands import BY_KEY, MENUS
+from volspec.viewer.model.effects import EFFECT
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
@@ -351,6 +352,7 @@ class _App:
             elif given.key in BY_KEY:
                 state = self._ui.run(state, BY_KEY[given.key])
         state = self._mouse.apply(state, inputs, area)
+        self._ui.clicked = self._mouse.clicked
         return self._docks.panels(state, self._ui)
 
     def _do_requests(self) -> None:
@@ -364,7 +366,8 @@ class _App:
             elif name == "quit":
                 self._window.leave()
             elif name in self._designs.commands:
-                self._designs.run(name, self._history.present)
+                effect = request.argument == EFFECT
+                self._designs.run(name, self._history.present, effect)
             elif name == "focus":
                 self._focus.next(self._docks.open_panels(self._history.present))
             elif name == "menu":

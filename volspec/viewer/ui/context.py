@@ -134,6 +134,9 @@ class UiContext:
     focus_menu: str = ""  # the menu whose title to focus now, and then to open,
     open_menu: str = ""  # and the menu to open now
     start: bool = False  # the start screen is open
+    # Where the picture was clicked with the right button in this frame, 0 to 1 of its sides,
+    clicked: tuple[float, float] | None = None
+    picked: str = ""  # and the material there
     front: str = ""  # the panel to bring to the front now,
     item: str = ""  # and its item to focus
     lights: LightsPanelState = field(default_factory=LightsPanelState)

@@ -10,6 +10,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import (
     commands,
     cuts,
+    effects,
     lighting,
     menus,
     messages,
@@ -52,6 +53,7 @@ _OVERLAYS = (
     lighting.draw_handles,
     overlays.draw_cube,
     overlays.draw_scale,
+    effects.draw_picture_menu,
     start.draw,
     commands.draw,
 )

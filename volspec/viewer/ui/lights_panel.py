@@ -12,7 +12,7 @@ from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import lights_detail, lights_dial, lights_library
+from volspec.viewer.ui import effects, lights_detail, lights_dial, lights_library
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import adapted_colour, fill_box, raw_colour, spark
 from volspec.viewer.ui.lights_spectrum import draw_mix, draw_pen
@@ -277,10 +277,12 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
     whole = imgui.get_content_region_avail().y
-    room = whole - max(ui.px(_LEAST_TABS), _TABS_FRACTION * whole) - ui.px(_BUTTONS)
+    buttons = ui.px(_BUTTONS) + effects.lines(ui)
+    room = whole - max(ui.px(_LEAST_TABS), _TABS_FRACTION * whole) - buttons
     rows = min(len(state.lights), max(int(room / line), _LEAST_ROWS))
     new = draw_rows(state, ui, rows * line + ui.px(2))
     new = _buttons(new, ui)
+    new = effects.draw(new, ui)
     if imgui.begin_tab_bar("light tabs"):
         for name in TABS:
             wanted = ui.lights.to_tab == name

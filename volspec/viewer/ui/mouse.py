@@ -84,6 +84,8 @@ class Mouse:
         self.gestures = Gestures()
         # The mouse's place, 0 to 1 of the picture; None if it is elsewhere, or over a panel.
         self.over_picture: Place | None = None
+        # Where a right click was in this frame, 0 to 1 of the picture; None if there was none.
+        self.clicked: Place | None = None
         # Window pixels per pixel at 96 dpi; it differs between monitors.
         self.scale = 1.0
         self._down: set[str] = set()
@@ -93,6 +95,7 @@ class Mouse:
         self._handle: tuple[cuts.Handle, ViewState] | None = None
         self._face: int | None = None
         self._pressed: Place = (-1.0, -1.0)
+        self._still = False  # the press may still become a click
         self._at: Place = (-1.0, -1.0)  # unknown, and not over the picture
 
     @property
@@ -108,6 +111,8 @@ class Mouse:
     def apply(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:
         """Return the state after inputs; ``area`` is the picture's in the window."""
         io = imgui.get_io()
+        x, y, width, height = area
+        self.clicked = None
         for given in inputs:
             before = self._at
             self._follow(given)
@@ -116,6 +121,8 @@ class Mouse:
                 state = self._begin(state, given, area)
             elif given.name == "release" and given.button == self._drag:
                 self._drag = ""
+                if self._still and given.button == "right":
+                    self.clicked = (self._at[0] - x) / width, (self._at[1] - y) / height
                 if self._face is not None:  # a click
                     state = camera.look_at_face(state, self._face)
             elif given.name == "move" and self._drag:
@@ -124,7 +131,6 @@ class Mouse:
                 # With Shift, some systems report the wheel as horizontal.
                 turn = WHEELS.get(given.modifiers, WHEELS[""])
                 state = turn(state, given.y or given.x)
-        x, y, width, height = area
         self.over_picture = None
         if _inside(self._at, area) and not io.want_capture_mouse:
             self.over_picture = (self._at[0] - x) / width, (self._at[1] - y) / height
@@ -135,6 +141,7 @@ class Mouse:
         self._drag, self._pressed = given.button, self._at
         self._edit = DRAGS.get((given.modifiers, given.button)) or DRAGS["", given.button]
         self._handle = self._face = None
+        self._still = not given.modifiers
         if given.button != "left" or given.modifiers:
             return state
         projected = Projection(state.view.camera(state.document.volume), area)
@@ -158,6 +165,11 @@ class Mouse:
     def _drag_to(self, state: ViewState, before: Place, area: Area) -> ViewState:
         """Return the state after a move during a drag."""
         x, y, width, height = area
+        # A right click zooms only once it is a drag.
+        if self._still and math.dist(self._at, self._pressed) >= STILL * self.scale:
+            self._still = False
+        if self._still and self._drag == "right":
+            return state
         if self._face is not None:
             if math.dist(self._at, self._pressed) < STILL * self.scale:
                 return state

@@ -17,14 +17,14 @@ from typing import Any
 from volspec.errors import PaletteError, VolspecError, one_line
 from volspec.palette import Design, Palette, design, load_palette, save_palette
 from volspec.palette.advice import VISIBLE, suggestions
-from volspec.viewer.model import palette_results, palette_table
+from volspec.viewer.model import effects, palette_results, palette_table
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
 from volspec.viewer.model.palette_targets import DesignStatus, DesignTargets, stays
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker, Outcome, Tasks
 from volspec.viewer.work.notify import Notice
-from volspec.wizard import Redesigned
+from volspec.wizard import Redesigned, TellingLight
 
 # Iterations of the quick design: starting from the last result, they come within about ΔE 1. With
 # free lights an iteration takes several times as long.
@@ -93,6 +93,7 @@ _DOING = {
     "reveal": "Revealing {} under {} …",
     "keep": "Keeping the colour of {} …",
     "merge": "Merging materials under {1} …",
+    effects.DIFFERENCE: "Searching for a light that shows {} …",
 }
 
 
@@ -102,7 +103,7 @@ class DesignService:
     Threads call ``wake`` when there is something to take.
     """
 
-    commands = frozenset(palette_results.WIZARDS)
+    commands = frozenset((*palette_results.WIZARDS, effects.DIFFERENCE))
 
     def __init__(self, wake: Callable[[], object], notice: Notice) -> None:
         self._worker, self._tasks = DesignWorker(wake), Tasks(wake)
@@ -116,6 +117,7 @@ class DesignService:
         self._number = 0  # of the state's history; results for an earlier one are dropped
         self._wizard = ""  # message about the wizard that is requested or runs
         self._wizard_waits = ""  # its name, until the designs in progress are done
+        self._effect = False  # True if it ends in a comparison
 
     @property
     def busy(self) -> bool:
@@ -160,13 +162,15 @@ class DesignService:
         if self._wizard_waits and not self._worker.busy:
             state, name = history.present, self._wizard_waits
             self._wizard_waits = ""
-            self._tasks.start(
-                "wizard", lambda: (state, name, palette_results.run_wizard(state, name))
-            )
+            self._tasks.start("wizard", lambda: (state, name, _run_wizard(state, name)))
         return history
 
-    def run(self, name: str, state: ViewState) -> None:
-        """Request a wizard, which begins when designs in progress are done."""
+    def run(self, name: str, state: ViewState, effect: bool = False) -> None:
+        """Request a wizard, which begins when designs in progress are done.
+
+        With ``effect``, its result is compared with daylight, and described in words.
+        """
+        self._effect = effect
         material, light = palette_table.wizard_place(state)
         if state.interface.pick.like in palette_table.column_names(state.lights):
             light = "a new light"
@@ -255,15 +259,21 @@ class DesignService:
         return replace(history)
 
     def _with_wizard_result(
-        self, present: ViewState, begun: ViewState, name: str, made: Redesigned
+        self, present: ViewState, begun: ViewState, name: str, made: Redesigned | TellingLight
     ) -> ViewState:
         # Spectra are compared by identity.
         if dict(begun.transfer.materials) != dict(present.transfer.materials):
             dropped = f"The wizard “{name}” was discarded, as the materials changed meanwhile"
             self._notice.show_warning(dropped)
             raise PaletteError(dropped, code="state")
-        state = palette_results.with_wizard_result(present, made)
-        reached = palette_results.result_lines(made, begun)
+        if isinstance(made, TellingLight):
+            state, reached = effects.with_light(present, made), tuple[str, ...]()
+        else:
+            state = palette_results.with_wizard_result(present, made)
+            reached = palette_results.result_lines(made, begun)
+        if self._effect and (found := effects.outcome(begun, state, name)) is not None:
+            reached = effects.sentences(found, state.lights)
+            state = effects.with_comparison(state, found)
         self._reported = state.palette.targets
         self._report(reached=reached, advice=())
         self._notice.trace.note("wizard", name=name, reached=list(reached))
@@ -271,6 +281,12 @@ class DesignService:
 
     def _report(self, **news: Any) -> None:
         self.status = replace(self.status, **news)
+
+
+def _run_wizard(state: ViewState, name: str) -> Redesigned | TellingLight:
+    if name == effects.DIFFERENCE:
+        return effects.find_difference(state)
+    return palette_results.run_wizard(state, name)
 
 
 def relevant_advice(advice: tuple[str, ...], targets: DesignTargets) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
+from volspec.transfer import Transfer
 from volspec.viewer.work.pictures import crop
 from volspec.volume import Volume
 
@@ -112,6 +113,30 @@ def place_mm(image: CoefficientImage, camera: Camera, pixel: tuple[int, int]) ->
         return np.asarray(camera.position_mm + offset + depth * rays.forward)
     direction = rays.forward * rays.distance + offset
     return np.asarray(camera.position_mm + depth * direction / np.linalg.norm(direction))
+
+
+# A pixel with less opacity than this shows no material.
+_LEAST_ALPHA = 0.02
+
+
+def material_at(image: CoefficientImage, transfer: Transfer, pixel: tuple[int, int]) -> str:
+    """Return the material that contributes most to a pixel; empty if it is nearly transparent.
+
+    Channels are fitted by sums of the materials' and white's, which highlights are made of.
+    """
+    from scipy.optimize import nnls
+
+    x, y = pixel
+    if image.alpha[y, x] < _LEAST_ALPHA:
+        return ""
+    basis, names = image.basis, list(transfer.materials)
+    channels = image.coefficients[y, x].reshape(len(image.groups), basis.size).sum(axis=0)
+    try:
+        columns = [*basis.channels_for_materials(transfer.materials), basis.white]
+        weights, _ = nnls(np.stack(columns, axis=1), channels.astype(np.float64))
+    except (VolspecError, RuntimeError):  # cast with other materials; no convergence
+        return ""
+    return names[int(weights[:-1].argmax())] if weights[:-1].any() else ""
 
 
 def value_at(volume: Volume, place: Array) -> float | None:
