@@ -12,6 +12,7 @@ import pytest
 from tests.support.viewer import KINDS, of_kind
 from volspec.pipeline import Relighter
 from volspec.raycast import CoefficientImage
+from volspec.raycast.projection import is_patient
 from volspec.relight import LightRig
 from volspec.spectra import light
 from volspec.transfer import (
@@ -83,7 +84,7 @@ def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
     path = tmp_path / "head.nii.gz"
     sitk.WriteImage(image, str(path))
     volume = load_volume(path)
-    assert slices.is_patient(volume, None)
+    assert is_patient(volume, None)
     found = [edge_letters(volume, slice_layout(volume, plane), True) for plane in PLANES]
     assert found == [("R", "L", "A", "P"), ("R", "L", "S", "I"), ("A", "P", "S", "I")]
     # The voxel at index 0 is the leftmost, hindmost one: the axial picture's lower right.
@@ -93,7 +94,7 @@ def test_letters_of_a_nifti_file_are_the_patients(tmp_path: Path) -> None:
 
 def test_a_volume_without_orientation_has_axes_for_letters() -> None:
     volume = Volume(np.zeros((3, 4, 5), np.uint8), spacing_mm=(1.0, 2.0, 3.0))
-    assert not slices.is_patient(volume, None) and slices.is_patient(volume, True)
+    assert not is_patient(volume, None) and is_patient(volume, True)
     assert edge_letters(volume, slice_layout(volume, PLANES[1]), False) == ("-x", "+x", "+z", "-z")
     assert direction_letters(np.array([0.8, -0.6, 0.1]), True) == "LA"
 

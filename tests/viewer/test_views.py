@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from tests.support.viewer import run_command
 from volspec.raycast import Camera, ClipPlane
 from volspec.raycast.framing import fit_view, shown_mm
+from volspec.raycast.projection import Projection, cube_faces, length_mm
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, slices, transfer_edits
 from volspec.viewer.model.commands import BY_KEY
 from volspec.viewer.model.cuts import drag_handle, list_handles, nearest_handle
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import HALF, Projection, View, cube_faces, cube_middle, face_at
+from volspec.viewer.model.view import HALF, View, cube_middle, face_at
 from volspec.viewer.ui import overlays
 from volspec.viewer.ui.mouse import DRAGS, WHEELS
 from volspec.volume import Volume
@@ -187,7 +188,7 @@ def test_lines_that_pass_the_camera_are_cut_there(document: Document) -> None:
 def test_the_scale_bar_is_as_long_as_it_says(state: ViewState, view: View) -> None:
     """A line of its length in the plane through the target covers its pixels exactly."""
     seen = seen_of(replace(state, view=view))
-    mm = overlays.length_mm(seen.mm_per_px, 130.0)
+    mm = length_mm(seen.mm_per_px, 130.0)
     right = seen.camera.frame()[0]
     target = np.asarray(seen.camera.target_mm)
     ends = [place(seen, target + share * mm * right) for share in (-0.5, 0.5)]

@@ -15,10 +15,11 @@ import numpy as np
 
 from volspec.raycast.camera import SIDES, radius_mm
 from volspec.raycast.framing import ZOOMS, fit_view
+from volspec.raycast.projection import face_normal
 from volspec.viewer.model.cuts import overlay_command
 from volspec.viewer.model.edit import Change, Command, bind, edit
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import clamp, face_normal, orbit_deg, vector
+from volspec.viewer.model.view import clamp, orbit_deg, vector
 
 # A drag over the picture's height turns by this angle, and multiplies the zoom by e to this power.
 _TURN_DEG, _ZOOM_RATE = 180.0, 2.0

@@ -20,11 +20,12 @@ from volspec.errors import InputError
 from volspec.raycast import ClipPlane, RaycastSpec
 from volspec.raycast.camera import radius_mm
 from volspec.raycast.framing import LEAST_CROP, Crop, crop_bounds, world_mm
+from volspec.raycast.projection import Place, Projection
 from volspec.raycast.spec import MAX_PLANES
 from volspec.settings import Vector
 from volspec.viewer.model.edit import Change, Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Place, Projection, clamp, vector
+from volspec.viewer.model.view import clamp, vector
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]

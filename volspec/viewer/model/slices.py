@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.raycast.projection import AXES, PATIENT, is_patient
 from volspec.viewer.model.cuts import overlay_command, with_overlays
 from volspec.viewer.model.edit import Command, bind, edit, with_interface
 from volspec.viewer.model.state import Slices, ViewState
@@ -25,9 +26,6 @@ from volspec.volume import Volume
 _QUANTILES = (0.005, 0.995)
 # The least difference between black and white, as a fraction of the volume's range.
 _NARROWEST = 0.002
-# Directions of the negative and positive world axes in ITK's LPS frame (docs/conventions.md).
-PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
-AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
 # A direction gets a second letter if that component is at least this (about 15 degrees).
 _LEANS = 0.26
 
@@ -138,15 +136,6 @@ def crop_extent(
     )
     (x0, y0), (x1, y1) = _flip(layout, *starts), _flip(layout, *ends)
     return min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1)
-
-
-def is_patient(volume: Volume, chosen: bool | None) -> bool:
-    """Return True if directions are a patient's: as chosen, or if the file has an orientation."""
-    if chosen is not None:
-        return chosen
-    # Without an orientation, the first voxel is at the origin and the axes are the world's.
-    matrix = volume.world_from_index
-    return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
 
 
 def direction_letters(direction: NDArray[np.float64], patient: bool) -> str:

@@ -14,12 +14,12 @@ from typing import Any, NamedTuple
 from imgui_bundle import imgui
 
 from volspec.raycast import CoefficientImage
+from volspec.raycast.projection import Projection
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import DesignStatus
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Projection
 from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.notify import Message
 from volspec.viewer.work.probe import Reading

@@ -8,11 +8,11 @@ from imgui_bundle import imgui
 from volspec.raycast import ClipPlane
 from volspec.raycast.camera import radius_mm
 from volspec.raycast.framing import crop_bounds, world_mm
+from volspec.raycast.projection import Place, Projection
 from volspec.raycast.spec import MAX_PLANES
 from volspec.viewer.model import cuts
 from volspec.viewer.model.slices import outline_index
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Place, Projection
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import ACCENT, BLACK, WHITE, over_picture, pack_colour
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 import numpy as np
 from imgui_bundle import imgui
 
+from volspec.raycast.projection import (
+    cube_faces,
+    cube_label,
+    is_patient,
+    length_mm,
+    length_text,
+)
 from volspec.relight.error_map import ErrorMap
 from volspec.viewer.model.light_rows import Rows, effective_weights
-from volspec.viewer.model.slices import AXES, PATIENT, is_patient
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import HALF, cube_faces, cube_middle, face_at
+from volspec.viewer.model.view import HALF, cube_middle, face_at
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.light_look import fill, outline
 from volspec.viewer.ui.widgets import (
@@ -39,29 +44,6 @@ _ASKEW = 0.3
 # The grey of a face: a constant, and a factor for its cosine.
 _SHADE = 0.30, 0.34
 _EDGE, _LETTER = (0.08, 0.08, 0.08), (0.02, 0.02, 0.02)
-
-
-def length_mm(mm_per_px: float, longest_px: float) -> float:
-    """Return the greatest of 1, 2, 5, 10, … mm that is at most this many pixels long.
-
-    >>> length_mm(0.5, 130), length_mm(0.001, 130)
-    (50.0, 0.1)
-    """
-    most = mm_per_px * longest_px
-    decade = math.floor(math.log10(most))
-    lengths = [float(f"{step}e{power}") for power in (decade - 1, decade) for step in (1, 2, 5)]
-    return max(length for length in lengths if length <= most * (1 + 1e-9))
-
-
-def length_text(mm: float) -> str:
-    """Return a length with its unit.
-
-    >>> [length_text(mm) for mm in (0.02, 5.0, 50.0, 2000.0, 2e-5)]
-    ['20 µm', '5 mm', '5 cm', '2 m', '0.02 µm']
-    """
-    units = ((1000.0, "m"), (10.0, "cm"), (1.0, "mm"))
-    size, unit = next((each for each in units if mm >= each[0]), (1e-3, "µm"))
-    return f"{mm / size:.6g} {unit}"
 
 
 def draw_scale(state: ViewState, ui: UiContext) -> None:
@@ -125,11 +107,6 @@ def _spectra(reading: Reading, ui: UiContext) -> None:
     fill(draw_list, rect, reading.reflected, _HEADROOM, reading.grid)
     text = imgui.get_color_u32(imgui.Col_.text)
     outline(draw_list, rect, reading.light, _HEADROOM, text, ui.px(1.2))
-
-
-def cube_label(face: int, patient: bool) -> str:
-    """Return the direction that is written on a face."""
-    return (PATIENT if patient else AXES)[face // 2][face % 2]
 
 
 def draw_cube(state: ViewState, ui: UiContext) -> None:

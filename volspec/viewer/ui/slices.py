@@ -6,8 +6,9 @@ import numpy as np
 from imgui_bundle import imgui
 
 from volspec.raycast.framing import crop_bounds, world_mm
+from volspec.raycast.projection import is_patient
 from volspec.viewer.model import slices
-from volspec.viewer.model.slices import PLANES, Layout, is_patient, voxel_number
+from volspec.viewer.model.slices import PLANES, Layout, voxel_number
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.cuts import SLICE_COLOURS

@@ -1,0 +1,167 @@
+"""Projection of the world to a picture, and what its marks need: lengths and directions.
+
+Camera, area -> [projection] -> pixels -> scale bar, orientation cube, handles, annotations
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast.camera import Camera
+from volspec.volume import Volume
+
+Place = tuple[float, float]
+Area = tuple[float, float, float, float]
+# The near plane, as a fraction of the target's distance.
+NEAR = 1e-3
+# A line foreshortened to this fraction counts as pointing at the camera.
+_END_ON = 0.05
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Projection:
+    """Projection by a camera whose picture covers an area (x, y, width, height) of the window."""
+
+    camera: Camera
+    area: Area
+    # Millimetres in the plane through the target that a pixel of the window covers.
+    mm_per_px: float = field(init=False)
+    # Columns: right and down in pixels, forward as a fraction of the target's distance.
+    _window_from_world: NDArray[np.float64] = field(init=False)
+    _middle: NDArray[np.float64] = field(init=False)
+
+    def __post_init__(self) -> None:
+        camera, (x, y, width, height) = self.camera, self.area
+        half = camera.distance_mm * math.tan(math.radians(camera.fov_deg) / 2)
+        mm_per_px = (camera.height_mm or 2 * half) / max(height, 1)
+        right, up, forward = camera.frame()
+        depth = forward / camera.distance_mm if camera.height_mm is None else np.zeros(3)
+        columns = np.stack([right / mm_per_px, -up / mm_per_px, depth], axis=1)
+        object.__setattr__(self, "mm_per_px", mm_per_px)
+        object.__setattr__(self, "_window_from_world", columns)
+        object.__setattr__(self, "_middle", np.array([x + width / 2, y + height / 2]))
+
+    def _homogeneous(self, offsets: NDArray[np.float64], place: float) -> NDArray[np.float64]:
+        """(…, 3) right, down, divisor of offsets from the target (directions: ``place`` 0)."""
+        at = np.asarray(offsets @ self._window_from_world)
+        at[..., 2] += place
+        return at
+
+    def to_window(self, points_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(…, 3) x and y in the window, and depth relative to the target's; 1 if orthographic."""
+        points = np.asarray(points_mm, dtype=np.float64)
+        at = self._homogeneous(points - self.camera.target_mm, 1.0)
+        divisor = np.where(np.abs(at[..., 2:]) < NEAR, NEAR, at[..., 2:])
+        return np.concatenate([at[..., :2] / divisor + self._middle, at[..., 2:]], axis=-1)
+
+    def segments(
+        self, starts_mm: NDArray[np.float64], ends_mm: NDArray[np.float64]
+    ) -> list[tuple[Place, Place] | None]:
+        """Return the ends of (N, 3) lines in the window, clipped at the camera; None behind it."""
+        ends = np.stack([starts_mm, ends_mm], axis=1)
+        depth = self._homogeneous(ends - self.camera.target_mm, 1.0)[..., 2]
+        for i in np.nonzero((depth.min(axis=1) < NEAR) & (depth.max(axis=1) > NEAR))[0]:
+            back = int(depth[i].argmin())
+            share = (NEAR - depth[i, back]) / (depth[i, 1 - back] - depth[i, back])
+            # Slightly further, so that rounding leaves it in front.
+            ends[i, back] += min(share * 1.001, 1.0) * (ends[i, 1 - back] - ends[i, back])
+        in_front = depth.max(axis=1) > NEAR
+        drawn = self.to_window(ends)[..., :2].tolist()
+        return [
+            ((x0, y0), (x1, y1)) if shown else None
+            for ((x0, y0), (x1, y1)), shown in zip(drawn, in_front, strict=True)
+        ]
+
+    def nearest_on_line(
+        self, anchor_mm: NDArray[np.float64], direction: NDArray[np.float64], place: Place
+    ) -> float:
+        """Return the point of a line whose projection is nearest to a place, in mm from an anchor.
+
+        The anchor is in front of the camera, and the direction a unit vector; (3,) each.
+        """
+        start = self._homogeneous(anchor_mm - np.asarray(self.camera.target_mm), 1.0)
+        change = self._homogeneous(np.asarray(direction), 0.0)
+        depth = max(float(start[2]), NEAR)
+        wanted = np.asarray(place) - self._middle - start[:2] / depth
+        slope = (change[:2] - start[:2] / depth * change[2]) / depth
+        length = float(np.linalg.norm(slope))
+        if length * self.mm_per_px < _END_ON:
+            # The line points at the camera: up in the window is away from it.
+            return float(-wanted[1] * self.mm_per_px * depth)
+        shift = float(wanted @ slope) / length
+        # The projected line ends at its vanishing point, which it never reaches.
+        divisor = length - shift * float(change[2]) / depth
+        return shift / max(divisor, 0.05 * length)
+
+
+def face_normal(face: int) -> NDArray[np.float64]:
+    """(3,) outer normal of a cube's face: 2 · axis against an axis of the world, + 1 along it."""
+    axis, far = divmod(face, 2)
+    normal = np.zeros(3)
+    normal[axis] = 1.0 if far else -1.0
+    return normal
+
+
+def cube_faces(camera: Camera) -> list[tuple[int, NDArray[np.float64], float]]:
+    """Return the visible faces of a cube with edges of 2: (number, corners, cosine to the eye).
+
+    The (4, 2) corners are right and down of the cube's centre.
+    """
+    right, up, forward = camera.frame()
+    found = []
+    for face in range(6):
+        normal = face_normal(face)
+        towards = float(-normal @ forward)
+        if towards < 1e-3:
+            continue
+        first, second = (np.eye(3)[other] for other in range(3) if other != face // 2)
+        ring = [normal + a * first + b * second for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        corners = np.array(ring)
+        found.append((face, np.stack([corners @ right, -(corners @ up)], axis=1), towards))
+    return found
+
+
+# Directions of the negative and positive world axes in ITK's LPS frame (docs/conventions.md).
+PATIENT = (("R", "L"), ("A", "P"), ("I", "S"))
+AXES = (("-x", "+x"), ("-y", "+y"), ("-z", "+z"))
+
+
+def is_patient(volume: Volume, chosen: bool | None) -> bool:
+    """Return True if directions are a patient's: as chosen, or if the file has an orientation."""
+    if chosen is not None:
+        return chosen
+    # Without an orientation, the first voxel is at the origin and the axes are the world's.
+    matrix = volume.world_from_index
+    return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
+
+
+def cube_label(face: int, patient: bool) -> str:
+    """Return the direction that is written on a face."""
+    return (PATIENT if patient else AXES)[face // 2][face % 2]
+
+
+def length_mm(mm_per_px: float, longest_px: float) -> float:
+    """Return the greatest of 1, 2, 5, 10, … mm that is at most this many pixels long.
+
+    >>> length_mm(0.5, 130), length_mm(0.001, 130)
+    (50.0, 0.1)
+    """
+    most = mm_per_px * longest_px
+    decade = math.floor(math.log10(most))
+    lengths = [float(f"{step}e{power}") for power in (decade - 1, decade) for step in (1, 2, 5)]
+    return max(length for length in lengths if length <= most * (1 + 1e-9))
+
+
+def length_text(mm: float) -> str:
+    """Return a length with its unit.
+
+    >>> [length_text(mm) for mm in (0.02, 5.0, 50.0, 2000.0, 2e-5)]
+    ['20 µm', '5 mm', '5 cm', '2 m', '0.02 µm']
+    """
+    units = ((1000.0, "m"), (10.0, "cm"), (1.0, "mm"))
+    size, unit = next((each for each in units if mm >= each[0]), (1e-3, "µm"))
+    return f"{mm / size:.6g} {unit}"
