@@ -16,6 +16,7 @@ from tests.support.viewer import opened
 from tests.support.window import Robot
 from volspec.errors import CastCancelled, ViewingError
 from volspec.scene import Scene
+from volspec.scene.export import MARKS
 from volspec.viewer.model import light_rows, light_states
 from volspec.viewer.model.film import LIGHTS, SIDES, STATES, Film, frame_state, light_changes
 from volspec.viewer.model.scene_file import export_scene
@@ -30,7 +31,7 @@ from volspec.viewer.work.films import (
     save_page,
 )
 from volspec.viewer.work.outputs import CUSTOM, Destination, PictureSize, Progress
-from volspec.viewer.work.screenshot import render_frame
+from volspec.viewer.work.screenshot import Shot, render_frame, save_picture
 
 SMALL = PictureSize(CUSTOM, (40, 30))
 
@@ -166,6 +167,7 @@ def test_from_a_volume_to_a_film_and_a_page_by_mouse_in_few_actions(
         click("action film")
         click("film length", 0.01)
         click("film rate", 0.01)
+        click("mark scale", 0.2)
         # The preview turns the picture, and the picture is as it was after it.
         before = click("film preview", 0.5)
         assert any(row["stage"] == "cast" for row in robot.since(before))
@@ -185,6 +187,20 @@ def test_from_a_volume_to_a_film_and_a_page_by_mouse_in_few_actions(
         page = robot.wait_for(lambda row: row["event"] in ("page", "error"), before)
         assert Path(page["path"]).parent == tmp_path
         assert '<script type="text/plain" id="view-0">' in Path(page["path"]).read_text("utf-8")
+
+
+def test_pictures_and_films_have_the_same_marks(tmp_path: Path) -> None:
+    state = replace(opened(tmp_path), size=(120, 90))
+    size, marks = PictureSize(CUSTOM, (120, 90)), MARKS
+    film = Film(0.0, seconds=0.5, fps=2.0)
+    folder = save_film(state, FilmFile(film, FRAMES, size, marks=marks), Progress("", "film"))
+    picture = save_picture(state, Shot(size, marks=marks), Progress(""))
+    plain = save_picture(state, Shot(size), Progress(""))
+    frame, shown, bare = (
+        np.asarray(Image.open(path)).astype(int) for path in (folder / "0000.png", picture, plain)
+    )
+    assert np.abs(frame - shown).max() <= 2
+    assert (np.abs(shown - bare).max(axis=-1) > 20).mean() > 0.02
 
 
 @pytest.mark.parametrize(

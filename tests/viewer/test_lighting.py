@@ -18,13 +18,13 @@ from tests.support.window import Robot, missing, small_engine
 from tests.viewer._edits import drawn
 from volspec.errors import InputError
 from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
+from volspec.raycast.projection import Projection
 from volspec.raycast.spec import MAX_GROUPS
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, quality
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Projection
 
 AREA = (10, 20, 400, 300)
 

@@ -33,7 +33,7 @@ from volspec.errors import ImageError, InputError
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
 _Number = Annotated[float | None, _Strict]
-# The name of all lights of a scene together.
+# The name of all lights of a scene, or of all marks, together.
 _ALL = "all"
 
 
@@ -54,6 +54,7 @@ def export(
     format: Annotated[Literal["png", "exr", "coefficients"] | None, _Strict] = None,
     spectral: Annotated[bool, Parameter(negative="")] = False,
     transparent: Annotated[bool, Parameter(negative="")] = False,
+    annotate: Annotated[list[str] | None, Parameter(negative="")] = None,
     fps: _Number = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
@@ -79,7 +80,7 @@ def export(
     Parameters
     ----------
     output
-        A folder; or a film, `.mp4`, `.webm` or `.gif` (needs `volspec[video]`). Of a batch, a
+        A folder; or a film, `.mp4` or `.webm` (need `volspec[video]`) or `.gif`. Of a batch, a
         folder of folders, or a pattern such as `films/{name}.mp4`.
     light
         Name of a light of the scene to export, or all; for a volume: a light such as D65 or
@@ -101,11 +102,15 @@ def export(
         With exr: write a spectrum for every pixel.
     transparent
         Omit the backdrop and store opacity in the files.
+    annotate
+        Marks in the pictures: scale, orientation, title, light or materials (with their colours),
+        or all; repeatable.
     fps
         Frames per second.
     overwrite
         Replace files that an export of another scene left in the folder.
     """
+    from volspec.scene.export import MARKS
     from volspec.settings import plain
 
     def frames(job: Job, tell: Progress) -> str | dict[str, Any]:
@@ -120,6 +125,7 @@ def export(
             "spectral": spectral or None,
             "transparent": transparent or None,
             "fps": fps,
+            "annotate": MARKS if annotate == [_ALL] else annotate,
         }
         for key, count, table in (
             ("turntable", turntable, own.turntable),

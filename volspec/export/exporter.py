@@ -19,6 +19,7 @@ import numpy as np
 from volspec._deprecated import renamed_keyword
 from volspec._files import require_writable, require_writable_folder
 from volspec.errors import CastCancelled, InputError, ViewingError
+from volspec.export.annotate import Patch, paint
 from volspec.export.exr import ExrWriter
 from volspec.export.film import SUFFIXES, check_film, write_film
 from volspec.export.frame_files import (
@@ -311,7 +312,8 @@ class FrameMaker:
                 transfer, camera = shots[0].transfer, shots[0].camera
                 images = caster.strips(transfer, camera, self._canvas, meter.casting)
                 if self._parts > 1:
-                    self._relight_strips(images, shots, pool, blanks)
+                    marks = [self.files.marks(shot, caster.caster.volume) for shot in shots]
+                    self._relight_strips(images, shots, marks, pool, blanks)
                     meter.add(_FRAMES_A_CAST + len(shots))
                     continue
                 sources = self._sources(next(images))
@@ -319,6 +321,7 @@ class FrameMaker:
                 for shot in shots:
                     notes, pixels = sources[0].image.notes, pool.row(sources, shot)
                     self._check_blank(shot, pixels, sources, blanks)
+                    pixels = paint(pixels, self.files.marks(shot, caster.caster.volume))
                     self.files.put(shot, pixels, notes, encoders)
                     meter.add(1)
         blanks.warn()
@@ -338,21 +341,24 @@ class FrameMaker:
         self,
         images: Iterator[list[CoefficientImage]],
         shots: Sequence[Shot],
+        marks: Sequence[Sequence[Patch]],
         pool: RelighterPool,
         blanks: BlankFrames,
     ) -> None:
         """Write each strip under every light before casting the next, so one is in memory."""
         with ExitStack() as stack:
             files: list[PngWriter | ExrWriter] = []
+            top = 0
             for strip in images:
                 sources = self._sources(strip)
                 if not files:
                     notes = sources[0].image.notes
                     files = [stack.enter_context(self.files.opened(s, notes)) for s in shots]
-                for file, shot in zip(files, shots, strict=True):
+                for file, shot, patches in zip(files, shots, marks, strict=True):
                     pixels = pool.row(sources, shot)
                     self._check_blank(shot, pixels, sources, blanks)
-                    file.rows(pixels)
+                    file.rows(paint(pixels, patches, top))
+                top += len(pixels)
 
     def _check_blank(
         self, shot: Shot, pixels: Array, sources: Sequence[FrameSource], blanks: BlankFrames

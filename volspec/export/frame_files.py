@@ -24,6 +24,7 @@ from volspec.appearance.display import colour_space
 from volspec.appearance.spaces import to_uint8
 from volspec.errors import ViewingError
 from volspec.export import exr
+from volspec.export.annotate import MarkedPicture, Patch, material_colours, picture_marks
 from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.frames import encode, row_file, to_uint16
 from volspec.export.manifest import ExportFolder
@@ -37,6 +38,7 @@ from volspec.relight.illumination import Illumination
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.scene import Scene
 from volspec.scene.export import ExportSpec
+from volspec.volume import Volume
 
 Array = NDArray[Any]
 
@@ -218,6 +220,19 @@ class FrameFiles:
     folder: ExportFolder
     table: ExportSpec
     size: tuple[int, int]  # (width, height)
+
+    def marks(self, shot: Shot, volume: Volume) -> list[Patch]:
+        """Return the marks of a shot's picture."""
+        marks, scene = self.table.annotate, self.scene
+        if not marks:
+            return []
+        materials = scene.materials if "materials" in marks else {}
+        shares = scene.raycast.shares()
+        colours = material_colours(materials, scene.basis, shot.rig, shot.spec, shares)
+        picture = MarkedPicture(
+            self.size, shot.camera, volume, scene.file.title, shot.light, colours
+        )
+        return picture_marks(marks, picture)
 
     def encoders(self) -> AbstractContextManager[Encoders]:
         """Return the queue for `put`."""

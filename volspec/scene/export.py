@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import pairwise
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
@@ -65,6 +65,10 @@ class Sweep:
     """Fade from the last light back to the first, so that it can loop."""
 
 
+Mark = Literal["scale", "orientation", "title", "light", "materials"]
+MARKS: tuple[Mark, ...] = get_args(Mark)
+
+
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class ExportSpec:
@@ -94,6 +98,8 @@ class ExportSpec:
     """Primaries of EXR."""
     sheet: bool = True
     """Write a contact sheet next to the frames."""
+    annotate: Annotated[tuple[Mark, ...], Field(strict=False)] = ()
+    """PNG and films: marks in the picture: scale, orientation, title, light, materials."""
 
     def __post_init__(self) -> None:
         if self.lights == ():
@@ -122,6 +128,11 @@ class ExportSpec:
                 "transparent",
                 form == "coefficients" and self.transparent,
                 'format = "coefficients" holds no backdrop',
+            ),
+            (
+                "annotate",
+                form != "png" and bool(self.annotate),
+                f'is for format = "png", not "{form}"',
             ),
             ("spectral", self.spectral and form != "exr", f'is for format = "exr", not "{form}"'),
             (

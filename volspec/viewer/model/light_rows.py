@@ -136,6 +136,13 @@ def light_rig(rows: Rows) -> LightRig | None:
     return mixed_rig([row.rig for row in rows], weights) if any(weights) else None
 
 
+def lit_names(rows: Rows) -> str:
+    """Return the names of the lights that are on."""
+    weights = effective_weights(rows)
+    lit = [row.name for row, weight in zip(rows, weights, strict=True) if weight > 0]
+    return " + ".join(lit[:3]) + (" + …" if len(lit) > 3 else "") or "dark"
+
+
 def parts_by_group(rig: LightRig) -> dict[str, LightRig]:
     """Split a rig into one rig for each light group that shines, without groups."""
     lux = rig.illuminance_lux

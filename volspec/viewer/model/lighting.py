@@ -19,13 +19,14 @@ from volspec.errors import InputError
 from volspec.raycast import Ambient, Directional, Headlight, LightGroup, Point
 from volspec.raycast.camera import radius_mm
 from volspec.raycast.lights import Source
+from volspec.raycast.projection import Place, Projection
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lighting_aim
 from volspec.viewer.model.cuts import Handle, overlay_command, with_overlays
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.lighting_aim import Placed, list_sources
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Place, Projection, clamp, vector
+from volspec.viewer.model.view import clamp, vector
 
 Groups = tuple[LightGroup, ...]
 # Names of the kinds of sources, as given to new groups.

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from volspec.raycast import Directional, Point, RaycastSpec
 from volspec.raycast.lights import Source
+from volspec.raycast.projection import Place, Projection
 from volspec.viewer.model.cuts import Handle
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import Place, Projection, clamp, orbit_axes
+from volspec.viewer.model.view import clamp, orbit_axes
 
 HANDLE = "light"
 # The radius at which a direction is square to the view, as a fraction of the picture's shorter

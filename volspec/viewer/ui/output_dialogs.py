@@ -10,12 +10,13 @@ from imgui_bundle import imgui
 
 from volspec.export.page import MOST_VIEWS
 from volspec.raycast.checks import MAX_SIDE
+from volspec.scene.export import Mark
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.film import AS_SHOWN, RATES, SECONDS, Film, frame_state, light_changes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.dialogs import DIALOG_FLAGS, begin_dialog, buttons_left, dialog_buttons
-from volspec.viewer.ui.widgets import BLACK, over_picture, pack_colour, pick, wrap_text
+from volspec.viewer.ui.widgets import BLACK, over_picture, pack_colour, pick, text_width, wrap_text
 from volspec.viewer.work.films import FILM_KINDS, FilmFile, PageFile, possible_kinds
 from volspec.viewer.work.outputs import CUSTOM, PRESETS, Destination, PictureSize, Progress
 from volspec.viewer.work.screenshot import Shot, megabytes
@@ -49,9 +50,10 @@ class PictureDialog:
         channels = state.transfer.basis.size * len(state.shading.groups)
         room = megabytes(size.pixels(state.size), channels)
         imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
+        marks = _mark_fields(shot.marks, ui)
         to = _destination_fields(shot.to, state.document, ".png", ui)
         imgui.pop_item_width()
-        self.shot = replace(shot, size=size, to=to)
+        self.shot = Shot(size, to, marks)
         return _end_dialog("picture ok", ui)[0]
 
 
@@ -84,7 +86,8 @@ class FilmDialog:
         kind = pick("Format", self.file.kind, kinds) or self.file.kind
         ui.note("film format")
         size = _size_fields(self.file.size, state, ui)
-        self.file = replace(self.file, film=film, kind=kind, size=size)
+        marks = _mark_fields(self.file.marks, ui)
+        self.file = replace(self.file, film=film, kind=kind, size=size, marks=marks)
         to = _destination_fields(self.file.to, state.document, self.file.suffix, ui)
         self.file = replace(self.file, to=to)
         imgui.pop_item_width()
@@ -191,6 +194,31 @@ def _size_fields(size: PictureSize, state: ViewState, ui: UiContext) -> PictureS
     if changed and size.preset == CUSTOM:
         size = replace(size, custom=(sides[0], sides[1]))
     return size
+
+
+_MARK_LABELS: dict[Mark, str] = {
+    "scale": "Scale bar",
+    "orientation": "Orientation",
+    "title": "Title",
+    "light": "Light",
+    "materials": "Materials",
+}
+
+
+def _mark_fields(marks: tuple[Mark, ...], ui: UiContext) -> tuple[Mark, ...]:
+    """Draw a box for each mark, in as many lines as they need."""
+    right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
+    chosen = list(marks)
+    for name, label in _MARK_LABELS.items():
+        wide = imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x + text_width(label)
+        imgui.same_line()
+        if imgui.get_cursor_pos_x() + wide > right or name == "scale":
+            imgui.new_line()
+        changed, on = imgui.checkbox(label, name in marks)
+        ui.note(f"mark {name}")
+        if changed:
+            chosen = [each for each in _MARK_LABELS if (on if each == name else each in marks)]
+    return tuple(chosen)
 
 
 def _destination_fields(

@@ -15,7 +15,7 @@ from volspec.raycast.projection import (
     length_text,
 )
 from volspec.relight.error_map import ErrorMap
-from volspec.viewer.model.light_rows import Rows, effective_weights
+from volspec.viewer.model.light_rows import Rows, lit_names
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import HALF, cube_middle, face_at
 from volspec.viewer.ui.context import UiContext
@@ -209,13 +209,6 @@ def _draw_handle(draw_list: imgui.ImDrawList, ui: UiContext, x: float, y: float)
     for side in (-1, 1):
         base, end = x + side * ui.px(2.5), (x + side * ui.px(7), y)
         draw_list.add_triangle_filled(end, (base, y - half), (base, y + half), dark)
-
-
-def lit_names(rows: Rows) -> str:
-    """Return the names of the lights that are on."""
-    weights = effective_weights(rows)
-    lit = [row.name for row, weight in zip(rows, weights, strict=True) if weight > 0]
-    return " + ".join(lit[:3]) + (" + …" if len(lit) > 3 else "") or "dark"
 
 
 _STEPS = 48

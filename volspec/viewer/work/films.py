@@ -17,9 +17,9 @@ from volspec.export.page import PageSpec, scene_views, write_page
 from volspec.export.plan import Plan, Shot
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
-from volspec.scene.export import ExportSpec
+from volspec.scene.export import ExportSpec, Mark
 from volspec.viewer.model.film import Film, frame_state
-from volspec.viewer.model.light_rows import effective_weights, light_rig
+from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import Destination, PictureSize, Progress, with_own_caster
@@ -36,6 +36,7 @@ class FilmFile:
     kind: str = ".mp4"  # one of `FILM_KINDS`
     size: PictureSize = field(default_factory=PictureSize)
     to: Destination = field(default_factory=Destination)
+    marks: tuple[Mark, ...] = ()
 
     @property
     def suffix(self) -> str:
@@ -66,7 +67,7 @@ def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
     """Cast, relight and encode a film, off the window's thread; return its path."""
     path = file.to.new_path(state.document, file.suffix)
     plan, size = film_plan(state, file.film), file.size.pixels(state.size)
-    scene = _scene(state, ExportSpec(fps=file.film.fps, sheet=False))
+    scene = _scene(state, ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks))
 
     def report(step: str, share: float) -> None:
         progress.step = "encoding" if step == "encode" else ""
@@ -88,10 +89,10 @@ def film_plan(state: ViewState, film: Film) -> Plan:
         rig = light_rig(now.lights)
         if rig is None:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
-        weights = zip(now.lights, effective_weights(now.lights), strict=True)
-        lit = ", ".join(f"{row.name} {weight:.3g}" for row, weight in weights if weight > 0)
         camera = now.view.camera(volume)
-        shots.append(Shot(f"{i:04d}", i, camera, now.transfer, lit, rig, now.relight))
+        shots.append(
+            Shot(f"{i:04d}", i, camera, now.transfer, lit_names(now.lights), rig, now.relight)
+        )
     return Plan(tuple(shots), ())
 
 

@@ -17,9 +17,17 @@ from numpy.typing import NDArray
 from volspec import __version__
 from volspec.errors import CastCancelled, DeviceError, ViewingError
 from volspec.export import write_frame
+from volspec.export.annotate import (
+    MarkedPicture,
+    Patch,
+    material_colours,
+    paint,
+    picture_marks,
+)
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
-from volspec.viewer.model.light_rows import light_rig
+from volspec.scene.export import Mark
+from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import Destination, PictureSize, Progress, with_own_caster
 from volspec.viewer.work.pictures import Pictures
@@ -35,6 +43,7 @@ class Shot:
 
     size: PictureSize = field(default_factory=PictureSize)
     to: Destination = field(default_factory=Destination)
+    marks: tuple[Mark, ...] = ()
 
 
 def megabytes(size: tuple[int, int], channels: int) -> float:
@@ -48,9 +57,29 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     """Cast, relight and write a picture, off the window's thread; return its path."""
     path = shot.to.new_path(state.document, ".png")
     frame = render_frame(state, shot.size.pixels(state.size), progress)
+    frame = paint(frame, _marks(state, shot))
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}
     write_frame(path, frame, notes, state.relight.viewing.display.space)
     return path
+
+
+def _marks(state: ViewState, shot: Shot) -> list[Patch]:
+    """Return the marks of a picture; their colours are those on the left of a divide."""
+    rig, volume = light_rig(state.lights), state.document.volume
+    if rig is None or not shot.marks:
+        return []
+    transfer, shares = state.transfer, state.shading.shares()
+    materials = transfer.materials if "materials" in shot.marks else {}
+    picture = MarkedPicture(
+        shot.size.pixels(state.size),
+        state.view.camera(volume),
+        volume,
+        state.document.title,
+        lit_names(state.lights),
+        material_colours(materials, transfer.basis, rig, state.relight, shares),
+        state.interface.overlays.patient,
+    )
+    return picture_marks(shot.marks, picture)
 
 
 def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:

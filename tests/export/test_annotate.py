@@ -1,0 +1,120 @@
+"""Marks in saved pictures: the bar's length, their place, and what they leave as it was."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from tests.export.conftest import Make
+from tests.support.errors import raises
+from volspec.basis import SpectralBasis
+from volspec.errors import SceneError
+from volspec.export import tiles
+from volspec.export.annotate import MarkedPicture, material_colours, paint, picture_marks
+from volspec.raycast import Camera
+from volspec.raycast.projection import Projection, length_mm
+from volspec.relight import LightRig, RelightSpec
+from volspec.scene.export import MARKS
+from volspec.spectra import light, reflectance
+from volspec.volume import phantom
+
+VOLUME = phantom.ball(16)
+
+
+def marked(size: tuple[int, int], *marks: Any, **names: Any) -> NDArray[np.uint8]:
+    """Return a grey picture with marks."""
+    camera = Camera.orbit(VOLUME, azimuth_deg=20.0)
+    picture = MarkedPicture(size, camera, VOLUME, **names)
+    grey = np.full((size[1], size[0], 3), 128, np.uint8)
+    return paint(grey, picture_marks(marks, picture))
+
+
+@pytest.mark.parametrize("size", [(320, 240), (1000, 400), (60, 400), (2400, 1800)])
+def test_a_scale_bar_has_the_length_that_it_names(size: tuple[int, int]) -> None:
+    picture = marked(size, "scale")
+    rows = (picture == 255).all(axis=-1).sum(axis=1)
+    mm_per_px = Projection(Camera.orbit(VOLUME), (0, 0, *size)).mm_per_px
+    wanted = length_mm(mm_per_px, max(min(0.25 * size[0], 180 * max(min(size) / 720, 0.6)), 1))
+    assert rows.max() == pytest.approx(wanted / mm_per_px, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("mark", "right", "low"),
+    [
+        ("scale", True, True),
+        ("orientation", True, False),
+        ("title", False, False),
+        ("light", False, False),
+        ("materials", False, True),
+    ],
+)
+def test_marks_are_in_their_corners(mark: str, right: bool, low: bool) -> None:
+    names = {"title": "A ball", "light": "D65", "materials": {"gold": np.array([0.9, 0.7, 0.2])}}
+    for size in ((800, 600), (200, 150)):
+        drawn = (marked(size, mark, **names) != 128).any(axis=-1)
+        y, x = np.nonzero(drawn)
+        assert drawn.sum() > 100
+        assert (x > size[0] / 2).all() if right else (x < size[0] / 2).all(), mark
+        assert (y > size[1] / 2).all() if low else (y < size[1] / 2).all(), mark
+
+
+def test_materials_without_room_are_counted_and_pictures_of_any_size_can_be_marked() -> None:
+    many = {f"material {i}": np.array([i / 99, 0.0, 0.5]) for i in range(99)}
+    picture = marked((300, 200), "materials", materials=many)
+    assert np.array_equal(picture[:8], np.full_like(picture[:8], 128))
+    names = {"title": "x" * 500, "light": "\u202e", "materials": many}
+    for size in ((1, 1), (2, 300), (300, 2)):
+        assert marked(size, *MARKS, **names).shape == (size[1], size[0], 3)
+
+
+def test_material_colours_are_those_of_a_frame_of_a_flat_material() -> None:
+    from volspec.pipeline import relight
+    from volspec.raycast import CoefficientImage
+
+    basis, gold = SpectralBasis.load("general-7"), reflectance("gold")
+    channels = basis.analyse(gold.on(basis.grid).values[None, None]).astype(np.float32)
+    one = np.ones((1, 1), np.float32)
+    image = CoefficientImage(channels, one, one, basis)
+    for name in ("D65", "A"):
+        frame = relight(image, light(name), RelightSpec(mode="exact"), backend="numpy")
+        rig = LightRig((light(name),))
+        found = material_colours({"gold": gold}, basis, rig, RelightSpec(mode="exact"), {"": 1.0})
+        assert 255 * found["gold"] == pytest.approx(frame[0, 0].astype(float), abs=3)
+
+
+def test_transparent_pictures_get_opaque_marks() -> None:
+    camera = Camera.orbit(VOLUME)
+    patches = picture_marks(("scale",), MarkedPicture((320, 240), camera, VOLUME))
+    clear = np.zeros((240, 320, 4), np.uint16)
+    clear[..., :3] = 1000
+    drawn = paint(clear, patches)
+    bar = (drawn[..., :3] == 65535).all(axis=-1)
+    assert bar.any() and (drawn[bar][:, 3] == 65535).all()
+    assert (drawn[:100] == clear[:100]).all() and (clear[..., 3] == 0).all()
+
+
+def test_strips_of_a_large_picture_have_the_marks_of_the_whole(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings: dict[str, Any] = {"lights": ["day"], "size": (200, 256), "annotate": MARKS}
+    scene().export(tmp_path / "whole", **settings)
+    monkeypatch.setattr(tiles, "STRIP_BYTES", 200 * 64 * 4 * 8)
+    scene().export(tmp_path / "strips", **settings)
+    plain = scene().export(tmp_path / "plain", **settings | {"annotate": ()})
+    whole, strips, bare = (
+        np.asarray(Image.open(tmp_path / name / plain.files[0]))
+        for name in ("whole", "strips", "plain")
+    )
+    assert np.array_equal(whole, strips) and (whole != bare).any()
+
+
+def test_only_display_codes_are_annotated(scene: Make, tmp_path: Path) -> None:
+    with raises(SceneError, "conflict", "export.annotate"):
+        scene().export(tmp_path / "out", format="exr", annotate=["scale"])
+    with raises(SceneError, "unknown"):
+        scene().export(tmp_path / "out", annotate=["scal"])

@@ -1,0 +1,261 @@
+"""Marks in saved pictures: scale bar, orientation cube, title, light, materials with their colours.
+
+    camera, size, names -> [annotate] -> patches -> pixels of any depth, a strip at a time
+
+Sizes follow the picture's, so that marks are legible in any. Colours are display codes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance.gamut_mapping import screen_for_viewing
+from volspec.appearance.scene_to_display import view_transform
+from volspec.basis import Basis
+from volspec.export.contact_sheet import printable
+from volspec.raycast import Camera
+from volspec.raycast.projection import (
+    Projection,
+    cube_faces,
+    cube_label,
+    is_patient,
+    length_mm,
+    length_text,
+)
+from volspec.relight import LightRig, RelightSpec
+from volspec.relight.illumination import Illumination
+from volspec.spectra import Spectrum, XYZ_from_spectra
+from volspec.volume import Volume
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+    from volspec.scene.export import Mark
+
+Codes = TypeVar("Codes", bound=NDArray[Any])
+# Sizes are given for this height of a picture, and grow with it down to the least factor.
+_HEIGHT, _LEAST = 720, 0.6
+_MARGIN, _TEXT, _TITLE, _OUTLINE = 20.0, 20, 28, 1.6
+# The bar: length, as a fraction of the width and at most, thickness, and height of its ends.
+_BAR, _LONGEST, _THICK, _END = 0.25, 180.0, 3.0, 12.0
+# The cube's half edge, the distance of its centre from the sides, and supersampling of its edges.
+_HALF, _CORNER, _FINE = 26.0, 62.0, 4
+# The grey of a face: a constant, and a factor for its cosine to the eye; below it, no letters.
+_SHADE, _ASKEW = (0.30, 0.34), 0.3
+_SWATCH, _ROW = 18.0, 28.0
+_WHITE, _BLACK = (255, 255, 255, 255), (0, 0, 0, 255)
+_MOST_LETTERS = 80
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Patch:
+    """Part of a picture to paint over."""
+
+    x: int
+    y: int
+    colours: NDArray[np.float32]  # (h, w, 3) display codes 0 to 1, premultiplied
+    alpha: NDArray[np.float32]  # (h, w)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class MarkedPicture:
+    """Contents of a picture's marks."""
+
+    size: tuple[int, int]  # width and height
+    camera: Camera
+    volume: Volume
+    title: str = ""
+    light: str = ""
+    materials: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # codes 0 to 1
+    patient: bool | None = None  # name directions by the patient's body; None: the volume decides
+
+
+def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
+    """Return the patches of the marks of a picture, from ``[export] annotate``."""
+    paint = _Painter(picture)
+    patches: list[Patch] = []
+    top = paint.margin
+    if "title" in marks and picture.title:
+        patches.append(paint.text(picture.title, paint.margin, top, _TITLE))
+        top += 1.3 * _TITLE * paint.unit
+    if "light" in marks and picture.light:
+        patches.append(paint.text(picture.light, paint.margin, top, _TEXT))
+        top += 1.3 * _TEXT * paint.unit
+    if "orientation" in marks:
+        patches.append(paint.cube())
+    if "scale" in marks:
+        patches += paint.scale_bar()
+    if "materials" in marks:
+        patches += paint.legend(top)
+    return patches
+
+
+def material_colours(
+    materials: Mapping[str, Spectrum],
+    basis: Basis,
+    rig: LightRig,
+    spec: RelightSpec,
+    shares: Mapping[str, float],
+) -> dict[str, NDArray[np.float64]]:
+    """Return the display codes, 0 to 1, of flat materials that face every source of a light."""
+    if not materials:
+        return {}
+    lit = Illumination.of(basis, rig, spec, shares)
+    mixed = rig.facing(shares).mixed(basis.grid)
+    # Single colours have no picture in which adaptation could be measured.
+    viewing = replace(lit.viewing, adapting="given", fov_deg=None)
+    XYZ = [XYZ_from_spectra(mixed, each, basis.observer_deg) for each in materials.values()]
+    seen = view_transform(viewing, lit.white_XYZ).apply(lit.gain * np.array(XYZ)[None])
+    codes = np.clip(screen_for_viewing(viewing).codes(seen, 0)[0], 0.0, 1.0)
+    return dict(zip(materials, codes, strict=True))
+
+
+def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:
+    """Return rows of a picture, from row ``top``, with patches over them.
+
+    Pixels are (H, W, 3 or 4) codes of any integer type; the fourth channel is straight alpha.
+    """
+    if not patches:
+        return pixels
+    most = float(np.iinfo(pixels.dtype).max)
+    found = pixels.copy()
+    height, width, channels = pixels.shape
+    for patch in patches:
+        h, w = patch.alpha.shape
+        first, last = max(patch.y - top, 0), min(patch.y - top + h, height)
+        left, right = max(patch.x, 0), min(patch.x + w, width)
+        if first >= last or left >= right:
+            continue
+        inside = np.s_[
+            first + top - patch.y : last + top - patch.y, left - patch.x : right - patch.x
+        ]
+        over, alpha = patch.colours[inside], patch.alpha[inside][..., None]
+        below = found[first:last, left:right].astype(np.float32) / most
+        own = below[..., 3:] if channels == 4 else 1.0
+        mixed = over + own * below[..., :3] * (1.0 - alpha)
+        if channels == 4:
+            cover = alpha + own * (1.0 - alpha)
+            mixed = np.concatenate([mixed / np.maximum(cover, 1e-6), cover], axis=-1)
+        found[first:last, left:right] = np.rint(np.clip(mixed, 0.0, 1.0) * most)
+    return found
+
+
+class _Painter:
+    """Draws the marks of one picture."""
+
+    def __init__(self, picture: MarkedPicture) -> None:
+        self._picture = picture
+        width, height = picture.size
+        self.unit = max(min(height, width) / _HEIGHT, _LEAST)
+        self.margin = _MARGIN * self.unit
+        self._projection = Projection(picture.camera, (0, 0, width, height))
+
+    def text(self, text: str, x: float, y: float, size: float, right: bool = False) -> Patch:
+        """Return an outlined line of text; ``x`` is its left end, or its right one."""
+        from PIL import Image, ImageDraw
+
+        text, font = printable(text, _MOST_LETTERS), _font(round(size * self.unit))
+        outline = max(round(_OUTLINE * self.unit), 1)
+        left, _, end, bottom = font.getbbox(text or " ", stroke_width=outline)
+        canvas = Image.new("RGBA", (int(end - left) + 1, int(bottom) + 1))
+        drawn = ImageDraw.Draw(canvas)
+        drawn.text((-left, 0), text, _BLACK, font, stroke_width=outline, stroke_fill=_BLACK)
+        drawn.text((-left, 0), text, _WHITE, font)
+        return _patch(canvas, x - canvas.width if right else x, y)
+
+    def scale_bar(self) -> list[Patch]:
+        """Return the bar in the lower right corner, and its length above it."""
+        width, height = self._picture.size
+        mm_per_px = self._projection.mm_per_px
+        mm = length_mm(mm_per_px, max(min(_BAR * width, _LONGEST * self.unit), 1.0))
+        long, thick = max(round(mm / mm_per_px), 1), max(round(_THICK * self.unit), 1)
+        end, edge = round(_END * self.unit), max(round(_OUTLINE * self.unit / 2), 1)
+        right, bottom = round(width - self.margin), round(height - self.margin)
+        white = np.zeros((end, long), bool)
+        white[:, :thick] = white[:, -thick:] = True
+        middle = (end - thick) // 2
+        white[middle : middle + thick] = True
+        # The dark outline makes the bar legible on any picture.
+        padded = np.pad(white, edge)
+        dark = np.zeros_like(padded)
+        for dy in range(-edge, edge + 1):
+            for dx in range(-edge, edge + 1):
+                dark |= np.roll(padded, (dy, dx), (0, 1))
+        colours = np.repeat(padded[..., None], 3, axis=2).astype(np.float32)
+        bar = Patch(right - long - edge, bottom - end - edge, colours, dark.astype(np.float32))
+        text = length_text(mm)
+        label = self.text(text, 0.0, 0.0, _TEXT)
+        h, w = label.alpha.shape
+        x = min(right - (long + w) / 2, width - w - 1)
+        return [bar, replace(label, x=round(x), y=round(bottom - end - edge - h))]
+
+    def cube(self) -> Patch:
+        """Return the orientation cube in the upper right corner."""
+        from PIL import Image, ImageDraw
+
+        picture, half = self._picture, _HALF * self.unit
+        side = 2 * round(2 * half)
+        fine = _FINE * half
+        middle = _FINE * side / 2
+        canvas = Image.new("RGBA", (_FINE * side, _FINE * side))
+        draw = ImageDraw.Draw(canvas)
+        font = _font(round(0.62 * fine))
+        patient = is_patient(picture.volume, picture.patient)
+        for face, corners, towards in cube_faces(picture.camera):
+            grey = round(255 * (_SHADE[0] + _SHADE[1] * towards))
+            ring = [(middle + fine * x, middle + fine * y) for x, y in corners.tolist()]
+            draw.polygon(ring, (grey, grey, grey, 255), (20, 20, 20, 255), round(fine * 0.04))
+            if towards >= _ASKEW:
+                (ax, ay), (cx, cy) = ring[0], ring[2]
+                place = (ax + cx) / 2, (ay + cy) / 2
+                draw.text(place, cube_label(face, patient), (5, 5, 5, 255), font, anchor="mm")
+        small = canvas.resize((side, side), Image.Resampling.BOX)
+        x = picture.size[0] - _CORNER * self.unit - side / 2
+        return _patch(small, x, _CORNER * self.unit - side / 2)
+
+    def legend(self, top: float) -> list[Patch]:
+        """Return a row for each material in the lower left corner; those without room are counted.
+
+        ``top`` is the end of the texts above.
+        """
+        row, swatch = _ROW * self.unit, round(_SWATCH * self.unit)
+        bottom = self._picture.size[1] - self.margin
+        most = max(int((bottom - top) / row), 1)
+        names = list(self._picture.materials)
+        if len(names) > most:
+            names = names[: max(most - 1, 1)]
+        lines = [*names, f"and {len(self._picture.materials) - len(names)} more"]
+        lines = lines[: len(names) + (len(names) < len(self._picture.materials))]
+        patches = []
+        for i, name in enumerate(lines):
+            y = bottom - (len(lines) - i) * row
+            x = self.margin
+            if i < len(names):
+                patches.append(self._swatch(name, x, y + (row - swatch) / 2, swatch))
+                x += 1.5 * swatch
+            patches.append(self.text(name, x, y, _TEXT))
+        return patches
+
+    def _swatch(self, name: str, x: float, y: float, side: int) -> Patch:
+        colours = np.zeros((side + 2, side + 2, 3), np.float32)
+        colours[1:-1, 1:-1] = self._picture.materials[name]
+        return Patch(round(x) - 1, round(y) - 1, colours, np.ones(colours.shape[:2], np.float32))
+
+
+@lru_cache(maxsize=8)
+def _font(size: int) -> Any:
+    from PIL import ImageFont
+
+    return ImageFont.load_default(max(size, 1))
+
+
+def _patch(canvas: Image.Image, x: float, y: float) -> Patch:
+    """Return a drawn canvas as a patch; Pillow's antialiasing premultiplies over an empty one."""
+    drawn = np.asarray(canvas, np.float32) / 255.0
+    return Patch(round(x), round(y), drawn[..., :3], drawn[..., 3])
