@@ -28,7 +28,6 @@ _NOT_HERE = "not here"
 # Features by the package's extras: the extra's name, and the distributions that it needs.
 _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
-    "several machines": ("distributed", ("dask", "zarr")),
     "OME-Zarr": ("zarr", ("zarr",)),
 }
 

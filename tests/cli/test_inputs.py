@@ -28,7 +28,7 @@ def scans(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
-    options = "--preset", "skin", "--camera", "left", "--light", "A"
+    options = "--preset", "skin", "--camera", "left", "-l", "A"
     assert call("render", scans / "a.npy", "-o", "a.exr", *options, *SIZE) == 0
     assert call("scene", "new", scans / "a.npy", "-o", "other/a.toml", *options) == 0
     assert call("render", "other/a.toml", "-o", "again.exr", *SIZE) == 0

@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from volspec.spectra import SpectralGrid, Spectrum
 
 
+Lights = Annotated[list[str] | None, Parameter(name=["--light", "-l"], negative="")]
+"""Parameter of lights: names or `volspec.light`'s notation; repeatable."""
 # Remedy for a coefficient image where a scene is expected.
 RELIGHT = "relight it: volspec relight {file} --light LIGHT -o FRAME.png"
 
@@ -42,10 +44,14 @@ def require_scene(path: Path, instead: str = RELIGHT) -> None:
 
 
 def require_image(path: Path, instead: str) -> None:
-    """Raise an ImageError if the file is a scene instead of a coefficient image."""
-    if path.suffix.lower() == ".toml" and path.is_file():
+    """Raise an ImageError if the file is a scene or a volume instead of a coefficient image.
+
+    ``instead`` is the remedy, with ``{file}`` for the file's name.
+    """
+    if path.suffix.lower() != ".exr" and path.exists():
+        kind = "a scene, not" if path.suffix.lower() == ".toml" else "not"
         remedy = instead.format(file=shlex.quote(str(path)))
-        raise ImageError(f"{path}: is a scene, not a coefficient image; {remedy}")
+        raise ImageError(f"{path}: is {kind} a coefficient image (.exr); {remedy}")
 
 
 def sides(size: str) -> tuple[int, int]:

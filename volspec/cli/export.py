@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import (
     RELIGHT,
+    Lights,
     Size,
     read_image_setting,
     read_setting,
@@ -44,7 +45,7 @@ def export(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     preset: Preset = None,
-    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    light: Lights = None,
     camera: CameraOption = None,
     turntable: _Whole = None,
     sweep: _Whole = None,
@@ -200,7 +201,7 @@ def page(
     preset: Preset = None,
     camera: CameraOption = None,
     views: Annotated[int, Parameter(converter=as_written, validator=_check_views)] = 1,
-    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    light: Lights = None,
     size: Size = None,
     bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
     title: str | None = None,
@@ -292,7 +293,7 @@ def compositing(
     /,
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
-    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    light: Lights = None,
     mode: str | None = None,
 ) -> None:
     """Relight a stored image in a compositor: Blender, Nuke or another.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import App, Parameter
 
 from volspec._files import require_suffix, require_writable
-from volspec.cli.arguments import RELIGHT, require_image, require_scene
+from volspec.cli.arguments import RELIGHT, Lights, require_scene
 from volspec.cli.inputs import CameraOption, Preset, open_scene
 from volspec.cli.shell import Json, Terminal, app, counted, print_json, say
 from volspec.errors import InputError, SceneError, one_line
@@ -56,7 +56,9 @@ def info(volume: str, /, *, json: Json = False) -> None:
 
     path = Path(volume)
     require_scene(path, f"give a volume, or {RELIGHT}")
-    require_image(path, "give the volume file of its [volume], or run volspec scene check {file}")
+    if path.suffix.lower() == ".toml":
+        check = f"volspec scene check {shlex.quote(volume)}"
+        raise InputError(f"{volume}: is a scene; give the volume of its [volume], or run {check}")
     loaded = load_volume(volume)
     summary = summarise(loaded)
     if json:
@@ -105,7 +107,7 @@ def new(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     preset: Preset = None,
-    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    light: Lights = None,
     camera: CameraOption = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:

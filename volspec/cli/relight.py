@@ -37,6 +37,7 @@ def relight(
     light: Annotated[
         list[str],
         Parameter(
+            name=["--light", "-l"],
             negative="",
             help=r"D65, planck:3200, D65\*0.7+A\*0.3, FILE.csv, FILE.spdx, FILE.exr, "
             r"PALETTE.toml#name; or a light for each group, 'key=D65; fill=A\*0.3'; repeatable.",

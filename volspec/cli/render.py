@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from volspec._files import require_suffix, require_writable
-from volspec.cli.arguments import RELIGHT, Size, Sized, require_scene, sides
+from volspec.cli.arguments import RELIGHT, Lights, Size, Sized, require_scene, sides
 from volspec.cli.inputs import (
     CameraOption,
     Inputs,
@@ -32,7 +32,7 @@ def render(
     *,
     output: Annotated[Path, Parameter(name=["--output", "-o"])],
     preset: Preset = None,
-    light: Annotated[list[str] | None, Parameter(negative="")] = None,
+    light: Lights = None,
     camera: CameraOption = None,
     size: Size = None,
     half: Annotated[bool, Parameter(negative="")] = False,

@@ -20,8 +20,8 @@ from volspec.viewer.ui.inputs import Input, Inputs
 from volspec.viewer.work.pictures import Painted
 
 INSTEAD = (
-    "without a window: volspec render SCENE -o IMAGE.exr, then "
-    "volspec relight IMAGE.exr --light D65 -o FRAME.png"
+    "without a window: volspec export SCENE-or-VOLUME -o FOLDER for pictures, or volspec page "
+    "SCENE-or-VOLUME -o PAGE.html to swap lights in a browser"
 )
 # Pixels; nothing is drawn into a smaller window.
 _LEAST_SIDE = 16
