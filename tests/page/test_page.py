@@ -158,6 +158,25 @@ def test_the_error_map_has_the_desktops_figures(
     assert abs(mean - wanted.mean) < 0.02 and abs(most - wanted.max) < 0.05
 
 
+def test_the_picture_fills_a_phone_held_sideways_and_its_backdrop_goes_on_around_it(
+    opened: Callable[..., Opened], files: Path
+) -> None:
+    page = opened(files / "8.html")
+    page.page.set_viewport_size({"width": 844, "height": 390})
+    page.settle()
+    stage, panel = (page.page.locator(name).bounding_box() for name in (".stage", ".panel"))
+    assert stage["width"] > 844 / 2 and panel["x"] >= stage["x"] + stage["width"] - 1
+    assert stage["height"] > 0.8 * 390
+    around = "getComputedStyle(document.getElementById('port')).backgroundColor"
+    page.until(f"{around} !== 'rgba(0, 0, 0, 0)'")
+    before = page.page.evaluate(around)
+    assert before == f"rgb({', '.join(map(str, page.picture()[0, 0]))})"
+    page.show(**{"a.backdrop": 0.9})
+    page.until(f"{around} !== '{before}'")
+    page.show(compare=1)
+    page.until(f"{around} === 'rgba(0, 0, 0, 0)'")
+
+
 def test_other_views_are_turned_to(
     opened: Callable[..., Opened], files: Path, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:

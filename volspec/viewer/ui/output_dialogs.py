@@ -18,7 +18,14 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.dialogs import DIALOG_FLAGS, begin_dialog, buttons_left, dialog_buttons
 from volspec.viewer.ui.widgets import BLACK, over_picture, pack_colour, pick, text_width, wrap_text
 from volspec.viewer.work.films import FILM_KINDS, FilmFile, PageFile, possible_kinds
-from volspec.viewer.work.outputs import CUSTOM, PRESETS, Destination, PictureSize, Progress
+from volspec.viewer.work.outputs import (
+    CUSTOM,
+    PRESETS,
+    Destination,
+    PictureSize,
+    Progress,
+    short_title,
+)
 from volspec.viewer.work.screenshot import Shot, megabytes
 
 _DIM = imgui.Col_.text_disabled
@@ -50,10 +57,10 @@ class PictureDialog:
         channels = state.transfer.basis.size * len(state.shading.groups)
         room = megabytes(size.pixels(state.size), channels)
         imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
-        marks = _mark_fields(shot.marks, ui)
+        marks, title = _mark_fields(shot.marks, shot.title, state.document, ui)
         to = _destination_fields(shot.to, state.document, ".png", ui)
         imgui.pop_item_width()
-        self.shot = Shot(size, to, marks)
+        self.shot = Shot(size, to, marks, title)
         return _end_dialog("picture ok", ui)[0]
 
 
@@ -86,8 +93,8 @@ class FilmDialog:
         kind = pick("Format", self.file.kind, kinds) or self.file.kind
         ui.note("film format")
         size = _size_fields(self.file.size, state, ui)
-        marks = _mark_fields(self.file.marks, ui)
-        self.file = replace(self.file, film=film, kind=kind, size=size, marks=marks)
+        marks, title = _mark_fields(self.file.marks, self.file.title, state.document, ui)
+        self.file = replace(self.file, film=film, kind=kind, size=size, marks=marks, title=title)
         to = _destination_fields(self.file.to, state.document, self.file.suffix, ui)
         self.file = replace(self.file, to=to)
         imgui.pop_item_width()
@@ -170,7 +177,7 @@ class PageDialog:
             return False
         file = self.file
         imgui.push_item_width(-ui.px(_LABELS))
-        _, title = imgui.input_text_with_hint("Title", state.document.title, file.title)
+        _, title = imgui.input_text_with_hint("Title", short_title(state.document), file.title)
         ui.note("page title")
         _, views = imgui.slider_int("Views", file.views, 1, _MOST_SLIDER_VIEWS)
         ui.note("page views", "1 for a still; more to turn it by a drag")
@@ -205,8 +212,10 @@ _MARK_LABELS: dict[Mark, str] = {
 }
 
 
-def _mark_fields(marks: tuple[Mark, ...], ui: UiContext) -> tuple[Mark, ...]:
-    """Draw a box for each mark, in as many lines as they need."""
+def _mark_fields(
+    marks: tuple[Mark, ...], title: str, document: Document, ui: UiContext
+) -> tuple[tuple[Mark, ...], str]:
+    """Draw a box for each mark, in as many lines as they need, and a field for a title."""
     right = imgui.get_cursor_pos_x() + imgui.get_content_region_avail().x
     chosen = list(marks)
     for name, label in _MARK_LABELS.items():
@@ -218,7 +227,10 @@ def _mark_fields(marks: tuple[Mark, ...], ui: UiContext) -> tuple[Mark, ...]:
         ui.note(f"mark {name}")
         if changed:
             chosen = [each for each in _MARK_LABELS if (on if each == name else each in marks)]
-    return tuple(chosen)
+    if "title" in chosen:
+        _, title = imgui.input_text_with_hint("Title", short_title(document), title)
+        ui.note("mark title text")
+    return tuple(chosen), title
 
 
 def _destination_fields(
@@ -246,8 +258,11 @@ def _end_dialog(name: str, ui: UiContext) -> tuple[bool, bool]:
     imgui.spacing()
     imgui.set_cursor_pos_x(buttons_left(ui))
     accepted, cancelled = dialog_buttons("Save", name, ui)
-    saved = accepted or imgui.is_key_pressed(imgui.Key.enter, False)
-    closed = cancelled or saved or imgui.is_key_pressed(imgui.Key.escape, False)
+    # A list that is open over the dialog has the focus, and takes both keys.
+    child = imgui.FocusedFlags_.child_windows | imgui.FocusedFlags_.no_popup_hierarchy
+    keyed = imgui.is_window_focused(child)
+    saved = accepted or (keyed and imgui.is_key_pressed(imgui.Key.enter, False))
+    closed = cancelled or saved or (keyed and imgui.is_key_pressed(imgui.Key.escape, False))
     if closed:
         imgui.close_current_popup()
     imgui.end_popup()

@@ -22,7 +22,13 @@ from volspec.viewer.model.film import Film, frame_state
 from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.outputs import Destination, PictureSize, Progress, with_own_caster
+from volspec.viewer.work.outputs import (
+    Destination,
+    PictureSize,
+    Progress,
+    short_title,
+    with_own_caster,
+)
 
 FRAMES = "PNG frames in a folder"
 FILM_KINDS = (*SUFFIXES, FRAMES)
@@ -37,6 +43,7 @@ class FilmFile:
     size: PictureSize = field(default_factory=PictureSize)
     to: Destination = field(default_factory=Destination)
     marks: tuple[Mark, ...] = ()
+    title: str = ""  # in the picture; empty for the document's
 
     @property
     def suffix(self) -> str:
@@ -67,7 +74,8 @@ def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
     """Cast, relight and encode a film, off the window's thread; return its path."""
     path = file.to.new_path(state.document, file.suffix)
     plan, size = film_plan(state, file.film), file.size.pixels(state.size)
-    scene = _scene(state, ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks))
+    table = ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks)
+    scene = _scene(state, table, file.title)
 
     def report(step: str, share: float) -> None:
         progress.step = "encoding" if step == "encode" else ""
@@ -99,8 +107,7 @@ def film_plan(state: ViewState, film: Film) -> Plan:
 def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
     """Cast a state's views and write them as a web page; return its path."""
     path = file.to.new_path(state.document, ".html")
-    scene, size = _scene(state, ExportSpec()), file.size.pixels(state.size)
-    title = file.title.strip() or state.document.title
+    scene, size = _scene(state, ExportSpec(), file.title), file.size.pixels(state.size)
 
     def report(share: float) -> None:
         progress.report(share)
@@ -108,13 +115,14 @@ def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
 
     def make(caster: Raycaster) -> None:
         views = scene_views(scene, file.views, size=size, progress=report, caster=caster)
-        write_page(path, views, scene.lights, scene.relight, PageSpec(title))
+        write_page(path, views, scene.lights, scene.relight, PageSpec(scene.file.title))
 
     with_own_caster(state.document, make)
     return path
 
 
-def _scene(state: ViewState, table: ExportSpec) -> Scene:
+def _scene(state: ViewState, table: ExportSpec, title: str) -> Scene:
     """Return the scene of a state as it would be saved, with the state's own basis."""
-    file = replace(scene_from_state(state), export=table, keyframe=())
+    title = title.strip() or short_title(state.document)
+    file = replace(scene_from_state(state), export=table, keyframe=(), title=title)
     return Scene(file, state.document.saved()[1], basis=state.transfer.basis)

@@ -61,7 +61,7 @@ class Destination:
         """Return the first free path; names made from titles always have a number."""
         named = bool(self.name.strip())
         stem = file_stem(self.name.strip().removesuffix(suffix)) if named else ""
-        stem = stem or f"volspec-{file_stem(_title(document))}"
+        stem = stem or f"volspec-{file_stem(short_title(document))}"
         names = chain([stem] * named, (f"{stem}-{number}" for number in count(1)))
         folder = Path(os.path.expanduser(self.folder)) if self.folder.strip() else None
         folder = (folder or output_folder(document)).absolute()
@@ -75,7 +75,7 @@ class Destination:
         return path
 
 
-def _title(document: Document) -> str:
+def short_title(document: Document) -> str:
     """Return the title; a volume's file name without its endings."""
     source = document.source or ""
     if document.title != os.path.basename(source.partition("?")[0]):

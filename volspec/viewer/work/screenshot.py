@@ -29,7 +29,13 @@ from volspec.raycast import CoefficientImage
 from volspec.scene.export import Mark
 from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.outputs import Destination, PictureSize, Progress, with_own_caster
+from volspec.viewer.work.outputs import (
+    Destination,
+    PictureSize,
+    Progress,
+    short_title,
+    with_own_caster,
+)
 from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.probe import Reading
 
@@ -44,6 +50,7 @@ class Shot:
     size: PictureSize = field(default_factory=PictureSize)
     to: Destination = field(default_factory=Destination)
     marks: tuple[Mark, ...] = ()
+    title: str = ""  # in the picture; empty for the document's
 
 
 def megabytes(size: tuple[int, int], channels: int) -> float:
@@ -74,7 +81,7 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
         shot.size.pixels(state.size),
         state.view.camera(volume),
         volume,
-        state.document.title,
+        shot.title.strip() or short_title(state.document),
         lit_names(state.lights),
         material_colours(materials, transfer.basis, rig, state.relight, shares),
         state.interface.overlays.patient,

@@ -6,6 +6,9 @@
 // without changes after which pictures are drawn in full again.
 const SLOW_MS = 42, FEW = 2, REST_MS = 250;
 
+// Opacity below which a pixel shows the backdrop alone.
+const CLEAR = 1e-3;
+
 class App {
   constructor(page) {
     this.page = page;
@@ -136,6 +139,16 @@ class App {
     relighter.draw(state.compare
       ? [{ drawing: left, from: 0, to: divide }, { drawing: right, from: divide, to: 1 }]
       : [{ drawing: left, from: 0, to: 1 }], every);
+    if (every === 1) byId('port').style.background = state.compare ? '' : this.backdropColour();
+  }
+
+  // CSS colour of the backdrop, to continue it around the picture; empty if no corner shows it.
+  backdropColour() {
+    const { page: { channels }, texels, relighter } = this;
+    const [right, low] = [channels.width - 1, channels.height - 1];
+    const corner = [[0, 0], [right, 0], [0, low], [right, low]].find(
+      ([x, y]) => channelsAt(texels, channels, x, y).at(-1) < CLEAR);
+    return corner ? `rgb(${relighter.codesAt(...corner).join(' ')})` : '';
   }
 
   // State on which the picture depends; the probe, for example, is not part of this.

@@ -183,6 +183,13 @@ class Relighter {
     }
   }
 
+  // Red, green and blue of a pixel, directly after it was drawn in full.
+  codesAt(x, y) {
+    const codes = new Uint8Array(4), { gl, canvas: { height } } = this;
+    gl.readPixels(x, height - 1 - y, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, codes);
+    return [...codes.slice(0, 3)];
+  }
+
   // Forget the device's objects after the browser has lost the context.
   forget() {
     this.programs.clear();
