@@ -16,6 +16,7 @@ from volspec.viewer.model import (
     commands,
     cuts,
     effects,
+    labels,
     light_parts,
     light_states,
     lighting,
@@ -31,8 +32,8 @@ from volspec.viewer.model.edit import Edited
 from volspec.viewer.model.state import ViewState
 
 MODULES = (
-    *(camera, commands, cuts, effects, light_parts, light_states, lights, materials),
-    *(palette_edits, slices, transfer_edits, viewing, lighting, quality),
+    *(camera, commands, cuts, effects, labels, light_parts, light_states, lights),
+    *(materials, palette_edits, slices, transfer_edits, viewing, lighting, quality),
 )
 NUMBERS = st.floats(-2, 30) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
 INDICES = st.integers(-2, 12)

@@ -99,7 +99,8 @@ _COSTS |= {
 }
 _COSTS["palette_edits.toggle_merged"] = "frame"
 # The panel is open; L_A follows from the light; a light of one spectrum, a curve without regions
-# and without opacity by gradient, and a cell without a target have nothing to edit.
+# without labels and without opacity by gradient, and a cell without a target have nothing to
+# edit.
 _NOTHING = {
     "commands": "open_viewing",
     "viewing": "set_luminance",
@@ -107,6 +108,7 @@ _NOTHING = {
     "transfer_edits": "set_region_values set_region_gradients set_softness "
     "move_gradient_point add_gradient_point remove_gradient_point",
     "lighting": "set_occlusion_radius",  # of a lamp
+    "labels": "toggle_label show_only",
     "palette_edits": "set_target_weight set_target_group set_target_distance",
 }
 # Texts with which edits do something; others take a material's name.
@@ -171,7 +173,8 @@ _ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | di
     + ("sagittal-right", "sagittal-left"),
     "frame",
 )
-# Points are what it has already.
+# Points are what it has already, and its values are not labels.
+_ODD |= dict.fromkeys(("transfer-labels", "labels-show", "labels-hide", "labels-invert"))
 _ODD |= {"projection-composite": None, "quality-standard": None}
 _ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")

@@ -74,11 +74,11 @@ def _refusals(state: ViewState) -> Iterator[str]:
     full = replace(state, lights=state.lights[:1] * MOST_ROWS)
     dark = replace(state, lights=(replace(state.lights[0], weight=0.0),))
     saved = tuple(LightState(str(i), state.lights, state.relight) for i in range(MOST_STATES))
-    labels, cut = of_kind(state, "labels"), run_command(state, "p").state
+    cut = run_command(state, "p").state
     for given, name in (
         *((full, "keep-mix"), (full, "palette-light"), (dark, "keep-mix"), (dark, "remove-light")),
         *((replace(state, saved_lights=saved), "save-state"), (state, "palette-restart")),
-        *((labels, "preset-bone"), (labels, "transfer-regions"), (cut, "plane-facing")),
+        *((state, "transfer-labels"), (cut, "plane-facing")),
     ):
         new, message = run_command(given, name)
         assert new is given

@@ -86,11 +86,11 @@ def volume_file(
         "transfer": plain(TransferSpec.of(transfer)),
         # Exact under any light: no fitted basis holds the lines of LEDs.
         "basis": {"method": "materials"},
-        # Borders of labels are rough.
+        # On the voxel steps of labels, highlights are noise.
         "raycast": {
             "ambient": 0.2,
             "diffuse": 0.8,
-            "specular": 0.3 if preset else 0.1,
+            "specular": 0.3 if preset else 0.0,
             "jitter": 1.0,
         },
         "light": [

@@ -12,6 +12,7 @@ from typing import TypeVar
 from volspec.viewer.model import (
     camera,
     cuts,
+    labels,
     lighting,
     lights,
     palette_edits,
@@ -139,6 +140,7 @@ COMMANDS: tuple[Command, ...] = (
     *_FILES,
     *_EDITS,
     *transfer_edits.COMMANDS,
+    *labels.COMMANDS,
     *camera.COMMANDS,
     Command("next-step", "View", "Next time step", (".",), words="time series frame"),
     Command("previous-step", "View", "Previous time step", (",",), words="time series frame"),

@@ -12,8 +12,9 @@ from typing import Any
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction, presets
 from volspec.transfer import TransferFunction2D as Regions
+from volspec.transfer.label_look import label_function, with_labels
 from volspec.viewer.model import transfer_convert, transfer_parts
-from volspec.viewer.model.edit import Change, Command, Edited, edit, with_interface
+from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -305,33 +306,49 @@ def _with_new(state: ViewState, transfer: Transfer) -> ViewState:
     return with_interface(new, part=0)
 
 
-_LABELLED = "Labels are names, not values: presets and other kinds do not apply"
-
-
 def _preset(preset: presets.Preset) -> Change:
-    def change(state: ViewState) -> Edited:
-        if isinstance(state.transfer, LabelFunction):
-            return Edited(state, _LABELLED)
-        document = state.document
-        basis = document.transfer.basis
-        fitted = presets.fit_preset(
-            *(preset, document.volume, document.histogram, basis.grid, basis.observer_deg)
-        )
-        return Edited(_with_new(state, fitted))
+    return lambda state: _with_new(state, _fitted(state, preset))
 
-    return change
+
+def _fitted(state: ViewState, preset: presets.Preset) -> Transfer:
+    document = state.document
+    basis = document.transfer.basis
+    return presets.fit_preset(
+        preset, document.volume, document.histogram, basis.grid, basis.observer_deg
+    )
+
+
+def _as_labels(state: ViewState) -> Transfer:
+    """Return the scene's labels, else those of the volume; raises VolumeError if it has none."""
+    document = state.document
+    if isinstance(document.transfer, LabelFunction):
+        return document.transfer
+    basis = document.transfer.basis
+    volume = document.volume if document.volume.labels else with_labels(document.volume)
+    return label_function(volume, basis.grid, basis.observer_deg)[0]
 
 
 def _convert_to(kind: transfer_parts.Kind) -> Change:
-    def change(state: ViewState) -> Edited:
-        new = transfer_convert.convert(state.transfer, kind, _span(state))
-        if new is state.transfer:
-            labelled = isinstance(state.transfer, LabelFunction)
-            return Edited(state, _LABELLED if labelled else "")
-        lost = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
-        return Edited(with_interface(replace(state, transfer=new), part=0), lost)
+    @refusable
+    def change(state: ViewState) -> ViewState:
+        old = state.transfer
+        if kind == transfer_convert.transfer_kind(old):
+            return state
+        if kind == "labels":
+            return _with_new(state, _as_labels(state))
+        # Labels have no values that another kind could take over.
+        if isinstance(old, LabelFunction):
+            old = _fitted(state, presets.BY_NAME[presets.DEFAULT])
+            return _with_new(state, transfer_convert.convert(old, kind, _span(state)))
+        new = transfer_convert.convert(old, kind, _span(state))
+        return with_interface(replace(state, transfer=new), part=0)
 
-    return change
+    def with_message(state: ViewState) -> Edited:
+        new, message = change(state)
+        lost = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
+        return Edited(new, message or lost)
+
+    return with_message
 
 
 def _is_kind(kind: transfer_parts.Kind) -> Callable[[ViewState], bool]:
@@ -342,6 +359,7 @@ KIND_TITLES: dict[transfer_parts.Kind, str] = {
     "points": "Curve (1-D)",
     "regions": "Regions (2-D)",
     "surfaces": "Surfaces",
+    "labels": "Labels",
 }
 COMMANDS = (
     *(

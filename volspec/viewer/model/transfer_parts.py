@@ -43,7 +43,7 @@ _GAP = 1e-3
 # The size of a new region, as a fraction of either axis.
 _NEW = 0.15
 # Labels are listed one by one.
-MOST_LABELS = 256
+MOST_LABELS = 1024
 
 
 @dataclass(frozen=True, slots=True)

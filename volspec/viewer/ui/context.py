@@ -140,6 +140,7 @@ class UiContext:
     front: str = ""  # the panel to bring to the front now,
     item: str = ""  # and its item to focus
     lights: LightsPanelState = field(default_factory=LightsPanelState)
+    labels_search: str = ""
     library: LibraryState = field(default_factory=LibraryState)
     # The state that the picture shows instead of the present one, and whether it keeps changing.
     preview: Callable[[ViewState], ViewState] | None = None

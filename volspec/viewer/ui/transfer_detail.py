@@ -220,11 +220,13 @@ def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
     return draw_remove(new, ui, index, f"Remove the {what.lower()}")
 
 
-def draw_opacity(state: ViewState, ui: UiContext, index: int, wide: float) -> ViewState:
-    """Draw the slider for a part's opacity."""
+def draw_opacity(
+    state: ViewState, ui: UiContext, index: int, wide: float, form: str = "opacity %.3f"
+) -> ViewState:
+    """Draw the slider for a part's opacity, with the number in a format."""
     now = list_parts(state.transfer)[index].opacity
     imgui.set_next_item_width(wide)
-    moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, "opacity %.3f", _FINE)
+    moved, given = imgui.slider_float("##opacity", now, 0.0, 1.0, form, _FINE)
     ui.note("part opacity", "Double-click or Ctrl+click to type")
     return transfer_edits.set_opacity(state, index, given) if moved else state
 
@@ -253,6 +255,32 @@ def draw_material(state: ViewState, ui: UiContext, index: int) -> ViewState:
     if not imgui.begin_combo("##material", mix_text(mix), imgui.ComboFlags_.height_largest):
         ui.note("material", "Material: one, a mix, or another one from the library")
         return state
+    new = _material_list(state, ui, index)
+    imgui.end_combo()
+    return new
+
+
+def draw_part_swatch(state: ViewState, ui: UiContext, index: int) -> ViewState:
+    """Draw a part's colour, and on a click the list of materials."""
+    x, y = imgui.get_cursor_screen_pos()
+    swatch(ui, part_colours(state)[index])
+    imgui.set_cursor_screen_pos((x, y))
+    side = imgui.get_frame_height()
+    if imgui.invisible_button("##colour", (side, side)):
+        imgui.open_popup("materials")
+    mix = list_parts(state.transfer)[index].mix
+    ui.note(f"colour {index}", f"{mix_text(mix)}\nClick for another material")
+    imgui.set_next_window_size_constraints((ui.px(300), 0), (ui.px(420), ui.px(420)))
+    if not imgui.begin_popup("materials"):
+        return state
+    new = _material_list(state, ui, index)
+    imgui.end_popup()
+    return new
+
+
+def _material_list(state: ViewState, ui: UiContext, index: int) -> ViewState:
+    """Draw the search for a material and the list of those there are, in a popup."""
+    mix = list_parts(state.transfer)[index].mix
     new = draw_library(state, ui, index)
     if not ui.library.search.strip():
         lone = sum(weight > 0 for weight in mix.values()) < 2
@@ -261,7 +289,6 @@ def draw_material(state: ViewState, ui: UiContext, index: int) -> ViewState:
             swatch(ui, colour)
             new = _material_row(new, ui, index, name, mix.get(name, 0.0), lone)
             imgui.pop_id()
-    imgui.end_combo()
     return new
 
 

@@ -1,20 +1,18 @@
-"""The transfer function's panel: its kind, values, and the labels of a segmentation."""
+"""The transfer function's panel: preset, kind, shift and thickness, and the kind's editor."""
 
 from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.transfer import MAX_LABEL, LabelFunction, TransferFunction2D, presets
+from volspec.transfer import LabelFunction, TransferFunction2D, presets
 from volspec.viewer.model import commands, transfer_convert, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.model.transfer_parts import Kind
-from volspec.viewer.ui import transfer_detail, transfer_editors
+from volspec.viewer.ui import labels, transfer_editors
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.widgets import ACCENT, pick
 
-# The least height of the list of labels; pixels at 96 dpi.
-_LEAST = 100
 _HELP: dict[Kind, str] = {
     "points": "Drag the points. Double-click adds one, a right click removes it.\n"
     "The vertical axis is opacity per step, on a square-root scale.",
@@ -23,9 +21,11 @@ _HELP: dict[Kind, str] = {
     "Background: the joint histogram of values and gradients.",
     "surfaces": "Drag the surfaces to other values and opacities.\n"
     "Double-click adds one, a right click removes it.",
+    "labels": "Eyes show and hide labels, S shows one alone.\n"
+    "A click on a colour changes the material, a right click on a name removes the label.",
 }
 _KIND_TIP = (
-    "Material and opacity by value, by value and gradient, or as isosurfaces.\n"
+    "Material and opacity by value, by value and gradient, as isosurfaces, or by label.\n"
     "A message lists the parts that another kind cannot represent;\n"
     "Ctrl+Z restores them"
 )
@@ -35,10 +35,9 @@ _LOG = imgui.SliderFlags_.logarithmic
 def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the panel."""
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(6), ui.px(5)))
-    new = state if isinstance(state.transfer, LabelFunction) else _kinds(state, ui)
-    new = _sliders(new, ui)
+    new = _sliders(_kinds(state, ui), ui)
     if isinstance(new.transfer, LabelFunction):
-        new = _labels(new, ui)
+        new = labels.draw(new, ui)
     elif isinstance(new.transfer, TransferFunction2D):
         new = transfer_editors.draw_regions(new, ui)
     else:
@@ -107,39 +106,3 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     moved, factor = imgui.slider_float("##thickness", now, *THICKNESSES, words, _LOG)
     ui.note("thickness", "Scales the density of all parts. In the picture: Ctrl+right drag")
     return transfer_edits.thicken(new, factor) if moved else new
-
-
-def _labels(state: ViewState, ui: UiContext) -> ViewState:
-    """Draw the list of labels, and the button that adds one."""
-    function = state.transfer
-    assert isinstance(function, LabelFunction)
-    new = state
-    flags = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
-    if imgui.begin_table("labels", 4, flags, (0, transfer_detail.height_above(1, ui, _LEAST))):
-        imgui.table_setup_column("label", imgui.TableColumnFlags_.width_fixed, ui.px(34))
-        imgui.table_setup_column("opacity", imgui.TableColumnFlags_.width_stretch, 0.45)
-        imgui.table_setup_column("material", imgui.TableColumnFlags_.width_stretch, 0.55)
-        imgui.table_setup_column("remove", imgui.TableColumnFlags_.width_fixed, ui.px(24))
-        for index, label in enumerate(function.labels):
-            imgui.push_id(label)
-            imgui.table_next_row()
-            imgui.table_next_column()
-            imgui.align_text_to_frame_padding()
-            imgui.text(str(label))
-            imgui.table_next_column()
-            new = transfer_detail.draw_opacity(new, ui, index, -1)
-            ui.note(f"label {label}")
-            imgui.table_next_column()
-            if new.transfer is function:  # else the numbers of the rows may have changed
-                new = transfer_detail.draw_material(new, ui, index)
-            imgui.table_next_column()
-            if new.transfer is function:
-                words = "Remove the label; it becomes transparent"
-                new = transfer_detail.draw_remove(new, ui, index, words)
-            imgui.pop_id()
-        imgui.end_table()
-    if imgui.button("Add label"):
-        unlisted = (label for label in range(1, MAX_LABEL + 2) if label not in function.labels)
-        new = transfer_edits.add_point(new, next(unlisted), 0.5)
-    tip("Adds the lowest number that is not listed")
-    return new

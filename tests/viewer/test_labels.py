@@ -1,0 +1,131 @@
+"""Labels in the viewer: shown and hidden, searched, switched to grey values and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.support.viewer import read_scene, run_command
+from tests.support.window import Robot
+from tests.viewer.test_window_panels import picture
+from tests.volume.test_labels import blocks
+from volspec.scene import Scene
+from volspec.transfer import LabelFunction, TransferFunction
+from volspec.viewer.model import labels, transfer_edits
+from volspec.viewer.model.history import Difference, History
+from volspec.viewer.model.labels import matching_labels
+from volspec.viewer.model.scene_file import export_scene
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.documents import open_path
+
+NAMES = "1 liver\n2 left kidney\n3 right kidney\n"
+
+
+def segmentation(folder: Path, count: int = 3) -> Path:
+    """Write labels 1 to ``count`` in a row, and names for three of them."""
+    np.save(folder / "organs.npy", blocks(list(range(1, count + 1))))
+    rows = "\n".join("\t".join(row.split(" ", 1)) for row in NAMES.splitlines())
+    (folder / "organs.tsv").write_text(f"index\tname\n{rows}\n")
+    return folder / "organs.npy"
+
+
+@pytest.fixture
+def state(tmp_path: Path) -> ViewState:
+    return open_path(str(segmentation(tmp_path)), None).state
+
+
+def function_of(state: ViewState) -> LabelFunction:
+    assert isinstance(state.transfer, LabelFunction)
+    return state.transfer
+
+
+def test_a_segmentation_opens_with_its_labels(state: ViewState) -> None:
+    function = function_of(state)
+    assert function.names == {1: "liver", 2: "left kidney", 3: "right kidney"}
+    assert not function.hidden and {opacity for opacity, _ in function.labels.values()} == {0.9}
+
+
+def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) -> None:
+    new = labels.toggle_label(state, 2)
+    assert function_of(new).hidden == {2} and function_of(new).labels[2][0] == 0.9
+    assert Difference.between(state, new).stage == "cast"
+    assert labels.toggle_label(new, 2).transfer.hidden == frozenset()  # type: ignore[union-attr]
+    assert labels.toggle_label(state, 9) is state
+
+    only = labels.show_only(state, 3)
+    assert function_of(only).hidden == {1, 2}
+    assert function_of(labels.show_only(only, 3)).hidden == frozenset()
+    assert function_of(run_command(only, "labels-invert").state).hidden == {3}
+    none = run_command(state, "labels-hide").state
+    assert function_of(none).hidden == {1, 2, 3}
+    assert function_of(run_command(none, "labels-show").state).hidden == frozenset()
+
+    history = History(state).then(only, 1)
+    assert function_of(history.undo().present).hidden == frozenset()
+
+
+def test_labels_are_found_by_words_of_their_names_or_numbers(state: ViewState) -> None:
+    function = function_of(state)
+    assert matching_labels(function, "") == (0, 1, 2)
+    assert matching_labels(function, "KID left") == (1,)
+    assert matching_labels(function, "3") == (2,)
+    assert matching_labels(function, "spleen") == ()
+
+
+def test_grey_values_and_labels_are_two_views_of_one_volume(state: ViewState) -> None:
+    grey = run_command(state, "transfer-points").state
+    assert isinstance(grey.transfer, TransferFunction)
+    hidden = labels.toggle_label(state, 1)
+    surfaces = run_command(hidden, "transfer-surfaces").state
+    assert run_command(surfaces, "transfer-labels").state.transfer is state.document.transfer
+    assert isinstance(run_command(state, "preset-bone").state.transfer, TransferFunction)
+
+
+def test_a_volume_of_whole_numbers_can_be_shown_as_labels(tmp_path: Path) -> None:
+    np.save(tmp_path / "mask.npy", blocks([1, 1]))
+    state = open_path(str(tmp_path / "mask.npy"), None).state
+    assert isinstance(state.transfer, TransferFunction)
+    assert list(function_of(run_command(state, "transfer-labels").state).labels) == [1]
+
+
+def test_a_saved_scene_keeps_names_opacities_and_hidden_labels(
+    state: ViewState, tmp_path: Path
+) -> None:
+    new = labels.toggle_label(transfer_edits.set_opacity(state, 0, 0.25), 3)
+    again = function_of(read_scene(export_scene(new, tmp_path / "organs.toml")))
+    assert again.names == function_of(new).names and again.hidden == {3}
+    assert [look[0] for look in again.labels.values()] == [0.25, 0.9, 0.9]
+    rows = Scene.load(tmp_path / "organs.toml").file.material
+    assert all(isinstance(row.reflectance, str) for row in rows)
+
+
+@pytest.mark.usefixtures("screen")
+def test_eyes_search_and_solo_in_the_window(tmp_path: Path) -> None:
+    segmentation(tmp_path, 20)
+    with Robot(tmp_path, ["organs.npy"], (1280, 720)) as robot:
+        robot.whole()
+        robot.rest()
+
+        def clicked(*names: str) -> NDArray[np.int16]:
+            for name in names:
+                robot.rest()
+                robot.click(name)
+            return picture(robot, tmp_path)
+
+        # Closed and opened again, the panel is in front of the others.
+        whole = clicked(*("menu Window", "action panel-transfer") * 2)
+        hidden = clicked("eye 1", "eye 2")
+        assert np.abs(hidden - whole).mean() > 0.2
+        robot.click("search labels")
+        robot.type("right kid")
+        robot.rest()
+        alone = clicked("only 3")
+        assert np.abs(alone - hidden).mean() > 0.5
+        robot.click("picture")
+        for _ in range(3):
+            robot.key("ctrl+z")
+            robot.rest()
+        assert np.abs(picture(robot, tmp_path) - whole).mean() < 0.1
