@@ -102,7 +102,7 @@ _COSTS["palette_edits.toggle_merged"] = "frame"
 # without labels and without opacity by gradient, and a cell without a target have nothing to
 # edit.
 _NOTHING = {
-    "commands": "open_viewing",
+    "commands": "open_panel",
     "viewing": "set_luminance",
     "light_parts": "remove_part",
     "transfer_edits": "set_region_values set_region_gradients set_softness "

@@ -177,9 +177,9 @@ def titles(state: ViewState, search: str) -> list[str]:
 
 def test_the_palette_lists_every_action_light_model_display_and_file(state: ViewState) -> None:
     rows = commands.list_entries(state, RECENT)
-    names = {f"{row.group}: {row.title}" for row in rows}
+    names = {row.text for row in rows}
     for action in COMMANDS:
-        title = f"{action.menu or 'Step'}: {action.title.removesuffix(' …')}"
+        title = f"{action.menu or 'Move'}: {action.title.removesuffix(' …')}"
         assert title in names or action.name == "commands"
     for row in state.lights:
         assert any(name.startswith(f"Light: {row.name} alone") for name in names)
@@ -214,6 +214,68 @@ def test_a_search_finds_words_before_letters(state: ViewState, search: str, firs
     assert found.startswith(first) and bool(found) == bool(first)
 
 
+# Usual names, and what they find among the first rows.
+_USUAL = {
+    "shadow": "Render: Shadows",
+    "ambient occlusion": "Render: Ambient occlusion",
+    "light source": "Render: Add a directional light",
+    "sky": "Render: Add a sky",
+    "direction": "Render: Add a directional light",
+    "MIP": "Render: Projection: maximum (MIP)",
+    "maximum": "Render: Projection: maximum (MIP)",
+    "average": "Render: Projection: average",
+    "x-ray": "Render: Projection: average",
+    "quality": "Render: Quality: draft",
+    "jitter": "Render: Jitter against rings",
+    "pre-integration": "Render: Pre-integration",
+    "step": "Setting: Step",
+    "shininess": "Setting: Shininess",
+    "specular": "Setting: Specular",
+    "highlight": "Setting: Shininess",
+    "camera": "View: Front",
+    "zoom": "Move: Zoom in",
+    "perspective": "View: Orthographic",
+    "film": "File: Save a film",
+    "movie": "File: Save a film",
+    "video": "File: Save a film",
+    "turntable": "File: Save a film",
+    "page": "File: Save a web page",
+    "html": "File: Save a web page",
+    "screenshot": "File: Save the picture",
+    "png": "File: Save the picture",
+    "transparent": "Transfer: Kind: Curve",
+    "opacity": "Transfer: Kind: Curve",
+    "transfer function": "Transfer: The scene's own transfer function",
+    "isosurface": "Transfer: Kind: Surfaces",
+    "segment": "Window: Transfer panel",
+    "label": "Window: Transfer panel",
+    "background": "Setting: Backdrop",
+    "white balance": "Setting: Adaptation",
+    "exposure": "Setting: Exposure",
+    "brightness": "Setting: Exposure",
+    "crop": "Cut: Crop box",
+    "clip": "Cut: Add a clip plane facing you",
+    "slices": "Window: Slices panel",
+    "axial": "Window: Slices panel",
+    "scale bar": "View: Scale bar",
+    "ruler": "View: Scale bar",
+    "tungsten": "Add light: A",
+    "sodium": "Add light: HP1",
+    "street": "Add light: HP1",
+    "daylight": "Add light: D65",
+    "load": "File: Open",
+    "errors": "Window: Messages panel",
+}
+
+
+@pytest.mark.parametrize("search", _USUAL)
+def test_usual_names_find_their_command(state: ViewState, search: str) -> None:
+    found = [row.text for row in commands.list_entries(state, (), search)]
+    assert any(title.startswith(_USUAL[search]) for title in found[:8]), found
+    if search in ("shadow", "MIP", "jitter", "exposure", "film"):  # titles before other names
+        assert found[0].startswith(_USUAL[search])
+
+
 def test_rows_do_what_they_say(state: ViewState) -> None:
     def done(search: str) -> ViewState:
         row = commands.list_entries(state, (), search)[0]
@@ -239,10 +301,15 @@ def test_settings_are_reached_by_name(state: ViewState) -> None:
         return commands.list_entries(state, (), text)[0]
 
     closed = replace(state, interface=replace(state.interface, panels=frozenset()))
-    for name in ("Illuminance", "Exposure", "Background", "Room", "Adaptation"):
-        setting = row(f"setting {name}")
-        assert setting.item == name and setting.change is not None
-        assert "Viewing" in after(setting.change, closed).state.interface.panels
+    for panel, names in {
+        "Viewing": ("Illuminance", "Exposure", "Background", "Room", "Adaptation"),
+        "Lighting": ("Shininess", "Specular"),
+        "Quality": ("Jitter", "Light cells"),
+    }.items():
+        for name in names:
+            setting = row(f"setting {name}")
+            assert (setting.panel, setting.item) == (panel, name) and setting.change is not None
+            assert panel in after(setting.change, closed).state.interface.panels
     dim, reduce = row("surround dim").change, row("gamut reduce").change
     assert dim is not None and reduce is not None
     assert after(dim, state).state.relight.viewing.surround == "dim"

@@ -129,7 +129,8 @@ def _side(title: str, key: str) -> Command:
     """Return the command that looks from a side; its key is F3D's, or Ctrl and the opposite's."""
     azimuth_deg, elevation_deg = SIDES[title.lower()]
     angles = {"azimuth_deg": azimuth_deg, "elevation_deg": elevation_deg, "roll_deg": 0.0}
-    return Command(f"view-{title.lower()}", "View", title, (key,), bind(_with_view, **angles))
+    change = bind(_with_view, **angles)
+    return Command(f"view-{title.lower()}", "View", title, (key,), change, words="camera view")
 
 
 COMMANDS = (
@@ -141,28 +142,45 @@ COMMANDS = (
     _side("Left", "ctrl+3"),
     _side("Bottom", "ctrl+7"),
     Command(
-        "projection", "View", "Orthographic", ("5",), _projection, lambda s: s.view.orthographic
+        "projection",
+        "View",
+        "Orthographic",
+        ("5",),
+        _projection,
+        lambda s: s.view.orthographic,
+        "camera perspective parallel projection",
     ),
-    Command("fit", "View", "Fit the visible part", ("f",), _fit),
+    Command("fit", "View", "Fit the visible part", ("f",), _fit, words="camera zoom frame"),
     Command(
         "reset-view",
         "View",
         "The scene's own view",
         ("enter",),
         lambda state: replace(state, view=state.document.view),
+        words="camera home reset default",
     ),
     Command("roll-left", "View", "Roll 90° to the left", ("4",), bind(roll, -90.0)),
     Command("roll-right", "View", "Roll 90° to the right", ("6",), bind(roll, 90.0)),
     Command("turn-up", "View", "Turn 90° upwards", ("8",), _turn(0.0, 90.0)),
     Command("turn-down", "View", "Turn 90° downwards", ("2",), _turn(0.0, -90.0)),
     Command(
-        "fov-wider", "View", "Wider field of view", ("ctrl+-",), bind(widen_notches, -_KEY_FOV)
+        "fov-wider",
+        "View",
+        "Wider field of view",
+        ("ctrl+-",),
+        bind(widen_notches, -_KEY_FOV),
+        words="camera lens",
     ),
     Command(
-        "fov-narrower", "View", "Narrower field of view", ("ctrl+=",), bind(widen_notches, _KEY_FOV)
+        "fov-narrower",
+        "View",
+        "Narrower field of view",
+        ("ctrl+=",),
+        bind(widen_notches, _KEY_FOV),
+        words="camera lens",
     ),
     overlay_command("cube", "View", "Orientation cube"),
-    overlay_command("scale", "View", "Scale bar"),
+    overlay_command("scale", "View", "Scale bar", words="ruler size"),
     # Not in a menu, which would grow too long.
     Command("orbit-left", "", "Orbit to the left", ("left",), _turn(_KEY_DEG, 0.0)),
     Command("orbit-right", "", "Orbit to the right", ("right",), _turn(-_KEY_DEG, 0.0)),

@@ -30,23 +30,34 @@ MENUS = ("File", "Edit", "View", "Cut", "Light", "Render", "Transfer", "Palette"
 _LOOSE = 3
 
 
-def rank_matches(rows: Sequence[Row], search: str, text: Callable[[Row], str]) -> list[Row]:
-    """Return the rows whose text contains the letters of every word in order, best match first."""
+def rank_matches(
+    rows: Sequence[Row],
+    search: str,
+    text: Callable[[Row], str],
+    others: Callable[[Row], str] = lambda _: "",
+) -> list[Row]:
+    """Return the rows whose text contains the letters of every word in order, best match first.
+
+    A word that begins one of the row's ``others``, such as other names, counts less than one of its
+    text.
+    """
     words = search.casefold().split()
     if not words:
         return list(rows)
-    rated = [(_rating(words, text(row).casefold()), row) for row in rows]
+    rated = [(_rating(words, text(row).casefold(), others(row).casefold()), row) for row in rows]
     found = [(rating, row) for rating, row in rated if rating is not None]
     return [row for _, row in sorted(found, key=lambda pair: -pair[0])]
 
 
-def _rating(words: Sequence[str], text: str) -> float | None:
+def _rating(words: Sequence[str], text: str, others: str) -> float | None:
     """Rate how well words match a text, higher is better; None if any word does not match."""
     total = 0.0
     for word in words:
         at = text.find(word)
         if f" {word}" in f" {text}" or (at > 0 and not text[at - 1].isalnum()):
             total += 4.0
+        elif f" {word}" in f" {others}":
+            total += 3.0
         elif at > 0:
             total += 2.0
         elif (spread := _spread(word, text)) and spread <= _LOOSE * len(word):
@@ -67,7 +78,7 @@ def _spread(word: str, text: str) -> int | None:
     return at - first + 1
 
 
-def _panel(title: str, *keys: str) -> Command:
+def _panel(title: str, *keys: str, words: str) -> Command:
     """Return the command that opens or closes a panel."""
     return Command(
         f"panel-{title.lower()}",
@@ -76,11 +87,12 @@ def _panel(title: str, *keys: str) -> Command:
         keys,
         lambda state: with_interface(state, panels=state.interface.panels ^ {title}),
         lambda state: title in state.interface.panels,
+        words,
     )
 
 
 _FILES = (
-    Command("open", "File", "Open …", ("ctrl+o",)),
+    Command("open", "File", "Open …", ("ctrl+o",), words="load import volume file"),
     Command("open-folder", "File", "Open a folder of slices …"),
     Command("demonstrations", "File", "Demonstrations …"),
     Command("reload", "File", "Read the file again, keeping only the view", ("f5", "ctrl+r")),
@@ -90,12 +102,12 @@ _FILES = (
     Command("open-session", "File", "Open a session …", ("ctrl+shift+o",)),
     Command("restore", "File", "Restore the last session", ("ctrl+shift+r",)),
     Command("screenshot", "File", "Save the picture", ("s",), words="screenshot image png"),
-    Command("picture", "File", "Save the picture as …", ("ctrl+i",)),
+    Command("picture", "File", "Save the picture as …", ("ctrl+i",), words="screenshot image png"),
     Command("film", "File", "Save a film …", ("ctrl+m",), words="movie video turntable animation"),
     Command("page", "File", "Save a web page …", ("ctrl+shift+m",), words="html share browser"),
     Command("cancel", "File", "Cancel the file that is being made"),
     Command("clear-recent", "File", "Clear the recent files"),
-    Command("quit", "File", "Quit", ("ctrl+q",)),
+    Command("quit", "File", "Quit", ("ctrl+q",), words="exit close"),
 )
 _EDITS = (
     Command("undo", "Edit", "Undo", ("ctrl+z",)),
@@ -116,17 +128,30 @@ def _switch(name: str, menu: str, title: str, key: str) -> Command:
     return Command(name.replace("_", "-"), menu, title, (key,), toggle_interface(name), is_on)
 
 
+# Panels in the order of the menu, with other names.
+_PANELS = {
+    "Lights": "spectrum illuminant lamp",
+    "Viewing": "appearance adaptation display exposure",
+    "Transfer": "opacity transparent colour map curve label segment",
+    "Palette": "design",
+    "Lighting": "light source direction shadow occlusion material shininess specular shading",
+    "Quality": "sampling step jitter rendering MIP maximum average projection",
+    "Cuts": "crop clip plane section",
+}
+
+
 @edit
-def open_viewing(state: ViewState) -> ViewState:
-    """Open the Viewing panel."""
-    return with_interface(state, panels=state.interface.panels | {"Viewing"})
+def open_panel(state: ViewState, title: str) -> ViewState:
+    """Open a panel that has settings."""
+    if title not in _PANELS:
+        return state
+    return with_interface(state, panels=state.interface.panels | {title})
 
 
 _WINDOW = (
-    *(_panel(title) for title in ("Lights", "Viewing", "Transfer", "Palette", "Lighting")),
-    *(_panel(title) for title in ("Quality", "Cuts")),
-    _panel("Slices", "o"),
-    _panel("Messages"),
+    *(_panel(title, words=words) for title, words in _PANELS.items()),
+    _panel("Slices", "o", words="cross-section axial coronal sagittal MPR"),
+    _panel("Messages", words="errors warnings log"),
     Command("clear-messages", "Window", "Clear the messages"),
     _switch("dark", "Window", "Dark theme", "t"),
     _switch("probe", "Window", "Values under the mouse", "i"),

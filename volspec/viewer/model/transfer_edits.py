@@ -361,6 +361,12 @@ KIND_TITLES: dict[transfer_parts.Kind, str] = {
     "surfaces": "Surfaces",
     "labels": "Labels",
 }
+# Other names of the kinds.
+_KIND_WORDS = {
+    "points": "opacity transparent transparency transfer function colour map",
+    "regions": "gradient 2-D two-dimensional opacity",
+    "surfaces": "isosurface contour threshold",
+}
 COMMANDS = (
     *(
         Command(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset))
@@ -368,7 +374,13 @@ COMMANDS = (
     ),
     *(
         Command(
-            f"transfer-{kind}", "Transfer", f"Kind: {title}", (), _convert_to(kind), _is_kind(kind)
+            f"transfer-{kind}",
+            "Transfer",
+            f"Kind: {title}",
+            (),
+            _convert_to(kind),
+            _is_kind(kind),
+            _KIND_WORDS.get(kind, ""),
         )
         for kind, title in KIND_TITLES.items()
     ),

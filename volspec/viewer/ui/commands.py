@@ -20,17 +20,41 @@ from volspec.appearance.spec import MODELS, SURROUNDS
 from volspec.spectra.library import EVERYDAY, describe_light, library_names
 from volspec.viewer.model import lights, viewing
 from volspec.viewer.model.choices import TITLES, value_text
-from volspec.viewer.model.commands import COMMANDS, open_viewing, rank_matches
+from volspec.viewer.model.commands import COMMANDS, open_panel, rank_matches
 from volspec.viewer.model.edit import Change, Edited
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui import lighting, quality
+from volspec.viewer.ui import viewing as viewing_panel
 from volspec.viewer.ui.context import Request, Search, UiContext
 from volspec.viewer.ui.overlays import BARE_WINDOW
-from volspec.viewer.ui.viewing import SETTINGS
 from volspec.viewer.ui.widgets import as_one_line, key_text, shown_rows, text_width
 from volspec.viewer.work.session_store import RecentFile
 from volspec.volume import Choice
 
 _ROWS = 14
+_SETTINGS = {
+    "Viewing": viewing_panel.SETTINGS,
+    "Lighting": lighting.SETTINGS,
+    "Quality": quality.SETTINGS,
+}
+# Other names of settings.
+_OTHER_NAMES = {
+    "Illuminance": "lux brightness light level",
+    "Adaptation": "white balance chromatic",
+    "White": "luminance nits display brightness",
+    "Exposure": "brightness gain",
+    "Backdrop": "background colour grey",
+    "Background": "adapting luminance Y_b",
+    "Specular": "highlight gloss shiny",
+    "Shininess": "highlight gloss roughness material",
+    "Diffuse": "material shading Lambert",
+    "Ambient": "material shading fill",
+    "Step": "sampling rate distance quality",
+    "Jitter": "noise dither rings quality",
+    "Projection": "MIP maximum average mean intensity",
+    "Light cells": "shadow occlusion detail quality",
+    "Alpha stop": "early termination opacity limit",
+}
 _FLAGS = BARE_WINDOW | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_move
 
 
@@ -43,13 +67,14 @@ class Entry:
     key: str = ""  # for display; empty if there is none
     change: Change | None = None
     request: Request | None = None  # to the app, if there is no edit
-    item: str = ""  # the item of the Viewing panel that then gets keyboard focus
+    panel: str = ""  # the panel that then comes to the front,
+    item: str = ""  # and its item that gets keyboard focus
     words: str = ""  # other names, which are searched but not shown
 
     @property
     def text(self) -> str:
         """The text that is searched."""
-        return f"{self.group}: {self.title} {self.words}".rstrip()
+        return f"{self.group}: {self.title}"
 
 
 def list_entries(
@@ -69,7 +94,14 @@ def _search(
     names: tuple[str, ...], recent: tuple[RecentFile, ...], choices: tuple[Choice, ...], text: str
 ) -> tuple[Entry, ...]:
     """Search the entries once per text, not in every frame."""
-    return tuple(rank_matches(_entries(names, recent, choices), text, lambda entry: entry.text))
+    return tuple(
+        rank_matches(
+            _entries(names, recent, choices),
+            text,
+            lambda entry: entry.text,
+            lambda entry: entry.words,
+        )
+    )
 
 
 @lru_cache(maxsize=8)
@@ -79,7 +111,7 @@ def _entries(
     """Return all entries: commands, settings, the state's lights, files, lights of the library."""
     commands = (
         Entry(
-            command.menu or "Step",
+            command.menu or "Move",
             command.title.removesuffix(" …"),
             key_text(command),
             command.change,
@@ -96,7 +128,18 @@ def _entries(
         *_choices("Surround", SURROUNDS, viewing.set_surround),
         *_choices("Space", SPACES, viewing.set_space),
         *_choices("Gamut", GAMUTS, viewing.set_gamut),
-        *(Entry("Setting", name, change=open_viewing, item=name) for name in SETTINGS),
+        *(
+            Entry(
+                "Setting",
+                name,
+                change=partial(open_panel, title=panel),
+                panel=panel,
+                item=name,
+                words=_OTHER_NAMES.get(name, ""),
+            )
+            for panel, settings in _SETTINGS.items()
+            for name in settings
+        ),
         *(
             Entry("Light", name, change=partial(lights.only, index=i))
             for i, name in enumerate(names)
@@ -171,7 +214,7 @@ def _run(entry: Entry, state: ViewState, ui: UiContext) -> ViewState | None:
     """Close the palette; return the edited state, or request a command from the app."""
     ui.commands = None
     if entry.item:
-        ui.front, ui.item = "Viewing", entry.item
+        ui.front, ui.item = entry.panel, entry.item
     if entry.change is not None:
         return ui.edited(state, entry.change)
     if entry.request is not None:

@@ -35,6 +35,8 @@ from volspec.viewer.ui.widgets import (
 _ADD = "add a light source"
 _LABELS = 92
 _LOG = imgui.SliderFlags_.logarithmic
+SETTINGS = ("Ambient", "Diffuse", "Specular", "Shininess", "Flat gradient")
+"""Labels of the items that `UiContext.item` can focus."""
 _ENTER = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 _INTENSITY = 4.0  # the greatest on a slider
 _NAMES = {

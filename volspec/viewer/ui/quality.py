@@ -15,6 +15,17 @@ from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, lit_butto
 
 _LABELS = 104
 _LOG = imgui.SliderFlags_.logarithmic
+SETTINGS = (
+    "Projection",
+    "Step",
+    "Jitter",
+    "Adaptive",
+    "Light cells",
+    "Alpha stop",
+    "First opacity",
+    "Seed",
+)
+"""Labels of the items that `UiContext.item` can focus."""
 _TITLES = {"maximum": "maximum (MIP)"}
 
 
