@@ -11,6 +11,8 @@ from typing import Any
 
 from volspec._toml import toml_text
 from volspec.appearance import Display
+from volspec.appearance.models.hunt import HuntSettings
+from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.spaces import ColourSpace, Transfer
 from volspec.export.page.build import PageSpec
 from volspec.palette.tables import (
@@ -102,6 +104,8 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
         {
             "[viewing]": RelightSpec,
             "[viewing.display]": Display,
+            "[viewing.hunt]": HuntSettings,
+            "[viewing.nayatani]": NayataniSettings,
             "A display's space": ColourSpace,
             "Its curve": Transfer,
         },

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
 import re
@@ -12,16 +13,19 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tests.support.commands import call, figures
+from tests.support.commands import call, figures, refusal
 from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation import adapt
-from volspec.appearance.models import APPEARANCE_MODELS
+from volspec.appearance.models import APPEARANCE_MODELS, model
+from volspec.appearance.models.hunt import HuntSettings
+from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.presets import preset
 from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
+from volspec.cli.viewing import ModelOptions
 from volspec.export.png import icc_profile
 from volspec.raycast import CoefficientImage
-from volspec.spectra import reflectance_set
+from volspec.spectra import light, reflectance_set, white_XYZ
 
 A = "109.85,100,35.58"
 
@@ -194,3 +198,46 @@ def test_models_side_by_side_are_made_for_the_display_asked_for(
 
 RLAB, CIELAB = ("--model", "RLAB"), ("--model", "CIELAB", "--white", "95.05,100,108.88")
 PICTURE = ("appearance", "--image", "x.exr", "-o", "x.png")
+
+
+def test_every_input_of_hunt_s_and_nayatani_s_models_is_an_option(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    hunt = HuntSettings(
+        N_c=0.7,
+        N_b=25.0,
+        L_AS=20.0,
+        CCT_kelvin=3000.0,
+        p=0.5,
+        proximal_XYZ=(30.0, 25.0, 8.0),
+        background_XYZ=(22.0, 20.0, 7.0),
+        helson_judd=True,
+    )
+    nayatani = NayataniSettings(E_or=2000.0, n=2.0)
+    words = [
+        *("--hunt-N_c", "0.7", "--hunt-N_b", "25", "--hunt-L_AS", "20", "--hunt-CCT", "3000"),
+        *("--hunt-p", "0.5", "--hunt-proximal", "30,25,8", "--hunt-background", "22,20,7"),
+        *("--hunt-helson-judd", "--hunt-S", "0.3"),
+        *("--nayatani-E_or", "2000", "--nayatani-n", "2"),
+    ]
+    models = ("--model", "Hunt", "--model", "Nayatani95")
+    given = figures(capsys, "appearance", 40, 35, 10, "--white", "A", *models, *words)
+    seen = ViewingConditions.of_lux(tuple(white_XYZ(light("A")).tolist()), 1000.0)
+    expected = (
+        model("Hunt").forward([40, 35, 10], seen, settings=hunt, S=0.3),
+        model("Nayatani95").forward([40, 35, 10], seen, settings=nayatani),
+    )
+    for row, look in zip(given, expected, strict=True):
+        assert [row["J"], row["C"], row["h"]] == pytest.approx([look.J, look.C, look.h], rel=1e-6)
+    # Options for every field of the settings, and for what `forward` takes besides.
+    fields = {field.name for each in (hunt, nayatani) for field in dataclasses.fields(each)}
+    assert {field.name for field in dataclasses.fields(ModelOptions)} == {*fields, "S"}
+
+
+def test_inputs_of_a_model_that_is_not_asked_for_are_refused() -> None:
+    assert refusal("appearance", 40, 35, 10, "--hunt-N_b", "25").code == "conflict"
+    assert refusal("appearance", 40, 35, 10, "--nayatani-n", "2").code == "conflict"
+    hunt = ("appearance", 40, 35, 10, "--model", "Hunt")
+    assert refusal(*hunt, "--hunt-p", "2").field == "--hunt-p"
+    assert refusal(*hunt, "--hunt-proximal", "0,-1,0").field == "--hunt-proximal"
+    assert refusal(*hunt, "--hunt-S", "0.1", "--hunt-S", "0.2").code == "shape"

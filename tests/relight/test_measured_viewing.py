@@ -18,7 +18,11 @@ from tests.support.scenes import BALL, write_scene_text
 from volspec.appearance import Viewing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.measured import adapting_fields, measured_conditions
+from volspec.appearance.models import model
 from volspec.appearance.models.cam import CamTransform
+from volspec.appearance.models.hunt import HuntSettings
+from volspec.appearance.models.nayatani95 import NayataniSettings
+from volspec.appearance.models.numeric import nearest_inverse
 from volspec.appearance.spec import MODELS, PER_PIXEL
 from volspec.errors import ImageError, SceneError, ViewingError
 from volspec.raycast.image import CoefficientImage
@@ -255,6 +259,9 @@ def test_a_scene_file_asks_for_it_and_its_pictures_remember(tmp_path: Path):
         ({"adapting": "pixel", "model": "RLAB"}, "conflict Viewing.adapting"),
         ({"fov_deg": 180.0}, "range Viewing.fov_deg"),
         ({"fov_deg": "wide"}, "type Viewing.fov_deg"),
+        ({"surround": "measure"}, "unknown Viewing.surround"),
+        ({"adopted_white": "sceen"}, "unknown Viewing.adopted_white"),
+        ({"adopted_white": (0.95, 1.0, 1.09)}, "type Viewing.adopted_white"),
     ],
 )
 def test_a_viewing_that_cannot_be_is_refused(change, fault):
@@ -275,6 +282,155 @@ def test_there_are_no_measured_conditions_without_a_picture():
     with raises(ViewingError, field="Viewing.adapting"):
         _ = PICTURE.adapting_luminance
     assert Viewing(adapting="picture", L_A=7.0).adapting_luminance == 7.0
+    for name, value in (("surround", "measured"), ("adopted_white", "scene")):
+        viewing = Viewing(**{name: value})
+        with raises(ViewingError, "conflict", f"Viewing.{name}"):
+            viewing.conditions((95.0, 100.0, 109.0))
+        assert viewing.unmeasured() == Viewing()
+
+
+SURROUND = Viewing(surround="measured")
+
+
+def test_the_surround_is_the_field_s_luminance_over_the_white_s():
+    for backdrop in (0.0, 0.05, 0.3):
+        found = seen(greys(np.full((32, 48), 100.0 * backdrop)), SURROUND, backdrop=backdrop)
+        assert found.surround == pytest.approx(backdrop, abs=1e-6)
+        assert (found.Y_b, found.L_A) == (20.0, None), "as given"
+    # Of a picture of 1° only its backdrop is 11° away; a lamp in view is no brighter than white.
+    assert seen(greys(np.zeros((8, 8)), fov_deg=1.0), SURROUND, backdrop=0.1).surround == (
+        pytest.approx(0.1, abs=1e-6)
+    )
+    assert seen(greys(np.full((8, 8), 900.0), fov_deg=170.0), SURROUND).surround == 1.0
+    both = dataclasses.replace(SURROUND, adapting="picture", L_A=3.0)
+    found = seen(greys(np.full((32, 48), 15.0)), both, backdrop=0.15)
+    assert (found.surround, found.L_A) == (pytest.approx(0.15, abs=1e-6), 3.0)
+
+
+@pytest.mark.usefixtures("needs_gl")
+@pytest.mark.parametrize("backend", ["numpy", "gl"])
+@pytest.mark.parametrize("adapting", ["given", "picture", "pixel"])
+def test_a_uniform_picture_looks_as_with_its_surround_given(adapting, backend):
+    image = greys(np.full((24, 36), 12.0), fov_deg=90.0)
+    given = Viewing(surround=0.12, Y_b=12.0)
+    asked = dataclasses.replace(given, adapting=adapting, surround="measured")
+    with Relighter(image, backend) as relighter:
+        shown, expected = (
+            relighter.frame(light("A"), RelightSpec(viewing, "exact", 0.12), np.float32)
+            for viewing in (asked, given)
+        )
+    np.testing.assert_allclose(shown, expected, atol=2e-4 if backend == "gl" else 1e-6)
+
+
+def test_nodes_of_a_measured_surround_are_the_models_own_transforms():
+    viewing, white = Viewing(adapting="pixel", surround="measured"), white_XYZ(light("A"))
+    S_R = np.array([[0.0, 0.05], [0.13, 0.9]])
+    Y_b, L_A = np.full_like(S_R, 20.0), np.full_like(S_R, 60.0)
+    field = ViewTransformGrid.of(viewing, white, Y_b, L_A, S_R)
+    for node in np.ndindex(S_R.shape):
+        own = Viewing(surround=S_R[node], L_A=60.0)
+        alone = CamTransform.for_viewing("CIECAM02", own.conditions(white), own.display.conditions)
+        numbers = field.numbers[node].reshape(3, 4)
+        np.testing.assert_allclose(numbers[:, :3].T, alone.response_from_XYZ, rtol=1e-10)
+        fourth = alone.scene_achromatic, alone.lightness_power, alone.chroma_gain
+        np.testing.assert_allclose(numbers[:, 3], fourth, rtol=1e-10)
+
+
+RIG = LightRig((light("A"), light("D65")), (1.0, 3.0), groups=("key", "fill"))
+
+
+def two_groups(key: Any, fill: Any, fov_deg: float = 120.0) -> CoefficientImage:
+    """A picture of white surfaces, by the light that each group casts on them."""
+    layers = [np.repeat(np.asarray(Y, np.float32)[..., None], BASIS.size, -1) for Y in (key, fill)]
+    alpha = np.ones(layers[0].shape[:2], np.float32)
+    groups = {"key": 0.5, "fill": 0.5}
+    return CoefficientImage(
+        np.concatenate(layers, -1), alpha, alpha, BASIS, groups=groups, fov_deg=fov_deg
+    )
+
+
+def scene_white(image: CoefficientImage, backdrop: float = 0.0, **viewing: Any) -> np.ndarray:
+    spec = RelightSpec(Viewing(adopted_white="scene", **viewing), "exact", backdrop)
+    lit = Illumination.of(BASIS, RIG, spec, image.groups)
+    return np.array(ViewingMeter().measure_viewing(image, lit)[0].adopted_white)
+
+
+@pytest.mark.parametrize("adapting", ["given", "picture"])
+def test_the_white_of_the_scene_is_that_of_the_light_on_what_is_seen(adapting):
+    some, none = np.full((24, 24), 0.3), np.zeros((24, 24))
+    key, fill = (white_XYZ(each) for each in RIG.lights)
+    assert scene_white(two_groups(some, none), adapting=adapting) == pytest.approx(key, rel=1e-5)
+    assert scene_white(two_groups(none, some), adapting=adapting) == pytest.approx(fill, rel=1e-5)
+    # Facing both, a surface is lit as the white of the light is.
+    all_XYZ = Illumination.of(BASIS, RIG, RelightSpec(), {"key": 0.5, "fill": 0.5}).white_XYZ
+    assert scene_white(two_groups(some, some), adapting=adapting) == pytest.approx(
+        all_XYZ, rel=1e-5
+    )
+    assert scene_white(two_groups(some, none, 0.2), 0.5) == pytest.approx(all_XYZ, rel=1e-5), (
+        "its backdrop is most of the field"
+    )
+    # The light of both counts by its power: a quarter of it is from the key.
+    mixed = scene_white(two_groups(some, some / 2))
+    assert mixed == pytest.approx((key + 1.5 * fill) / 2.5, rel=1e-5)
+    assert scene_white(two_groups(none, none)).tolist() == "light", "nothing is lit"
+
+
+def test_surfaces_near_the_line_of_sight_and_white_ones_count_most():
+    key, fill = np.zeros((64, 64)), np.full((64, 64), 0.5)
+    key[24:40, 24:40], fill[24:40, 24:40] = 0.5, 0.0
+    own = [white_XYZ(each) for each in RIG.lights]
+
+    def share(image: CoefficientImage) -> float:
+        """The key's part of the white, by X over Y, which lies on the line between both."""
+        X, near, far = scene_white(image)[0], own[0][0], own[1][0]
+        return float((X - far) / (near - far))
+
+    middle = share(two_groups(key, fill))
+    edge = share(two_groups(np.roll(key, 24, 1), 0.5 - np.roll(key, 24, 1)))
+    assert middle > 2 * edge > 0
+    assert share(two_groups(key, fill / 10)) > middle
+
+
+def test_a_white_that_is_given_is_adapted_to():
+    image = greys(np.full((8, 8), 40.0))
+    tungsten = tuple(white_XYZ(light("A")).tolist())
+    assert np.array_equal(frame(image, Viewing(adopted_white=tungsten)), frame(image, Viewing()))
+    daylight = Viewing(adopted_white=(95.05, 100.0, 108.88), D=1.0)
+    R, _, B = frame(image, daylight)[4, 4]
+    assert R > 1.5 * B, "an eye that is adapted to daylight sees tungsten as orange"
+
+
+def test_a_scene_s_light_groups_are_seen_in_its_white(tmp_path: Path):
+    """A ball whose middle faces the tungsten headlight, with daylight from its side."""
+    lights = """
+[[group]]
+name = "front"
+sources = [{ kind = "headlight" }]
+[[group]]
+name = "side"
+sources = [{ kind = "directional", towards = [1, 0, 0], frame = "camera" }]
+[[light]]
+name = "both"
+group = "front"
+spectrum = "A"
+[[light]]
+name = "both"
+group = "side"
+spectrum = "D65"
+"""
+    given = SCENE.replace('adapting = "picture"', 'adopted_white = "scene"\nbackdrop = 0.0')
+    # So wide that the ball's limb is far from the line of sight.
+    given = given.replace("fov_deg = 25.0", "fov_deg = 100.0")
+    text = given.partition("[[light]]")
+    text = text[0] + lights + text[2].partition('spectrum = "A"')[2]
+    scene = Scene.load(write_scene_text(tmp_path, text, 16))
+    assert scene.relight.viewing.adopted_white == "scene"
+    image = scene.render()
+    assert stored_relight_spec(image).viewing == scene.relight.viewing
+    (lamp,) = scene.lights
+    lit = Illumination.of(image.basis, lamp.rig, scene.relight, image.groups)
+    X, _, Z = ViewingMeter().measure_viewing(image, lit)[0].adopted_white
+    assert lit.white_XYZ[0] < X and lit.white_XYZ[2] > Z, "more of tungsten"
 
 
 def test_a_white_without_lightness_at_some_node_is_refused():
@@ -283,3 +439,25 @@ def test_a_white_without_lightness_at_some_node_is_refused():
     nodes = np.full((2, 2), 20.0)
     with raises(ViewingError, "impossible", "viewing conditions"):
         ViewTransformGrid.of(viewing, np.array([1.0, 100.0, 1e6]), nodes, nodes)
+
+
+@pytest.mark.usefixtures("needs_gl")
+@pytest.mark.parametrize("backend", ["numpy", "gl"])
+def test_inputs_of_hunt_s_and_nayatani_s_models_reach_the_frames(backend):
+    image = greys(np.full((4, 4), 40.0))
+    hunt, nayatani = HuntSettings(N_b=25.0, helson_judd=True), NayataniSettings(n=3.0)
+    for name, changes in (("Hunt", {"hunt": hunt}), ("Nayatani95", {"nayatani": nayatani})):
+        viewing = Viewing(model=name, **changes)
+        scene = viewing.conditions(white_XYZ(light("A")))
+        look = model(name).forward(
+            0.4 * np.array(scene.white_XYZ), scene, settings=next(iter(changes.values()))
+        )
+        XYZ = nearest_inverse(model(name), look.J, look.C, look.h, viewing.display.conditions)
+        space = viewing.display.colours
+        expected = np.clip(space.encode(XYZ @ space.RGB_from_XYZ.T), 0.0, 1.0)
+        with Relighter(image, backend) as relighter:
+            shown = relighter.frame(light("A"), RelightSpec(viewing, "exact"), np.float32)[2, 2]
+            usual = relighter.frame(light("A"), RelightSpec(Viewing(name), "exact"), np.float32)
+        # A LUT is off by half a code.
+        np.testing.assert_allclose(shown, expected, atol=1e-5 if backend == "numpy" else 3e-3)
+        assert np.abs(usual[2, 2] - expected).max() > 0.01

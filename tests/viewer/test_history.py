@@ -129,6 +129,7 @@ _WORDS = {
     "palette_edits.pick_light": "A",
     "viewing.set_model": "CAM16",
     "viewing.set_adapting": "picture",
+    "viewing.set_adopted_white": "scene",
     "viewing.set_surround": "dim",
     "viewing.set_room": "dim room",
     "viewing.set_space": "Display P3",

@@ -29,6 +29,7 @@ from volspec.appearance import constants as k
 from volspec.appearance.models import cam
 from volspec.appearance.models.cam import CamConditions, CamTransform
 from volspec.appearance.spec import Viewing, require_angle
+from volspec.appearance.surround import surrounds_at
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -191,26 +192,38 @@ class ViewTransformGrid:
     numbers: Array
 
     @classmethod
-    def of(cls, viewing: Viewing, white_XYZ: Array, Y_b: Array, L_A: Array) -> ViewTransformGrid:
+    def of(
+        cls,
+        viewing: Viewing,
+        white_XYZ: Array,
+        Y_b: Array,
+        L_A: Array,
+        S_R: Array | None = None,
+    ) -> ViewTransformGrid:
         """Make the transforms of an eye that is adapted differently at each node.
 
         ``Y_b`` (percent of the white) and ``L_A`` (cd/m²), both (R, C), replace those of the
-        viewing, with model CIECAM02 or CAM16. Raises ViewingError if the white has no lightness at
-        some node.
+        viewing, with model CIECAM02 or CAM16; so does ``S_R``, (R, C), if the viewing's surround
+        is to be measured. Raises ViewingError if the white has no lightness at some node.
         """
         model, L_A, Y_b = viewing.model, np.asarray(L_A), np.asarray(Y_b)
-        given = replace(viewing, adapting="given")
+        given = viewing.unmeasured()
         complete = CamConditions.of_viewing(
             replace(given, D=1.0, discount=False, L_A=0.0).conditions(white_XYZ), model
         )
-        factors, white = complete.surround, np.array(complete.white_XYZ)
+        white = np.array(complete.white_XYZ)
+        if S_R is None or viewing.surround != "measured":
+            S_R = None
+            F, c, N_c = (np.asarray(factor) for factor in complete.surround)
+        else:
+            F, c, N_c = surrounds_at(S_R)
         F_L, n = cam.level_factor(L_A), cam.background_ratio(Y_b, white[1])
         if viewing.discount:
             D = np.ones_like(F_L)
         elif viewing.D is not None:
             D = np.full_like(F_L, viewing.D)
         else:
-            D = cam.degree_of_adaptation(factors.F, L_A)
+            D = cam.degree_of_adaptation(F, L_A)
         # The gains, and so the matrix, are linear in D.
         at_1 = replace(complete, F_L=1.0).response_from_XYZ()
         at_0 = replace(complete, F_L=1.0, D_RGB=(1.0, 1.0, 1.0)).response_from_XYZ()
@@ -220,13 +233,15 @@ class ViewTransformGrid:
         # The node at which the white has the least lightness is refused if any node is.
         node = np.unravel_index(int(np.argmin(achromatic)), achromatic.shape)
         least = replace(given, L_A=float(L_A[node]), Y_b=float(Y_b[node]))
+        if S_R is not None:
+            least = replace(least, surround=float(S_R[node]))
         transform = CamTransform.for_viewing(
             model, least.conditions(white_XYZ), viewing.display.conditions
         )
         display = transform.display
-        power = factors.c * cam.lightness_exponent(n) / display.lightness_power
+        power = c * cam.lightness_exponent(n) / display.lightness_power
         scale = cam.chroma_scale(n) / display.chroma_scale
-        eccentricity = cam.eccentricity_scale(factors.N_c, n) / display.eccentricity_scale
+        eccentricity = cam.eccentricity_scale(N_c, n) / display.eccentricity_scale
         gain = scale ** (1.0 / k.CHROMA_POWER) * eccentricity
         fourth = np.stack([achromatic, power, gain], axis=-1)
         columns = np.swapaxes(matrix, -1, -2)

@@ -5,18 +5,31 @@ Viewing, white -> [scene_to_display] -> ViewTransform -> cpu | shaders/relight.f
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from types import MappingProxyType
 
 from numpy.typing import ArrayLike
 
 from volspec.appearance.adaptation import ADAPTATIONS
-from volspec.appearance.models import APPEARANCE_MODELS, Model, cam16, ciecam02, cielab, rlab
+from volspec.appearance.models import (
+    APPEARANCE_MODELS,
+    Appearance,
+    Model,
+    cam16,
+    ciecam02,
+    cielab,
+    hunt,
+    nayatani95,
+    rlab,
+)
 from volspec.appearance.models.base import Array
 from volspec.appearance.models.numeric import nearest_inverse
 from volspec.appearance.spec import Viewing, ViewingConditions
 from volspec.appearance.transforms import ViewTransform
 
+Forward = Callable[[ArrayLike, ViewingConditions], Appearance]
 CLOSED = MappingProxyType({m.NAME: m.view_transform for m in (ciecam02, cam16, cielab, rlab)})
 """View transforms in closed form by the model's name: inverse after forward in one step."""
 
@@ -26,12 +39,13 @@ class ModelTransform:
     """A model's inverse after its forward, colour by colour; shaders need it as a 3-D LUT."""
 
     model: Model
+    forward: Forward  # of the scene, with its settings
     scene: ViewingConditions
     display: ViewingConditions
 
     def apply(self, XYZ: ArrayLike) -> Array:
         """Return the (..., 3) XYZ of equal J, C and h; if there are none, the nearest."""
-        look = self.model.forward(XYZ, self.scene)
+        look = self.forward(XYZ, self.scene)
         return nearest_inverse(self.model, look.J, look.C, look.h, self.display)
 
 
@@ -57,4 +71,17 @@ def view_transform(viewing: Viewing, white_XYZ: ArrayLike) -> ViewTransform:
         return ADAPTATIONS[viewing.model](scene, replace(display, **level))
     if closed := CLOSED.get(viewing.model):
         return closed(scene, display)
-    return ModelTransform(APPEARANCE_MODELS[viewing.model], scene, display)
+    model = APPEARANCE_MODELS[viewing.model]
+    return ModelTransform(model, forward_for(viewing), scene, display)
+
+
+def forward_for(viewing: Viewing) -> Forward:
+    """Return the forward function of a viewing's model with its settings; CIECAM02's if it adapts.
+
+    An adaptation on its own has no appearance.
+    """
+    if viewing.model == hunt.NAME:
+        return partial(hunt.forward, settings=viewing.hunt)
+    if viewing.model == nayatani95.NAME:
+        return partial(nayatani95.forward, settings=viewing.nayatani)
+    return APPEARANCE_MODELS.get(viewing.model, ciecam02).forward

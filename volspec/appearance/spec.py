@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from volspec.appearance.display import Display
+from volspec.appearance.models.hunt import HuntSettings
+from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.surround import (
     SURROUND_RATIOS,
     SURROUNDS,
@@ -24,9 +26,10 @@ from volspec.appearance.surround import (
     Illuminance,
     Luminance,
     Surround,
-    SurroundOrRatio,
+    SurroundName,
     Triple,
     ViewingConditions,
+    White,
     is_finite,
     refuse_two_degrees,
     surround_at,
@@ -41,6 +44,8 @@ __all__ = [
     "SURROUNDS",
     "SURROUND_RATIOS",
     "Display",
+    "HuntSettings",
+    "NayataniSettings",
     "Surround",
     "Triple",
     "Viewing",
@@ -81,6 +86,15 @@ FieldOfView = Annotated[
 ]
 
 
+SceneSurround = Annotated[
+    SurroundName | Literal["measured"] | Fraction,
+    Hint("ratio to white: dark 0, dim 0.1, average 0.2"),
+]
+AdoptedWhite = Annotated[
+    Literal["light", "scene"] | White, Hint("light, scene, or X, Y, Z with Y = 100", whole=True)
+]
+
+
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class Viewing:
@@ -104,8 +118,13 @@ class Viewing:
     illuminance E_v or else ``illuminance_lux``."""
     Y_b: Background = 20.0
     """Luminance factor of the scene's background, percent of a perfect diffuser."""
-    surround: SurroundOrRatio = "average"
-    """average, dim, dark, or its ratio to white, 0 to 1."""
+    surround: SceneSurround = "average"
+    """average, dim, dark, or its ratio to white, 0 to 1; measured: in each relit picture, the
+    luminance of the field 11 to 90 degrees from the line of sight over that of a white."""
+    adopted_white: AdoptedWhite = "light"
+    """light: a perfect diffuser that faces every source; scene: the same in the light that falls
+    on what the picture shows, most of all near the line of sight, which differs if light groups
+    have different lights; or X, Y, Z."""
     D: Fraction | None = None
     """Degree of adaptation to the scene's white, 0 (none) to 1; if left out, the model's."""
     discount: bool = False
@@ -122,6 +141,10 @@ class Viewing:
     The measured background replaces ``Y_b``; an ``L_A`` that is given is kept."""
     fov_deg: FieldOfView | None = None
     """The picture's height as an angle, for measuring; if left out, the camera's."""
+    hunt: HuntSettings = field(default_factory=HuntSettings)
+    """Further inputs of model Hunt, for the scene."""
+    nayatani: NayataniSettings = field(default_factory=NayataniSettings)
+    """Further inputs of model Nayatani95, for the scene."""
 
     def __post_init__(self) -> None:
         refuse_two_degrees(self.D, self.discount)
@@ -135,6 +158,23 @@ class Viewing:
             )
 
     @property
+    def is_measured(self) -> bool:
+        """True if a condition is measured in the picture."""
+        return (
+            self.adapting != "given" or self.surround == "measured" or self.adopted_white == "scene"
+        )
+
+    def unmeasured(self) -> Viewing:
+        """Return the viewing without a picture: what would be measured has its default."""
+        return replace(
+            self,
+            adapting="given",
+            fov_deg=None,
+            surround="average" if self.surround == "measured" else self.surround,
+            adopted_white="light" if self.adopted_white == "scene" else self.adopted_white,
+        )
+
+    @property
     def adapting_luminance(self) -> float:
         """L_A of the scene, cd/m²: ``L_A``, or a background's luminance under ``illuminance_lux``.
 
@@ -142,7 +182,7 @@ class Viewing:
         """
         if self.L_A is not None:
             return self.L_A
-        self._require_given()
+        self._require_given("adapting", self.adapting != "given")
         return self.illuminance_lux / math.pi * self.Y_b / 100.0
 
     def lit_by(self, lux: float | None) -> Viewing:
@@ -155,21 +195,27 @@ class Viewing:
         A channel in which a narrow light has no power counts as 1e-6 of Y. Raises ViewingError if
         the conditions are to be measured.
         """
-        self._require_given()
-        X, Y, Z = np.maximum(white_XYZ, 1e-6 * np.asarray(white_XYZ)[1]).tolist()
+        self._require_given("adapting", self.adapting != "given")
+        self._require_given("surround", self.surround == "measured")
+        self._require_given("adopted_white", self.adopted_white == "scene")
+        white = white_XYZ if isinstance(self.adopted_white, str) else self.adopted_white
+        X, Y, Z = np.maximum(white, 1e-6 * np.asarray(white)[1]).tolist()
+        assert self.surround != "measured"
         luminance = self.adapting_luminance
         return ViewingConditions(
             (X, Y, Z), luminance, self.Y_b, self.surround, self.D, self.discount
         )
 
-    def _require_given(self) -> None:
-        if self.adapting != "given":
+    def _require_given(self, name: str, measured: bool) -> None:
+        if measured:
+            given = getattr(self, name)
+            default = getattr(self.unmeasured(), name)
             raise ViewingError(
-                f"{self.adapting!r}, so there are no conditions without a picture",
-                'relight one, or set adapting = "given"',
+                f"{given!r}, so there are no conditions without a picture",
+                f'relight one, or set {name} = "{default}"',
                 code="conflict",
-                field="Viewing.adapting",
-                given=self.adapting,
+                field=f"Viewing.{name}",
+                given=given,
             )
 
 

@@ -17,11 +17,13 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 
 from volspec.errors import ViewingError, nearest
 from volspec.settings import Fraction, Hint, NotNegative, Positive, Unit, Vector, expected, settings
 
+Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
 
 # A background's upper limit, relative to the white: a window behind a sheet of paper.
@@ -91,10 +93,18 @@ def surround_at(surround: SurroundOrRatio) -> Surround:
         raise ViewingError.refused(
             "surround", surround, f"{guess}give {expected(SurroundOrRatio)}", "unknown"
         ) from None
+    F, c, N_c = (round(float(factor), 12) for factor in surrounds_at(ratio))
+    return Surround(F, c, N_c)
+
+
+def surrounds_at(ratios: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return the factors F, c and N_c of surrounds by their ratios, each of the ratios' shape."""
     names = sorted(SURROUNDS, key=SURROUND_RATIOS.__getitem__)
-    ratios = [SURROUND_RATIOS[name] for name in names]
+    known = [SURROUND_RATIOS[name] for name in names]
+    given = np.asarray(ratios, dtype=np.float64)
     factors = np.array([SURROUNDS[name] for name in names])
-    return Surround(*(round(float(np.interp(ratio, ratios, f)), 12) for f in factors.T))
+    F, c, N_c = (np.asarray(np.interp(given, known, factor)) for factor in factors.T)
+    return F, c, N_c
 
 
 def is_finite(value: object) -> bool:
@@ -138,6 +148,9 @@ def _white(white_XYZ: Vector) -> Vector:
     raise ViewingError("", remedy, code="range", given=white_XYZ)
 
 
+White = Annotated[Vector, AfterValidator(_white)]
+
+
 @settings(ViewingError)
 @dataclass(frozen=True, slots=True)
 class ViewingConditions:
@@ -155,7 +168,7 @@ class ViewingConditions:
     63.66
     """
 
-    white_XYZ: Annotated[Vector, AfterValidator(_white)]
+    white_XYZ: White
     """The adopted white; Y = 100 for a perfect diffuser."""
     L_A: Luminance = 64.0 / math.pi * 0.2
     """Luminance of the adapting field. At 0, models use the limit from above."""

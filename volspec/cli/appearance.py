@@ -14,7 +14,7 @@ from cyclopts import Parameter
 
 from volspec.cli.arguments import read_triples, require_image
 from volspec.cli.shell import Json, Row, app, say, show_rows, tell_undefined
-from volspec.cli.viewing import PictureOptions, SceneOptions, in_options, white_triple
+from volspec.cli.viewing import ModelOptions, PictureOptions, SceneOptions, in_options, white_triple
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ Table = Annotated[
     Parameter(allow_leading_hyphen=True, help="A CSV table of triples; - is standard input."),
 ]
 Values = Annotated[list[float] | None, Parameter(negative="", allow_leading_hyphen=True)]
-_SCENE, _PICTURE = SceneOptions(), PictureOptions()
+_SCENE, _PICTURE, _MODELS = SceneOptions(), PictureOptions(), ModelOptions()
 
 
 @app.command
@@ -108,6 +108,7 @@ def appearance(
     image: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     viewing: PictureOptions = _PICTURE,
+    own: ModelOptions = _MODELS,
     json: Json = False,
 ) -> None:
     """Predict lightness, chroma, hue and more of colours; or draw a picture with every model.
@@ -117,6 +118,8 @@ def appearance(
     background of 20 % and an average surround.
 
     Example: `volspec appearance 40 35 10 --white A --model CIECAM02 --json`
+
+    Example: `volspec appearance 40 35 10 --white A --model Hunt --hunt-N_b 25 --hunt-helson-judd`
 
     Example: `volspec appearance --inverse 60 40 90 --white A --preset cinema`
 
@@ -133,9 +136,11 @@ def appearance(
     output
         The PNG file to write.
     """
+    from volspec.appearance import Viewing
     from volspec.appearance.adaptation import ADAPTATIONS
     from volspec.appearance.models import APPEARANCE_MODELS
     from volspec.appearance.models import model as find
+    from volspec.appearance.spec import MODELS
 
     if model is not None and "all" in model and len(model) > 1:
         other = next((name for name in model if name != "all"), "all")
@@ -152,7 +157,11 @@ def appearance(
             )
         if output is None:
             raise InputError(f"{image}: --image needs an output file; give -o FILE.png")
-        write_comparison(image, white, None if model == ["all"] else model, viewing, output)
+        shown = None if model == ["all"] else model
+        if own.S is not None:
+            raise InputError("--hunt-S with --image: a picture has no scotopic data; leave it out")
+        own.require_models(shown or MODELS)
+        write_comparison(image, white, shown, viewing, output, own)
         return
     if output is not None:
         raise InputError(f"{output}: -o is only for --image; numbers are printed")
@@ -164,12 +173,19 @@ def appearance(
         _require_kind(
             name, APPEARANCE_MODELS, ADAPTATIONS, "an adaptation; use volspec adapt --method"
         )
+    own.require_models(asked)
+    inputs = own.onto(Viewing())
     models = {name: find(name) for name in asked}
     names = JCH if inverse else XYZ
     colours = read_triples(values or (), table, names)
+    settings: dict[str, dict[str, Any]] = {
+        "Hunt": {"settings": inputs.hunt, "S": _scotopic(own, len(colours))},
+        "Nayatani95": {"settings": inputs.nayatani},
+    }
     found = {}
     for name, chosen in models.items():
-        look = _colours(chosen, colours, seen) if inverse else _correlates(chosen, colours, seen)
+        appearance_of = _colours if inverse else _correlates
+        look = appearance_of(chosen, colours, seen, **settings.get(name, {}))
         shared = {"L_A": seen.L_A, "Y_b": seen.Y_b}
         found[name] = [
             {"model": name, **dict(zip(names, colour, strict=True)), **row, **shared}
@@ -192,13 +208,27 @@ def _require_kind(name: str, own: Iterable[str], others: Iterable[str], theirs: 
         raise InputError(f"{name!r}: {meant} is {theirs} {shlex.quote(meant)}")
 
 
-def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditions) -> list[Row]:
+def _scotopic(own: ModelOptions, colours: int) -> list[float] | float | None:
+    """Return S / S_w of the colours, or one for all of them."""
+    if own.S is None or len(own.S) == colours:
+        return own.S
+    if len(own.S) == 1:
+        return own.S[0]
+    raise InputError(
+        f"--hunt-S: {len(own.S)} for {colours} colours; give one for each, or one for all",
+        code="shape",
+    )
+
+
+def _correlates(
+    model: Model, colours: NDArray[np.float64], seen: ViewingConditions, **settings: Any
+) -> list[Row]:
     """Return a row of correlates for each XYZ."""
     import numpy as np
 
     from volspec.appearance.hue import composition
 
-    look: Appearance = model.forward(colours, seen)
+    look: Appearance = model.forward(colours, seen, **settings)
     given = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N")}
     columns = {name: np.asarray(v).tolist() for name, v in given.items() if v is not None}
     rows: list[Row] = [
@@ -212,10 +242,12 @@ def _correlates(model: Model, colours: NDArray[np.float64], seen: ViewingConditi
     return rows
 
 
-def _colours(model: Model, looks: NDArray[np.float64], seen: ViewingConditions) -> list[Row]:
+def _colours(
+    model: Model, looks: NDArray[np.float64], seen: ViewingConditions, **settings: Any
+) -> list[Row]:
     """Return a row with the XYZ of each J, C, h."""
     J, C, h = looks.T
-    back = model.inverse(J, C, h, seen).tolist()
+    back = model.inverse(J, C, h, seen, **settings).tolist()
     return [
         {**dict(zip(XYZ, row, strict=True)), "defined": all(map(math.isfinite, row))}
         for row in back
@@ -223,7 +255,12 @@ def _colours(model: Model, looks: NDArray[np.float64], seen: ViewingConditions) 
 
 
 def write_comparison(
-    image: Path, white: str, models: Sequence[str] | None, options: PictureOptions, output: Path
+    image: Path,
+    white: str,
+    models: Sequence[str] | None,
+    options: PictureOptions,
+    output: Path,
+    own: ModelOptions = _MODELS,
 ) -> None:
     """Write a contact sheet of an image under a light as a PNG; default: all models.
 
@@ -247,7 +284,7 @@ def write_comparison(
             f"--white {white} with --image: a picture needs the light's spectrum; name a light, "
             "such as A, planck:3200 or FILE.csv"
         )
-    viewing = options.onto(RelightSpec()).viewing
+    viewing = own.onto(options.onto(RelightSpec()).viewing)
     names: Sequence[Any] = models or MODELS
     with in_options():
         looks = [replace(viewing, model=name) for name in names]

@@ -9,7 +9,7 @@ command takes either as a whole: its fields become options. None means that the 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any
@@ -20,10 +20,22 @@ from volspec.cli.shell import as_written
 from volspec.errors import InputError, SpectrumError
 
 if TYPE_CHECKING:
-    from volspec.appearance import ViewingConditions
+    from volspec.appearance import Viewing, ViewingConditions
     from volspec.relight import RelightSpec
 
 _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
+# Inputs of Hunt's and Nayatani's models, by the field of their settings.
+_HUNT = {
+    "N_c": "--hunt-N_c",
+    "N_b": "--hunt-N_b",
+    "L_AS": "--hunt-L_AS",
+    "CCT_kelvin": "--hunt-CCT",
+    "p": "--hunt-p",
+    "proximal_XYZ": "--hunt-proximal",
+    "background_XYZ": "--hunt-background",
+    "helson_judd": "--hunt-helson-judd",
+}
+_NAYATANI = {"E_or": "--nayatani-E_or", "n": "--nayatani-n"}
 # Option names that differ from the fields that they set.
 _OPTIONS = {
     "illuminance_lux": "--lux",
@@ -32,6 +44,9 @@ _OPTIONS = {
     "power_W": "--power-W",
     "distance_m": "--distance-m",
     "beam_deg": "--beam-deg",
+    "adopted_white": "--adopted-white",
+    **_HUNT,
+    **_NAYATANI,
 }
 _EYE_FIELDS = ("L_A", "Y_b", "surround", "D", "discount", "exposure", "adapting")
 _LOOK_FIELDS = ("space", "gamut", "mark", "preset", "model", "mode", "backdrop")
@@ -51,7 +66,10 @@ class SceneOptions:
     L_A: Annotated[float | None, _number("Adapting luminance, cd/m².", "--L_A")] = None
     Y_b: Annotated[float | None, _number("Background luminance, percent of white.", "--Y_b")] = None
     surround: Annotated[
-        float | str | None, Parameter(help="average, dim, dark, or its ratio to white, 0 to 1.")
+        float | str | None,
+        Parameter(
+            help="average, dim, dark, or its ratio to white, 0 to 1; of a picture also measured."
+        ),
     ] = None
     D: Annotated[float | None, _number("Degree of adaptation, 0 to 1.", "--D")] = None
     discount: Annotated[
@@ -149,8 +167,16 @@ class PictureOptions(SceneOptions):
             "pixel.",
         ),
     ] = None
+    adopted_white: Annotated[
+        str | None,
+        Parameter(
+            group=_PICTURE,
+            help="White to adapt to: light, that on a surface that faces all; scene, that on what "
+            "the picture shows; or X,Y,Z.",
+        ),
+    ] = None
     fov_deg: Annotated[
-        float | None, _number("The picture's height as an angle, for --adapting.", group=_PICTURE)
+        float | None, _number("The picture's height as an angle, for measuring.", group=_PICTURE)
     ] = None
 
     def onto(self, spec: RelightSpec, **others: Any) -> RelightSpec:
@@ -169,6 +195,8 @@ class PictureOptions(SceneOptions):
             self.require_one_level()
         eye = {name: getattr(self, name) for name in (*_EYE_FIELDS, "fov_deg")}
         eye["illuminance_lux"] = self.lux
+        if self.adopted_white is not None:
+            eye["adopted_white"] = white_triple(self.adopted_white) or self.adopted_white
         eye["model"] = others.pop("model", None)
         gives_way: dict[str, Any] = {}
         if self.lux is not None:
@@ -185,20 +213,93 @@ class PictureOptions(SceneOptions):
             look = _given({name: getattr(self, name) for name in ("space", "gamut", "mark")})
             display = replace(spec.viewing.display, **room | look)
             viewing = replace(spec.viewing, **gives_way | _given(eye), display=display)
-            if self.fov_deg is not None and viewing.adapting == "given":
+            if self.fov_deg is not None and not viewing.is_measured:
                 raise InputError(
                     f"--fov-deg {self.fov_deg:g}: nothing is measured in the picture; add "
-                    "--adapting picture or pixel, or leave it out",
+                    "--adapting picture or pixel, --surround measured or --adopted-white scene",
                     code="conflict",
                 )
             return replace(spec, viewing=viewing, **_given(others))
 
     def require_no_picture(self) -> None:
         """Refuse options that apply only to pictures."""
-        for name in ("exposure", "space", "gamut", "mark", "adapting", "fov_deg"):
+        names = ("exposure", "space", "gamut", "mark", "adapting", "adopted_white", "fov_deg")
+        for name in names:
             if getattr(self, name) is not None:
                 option = name.replace("_", "-")
                 raise InputError(f"--{option}: only for pictures; add --image, or leave it out")
+
+
+_OWN = Group("Inputs of Hunt's and Nayatani's models", sort_key=4)
+
+
+def _own(help: str, name: str) -> Parameter:
+    return _number(help, name, _OWN)
+
+
+@Parameter(name="*", group=_OWN)
+@dataclass(frozen=True, kw_only=True)
+class ModelOptions:
+    """Inputs that only Hunt's and Nayatani's models have."""
+
+    N_c: Annotated[float | None, _own("Chromatic surround induction.", "--hunt-N_c")] = None
+    N_b: Annotated[float | None, _own("Brightness surround induction.", "--hunt-N_b")] = None
+    L_AS: Annotated[
+        float | None, _own("Scotopic adapting luminance, scotopic cd/m².", "--hunt-L_AS")
+    ] = None
+    CCT_kelvin: Annotated[
+        float | None, _own("Colour temperature of the light, for L_AS.", "--hunt-CCT")
+    ] = None
+    p: Annotated[
+        float | None,
+        _own("Induction by the proximal field, -1 (contrast) to 1 (assimilation).", "--hunt-p"),
+    ] = None
+    proximal_XYZ: Annotated[
+        str | None, Parameter("--hunt-proximal", help="Field around the colour, X,Y,Z.")
+    ] = None
+    background_XYZ: Annotated[
+        str | None, Parameter("--hunt-background", help="Background around that, X,Y,Z.")
+    ] = None
+    helson_judd: Annotated[
+        bool | None,
+        Parameter("--hunt-helson-judd", negative="", help="Greys take on the light's hue."),
+    ] = None
+    S: Annotated[
+        list[float] | None,
+        Parameter(
+            "--hunt-S",
+            negative="",
+            help="Scotopic response to a colour over that to white; repeatable, one for each.",
+        ),
+    ] = None
+    E_or: Annotated[float | None, _own("Normalising illuminance, lx.", "--nayatani-E_or")] = None
+    n: Annotated[float | None, _own("Noise, in units of Y.", "--nayatani-n")] = None
+
+    def require_models(self, models: Sequence[str]) -> None:
+        """Refuse inputs of a model that is not asked for."""
+        for model, options in (("Hunt", {**_HUNT, "S": "--hunt-S"}), ("Nayatani95", _NAYATANI)):
+            given = [option for name, option in options.items() if getattr(self, name) is not None]
+            if given and model not in models:
+                raise InputError(
+                    f"{' and '.join(given)} without --model {model}; add it, or leave that out",
+                    code="conflict",
+                )
+
+    def onto(self, viewing: Viewing) -> Viewing:
+        """Return a viewing with the options instead of its own settings of the two models."""
+        with in_options():
+            hunt = {name: getattr(self, name) for name in _HUNT}
+            for name in ("proximal_XYZ", "background_XYZ"):
+                if (text := hunt[name]) is not None and (triple := white_triple(text)) is None:
+                    raise InputError(f"{_HUNT[name]}: {text!r} is not X,Y,Z, such as 57.1,60,65.3")
+                elif text is not None:
+                    hunt[name] = triple
+            nayatani = {name: getattr(self, name) for name in _NAYATANI}
+            return replace(
+                viewing,
+                hunt=replace(viewing.hunt, **_given(hunt)),
+                nayatani=replace(viewing.nayatani, **_given(nayatani)),
+            )
 
 
 @contextmanager

@@ -327,9 +327,9 @@ class FrameMaker:
         blanks.warn()
 
     def _measured(self, shots: list[Shot], caster: TileCaster) -> list[Shot]:
-        """Measure ``adapting = "picture"`` in a small cast if no frame is the complete picture."""
+        """Measure the viewing in a small cast if no frame is the complete picture."""
         table = self.files.table
-        is_given = self.files.scene.relight.viewing.adapting == "given"
+        is_given = not self.files.scene.relight.viewing.is_measured
         if is_given or not table.has_eye or not (table.transparent or self._parts > 1):
             return shots
         scale = min(1.0, _MEASURED_SIDE / max(self.files.size))

@@ -160,7 +160,14 @@ def measured_shot(shot: Shot, image: CoefficientImage) -> Shot:
     spec = shot.spec
     light = Illumination.of(image.basis, shot.rig, spec, image.groups)
     found, _ = ViewingMeter().measure_viewing(image, light)
-    viewing = replace(spec.viewing, adapting="given", Y_b=found.Y_b, L_A=found.L_A)
+    viewing = replace(
+        spec.viewing,
+        adapting="given",
+        surround=found.surround,
+        adopted_white=found.adopted_white,
+    )
+    if spec.viewing.adapting != "given":
+        viewing = replace(viewing, Y_b=found.Y_b, L_A=found.L_A)
     return replace(shot, spec=replace(spec, viewing=viewing))
 
 

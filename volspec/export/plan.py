@@ -209,7 +209,7 @@ def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None
         when = f" at {at_s[shot.time_index]:g} s" if keys else ""
         with animation.located_in(scene, f"[[light]] {shot.light}{when}"):
             lit = Illumination.of(scene.basis, shot.rig, shot.spec, shares)
-            if table.has_eye and shot.spec.viewing.adapting == "given":
+            if table.has_eye and not shot.spec.viewing.is_measured:
                 view_transform(lit.viewing, lit.white_XYZ)
 
 

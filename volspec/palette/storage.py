@@ -149,8 +149,8 @@ def _table_array(rows: Sequence[dict[str, Any]]) -> Any:
 
 
 def _viewing_keys(palette: Palette) -> dict[str, Any]:
-    viewing, default = palette.viewing, type(palette.viewing)()
-    if viewing.adapting != default.adapting or viewing.fov_deg is not None:
+    viewing = palette.viewing
+    if viewing.is_measured or viewing.fov_deg is not None:
         problem = "it adapts to a picture, but a palette has none; give fixed conditions"
         raise fault("Palette.viewing", problem, "unsupported")
     return {"model": viewing.model, **plain(viewing)}

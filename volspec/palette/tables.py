@@ -200,6 +200,10 @@ class PaletteFile:
         for key in ("adapting", "fov_deg"):
             if key in given:
                 raise fault(f"viewing.{key}", "measured in pictures; leave it out", "unknown")
+        for key, measured in (("surround", "measured"), ("adopted_white", "scene")):
+            if given.get(key) == measured:
+                problem = f"{measured!r} is of pictures; leave it out"
+                raise fault(f"viewing.{key}", problem, "unsupported", measured)
         viewing, auto = {"model": "none", **given}, given.get("exposure") == "auto"
         if auto:
             viewing.pop("exposure")

@@ -12,6 +12,8 @@ they are concatenated. All engines use this matrix; they differ only in the arit
 References
 ----------
 [1] Bergner, Drew & Möller (2009), ACM TOG 28(1) art. 5, section 2.
+[2] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
+    section 3.6.
 """
 
 from __future__ import annotations
@@ -41,6 +43,55 @@ _LARGEST = 1e20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class GroupWhites:
+    """The light of each of L groups on a picture, to find the white of what it shows.
+
+    Under flat white light a group's channels have the luminance of the light that it casts on a
+    surface, times the surface's reflectance: the whiter a surface, the more it counts [2].
+    """
+
+    flat_Y: Array  # (L, L·M): channels to Y under flat white light, of each group alone
+    backdrop_Y: Array  # (L,): the same of the backdrop
+    white_XYZ: Array  # (L, 3): of a white, lit by a group alone as much as flat light of Y = 100
+
+    @classmethod
+    def of(
+        cls,
+        basis: Basis,
+        rig: LightRig,
+        groups: Mapping[str, float],
+        mixed: Spectrum,
+        backdrop: float | Spectrum,
+    ) -> GroupWhites:
+        """Compute them for the lights of a rig; ``mixed`` is a surface's that faces all."""
+        E, grid = np.ones(basis.grid.size), basis.grid
+        flat = Spectrum(grid.wavelengths_nm, E)
+        row = basis.colour_matrix(flat, "exact")[1]
+        V = colour_matching_functions(grid, basis.observer_deg)[1]
+        whites = np.zeros((len(groups), 3))
+        for number, group in enumerate(groups):
+            if (own := rig.shining_from(group)) is not None:
+                light = own.mixed(grid)
+                brightness = float(V @ light.values) / float(V @ mixed.values)
+                whites[number] = brightness * white_XYZ(light, basis.observer_deg)
+        if isinstance(backdrop, Spectrum):
+            Y = float(XYZ_from_spectra(flat, backdrop, basis.observer_deg)[1])
+        else:
+            Y = 100.0 * backdrop
+        return cls(np.kron(np.eye(len(groups)), row), Y * np.array([*groups.values()]), whites)
+
+    def luminance_factors(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
+        """Return (..., L): Y of each pixel, backdrop included, under each group's flat light."""
+        bare = (1.0 - np.asarray(alpha, dtype=np.float64))[..., None] * self.backdrop_Y
+        return np.asarray(np.asarray(coefficients, dtype=np.float64) @ self.flat_Y.T + bare)
+
+    def white(self, Y: Array) -> Array | None:
+        """Return the (3,) white, Y = 100, in light of (L,) luminances; None if there is none."""
+        white = np.maximum(Y, 0.0) @ self.white_XYZ
+        return np.asarray(100.0 * white / white[1]) if white[1] > 0.0 else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Illumination:
     """The effect of one light on coefficients; XYZ with Y = 100 for a perfect diffuser.
 
@@ -63,6 +114,8 @@ class Illumination:
     so that L_A = E_v/π · Y_b/100 unless `Viewing.L_A` is given."""
     gain: float = 1.0
     """Factor on matrix and backdrop due to level and exposure."""
+    groups: GroupWhites | None = None
+    """The light of each group, if the white is to be that of the scene."""
 
     def __post_init__(self) -> None:
         for name in ("XYZ_from_channels", "white_XYZ", "backdrop_XYZ"):
@@ -129,7 +182,10 @@ class Illumination:
             backdrop = spec.backdrop * white
         lux = facing.total_lux
         viewing = spec.viewing.lit_by(lux)
-        return cls(gain * matrix, white, gain * backdrop, lux, viewing, gain)
+        whites = None
+        if viewing.adopted_white == "scene":
+            whites = GroupWhites.of(basis, rig, groups, mixed, spec.backdrop)
+        return cls(gain * matrix, white, gain * backdrop, lux, viewing, gain, whites)
 
     def scene_XYZ(self, coefficients: ArrayLike, alpha: ArrayLike) -> Array:
         """Return XYZ (..., 3) of each pixel in the scene; 100 for a perfect diffuser at gain 1.

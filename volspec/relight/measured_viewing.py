@@ -1,15 +1,27 @@
-"""Measure the adapting luminance and background of a relit picture, for every light.
+"""Measure adapting luminance, background, surround and white of a relit picture, for every light.
 
     coefficient image, illumination -> [measured_viewing] -> cpu | gpu
 
-`Viewing.adapting` enables this. It measures the luminance factor Y of the lit scene before exposure
-and level, which belong to the camera: Y = 100 is a perfect diffuser that faces every source, with
-E_v/π cd/m². Everything outside of the picture counts as the lit backdrop.
+`Viewing.adapting`, ``surround`` and ``adopted_white`` enable this. It measures the luminance factor
+Y of the lit scene before exposure and level, which belong to the camera: Y = 100 is a perfect
+diffuser that faces every source, with E_v/π cd/m². Everything outside of the picture counts as the
+lit backdrop.
+
+    S_R = L_A / L_w                       the surround's ratio, at most 1 [1, eq. 17]
+    XYZ_w ~ Σ_g K_g XYZ_g                 the white: K_g is the light of a group on what is seen
+
+K_g is the mean, over background and adapting field alike, of what the group's flat light makes of
+the picture: white surfaces count most, and so does what is near the line of sight [1, 3.6].
+
+References
+----------
+[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
+    sections 2.4, 3.6 and 7.1.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +33,7 @@ from volspec.appearance.adaptation_grid import (
     pixels_from_nodes,
     subdivide,
 )
-from volspec.appearance.spec import Viewing
+from volspec.appearance.spec import AdoptedWhite, Viewing
 from volspec.errors import ViewingError
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import clamp_finite
@@ -43,6 +55,23 @@ _SUBDIVISIONS = 2
 _BRIGHTEST = 1000.0
 
 
+# Least X and Z of a white, as in `Viewing.conditions`.
+_LEAST_WHITE = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Conditions:
+    """Conditions at the nodes of a grid, (R, C) each."""
+
+    Y_b: Array
+    L_A: Array
+    S_R: Array  # ratio of the surround
+
+
+def _lines_of_sight(viewing: Viewing) -> str:
+    return "pixel" if viewing.adapting == "pixel" else "picture"
+
+
 class ViewingMeter:
     """Measurement of pictures; caches the latest geometry, because lights change more often."""
 
@@ -59,13 +88,20 @@ class ViewingMeter:
         has no lightness.
         """
         viewing = light.viewing
+        if not viewing.is_measured:
+            return viewing, None
+        found = self._conditions(image, light)
+        if viewing.adopted_white == "scene":
+            viewing = replace(viewing, adopted_white=self._white(image, light))
+        if viewing.adapting == "pixel":
+            nodes = (subdivide(each, _SUBDIVISIONS) for each in (found.Y_b, found.L_A, found.S_R))
+            return viewing, ViewTransformGrid.of(viewing, light.white_XYZ, *nodes)
+        if viewing.surround == "measured":
+            viewing = replace(viewing, surround=found.S_R.item())
         if viewing.adapting == "given":
             return viewing, None
-        Y_b, L_A = self._conditions(image, light)
-        if viewing.adapting == "pixel":
-            nodes = subdivide(Y_b, _SUBDIVISIONS), subdivide(L_A, _SUBDIVISIONS)
-            return viewing, ViewTransformGrid.of(viewing, light.white_XYZ, *nodes)
-        return replace(viewing, adapting="given", Y_b=Y_b.item(), L_A=L_A.item()), None
+        Y_b, L_A = found.Y_b.item(), found.L_A.item()
+        return replace(viewing, adapting="given", Y_b=Y_b, L_A=L_A), None
 
     def maps(self, image: CoefficientImage, light: Illumination) -> tuple[Array, Array]:
         """Return Y_b, percent of the white, and L_A, cd/m², for every pixel: (H, W) each.
@@ -73,44 +109,69 @@ class ViewingMeter:
         Parameters and errors are as in `measure_viewing`.
         """
         height, width = image.alpha.shape
+        found = self._conditions(image, light)
         Y_b, L_A = (
             pixels_from_nodes(field.shape[0], height)
             @ field
             @ pixels_from_nodes(field.shape[1], width).T
-            for field in self._conditions(image, light)
+            for field in (found.Y_b, found.L_A)
         )
         return Y_b, L_A
 
-    def _conditions(self, image: CoefficientImage, light: Illumination) -> tuple[Array, Array]:
-        """Return Y_b and L_A at the nodes of the grid; (R, C) each."""
+    def _conditions(self, image: CoefficientImage, light: Illumination) -> _Conditions:
+        """Return the conditions at the nodes of the grid."""
         viewing = light.viewing
-        grid = self._grid(image, viewing)
-        rows, columns = grid.samples(_SAMPLES[viewing.adapting])
-        there = np.ix_(rows, columns)
-        coefficients = clamp_finite(np.asarray(image.coefficients[there], np.float32))
-        Y = light.luminance_factors(coefficients, clamp_finite(image.alpha[there]))
+        grid, coefficients, alpha = self._samples(image, viewing)
+        Y = light.luminance_factors(coefficients, alpha)
         outside = min(float(light.backdrop_XYZ[1]) / light.gain, _BRIGHTEST)
         Y_b, Y_A = grid.measure(grid.means_from_samples(np.clip(Y, 0.0, _BRIGHTEST)), outside)
+        S_R = np.minimum(Y_A / light.white_XYZ[1], 1.0)
         if viewing.L_A is not None:
-            return Y_b, np.full_like(Y_A, viewing.L_A)
+            return _Conditions(Y_b, np.full_like(Y_A, viewing.L_A), S_R)
         # The luminance of a white: E_v/π.
-        per_Y = replace(viewing, adapting="given", Y_b=100.0)
-        return Y_b, Y_A / light.white_XYZ[1] * per_Y.adapting_luminance
+        per_Y = replace(viewing.unmeasured(), Y_b=100.0)
+        return _Conditions(Y_b, Y_A / light.white_XYZ[1] * per_Y.adapting_luminance, S_R)
+
+    def _white(self, image: CoefficientImage, light: Illumination) -> AdoptedWhite:
+        """Return the white of the light on what is seen, for all lines of sight of the grid."""
+        groups = light.groups
+        assert groups is not None  # made if the white is the scene's
+        grid, coefficients, alpha = self._samples(image, light.viewing)
+        Y = np.clip(groups.luminance_factors(coefficients, alpha), 0.0, _BRIGHTEST)
+        means = []
+        for number, outside in enumerate(groups.backdrop_Y.tolist()):
+            cells = grid.means_from_samples(Y[..., number])
+            means.append(np.mean(grid.measure(cells, min(outside, _BRIGHTEST))))
+        white = groups.white(np.array(means))
+        if white is None:
+            return "light"
+        X, Y_w, Z = np.maximum(white, _LEAST_WHITE).tolist()
+        return X, Y_w, Z
+
+    def _samples(
+        self, image: CoefficientImage, viewing: Viewing
+    ) -> tuple[AdaptationGrid, NDArray[np.float32], NDArray[np.float32]]:
+        """Return the grid, and coefficients and alpha at its samples."""
+        grid = self._grid(image, viewing)
+        there = np.ix_(*grid.samples(_SAMPLES[_lines_of_sight(viewing)]))
+        coefficients = clamp_finite(np.asarray(image.coefficients[there], np.float32))
+        return grid, coefficients, clamp_finite(image.alpha[there])
 
     def _grid(self, image: CoefficientImage, viewing: Viewing) -> AdaptationGrid:
         fov_deg = image.fov_deg if viewing.fov_deg is None else viewing.fov_deg
         if fov_deg is None:
             raise ViewingError(
-                f"Viewing.adapting is {viewing.adapting!r}, but the image has no field of view, "
+                "Viewing is to be measured in the picture, but the image has no field of view, "
                 "because its camera has no perspective",
                 "give Viewing.fov_deg, the picture's height as an angle",
                 code="missing",
                 field="Viewing.fov_deg",
             )
         shape = image.alpha.shape[0], image.alpha.shape[1]
-        key = shape, fov_deg, viewing.adapting
+        lines = _lines_of_sight(viewing)
+        key = shape, fov_deg, lines
         if self._cached is None or self._cached[0] != key:
-            cells, centre_only = _CELLS[viewing.adapting], viewing.adapting == "picture"
-            grid = AdaptationGrid.of(shape, fov_deg, cells, centre_only=centre_only)
+            centre_only = lines == "picture"
+            grid = AdaptationGrid.of(shape, fov_deg, _CELLS[lines], centre_only=centre_only)
             self._cached = key, grid
         return self._cached[1]

@@ -6,7 +6,7 @@ Scene -> [scene_palette] -> operations, result
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -37,8 +37,8 @@ class ScenePalette:
 
     @property
     def viewing(self) -> Viewing:
-        """The scene's viewing without adaptation to the picture."""
-        return replace(self.scene.relight.viewing, adapting="given", fov_deg=None)
+        """The scene's viewing without what is measured in the picture."""
+        return self.scene.relight.viewing.unmeasured()
 
     @property
     def grid(self) -> SpectralGrid:

@@ -62,9 +62,9 @@ def level_factor(L_A: ArrayLike) -> Array:
     return np.asarray(0.1 * (2.0 * k4 * five_L_A + (1.0 - k4) ** 2 * np.cbrt(five_L_A)))
 
 
-def degree_of_adaptation(F: float, L_A: ArrayLike) -> Array:
+def degree_of_adaptation(F: ArrayLike, L_A: ArrayLike) -> Array:
     """Return (...) D of a surround's F and an adapting luminance (eq. 24)."""
-    return F * (1.0 - np.exp(-(np.asarray(L_A) + 42.0) / 92.0) / 3.6)
+    return np.asarray(F) * (1.0 - np.exp(-(np.asarray(L_A) + 42.0) / 92.0) / 3.6)
 
 
 def background_ratio(Y_b: ArrayLike, Y_w: float) -> Array:
@@ -87,9 +87,9 @@ def chroma_scale(n: ArrayLike) -> Array:
     return np.asarray((1.64 - 0.29 ** np.asarray(n)) ** 0.73)
 
 
-def eccentricity_scale(N_c: float, n: ArrayLike) -> Array:
+def eccentricity_scale(N_c: ArrayLike, n: ArrayLike) -> Array:
     """Return (...) 50000/13 N_c N_cb / 4, the factor of cos(h + 2) + 3.8 in t (eq. 33-34)."""
-    return np.asarray(k.ECCENTRICITY_SCALE * N_c * background_induction(n) / 4.0)
+    return np.asarray(k.ECCENTRICITY_SCALE * np.asarray(N_c) * background_induction(n) / 4.0)
 
 
 def compress(responses: Array) -> Array:

@@ -80,25 +80,27 @@ NearField = Annotated[Vector, AfterValidator(_excites)] | None
 @checked(ViewingError)
 @dataclass(frozen=True, slots=True)
 class HuntSettings:
-    """Inputs of Hunt's model beyond `ViewingConditions`; None derives an input from those."""
+    """Inputs of Hunt's model beyond the viewing conditions, from which they are derived if left out."""
 
     N_c: Positive | None = None
-    """Chromatic surround induction. If None, N_c and N_b are those of projected transparencies
+    """Chromatic surround induction. If left out, N_c and N_b are those of projected transparencies
     (0.7, 10) in a dark surround, television (1, 25) in a dim one, normal scenes (1, 75) in an
     average one, interpolated linearly in between. Small areas on uniform fields have 1 and 300,
     large transparencies on light boxes 0.7 and 25."""
     N_b: Positive | None = None
     """Brightness surround induction."""
     L_AS: Positive | None = None
-    """Scotopic luminance of the adapting field, scotopic cd/m². None: eq. 8."""
+    """Scotopic luminance of the adapting field, scotopic cd/m²; if left out, by eq. 8."""
     CCT_kelvin: Positive | None = None
-    """Correlated colour temperature of the light, for eq. 8. None: the white's, by McCamy."""
+    """Correlated colour temperature of the light, for eq. 8; if left out, the
+    white's, by McCamy."""
     p: Annotated[float, Field(ge=-1, le=1)] = 0.0
     """Chromatic induction by the proximal field: from -1 (contrast) to 1 (assimilation)."""
     proximal_XYZ: NearField = None
-    """The field around the colour, for eq. 30-35. None: the background."""
+    """The field around the colour, for eq. 30-35; if left out, the background."""
     background_XYZ: NearField = None
-    """The background around the proximal field. None: the white's colour at Y_b."""
+    """The background around the proximal field; if left out, the white's colour at
+    Y_b."""
     helson_judd: bool = False
     """Light greys take on the light's hue, dark greys its complement (eq. 24-26)."""
 

@@ -53,7 +53,7 @@ _LEAST = 1e-3
 @checked(ViewingError)
 @dataclass(frozen=True, slots=True)
 class NayataniSettings:
-    """Inputs of the model beyond `ViewingConditions`."""
+    """Inputs of Nayatani's model beyond the viewing conditions."""
 
     E_or: Positive = 1000.0
     """Normalising illuminance, lux; usually 1000 to 3000."""

@@ -14,8 +14,7 @@ from typing import Any
 from volspec.appearance import Display, Viewing
 from volspec.appearance.adaptation import ADAPTATIONS
 from volspec.appearance.gamut_mapping import Screen
-from volspec.appearance.models import APPEARANCE_MODELS
-from volspec.appearance.scene_to_display import CLOSED
+from volspec.appearance.scene_to_display import CLOSED, forward_for
 from volspec.appearance.spec import SURROUND_RATIOS
 from volspec.errors import ImageError, SpectrumError, ViewingError, quoted
 from volspec.export.page import payload
@@ -170,14 +169,16 @@ def checked_viewing(viewing: object) -> Viewing:
             field="notebook.viewing.model",
             given=viewing.model,
         )
-    if viewing.adapting != "given":
-        raise ViewingError(
-            f"{viewing.adapting!r} is measured in the picture, which the page cannot do",
-            "use 'given', or volspec.relight",
-            code="unsupported",
-            field="notebook.viewing.adapting",
-            given=viewing.adapting,
-        )
+    usual = replace(viewing.unmeasured(), adopted_white="light")
+    for name in ("adapting", "surround", "adopted_white"):
+        if (given := getattr(viewing, name)) != getattr(usual, name):
+            raise ViewingError(
+                f"{given!r} is of the picture, or of an eye that the page does not have",
+                f"use {getattr(usual, name)!r}, or volspec.relight",
+                code="unsupported",
+                field=f"notebook.viewing.{name}",
+                given=given,
+            )
     if viewing.display.space != "sRGB":
         raise ViewingError(
             f"{viewing.display.colours.name!r} is not supported by the page",
@@ -219,8 +220,7 @@ def read_pixel(
     opacity = float(image.alpha[y, x])
     XYZ = lit.scene_XYZ(image.coefficients[y, x], opacity)
     viewing = lit.viewing
-    model = APPEARANCE_MODELS[viewing.model if viewing.model in APPEARANCE_MODELS else "CIECAM02"]
-    found = model.forward(XYZ, viewing.conditions(lit.white_XYZ))
+    found = forward_for(viewing)(XYZ, viewing.conditions(lit.white_XYZ))
     J, C, h = (
         (float(found.J), float(found.C), float(found.h))
         if bool(found.defined)

@@ -116,8 +116,11 @@ def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, A
     if model not in CLOSED and model not in ADAPTATIONS:
         model = "CIECAM02"
         _warn(f"{viewing.model} has no closed form; the page opens with {model}")
-    if viewing.adapting != "given":
-        _warn("a page cannot measure Y_b and L_A in its picture; it opens with the given ones")
+    if viewing.is_measured:
+        _warn("a page cannot measure conditions in its picture; it opens with given ones")
+        viewing = viewing.unmeasured()
+    if viewing.adopted_white != "light":
+        _warn("the eye before a page adapts to its lights; adopted_white is ignored")
     if viewing.display.space != "sRGB":
         _warn("a page is always sRGB; the scene's display space is ignored")
     return {

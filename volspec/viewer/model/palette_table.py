@@ -12,7 +12,6 @@ from itertools import groupby
 
 import numpy as np
 
-from volspec.appearance.spec import Viewing
 from volspec.errors import PaletteError, VolspecError, one_line
 from volspec.palette import Cell, CellReport, Design, Palette, PaletteSpectrum
 from volspec.palette.model import Place
@@ -203,17 +202,12 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
     given = tuple(PaletteSpectrum(name, spectrum) for name, spectrum in lights)
     some_cells = cells or {(rows[0], names[0]): _NONE}
     try:
-        viewing = unmeasured_viewing(spec.viewing)
+        viewing = spec.viewing.unmeasured()
         palette = Palette(members, given, some_cells, viewing, transfer.basis.grid)
         reports, _ = report_cells(State.start(palette), cells)
     except VolspecError as error:
         return Table(rows, names, spectra, {}, one_line(error))
     return Table(rows, names, spectra, {report.place: report for report in reports})
-
-
-def unmeasured_viewing(viewing: Viewing) -> Viewing:
-    """Return a viewing without measured adaptation: palettes have no picture to measure."""
-    return replace(viewing, adapting="given", fov_deg=None)
 
 
 def _existing_cells(
@@ -256,7 +250,7 @@ def palette_from_state(state: ViewState) -> Palette:
             member = PaletteSpectrum(name, begin, True, upper=_MOST_POWER, band_nm=_BAND_NM)
         lights.append(member)
     cells = _existing_cells(targets.cells, tuple(transfer.materials), column_names(state.lights))
-    viewing = unmeasured_viewing(state.relight.viewing)
+    viewing = state.relight.viewing.unmeasured()
     return Palette(tuple(reflectances), tuple(lights), cells, viewing, grid, targets.criteria)
 
 

@@ -24,6 +24,8 @@ from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
+SCENE_SURROUNDS = (*SURROUNDS, "measured")
+ADOPTED_WHITES = ("light", "scene")
 LEAST_LUX = 0.1
 EXPOSURE_RANGE = (0.1, 10.0)
 
@@ -56,7 +58,7 @@ def given_viewing(viewing: Viewing, lux: float | None) -> Viewing:
     >>> given_viewing(Viewing(adapting="picture"), 500.0).illuminance_lux
     500.0
     """
-    return replace(viewing.lit_by(lux), adapting="given")
+    return viewing.lit_by(lux).unmeasured()
 
 
 def luminance(rig: LightRig | None, viewing: Viewing) -> float:
@@ -94,7 +96,8 @@ def _choice(
 
 # Edits that set a named option of the viewing, the display or the spec.
 set_adapting = _choice(_set, "adapting", ADAPTING)
-set_surround = _choice(_set, "surround", SURROUNDS)
+set_surround = _choice(_set, "surround", SCENE_SURROUNDS)
+set_adopted_white = _choice(_set, "adopted_white", ADOPTED_WHITES)
 set_space = _choice(_set_display, "space", SPACES)
 set_display_surround = _choice(_set_display, "surround", SURROUNDS)
 set_gamut = _choice(_set_display, "gamut", GAMUTS)

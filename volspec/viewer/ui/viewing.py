@@ -114,7 +114,13 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     limits = 1.0, 100.0
     new = _slider(new, ui, edits.set_background, "Background", viewing.Y_b, limits, "Y_b %.0f %%")
     surround = _surround_text(viewing.surround)
-    return _combo(new, ui, edits.set_surround, "Surround", surround, SURROUNDS)
+    new = _combo(new, ui, edits.set_surround, "Surround", surround, edits.SCENE_SURROUNDS)
+    tip("measured: by the light of what is 11 to 90 degrees from the picture's centre")
+    white = viewing.adopted_white
+    shown = white if isinstance(white, str) else "X {:.4g}  Y {:.4g}  Z {:.4g}".format(*white)
+    new = _combo(new, ui, edits.set_adopted_white, "White of", shown, edits.ADOPTED_WHITES)
+    tip("light: on a surface that faces every source; scene: on what the picture shows")
+    return new
 
 
 def _adaptation(state: ViewState, ui: UiContext) -> ViewState:

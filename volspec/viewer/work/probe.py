@@ -6,12 +6,13 @@ CoefficientImage, light -> [probe] -> Reading
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.models import APPEARANCE_MODELS
+from volspec.appearance.scene_to_display import forward_for
 from volspec.errors import VolspecError
 from volspec.raycast import Camera, CoefficientImage
 from volspec.relight import Illumination, LightRig, RelightSpec
@@ -66,9 +67,9 @@ def read(
 
 def _appearance_rows(XYZ: Array, lit: Illumination) -> Iterator[tuple[str, str]]:
     """Yield a colour's attributes in the viewing's model, or in CIECAM02 if that only adapts."""
-    given = replace(lit.viewing, adapting="given")
+    given = lit.viewing.unmeasured()
     name = given.model if given.model in APPEARANCE_MODELS else "CIECAM02"
-    look = APPEARANCE_MODELS[name].forward(XYZ, given.conditions(lit.white_XYZ))
+    look = forward_for(given)(XYZ, given.conditions(lit.white_XYZ))
     if not bool(look.defined):
         yield name, "not defined for this colour"
         return

@@ -99,7 +99,7 @@ def _relight_table(state: ViewState, window: tuple[float, float]) -> NDArray[np.
     if rig is None:
         return None
     # A table of values is not a picture in which to measure adaptation.
-    given = replace(spec, viewing=replace(spec.viewing, adapting="given"))
+    given = replace(spec, viewing=spec.viewing.unmeasured())
     try:
         image = table_image(state.document.volume, state.transfer, state.shading, window)
         # On the host, as it has few pixels and the GPU draws the picture meanwhile.
