@@ -80,7 +80,7 @@ NearField = Annotated[Vector, AfterValidator(_excites)] | None
 @checked(ViewingError)
 @dataclass(frozen=True, slots=True)
 class HuntSettings:
-    """Inputs of Hunt's model beyond the viewing conditions, from which they are derived if left out."""
+    """Inputs of Hunt's model; what is left out is derived from the viewing conditions."""
 
     N_c: Positive | None = None
     """Chromatic surround induction. If left out, N_c and N_b are those of projected transparencies
