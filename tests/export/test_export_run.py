@@ -173,10 +173,13 @@ def test_rec_709_to_aces_is_the_published_matrix() -> None:
     assert matrix == pytest.approx(np.array(published), abs=2e-4)
 
 
+@pytest.mark.parametrize(
+    ("measured", "backdrop"), [('adapting = "picture"', 0.9), ('surround = "measured"', 0.0)]
+)
 def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
-    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, measured: str, backdrop: float
 ) -> None:
-    made = scene('[viewing]\nadapting = "picture"\nbackdrop = 0.9\n')
+    made = scene(f"[viewing]\n{measured}\nbackdrop = {backdrop}\n")
     settings = {"lights": ["lamp"], "size": (200, 150)}
     made.export(tmp_path / "whole", **settings)
     made.export(tmp_path / "clear", **settings, transparent=True)
@@ -189,8 +192,8 @@ def test_an_eye_adapts_to_the_whole_picture_in_parts_and_without_backdrop(
     seen = [
         read_frame_text(tmp_path / name / "lamp.png")["viewing"] for name in ("strips", "clear")
     ]
-    assert seen[0] == seen[1] and "adapting='given'" in seen[0]
-    other = scene('[viewing]\nadapting = "given"\nbackdrop = 0.9\n')
+    assert seen[0] == seen[1] and "adapting='given'" in seen[0] and "measured" not in seen[0]
+    other = scene(f"[viewing]\nbackdrop = {backdrop}\n")
     assert np.abs(relit(other, 1, size=(200, 150)).astype(int) - whole).max() > 5, "it matters"
 
 
