@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from tests.support.window import Robot, Row
+from volspec.pipeline import raycast
 from volspec.volume import phantom
 
 pytestmark = pytest.mark.usefixtures("screen")
@@ -204,5 +205,38 @@ def test_channels_steps_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) ->
         robot.key("Return")
         assert event(robot, "open", before)["title"] == "ball.raw"
         robot.rest()
+        robot.key("ctrl+q")
+        assert robot.viewer.wait(20) == 0
+
+
+def test_a_cast_image_is_relit_and_says_what_it_cannot(tmp_path: Path) -> None:
+    from tests.support.viewer import opened
+
+    state = opened(tmp_path)
+    volume = state.document.volume
+    image = raycast(volume, state.transfer, state.view.camera(volume), (64, 32), state.shading)
+    image.save(tmp_path / "ball.exr")
+    with Robot(tmp_path, ["ball.exr"], (1000, 700)) as robot:
+        robot.whole()
+        before = robot.rest()
+        # The picture keeps the image's shape; another light is a relight.
+        x, y, width, height = robot.area("picture")
+        assert width / height == pytest.approx(2.0, abs=0.02)
+        robot.key("space")
+        robot.rest()
+        events = [row["event"] for row in robot.since(before)]
+        assert "relight" in events and "cast" not in events
+        # It cannot be turned, and is saved at its own size.
+        shown = pixels(robot, "before", "picture")
+        before = robot.rest()
+        robot.drag([(x + width / 4, y + height - 9), (x + width / 4 + 60, y + height - 30)])
+        robot.rest()
+        assert "cast" not in [row["event"] for row in robot.since(before)]
+        turned = pixels(robot, "after", "picture")
+        rows = slice(height // 2, None)  # below the message
+        np.testing.assert_array_equal(turned[rows, width // 2 :], shown[rows, width // 2 :])
+        robot.key("s")
+        with Image.open(event(robot, "screenshot")["path"]) as saved:
+            assert saved.size == (64, 32)
         robot.key("ctrl+q")
         assert robot.viewer.wait(20) == 0

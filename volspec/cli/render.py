@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from rich.table import Table
 
 from volspec._files import require_suffix, require_writable
-from volspec.cli.arguments import RELIGHT, Lights, Size, Sized, require_scene, sides
+from volspec.cli.arguments import RELIGHT, Lights, Size, Sized, sides
 from volspec.cli.inputs import (
     CameraOption,
     Inputs,
@@ -101,7 +101,7 @@ def view(
     trace: Path | None = None,
     device: Device = None,
 ) -> None:
-    """View a scene or a volume, and swap its lights; H shows the keys.
+    """View a scene, a volume or a cast image, and swap its lights; H shows the keys.
 
     Example: `volspec view`
 
@@ -112,8 +112,9 @@ def view(
     Parameters
     ----------
     file
-        A scene file, a volume (file or folder) or a session; by default the viewer offers three
-        demonstrations at its first start, and then opens the bundled engine.
+        A scene file, a volume (file or folder), a coefficient image (.exr) or a session; by default
+        the viewer offers three demonstrations at its first start, and then opens the bundled
+        engine.
     size
         WIDTHxHEIGHT of the window.
     screenshot
@@ -132,10 +133,6 @@ def view(
     if file is not None and not Path(file.partition("?")[0]).exists():
         raise InputError(
             f"{file.partition('?')[0]}: no such file; check the path", code="not-found"
-        )
-    if file is not None:
-        require_scene(
-            Path(file), "the viewer casts its scene itself: volspec view SCENE.toml; or " + RELIGHT
         )
     from volspec.viewer.app import Options
     from volspec.viewer.app import view as open_window

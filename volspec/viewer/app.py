@@ -18,7 +18,7 @@ from imgui_bundle import imgui, implot
 from volspec.errors import InputError
 from volspec.viewer.model.commands import BY_KEY, MENUS
 from volspec.viewer.model.effects import EFFECT
-from volspec.viewer.model.history import Difference, History
+from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
 from volspec.viewer.model.state import ViewState
@@ -40,6 +40,7 @@ from volspec.viewer.work.pictures import return_large_blocks
 from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
 
+_ONE_VIEW = "A cast image has one view of fixed materials; open its scene to change them"
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
 # Frames that imgui needs after an input until its layout is final.
 _SETTLE = 3
@@ -244,7 +245,8 @@ class _App:
         if state is not None:
             state = menus.draw_status(state, self._ui)
             state = menus.draw_menu(state, self._ui)
-        area = self._docks.picture(self._ui, state is not None)
+        image = None if state is None else state.document.image
+        area = self._docks.picture(self._ui, state is not None, image)
         if state is not None and self._history is not None:
             state = self._next(state, [*self._early, *inputs], area)
             self._early = []
@@ -253,6 +255,8 @@ class _App:
                 state = present if state.size == present.size else replace(present, size=state.size)
             elif present is not None and shown is not None and shown is not present:
                 state = after_fade(present, shown, state)
+            if image is not None and present is not None:
+                state = self._without_cast(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
             if self._docks.settled:
@@ -284,6 +288,13 @@ class _App:
         if self._shown is not None:
             # A software renderer then draws it while the next frame's panels are made.
             self._relight(self._shown)
+
+    def _without_cast(self, present: ViewState, state: ViewState) -> ViewState:
+        """Undo what would need a cast while an image is open, and say so."""
+        possible = without_cast(present, state)
+        if possible is not state and self._notice.text != _ONE_VIEW:
+            self._notice.show_warning(_ONE_VIEW)
+        return possible
 
     def _wait_for_file(self, inputs: list[Input]) -> None:
         """Use inputs while nothing is open: once that has failed, another file can be chosen."""

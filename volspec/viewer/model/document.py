@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from volspec._gpu.sources import asset
 from volspec.errors import SceneError
 from volspec.pipeline import Raycaster
-from volspec.raycast import RaycastSpec
+from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.raycast.camera import Orbit
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
@@ -100,6 +100,9 @@ class Document:
     path: Path | None = None  # scene or volume; relative file names start from its folder
     fault: str = ""  # why nothing can be cast on this machine; empty if it can
     choices: tuple[Choice, ...] = ()  # of the volume's address, such as its channels
+    # Opened instead of a scene: one view of fixed materials. The volume then only takes the place
+    # of the one that was cast.
+    image: CoefficientImage | None = None
     joint: JointHistogram = field(init=False)
 
     def __post_init__(self) -> None:

@@ -105,6 +105,17 @@ class Difference:
         return min(stages.values(), key=_ORDER.index, default=None)
 
 
+def without_cast(old: ViewState, new: ViewState) -> ViewState:
+    """Return a state without the changes that need a cast: an image has one view only."""
+    if new.document is not old.document:
+        return new
+    names = (n for n, stage in STAGES.items() if stage == "cast" and n not in ("document", "size"))
+    kept = {n: getattr(old, n) for n in names if getattr(old, n) != getattr(new, n)}
+    if "transfer" in kept and differ_in_spectra(old.transfer, new.transfer):
+        del kept["transfer"]
+    return replace(new, unthickened=old.unthickened, **kept) if kept else new
+
+
 @dataclass(frozen=True, slots=True)
 class History:
     """States before and after the current one; in both tuples the nearest is last."""

@@ -167,6 +167,12 @@ def scene_from_state(state: ViewState) -> SceneFile:
     on, or the backdrop is a spectrum.
     """
     document, (file, _) = state.document, state.document.saved()
+    if document.image is not None:
+        raise SceneError(
+            f"{document.title}: is a cast image, from which no scene can be made",
+            "open the scene that it was cast from",
+            code="unsupported",
+        )
     if light_rows.light_rig(state.lights) is None:
         raise SceneError(
             "No light is on, but a scene opens under its first light, so none can show this; "

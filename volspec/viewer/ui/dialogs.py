@@ -326,7 +326,7 @@ def _list_paths(text: str, suffixes: tuple[str, ...], folder: str, _second: int)
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
 _VOLUMES = (
     f".toml {SUFFIX} .nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy .raw .tif .tiff .dcm "
-    ".dicom .ima"
+    ".dicom .ima .exr"
 )
 
 

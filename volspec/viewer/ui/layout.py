@@ -6,6 +6,8 @@ from dataclasses import replace
 
 from imgui_bundle import imgui
 
+from volspec.basis import MaterialBasis
+from volspec.raycast import CoefficientImage
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import (
     commands,
@@ -24,6 +26,7 @@ from volspec.viewer.ui import lights_panel as lights
 from volspec.viewer.ui import palette_panel as palette
 from volspec.viewer.ui import transfer_panel as transfer
 from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.widgets import as_one_line, wrap_text
 
 _RIGHT_WIDTH, _LEFT_WIDTH = 350, 260
 # The greatest fraction of the window's width that all panels together may take.
@@ -57,8 +60,43 @@ _OVERLAYS = (
     start.draw,
     commands.draw,
 )
+# Overlays and panels of what was settled by the cast.
+_OF_VOLUME = cuts.draw_handles, lighting.draw_handles, overlays.draw_cube, overlays.draw_scale
+_OF_CAST = ("Transfer", "Cuts", "Slices", "Lighting", "Quality")
 _D = imgui.DockNodeFlags_
 _DOCKED = _D.passthru_central_node | _D.no_docking_over_central_node
+
+
+def _explanation(title: str, state: ViewState) -> str:
+    """Return why a panel is empty while a cast image is open; empty if it is not."""
+    image = state.document.image
+    if image is None:
+        return ""
+    if title == "Palette" and not isinstance(image.basis, MaterialBasis):
+        return (
+            "The image's channels are not its materials, so their reflectances cannot change. "
+            'Cast the scene with [basis] method = "materials" to edit them here.'
+        )
+    if title not in _OF_CAST:
+        return ""
+    scene = image.notes.get("scene", "")
+    return (
+        "View, materials, cuts and shading belong to the cast, which this image is the result of. "
+        f"Open its scene{f' “{as_one_line(scene)}”' * bool(scene)} to change them; lights and "
+        "viewing change here."
+    )
+
+
+def fit_area(area: tuple[int, int, int, int], size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """Return the largest area of a shape in the middle of another.
+
+    >>> fit_area((10, 0, 300, 100), (50, 50))
+    (110, 0, 100, 100)
+    """
+    x, y, width, height = area
+    scale = min(width / size[0], height / size[1])
+    wide, tall = max(round(scale * size[0]), 1), max(round(scale * size[1]), 1)
+    return x + (width - wide) // 2, y + (height - tall) // 2, wide, tall
 
 
 class Docks:
@@ -75,8 +113,13 @@ class Docks:
         """True if the areas are valid: imgui's layout follows requests a frame later."""
         return self._frames > _LAG
 
-    def picture(self, ui: UiContext, panels: bool) -> tuple[int, int, int, int]:
-        """Lay out the docks; return x, y, width and height of the picture's area."""
+    def picture(
+        self, ui: UiContext, panels: bool, image: CoefficientImage | None
+    ) -> tuple[int, int, int, int]:
+        """Lay out the docks; return x, y, width and height of the picture's area.
+
+        An ``image`` fills the room as far as its shape allows.
+        """
         space = imgui.dock_space_over_viewport(imgui.get_id("dock"), flags=_DOCKED)
         if panels:  # imgui removes a dock that stays empty
             if self._frames == 0:
@@ -85,6 +128,8 @@ class Docks:
             self._limit_width(ui)
         node = imgui.internal.dock_builder_get_central_node(space)
         area = int(node.pos.x), int(node.pos.y), int(node.size.x), int(node.size.y)
+        if image is not None:
+            area = fit_area(area, image.size)
         ui.areas["picture"] = area
         return area
 
@@ -99,7 +144,9 @@ class Docks:
                 ui.front = ""
                 imgui.set_next_window_focus()
             shown, stays = imgui.begin(title, True, imgui.WindowFlags_.no_collapse)
-            if shown:
+            if shown and (text := _explanation(title, state)):
+                wrap_text(text, imgui.Col_.text_disabled)
+            elif shown:
                 state = draw(state, ui) or state
             imgui.end()
             if not stays:
@@ -108,7 +155,8 @@ class Docks:
         if self._frames == 1:
             imgui.set_window_focus("Viewing")  # in front of the other tabs
         for overlay in _OVERLAYS:
-            state = overlay(state, ui) or state
+            if state.document.image is None or overlay not in _OF_VOLUME:
+                state = overlay(state, ui) or state
         return state
 
     @staticmethod

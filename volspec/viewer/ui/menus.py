@@ -202,7 +202,7 @@ def sizes(state: ViewState, ui: UiContext) -> str:
     """Return the picture's size, and how coarse it still is."""
     if ui.results.image is None:
         return "no picture" if ui.results.fault else "casting …"
-    width, height = state.size
+    width, height = state.size if state.document.image is None else state.document.image.size
     if ui.results.whole:
         return f"{width} × {height}"
     shown, _ = ui.results.image.size

@@ -145,6 +145,16 @@ class Mouse:
         self._still = not given.modifiers
         if given.button != "left" or given.modifiers:
             return state
+        if state.document.image is None:
+            state = self._begin_in_volume(state, area)
+        if state.other is not None and self._handle is None and self._face is None:
+            x, _, width, _ = area
+            if abs(given.x - (x + state.divide * width)) < GRIP * self.scale:
+                self._edit = "divide"
+        return state
+
+    def _begin_in_volume(self, state: ViewState, area: Area) -> ViewState:
+        """Grip the handle or the cube's face at the mouse, if there is one."""
         projected = Projection(state.view.camera(state.document.volume), area)
         lamps = lighting_aim.list_handles(state, projected)
         handles = (*lamps, *cuts.list_handles(state, projected, self.scale))
@@ -157,10 +167,6 @@ class Mouse:
             self._handle = handle, state
         elif state.interface.overlays.cube:
             self._face = face_at(projected, self._at, self.scale)
-        if state.other is not None and self._handle is None and self._face is None:
-            x, _, width, _ = area
-            if abs(given.x - (x + state.divide * width)) < GRIP * self.scale:
-                self._edit = "divide"
         return state
 
     def _drag_to(self, state: ViewState, before: Place, area: Area) -> ViewState:

@@ -85,6 +85,10 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
     _name = "volspec-cast"
 
     def _results(self, job: CastJob) -> Iterator[CastDone]:
+        if (image := job.document.image) is not None:
+            cast = replace(job, size=image.size)
+            yield CastDone(cast, 1, 0.0, image, packed=PackedLayers.of(image))
+            return
         for number, divisor in enumerate(job.divisors):
             done = self._cast(job, divisor, spared=number == 0 and divisor > 1)
             yield done

@@ -22,6 +22,7 @@ from volspec.viewer.model.light_rows import brightest_row
 from volspec.viewer.model.paths import check_name, dropped_path
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import Outcome, Tasks
+from volspec.viewer.work.cast_images import is_cast_image, open_image
 from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.demonstrations import demonstration_at
 from volspec.viewer.work.notify import Notice
@@ -33,7 +34,7 @@ from volspec.volume import Choice, load_volume, volume_choices
 def open_document(
     path: str | None, device: str | None = None, choices: tuple[Choice, ...] | None = None
 ) -> Document:
-    """Open a scene file, or a volume with a scene made for it; None opens the bundled demo.
+    """Open a scene, a cast image, or a volume with a scene made for it; None opens the demo.
 
     The ``choices`` of a volume's address are listed if they are not given.
 
@@ -41,6 +42,8 @@ def open_document(
     """
     if path is not None:
         check_name(path)
+        if is_cast_image(path):
+            return open_image(path)
     if path is None or path.lower().endswith(".toml"):
         scene = Scene.load(demo() if path is None else path)
         volume, choices = scene.volume(), ()

@@ -41,7 +41,7 @@ class Reading:
 def read(
     image: CoefficientImage,
     camera: Camera,
-    volume: Volume,
+    volume: Volume | None,
     rig: LightRig,
     spec: RelightSpec,
     pixel: tuple[int, int],
@@ -49,13 +49,15 @@ def read(
 ) -> Reading:
     """Read the values of a pixel (x, y), displayed with an 8-bit ``code`` (R, G, B).
 
+    Without a volume there are no voxel and place.
+
     Raises ViewingError or SpectrumError if the light has no power.
     """
     x, y = pixel
     lit = Illumination.of(image.basis, rig, spec, image.groups)
     XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     rows = [
-        *_hit_rows(image, camera, volume, pixel),
+        *(() if volume is None else _hit_rows(image, camera, volume, pixel)),
         ("RGB", "  ".join(map(str, code))),
         ("XYZ", _format(XYZ)),
         *_appearance_rows(XYZ, lit),

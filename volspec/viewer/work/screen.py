@@ -363,7 +363,8 @@ class Screen:
         if key != self._read_of:
             self._read_of = key
             code = self.pictures.code(*pixel)
-            camera, volume = cast.job.camera, cast.job.document.volume
+            camera, document = cast.job.camera, cast.job.document
+            volume = document.volume if document.image is None else None
             try:
                 self._reading = read(image, camera, volume, rig, state.relight, pixel, code)
             except VolspecError:  # reported when it was relit

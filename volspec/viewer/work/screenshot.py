@@ -90,11 +90,16 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
 
 
 def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:
-    """Render a state at a size, (H, W, 3), with both sides of the divide."""
+    """Render a state at a size, (H, W, 3), with both sides of the divide.
+
+    A cast image has a size of its own.
+    """
     rig = light_rig(state.lights)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save", code="missing")
-    image = with_own_caster(state.document, partial(_cast, state, size, progress))
+    image = state.document.image
+    if image is None:
+        image = with_own_caster(state.document, partial(_cast, state, size, progress))
     progress.check()
     other = light_rig(state.other) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.

@@ -19,7 +19,7 @@ import numpy as np
 import volspec
 from volspec._files import require_suffix, write_whole
 from volspec.basis import MaterialBasis
-from volspec.errors import SpectrumError, ViewingError
+from volspec.errors import SceneError, SpectrumError, ViewingError
 from volspec.export.frames import file_stem
 from volspec.export.recipes import python_text
 from volspec.scene.file import SceneFile
@@ -64,6 +64,12 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
     """
     document, rig = state.document, light_rig(state.lights)
     file, path = document.saved()
+    if document.image is not None:
+        raise SceneError(
+            f"{document.title}: is a cast image, for which no script can be made",
+            "open the scene that it was cast from",
+            code="unsupported",
+        )
     if rig is None:
         problem = "No light is on, so there is no frame to make a script for; turn one on"
         raise ViewingError(problem, code="missing")

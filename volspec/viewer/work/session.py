@@ -25,6 +25,7 @@ from volspec.settings import plain, read_table
 from volspec.transfer.presets import histogram
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.cast_images import is_cast_image, open_image
 from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
 
@@ -46,7 +47,7 @@ _FIELDS = {
 }
 _CLASSES = {1: {"Board": "PaletteState", "Wishes": "DesignTargets"}, 2: {"Aids": "Overlays"}}
 # Fields of a document that are read, made or measured again.
-_REMADE = ("volume", "caster", "fault", "histogram", "file", "path", "choices")
+_REMADE = ("volume", "caster", "fault", "histogram", "file", "path", "choices", "image")
 # Fields of a state that are made again or not saved: a fade must not run a second time.
 _PASSING = ("document", "fade")
 
@@ -180,6 +181,8 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         raise _broken_by(error) from error
     if not of_state["lights"]:
         raise BrokenSession("is empty; was it edited?", field="session.lights")
+    if is_cast_image(os.fspath(session.path)):
+        return ViewState(open_image(os.fspath(session.path)), **of_state)
     name, mark, query = file.volume.file.partition("?")
     if name == data["path"]:  # of a bare volume, which may have been moved with its session
         moved = replace(file.volume, file=f"{session.path}{mark}{query}")
