@@ -43,6 +43,7 @@ from volspec.viewer.model.paths import (
 )
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.dialogs import initial_path
+from volspec.viewer.ui.widgets import find_cjk_font
 from volspec.viewer.work import background
 from volspec.viewer.work.background import Outcome, Tasks
 from volspec.viewer.work.documents import open_document
@@ -438,3 +439,12 @@ def warned(act: Callable[[], object]) -> str:
         act()
     (warning,) = caught
     return str(warning.message)
+
+
+def test_a_font_with_chinese_letters_is_found_by_its_name(tmp_path: Path) -> None:
+    inner = tmp_path / "truetype" / "wqy"
+    inner.mkdir(parents=True)
+    assert find_cjk_font([str(tmp_path), "/nowhere"]) is None
+    for path in (inner / "wqy-zenhei.ttc", tmp_path / "malgun.ttf", tmp_path / "other.ttf"):
+        path.touch()
+    assert find_cjk_font(["/nowhere", str(tmp_path)]) == tmp_path / "malgun.ttf"

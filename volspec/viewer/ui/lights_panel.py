@@ -337,7 +337,7 @@ def _buttons(state: ViewState, ui: UiContext) -> ViewState:
     new = _button(new, ui, "remove-light", "Remove", "Remove the chosen light from the list", one)
     dark = light_rig(state.lights) is None
     new = _button(new, ui, "keep-mix", "Add mix", "Add the current mix as a light", dark)
-    new = _button(new, ui, "compare", "A | B", "Compare these lights with others, side by side")
+    new = _button(new, ui, "compare", "Compare", "Compare these lights with others, side by side")
     if state.other is not None:
         new = _button(new, ui, "swap", "Swap", "Swap the lights of the two sides")
     return new

@@ -159,23 +159,20 @@ def draw_divide(state: ViewState, ui: UiContext) -> None:
 def _draw_labels(
     draw_list: imgui.ImDrawList, ui: UiContext, at: float, sides: tuple[Rows, Rows]
 ) -> None:
+    """Draw the names of the lights; no letters for the sides, as lights have such names."""
     area = x, y, width, _ = ui.areas["picture"]
     pad, most = ui.px(8), min(width * 0.45, ui.px(_WIDEST))
     texts = [shorten(lit_names(rows), most) for rows in sides]
-    letters = text_width("A") + 2 * pad
     sizes = [imgui.calc_text_size(text) for text in texts]
-    wide = sizes[0].x + 2 * pad + letters, sizes[1].x + 2 * pad + letters
+    wide = sizes[0].x + 2 * pad, sizes[1].x + 2 * pad
     tall = sizes[0].y + pad
     boxes = label_boxes(area, at, wide, tall, ui.px(_TOP), ui.px(_GAP))
     lowest = max(top for _, top, _, _ in boxes) + tall
     ui.areas["sides"] = x, y, width, int(lowest - y)
-    for letter, text, (left, top, breadth, _) in zip("AB", texts, boxes, strict=True):
+    for text, (left, top, breadth, _) in zip(texts, boxes, strict=True):
         ends = (left, top), (left + breadth, top + tall)
         draw_list.add_rect_filled(*ends, pack_colour(BLACK, 0.72), ui.px(5))
-        badge = (left, top), (left + letters, top + tall)
-        draw_list.add_rect_filled(*badge, pack_colour(WHITE, 0.92), ui.px(5))
-        draw_list.add_text((left + pad, top + pad / 2), pack_colour(BLACK), letter)
-        draw_list.add_text((left + letters + pad, top + pad / 2), pack_colour(WHITE), text)
+        draw_list.add_text((left + pad, top + pad / 2), pack_colour(WHITE), text)
 
 
 def label_boxes(

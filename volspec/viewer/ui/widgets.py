@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -34,11 +35,40 @@ WHITE, BLACK = (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)
 _MOST_LETTERS = 240
 
 
+_FONT_FOLDERS = (
+    *("/usr/share/fonts", "/usr/local/share/fonts", "~/.local/share/fonts", "~/.fonts"),
+    *("/System/Library/Fonts", "/Library/Fonts", "C:/Windows/Fonts"),
+)
+_CJK_FONTS = (
+    *("NotoSansCJK-Regular.ttc", "NotoSansCJKsc-Regular.otf", "SourceHanSans-Regular.ttc"),
+    *("PingFang.ttc", "Hiragino Sans GB.ttc", "msyh.ttc", "YuGothR.ttc", "malgun.ttf"),
+    *("wqy-microhei.ttc", "wqy-zenhei.ttc", "DroidSansFallbackFull.ttf", "DroidSansFallback.ttf"),
+)
+
+
 def load_font(imgui: Any) -> None:
-    """Load the font that comes with imgui-bundle; imgui's own is used if there is no such file."""
+    """Load the font that comes with imgui-bundle; imgui's own is used if there is no such file.
+
+    Chinese, Japanese and Korean letters are those of a font of the system's, if it has one.
+    """
+    fonts = imgui.get_io().fonts
     file = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
     if file.exists():
-        imgui.get_io().fonts.add_font_from_file_ttf(str(file), FONT_SIZE)
+        fonts.add_font_from_file_ttf(str(file), FONT_SIZE)
+        more = imgui.ImFontConfig()
+        more.merge_mode = True
+        if (wide := find_cjk_font(_FONT_FOLDERS)) is not None:
+            fonts.add_font_from_file_ttf(str(wide), FONT_SIZE, more)
+
+
+def find_cjk_font(folders: Iterable[str]) -> Path | None:
+    """Return the best known font with Chinese, Japanese and Korean letters in some folders."""
+    found: dict[str, Path] = {}
+    for folder in folders:
+        for root, _, names in os.walk(os.path.expanduser(folder)):
+            for name in set(_CJK_FONTS).intersection(names):
+                found.setdefault(name, Path(root, name))
+    return next((found[name] for name in _CJK_FONTS if name in found), None)
 
 
 def set_sizes(imgui: Any, implot: Any) -> None:

@@ -72,13 +72,15 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
 
 def _marks(state: ViewState, shot: Shot) -> list[Patch]:
     """Return the marks of a picture; their colours are those on the left of a divide."""
-    rig, volume = light_rig(state.lights), state.document.volume
-    if rig is None or not shot.marks:
+    rig, volume, image = light_rig(state.lights), state.document.volume, state.document.image
+    # The rest would be that of a volume and a view, which a cast image does not have.
+    marks = [each for each in shot.marks if image is None or each in ("title", "light")]
+    if rig is None or not marks:
         return []
     transfer, shares = state.transfer, state.shading.shares()
-    materials = transfer.materials if "materials" in shot.marks else {}
+    materials = transfer.materials if "materials" in marks else {}
     picture = MarkedPicture(
-        shot.size.pixels(state.size),
+        shot.size.pixels(state.size) if image is None else image.size,
         state.view.camera(volume),
         volume,
         shot.title.strip() or short_title(state.document),
@@ -86,7 +88,7 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
         material_colours(materials, transfer.basis, rig, state.relight, shares),
         state.interface.overlays.patient,
     )
-    return picture_marks(shot.marks, picture)
+    return picture_marks(marks, picture)
 
 
 def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) -> NDArray[np.uint8]:
