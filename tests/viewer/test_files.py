@@ -337,10 +337,10 @@ def no_display(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delenv(name, raising=False)
 
 
-def test_without_a_display_the_remedy_is_to_render(no_display: None) -> None:
+def test_without_a_display_the_remedy_is_to_export(no_display: None) -> None:
     with raises(OpenGLError) as caught:
         view(Options())
-    assert "render" in caught.value.remedy
+    assert "export" in caught.value.remedy
 
 
 _ZENITY = """#!/bin/sh
