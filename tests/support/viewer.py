@@ -34,6 +34,7 @@ from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
 from volspec.viewer.model.light_rows import LightRow, light_rig
 from volspec.viewer.model.palette_table import Table, palette_from_state, with_design
+from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import View
@@ -144,7 +145,7 @@ def read_scene(path: Path) -> ViewState:
 def picture(state: ViewState) -> NDArray[Any]:
     """Return the frame of a state, in floats."""
     volume = state.document.volume
-    image = raycast(volume, state.transfer, state.view.camera(volume), state.size, state.shading)
+    image = raycast(volume, state.transfer, state.view.camera(volume), state.size, cast_spec(state))
     rig = light_rig(state.lights)
     assert rig is not None
     return relight(image, rig, state.relight, dtype=np.float32, backend="numpy")

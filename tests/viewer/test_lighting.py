@@ -243,8 +243,21 @@ def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
     for command in ("projection-average", "preintegration"):
         refused = run_command(surfaces, command)
         assert refused.state is surfaces and refused.message
-    with raises(InputError, "conflict", "mode"):
-        quality.require_curve(surfaces, "mode")
+    with raises(InputError, "conflict"):
+        quality.require_curve(surfaces, "Pre-integration")
+
+
+@pytest.mark.parametrize("kind", ["points", "gradients", "regions", "labels", "surfaces"])
+def test_settings_that_a_transfer_function_forbids_wait_for_another(
+    tmp_path: Path, kind: str
+) -> None:
+    state = opened(tmp_path, kind)
+    wanted = replace(state.shading, preintegrated=True, adaptive=0.02)
+    state = replace(state, shading=wanted)
+    assert_same_picture(state, tmp_path)
+    assert quality.cast_spec(state).preintegrated == (kind == "points")
+    assert (quality.cast_spec(state).adaptive > 0) == (kind != "surfaces")
+    assert state.shading == wanted
 
 
 def test_steps_are_counted_in_voxels(state: ViewState) -> None:

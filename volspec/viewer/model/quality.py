@@ -9,8 +9,9 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.errors import InputError
+from volspec.raycast import RaycastSpec
 from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
-from volspec.transfer import TransferFunction
+from volspec.transfer import Isosurfaces, TransferFunction
 from volspec.viewer.model.edit import Command, bind, edit, refusable
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
@@ -39,6 +40,25 @@ def can_project(state: ViewState) -> bool:
         and transfer.gradient_opacity is None
         and not transfer.filters
     )
+
+
+def _can_lengthen_steps(state: ViewState) -> bool:
+    """Return True if the transfer function allows adaptive steps."""
+    transfer = state.transfer
+    if isinstance(transfer, TransferFunction):
+        return not transfer.filters
+    return not isinstance(transfer, Isosurfaces)
+
+
+def cast_spec(state: ViewState) -> RaycastSpec:
+    """Return the settings of a state's cast, without those that its transfer function forbids.
+
+    The state keeps them for the next transfer function.
+    """
+    spec = state.shading
+    if not can_project(state):
+        spec = replace(spec, mode="composite", preintegrated=False)
+    return spec if _can_lengthen_steps(state) else replace(spec, adaptive=0.0)
 
 
 @edit
@@ -78,7 +98,7 @@ def set_projection(state: ViewState, mode: str) -> ViewState:
     if known is None or known == state.shading.mode:
         return state
     if known != "composite":
-        require_curve(state, "mode")
+        require_curve(state, f"Projection: {known}")
     # Pre-integration has no meaning with the others; it comes back with composite.
     own = known == "composite" and state.document.shading.preintegrated
     return _change(state, mode=known, preintegrated=own and can_project(state))
@@ -89,19 +109,18 @@ def toggle_preintegration(state: ViewState) -> ViewState:
     """Integrate the transfer function within each step, or read it once."""
     on = not state.shading.preintegrated
     if on:
-        require_curve(state, "preintegrated")
+        require_curve(state, "Pre-integration")
         return _change(state, preintegrated=True, mode="composite")
     return _change(state, preintegrated=False)
 
 
-def require_curve(state: ViewState, field: str) -> None:
+def require_curve(state: ViewState, what: str) -> None:
     """Raise InputError unless the transfer function allows projections and pre-integration."""
     if not can_project(state):
         raise InputError(
-            "needs a curve without opacity by gradient and without filters",
-            "choose Curve in the Transfer panel",
+            f"{what} needs a curve, without opacity by gradient and without filters",
+            "choose Kind: Curve in the Transfer panel",
             code="conflict",
-            field=field,
         )
 
 
@@ -168,8 +187,6 @@ def set_quality(state: ViewState, name: str) -> ViewState:
     if name not in QUALITIES:
         return state
     step, cells, adaptive = QUALITIES[name]
-    if not isinstance(state.transfer, TransferFunction) or state.transfer.filters:
-        adaptive = 0.0
     return _change(set_step(state, step), light_cells=cells, adaptive=adaptive)
 
 

@@ -39,6 +39,7 @@ from volspec.spectra import Spectrum, light, reflectance
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Transfer, TransferFunction
 from volspec.viewer.model import light_rows
+from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.state import ViewState
 
 # A folder without files: relative names must not be found in the working directory by chance.
@@ -186,7 +187,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
             code="unsupported",
             field="viewing.backdrop",
         )
-    shading = state.shading
+    shading = cast_spec(state)
     own = (file.group or HEADLIT) == shading.groups
     width, height = even_size(state.size)
     same_transfer, same_view = state.transfer is document.transfer, state.view == document.view

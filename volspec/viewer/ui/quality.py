@@ -56,8 +56,11 @@ def _about(field: str) -> str:
 def _projection(state: ViewState, ui: UiContext) -> ViewState:
     focus_if_wanted("Projection", ui)
     names = [_TITLES.get(mode, mode) for mode in MODES]
-    picked, at = imgui.combo("Projection", MODES.index(state.shading.mode), names)
-    ui.note("projection", _about("mode"))
+    imgui.begin_disabled(not quality.can_project(state))
+    now = MODES.index(quality.cast_spec(state).mode)
+    picked, at = imgui.combo("Projection", now, names)
+    imgui.end_disabled()
+    ui.note("projection", _about("mode"), greyed=True)
     return ui.edited(state, partial(quality.set_projection, mode=MODES[at])) if picked else state
 
 
@@ -84,8 +87,10 @@ def _sampling(state: ViewState, ui: UiContext) -> ViewState:
     if moved:
         new = quality.set_step(new, voxels)
     new = setting_slider(new, ui, quality.set_jitter, "Jitter", spec, (0.0, 1.0))
-    pressed, _ = imgui.checkbox("Pre-integration", spec.preintegrated)
-    ui.note("pre-integration", _about("preintegrated"))
+    imgui.begin_disabled(not quality.can_project(state))
+    pressed, _ = imgui.checkbox("Pre-integration", quality.cast_spec(state).preintegrated)
+    imgui.end_disabled()
+    ui.note("pre-integration", _about("preintegrated"), greyed=True)
     if pressed:
         new = ui.edited(new, quality.toggle_preintegration)
     return setting_slider(new, ui, quality.set_adaptive, "Adaptive", spec, (0.0, 0.2), "%.3f", _LOG)

@@ -22,6 +22,7 @@ from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.relight.layers import PackedLayers
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
+from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.volume import Volume
@@ -220,5 +221,5 @@ class CastScheduler:
     def _request(self, state: ViewState, divisors: tuple[int, ...]) -> None:
         camera = state.view.camera(state.document.volume)
         self._worker.request(
-            CastJob(state.document, state.transfer, camera, state.shading, state.size, divisors)
+            CastJob(state.document, state.transfer, camera, cast_spec(state), state.size, divisors)
         )

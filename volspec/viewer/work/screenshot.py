@@ -28,6 +28,7 @@ from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.scene.export import Mark
 from volspec.viewer.model.light_rows import light_rig, lit_names
+from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
     Destination,
@@ -119,7 +120,7 @@ def _cast(
 ) -> CoefficientImage:
     volume = state.document.volume
     camera = state.view.camera(volume)
-    what = volume, state.transfer, camera, size, state.shading
+    what = volume, state.transfer, camera, size, cast_spec(state)
     try:
         return raycast(
             *what, progress=progress.report, cancel=lambda: progress.ended, caster=caster

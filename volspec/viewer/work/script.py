@@ -28,6 +28,7 @@ from volspec.settings import default_of
 from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance
 from volspec.transfer import Transfer
 from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.scene_file import (
     NOWHERE,
     is_shipped,
@@ -83,7 +84,7 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
         f"basis = {_basis(state.transfer, basis_file)}",
         f"transfer = {code.transfer(state.transfer)}",
         f"camera = {_call('vs.Camera.orbit', ['volume', *code.changed_fields(state.view, 0)], 0)}",
-        f"spec = {code.of(state.shading)}",
+        f"spec = {code.of(cast_spec(state))}",
         f"rig = {code.of(rig)}",
         f"relight_spec = {code.of(state.relight)}",
         "",
