@@ -281,7 +281,7 @@ def test_files_get_free_names_next_to_what_was_opened(
 ) -> None:
     document = opened(tmp_path).document
     for stem in stems:
-        path = Destination(name=name).path(document, ".png")
+        path = Destination(name=name).new_path(document, ".png")
         assert path == tmp_path / f"{stem}.png"
         path.touch()
 

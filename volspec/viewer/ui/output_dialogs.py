@@ -24,6 +24,7 @@ from volspec.viewer.work.outputs import (
     Destination,
     PictureSize,
     Progress,
+    output_folder,
     short_title,
 )
 from volspec.viewer.work.screenshot import Shot, megabytes
@@ -72,25 +73,27 @@ class FilmDialog:
         self._opens = False
         self._at = 0.0  # position of the preview, in seconds
         self._plays = False
+        self._kinds: tuple[str, ...] = ()
         self._shown: tuple[tuple[ViewState, Film, int], ViewState] | None = None
 
     def ask(self) -> None:
         """Open the dialog."""
         self._opens, self._at, self._plays = True, 0.0, False
+        self._kinds = possible_kinds()
+        if self.file.kind not in self._kinds:
+            self.file = replace(self.file, kind=self._kinds[0])
 
     def draw(self, state: ViewState, ui: UiContext) -> bool:
         """Draw the dialog; return True if the film is to be saved now."""
         opens, self._opens = self._opens, False
         ui.preview, ui.plays = None, False
         if not begin_dialog("Save a film", opens, ui, 340, aside=True):
+            self._shown = None
             return False
-        kinds = possible_kinds()
-        if self.file.kind not in kinds:
-            self.file = replace(self.file, kind=kinds[0])
         imgui.push_item_width(-ui.px(_LABELS))
         film = self._film_fields(self.file.film, state, ui)
         imgui.separator()
-        kind = pick("Format", self.file.kind, kinds) or self.file.kind
+        kind = pick("Format", self.file.kind, self._kinds) or self.file.kind
         ui.note("film format")
         size = _size_fields(self.file.size, state, ui)
         marks, title = _mark_fields(self.file.marks, self.file.title, state.document, ui)
@@ -98,7 +101,7 @@ class FilmDialog:
         to = _destination_fields(self.file.to, state.document, self.file.suffix, ui)
         self.file = replace(self.file, to=to)
         imgui.pop_item_width()
-        if len(kinds) < len(FILM_KINDS):
+        if len(self._kinds) < len(FILM_KINDS):
             wrap_text(".mp4 and .webm need ffmpeg: pip install 'volspec[video]'", _DIM)
         saved, closed = _end_dialog("film ok", ui)
         if not closed:
@@ -236,21 +239,20 @@ def _mark_fields(
 def _destination_fields(
     to: Destination, document: Document, suffix: str, ui: UiContext
 ) -> Destination:
-    second = int(imgui.get_time())
+    about = short_title(document), output_folder(document), suffix, int(imgui.get_time())
     _, name = imgui.input_text_with_hint("Name", "from the title", to.name)
     ui.note("file name")
-    hint = str(_path(Destination(), document, suffix, second).parent)
-    _, folder = imgui.input_text_with_hint("Folder", hint, to.folder)
+    _, folder = imgui.input_text_with_hint("Folder", str(about[1]), to.folder)
     ui.note("file folder")
     to = Destination(folder, name)
-    wrap_text(f"Saves as {_path(to, document, suffix, second)}", _DIM)
+    wrap_text(f"Saves as {_path(to, *about)}", _DIM)
     return to
 
 
 @lru_cache(maxsize=8)
-def _path(to: Destination, document: Document, suffix: str, _second: int) -> Path:
+def _path(to: Destination, title: str, usual: Path, suffix: str, _second: int) -> Path:
     """Look for a free name once a second, not once a frame."""
-    return to.path(document, suffix)
+    return to.path(title, usual, suffix)
 
 
 def _end_dialog(name: str, ui: UiContext) -> tuple[bool, bool]:

@@ -57,19 +57,22 @@ class Destination:
     folder: str = ""  # empty for `output_folder`
     name: str = ""  # with or without the suffix; empty for the scene's title
 
-    def path(self, document: Document, suffix: str) -> Path:
-        """Return the first free path; names made from titles always have a number."""
+    def path(self, title: str, usual: Path, suffix: str) -> Path:
+        """Return the first free path; names made from the title always have a number.
+
+        ``usual`` is the folder unless another is given.
+        """
         named = bool(self.name.strip())
         stem = file_stem(self.name.strip().removesuffix(suffix)) if named else ""
-        stem = stem or f"volspec-{file_stem(short_title(document))}"
+        stem = stem or f"volspec-{file_stem(title)}"
         names = chain([stem] * named, (f"{stem}-{number}" for number in count(1)))
-        folder = Path(os.path.expanduser(self.folder)) if self.folder.strip() else None
-        folder = (folder or output_folder(document)).absolute()
+        folder = Path(os.path.expanduser(self.folder)) if self.folder.strip() else usual
+        folder = folder.absolute()
         return next(path for name in names if not (path := folder / f"{name}{suffix}").exists())
 
     def new_path(self, document: Document, suffix: str) -> Path:
-        """Return `path`; InputError if its folder is missing."""
-        path = self.path(document, suffix)
+        """Return the path of a document's file; InputError if its folder is missing."""
+        path = self.path(short_title(document), output_folder(document), suffix)
         if not path.parent.is_dir():
             raise InputError(f"{path.parent}: no such folder; choose another", code="not-found")
         return path
