@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from volspec.raycast.camera import Orbit, radius_mm
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, Transfer
+from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -103,7 +104,7 @@ def _visible_voxels(
     values: NDArray[np.generic], volume: Volume, transfer: Transfer
 ) -> NDArray[np.bool_]:
     """(z, y, x) True if a voxel is visible, or a surface passes next to it."""
-    table = transfer.bake(min(volume.spacing_mm))
+    table = bake_for_volume(transfer, volume)
     if isinstance(table, SurfaceTable):
         layer = np.searchsorted(np.sort(table.values), values)
         visible = np.zeros(values.shape, bool)

@@ -29,6 +29,7 @@ from volspec.raycast.light_volume import LightVolume
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
+from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
 # Packet's (width, height) in pixels by LANES; lanes.clh numbers the lanes row by row.
@@ -121,7 +122,7 @@ class Raycaster:
         """
         baked = self._baked
         if baked is None or baked[0] is not transfer:
-            baked = self._baked = transfer, transfer.bake(min(self.volume.spacing_mm))
+            baked = self._baked = transfer, bake_for_volume(transfer, self.volume)
         return baked[1]
 
     table_of = renamed_attribute("bake")

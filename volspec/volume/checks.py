@@ -21,14 +21,20 @@ NATIVE_DTYPES = (np.uint8, np.uint16, np.int16, np.float32)
 _WIDENED = {"b1": np.uint8, "i1": np.int16}
 # Fraction of the range: smaller rounding errors are invisible with 65536 table entries.
 _NEGLIGIBLE = 1e-6
+# Distance of the missing value from the others, in ranges: values interpolated with it fall below
+# the range within a thousandth of a voxel, and float32 still resolves the others next to it.
+_BELOW = 1024.0
 # Fraction of a step by which coordinates may be uneven, as in float32 and decimal files.
 _UNEVEN = 1e-3
 
 
-def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[float, float]]:
-    """Return values that the kernels can read, (Z, Y, X), and their range.
+def checked_values(
+    given: ArrayLike, name: str, missing: float | None
+) -> tuple[NDArray[Any], tuple[float, float], float | None]:
+    """Return values that the kernels can read, (Z, Y, X), their range, and the missing value.
 
-    The array has one of `NATIVE_DTYPES` and is read-only, C-contiguous and finite. Raises
+    The array has one of `NATIVE_DTYPES` and is read-only, C-contiguous and finite. Voxels that are
+    NaN or infinite, or ``missing`` already, hold the missing value; None if there are none. Raises
     VolumeError if it is not a 3-D array of real numbers, has fewer than two voxels along an axis,
     no finite value, or values beyond float32.
     """
@@ -42,13 +48,17 @@ def checked_values(given: ArrayLike, name: str) -> tuple[NDArray[Any], tuple[flo
         values = _convert(original, name)
     values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("="))
     low, high = float(values.min()), float(values.max())
-    if not np.isfinite([low, high]).all():
-        values, low, high = _replace_non_finite(values, name)
+    if missing is not None and low == missing and np.isfinite(high):
+        low = float(values.min(where=values != missing, initial=np.inf))
+    elif not np.isfinite([low, high]).all():
+        values, low, high, missing = _replace_non_finite(values, name)
+    else:
+        missing = None
     if original.dtype.kind == "f" and original.dtype.itemsize > 4:
         _warn_of_lost_digits(original, values, (low, high), name)
     values = values.view()
     values.flags.writeable = False
-    return values, (low, high)
+    return values, (low, high), missing
 
 
 def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
@@ -105,23 +115,22 @@ def _convert(values: NDArray[Any], name: str) -> NDArray[Any]:
     return converted
 
 
-def _replace_non_finite(values: NDArray[Any], name: str) -> tuple[NDArray[Any], float, float]:
-    """Return values without NaN and infinities, their minimum and maximum."""
+def _replace_non_finite(
+    values: NDArray[Any], name: str
+) -> tuple[NDArray[Any], float, float, float]:
+    """Return values without NaN and infinities, the others' least and greatest, and the missing."""
     finite = np.isfinite(values)
     if not finite.any():
         raise VolumeError(
             f"{name}: none of the {values.size} voxels is a finite float32 number", code="range"
         )
-    low = values.min(where=finite, initial=np.inf)
-    high = values.max(where=finite, initial=-np.inf)
-    above = np.count_nonzero(values == np.inf)
+    low = float(values.min(where=finite, initial=np.inf))
+    high = float(values.max(where=finite, initial=-np.inf))
     count = values.size - np.count_nonzero(finite)
-    _warn(
-        f"{name}: {count} of {values.size} voxels are NaN or infinite; {count - above} (NaN, -inf) "
-        f"became the minimum, {low:g}, {above} (+inf) the maximum, {high:g}"
-    )
-    values = np.nan_to_num(values, nan=low, posinf=high, neginf=low)
-    return values, float(low), float(high)
+    missing = low - _BELOW * ((high - low) or max(abs(low), 1.0))
+    missing = float(np.float32(max(missing, float(np.finfo(np.float32).min))))
+    _warn(f"{name}: {count} of {values.size} voxels are NaN or infinite; they are transparent")
+    return np.where(finite, values, np.float32(missing)), low, high, missing
 
 
 def _warn_of_lost_digits(

@@ -77,6 +77,7 @@ def label_numbers(values: NDArray[Any]) -> list[int]:
     """Return the sorted numbers in a volume of whole numbers from 0 to 65535."""
     counts = np.zeros(_MOST + 1, np.int64)
     for layer in values:
+        layer = layer[layer >= 0]  # missing voxels are below
         counts += np.bincount(layer.ravel().astype(np.int64), minlength=len(counts))
     return [int(number) for number in np.flatnonzero(counts)]
 

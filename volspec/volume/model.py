@@ -38,11 +38,12 @@ class Volume:
     values : (Z, Y, X) array
         NumPy, xarray or Zarr; uint8, uint16, int16 and float32 are used without conversion. Wider
         integers become the smallest of these integer types that can represent all values, other
-        types float32 (int8 becomes int16). NaN and infinities are replaced with a warning: +inf by
-        the greatest finite value, NaN and -inf by the least. An array that needs no conversion is
-        shared and read-only here: do not change it while the volume is in use, or pass a copy. An
-        xarray ``DataArray`` with dimensions x, y and z is transposed to (Z, Y, X); its coordinates,
-        in millimetres, define the geometry if neither of the next two parameters is given.
+        types float32 (int8 becomes int16). NaN and infinities are missing voxels, which are
+        transparent; there is a warning, and they hold the value ``missing``. An array that needs
+        no conversion is shared and read-only here: do not change it while the volume is in use,
+        or pass a copy. An xarray ``DataArray`` with dimensions x, y and z is transposed to
+        (Z, Y, X); its coordinates, in millimetres, define the geometry if neither of the next two
+        parameters is given.
     spacing_mm : (x, y, z), optional
         Distance between neighbouring voxel centres; positive. Default: from ``world_from_index``,
         or 1 mm.
@@ -51,6 +52,9 @@ class Volume:
         the spacing on the diagonal, the first voxel at the origin.
     name : str
         Used in messages.
+    missing : float, optional
+        Value of missing voxels, below all others; None if there are none. Given only with the
+        values of another volume.
     labels : {number: Label}, optional
         Labels of a segmentation with names and colours, without the background; empty if the
         values are not labels.
@@ -73,16 +77,18 @@ class Volume:
     spacing_mm: tuple[float, float, float] = None  # type: ignore[assignment]
     world_from_index: NDArray[np.float64] = None  # type: ignore[assignment]
     name: str = "volume"
+    missing: float | None = None
     labels: Labels = field(default_factory=dict)
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
         given, lattice = array_and_lattice(self.values, self.name)
-        values, span = checked_values(given, self.name)
+        values, span, missing = checked_values(given, self.name, self.missing)
         if self.spacing_mm is None and self.world_from_index is None:
             object.__setattr__(self, "world_from_index", lattice)
         spacing, world = checked_geometry(self.spacing_mm, self.world_from_index, self.name)
         object.__setattr__(self, "labels", MappingProxyType(dict(self.labels)))
+        object.__setattr__(self, "missing", missing)
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "spacing_mm", spacing)
         object.__setattr__(self, "world_from_index", world)
@@ -97,6 +103,10 @@ class Volume:
         """Voxel counts along x, y, z."""
         z, y, x = self.values.shape
         return x, y, z
+
+    def nan_if_missing(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Return some of the values, with NaN for missing voxels."""
+        return values if self.missing is None else np.where(values == self.missing, np.nan, values)
 
     @property
     def index_from_world(self) -> NDArray[Any]:
@@ -170,9 +180,12 @@ class Volume:
             )
         index_from_new = np.diag([step, step, step, 1.0])
         index_from_new[:3, 3] = (step - 1) / 2
+        summary: Summary = block_modes if labels else block_means
+        if self.missing is not None:
+            summary = present_means(self.missing)
         return replace(
             self,
-            values=downsample(self.values, step, block_modes if labels else block_means),
+            values=downsample(self.values, step, summary),
             spacing_mm=None,  # type: ignore[arg-type]
             world_from_index=self.world_from_index @ index_from_new,
         )
@@ -217,6 +230,23 @@ def block_means(blocks: NDArray[Any]) -> NDArray[Any]:
     """
     means = blocks.mean(axis=1, dtype=np.float64)
     return np.rint(means) if blocks.dtype.kind in "ui" else means
+
+
+def present_means(missing: float) -> Summary:
+    """Return the mean of the voxels in a block that are not missing; missing if half of them are.
+
+    >>> present_means(-9.0)(np.array([[1.0, 2, 3, -9], [5, 6, -9, -9]])).tolist()
+    [2.0, -9.0]
+    """
+
+    def means(blocks: NDArray[Any]) -> NDArray[Any]:
+        there = blocks != missing
+        count = there.sum(axis=1)
+        sums = blocks.sum(axis=1, where=there, dtype=np.float64)
+        found = sums / np.maximum(count, 1)
+        return np.where(2 * count > blocks.shape[1], found, missing)
+
+    return means
 
 
 def block_modes(blocks: NDArray[Any]) -> NDArray[Any]:

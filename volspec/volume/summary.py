@@ -32,6 +32,7 @@ class VolumeSummary:
     range: tuple[float, float]
     mean: float
     histogram: list[tuple[float, float, int]]  # from, to (included by integers), count
+    missing: int  # voxels that are NaN or infinite
     labels: dict[int, str]  # names of a segmentation's labels by number; empty for other volumes
 
     def to_dict(self) -> dict[str, Any]:
@@ -51,6 +52,8 @@ class VolumeSummary:
         axes = ["(" + ", ".join(f"{v:g}" for v in column) + ")" for column in columns]
         table.add_row("axes x y z", " ".join(axes))
         table.add_row("range", f"{self.range[0]:g} … {self.range[1]:g}, mean {self.mean:.4g}")
+        if self.missing:
+            table.add_row("missing", f"{self.missing:,} voxels are NaN or infinite: transparent")
         if self.labels:
             table.add_row("labels", self._label_text())
         most = max(count for _, _, count in self.histogram)
@@ -71,10 +74,13 @@ class VolumeSummary:
 def summarise(volume: Volume) -> VolumeSummary:
     """Measure a volume's size, geometry and histogram."""
     low, high = volume.range
+    present = volume.values
+    if volume.missing is not None:
+        present = present[present != volume.missing]
     edges = np.linspace(low, high, _BINS + 1)
     if volume.values.dtype.kind in "ui":  # whole numbers fall into bins of whole numbers
         edges = np.unique(np.linspace(low, high + 1, _BINS + 1).round())
-    counts, edges = np.histogram(volume.values, bins=edges)
+    counts, edges = np.histogram(present, bins=edges)
     ends = edges[1:] - 1 if volume.values.dtype.kind in "ui" else edges[1:]
     spacing = volume.spacing_mm
     x, y, z = ((n - 1) * s for n, s in zip(volume.shape_xyz, spacing, strict=True))
@@ -88,7 +94,8 @@ def summarise(volume: Volume) -> VolumeSummary:
         origin_mm=(float(origin[0]), float(origin[1]), float(origin[2])),
         orientation=(volume.world_from_index[:3, :3] / np.asarray(spacing)).tolist(),
         range=(low, high),
-        mean=float(volume.values.mean(dtype=np.float64)),
+        mean=float(present.mean(dtype=np.float64)),
+        missing=volume.values.size - present.size,
         histogram=[
             (float(a), float(b), int(n)) for a, b, n in zip(edges[:-1], ends, counts, strict=True)
         ],

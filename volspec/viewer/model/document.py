@@ -35,6 +35,8 @@ from volspec.volume import Choice, Volume
 _JOINT_BINS = 128, 64
 # Number of voxels sampled, which takes two milliseconds.
 _SAMPLES = 60_000
+# Greater than a gradient of any two values, and less than any to the missing value.
+_STEEPEST = 2.0
 # The fraction of gradients below the axis' end.
 _SHOWN = 0.9995
 
@@ -64,9 +66,16 @@ def joint_histogram(volume: Volume) -> JointHistogram:
         before, after = (_sample_shifted(values, at, axis, by) for by in (-1, 1))
         square += ((after - before) / (2 * spacing)) ** 2
     gradients = np.sqrt(square).ravel()
+    # Without missing voxels and their neighbours.
+    there = gradients <= _STEEPEST * (volume.range[1] - volume.range[0]) / min(volume.spacing_mm)
+    here = _sample_shifted(values, at, 0, 0).ravel()
+    there &= here >= volume.range[0]
+    gradients, here = gradients[there], here[there]
+    if not gradients.size:
+        return JointHistogram(np.zeros(_JOINT_BINS[::-1]), 1.0)
     top = float(np.quantile(gradients, _SHOWN)) or 1.0
     low, high = volume.range
-    fractions = (_sample_shifted(values, at, 0, 0).ravel() - low) / max(high - low, 1e-30)
+    fractions = (here - low) / max(high - low, 1e-30)
     columns, rows = _JOINT_BINS
     column = np.minimum((fractions * columns).astype(np.intp), columns - 1)
     row = np.minimum((gradients / top * rows).astype(np.intp), rows - 1)

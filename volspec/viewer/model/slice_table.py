@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.transfer import MAX_LABEL, LabelFunction, SurfaceTable, Transfer, TransferTable
+from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
 # Entries of a table, except for volumes of small integers.
@@ -68,6 +69,8 @@ def table_entries(volume: Volume, labels: bool) -> Entries:
     count = int(high - low) + 1
     if volume.values.dtype.kind in "iu" and count <= ENTRIES:
         return Entries(low, count, high, 0)
+    if volume.missing is not None:  # the first entry is for missing voxels
+        low -= (high - low) / ENTRIES
     if not labels:
         return Entries(low, 0, high, ENTRIES)
     first = max(low, -1.0)  # lower ones are transparent as well
@@ -93,7 +96,7 @@ def table_image(
     Values that the transfer function shows have their materials' reflectance, others a grey.
     """
     entries = table_entries(volume, isinstance(transfer, LabelFunction))
-    table = transfer.bake(min(volume.spacing_mm))
+    table = bake_for_volume(transfer, volume)
     opacity, shares = _look_up(table, entries.values)
     alpha = (1 - (1 - opacity) ** SLAB_STEPS)[:, None]
     grey = greys(entries, volume.range, window)[:, None] ** _GAMMA * table.white

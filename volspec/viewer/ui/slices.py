@@ -72,7 +72,7 @@ def crossing_text(state: ViewState) -> str:
     volume, at = state.document.volume, state.interface.slices.at
     i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
     x, y, z = world_mm(volume, np.array([i, j, k], dtype=np.float64))
-    value = float(volume.values[k, j, i])
+    value = float(volume.nan_if_missing(volume.values[k, j, i]))
     return f"{value:.5g}  at  {x:.1f}  {y:.1f}  {z:.1f} mm"
 
 

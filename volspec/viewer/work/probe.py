@@ -149,7 +149,7 @@ def value_at(volume: Volume, place: Array) -> float | None:
     nx, ny, nz = volume.shape_xyz
     if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
         return None
-    return float(volume.values[k, j, i])
+    return float(volume.nan_if_missing(volume.values[k, j, i]))
 
 
 def _hit_rows(

@@ -1,0 +1,72 @@
+"""Missing voxels, NaN or infinite in the file, are transparent in casts and their twin."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from tests.support.transfers import BASIS, MATERIALS
+from volspec.transfer.missing import bake_for_volume, transparent_below
+from volspec.transfer.table import TransferTable
+from volspec.viewer.model.document import joint_histogram
+from volspec.volume.summary import summarise
+
+NAME = next(iter(MATERIALS))
+
+
+def half_missing() -> vs.Volume:
+    """A ramp along x whose half beyond the middle of z is missing."""
+    values = np.linspace(1, 3, 16, dtype=np.float32) * np.ones((16, 16, 1), np.float32)
+    values[8:] = np.nan
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return vs.Volume(values)
+
+
+CURVE = vs.TransferFunction([(0.0, 0.9, NAME), (4.0, 0.9, NAME)], MATERIALS, BASIS)
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"preintegrated": True}, {"mode": "maximum"}, {"mode": "average"}]
+)
+def test_missing_voxels_are_transparent_although_the_curve_shows_every_value(
+    settings: dict[str, object],
+) -> None:
+    volume = half_missing()
+    camera = vs.Camera.orbit(volume, azimuth_deg=0, elevation_deg=0)
+    image = vs.raycast(volume, CURVE, camera, size=(64, 64), spec=vs.RaycastSpec(**settings))
+    rows = image.alpha.max(axis=1)
+    seen = np.flatnonzero(rows > 0.5)
+    # The lower half, z below 7 of 15 voxels: up to the last whole cell.
+    assert len(seen) and rows[: seen[0] - 1].max() < 1e-3
+    whole = vs.Volume(np.nan_to_num(volume.values, nan=1.0).clip(1, 3))
+    full = vs.raycast(whole, CURVE, camera, size=(64, 64), spec=vs.RaycastSpec(**settings))
+    ratio = len(seen) / np.count_nonzero(full.alpha.max(axis=1) > 0.5)
+    assert ratio == pytest.approx(7 / 15, abs=0.05)
+
+
+def test_a_table_is_transparent_below_a_value_and_the_same_above() -> None:
+    table = TransferTable((2.0, 4.0), [0.5, 0.3, 0.1], [[1], [0.5], [0]], reference_step_mm=1)
+    longer = transparent_below(table, 0.0)
+    assert longer.domain == (-1, 4) and longer.opacity.tolist() == [0, 0.5, 0.5, 0.5, 0.3, 0.1]
+    assert transparent_below(table, 3.0).opacity.tolist() == [0, 0.5, 0.3, 0.1]
+    narrow = transparent_below(TransferTable((0.0, 1e-6), [0.5, 0.1], [[1], [1]], 1.0), -5.0)
+    assert len(narrow.opacity) == 65536 and narrow.opacity[0] == 0 and narrow.opacity[1] == 0.5
+
+
+def test_volumes_without_missing_voxels_keep_their_table() -> None:
+    volume = vs.Volume(np.arange(27, dtype=np.float32).reshape(3, 3, 3))
+    assert bake_for_volume(CURVE, volume).domain == CURVE.bake(1.0).domain  # type: ignore[union-attr]
+
+
+def test_statistics_leave_missing_voxels_out() -> None:
+    volume = half_missing()
+    summary = summarise(volume)
+    assert summary.range == (1, 3) and summary.mean == pytest.approx(2, abs=1e-5)
+    assert summary.missing == 8 * 16 * 16
+    assert sum(count for _, _, count in summary.histogram) == 8 * 16 * 16
+    joint = joint_histogram(volume)
+    assert joint.top < 3 and joint.counts.sum() > 0

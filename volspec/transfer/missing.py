@@ -1,0 +1,74 @@
+"""Transparency of missing voxels, those that are NaN or infinite in the file.
+
+    transfer function, volume -> [missing] -> table -> raycast
+
+Missing voxels hold a value far below all others (`volspec.volume.checks`), and a table shows
+nothing below the least value. An interpolated value next to a missing voxel falls below it at
+once, so that a cell of eight voxels is transparent if one of them is missing: no value is made up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.transfer.discrete import Isosurfaces, LabelFunction
+from volspec.transfer.model import TransferFunction
+from volspec.transfer.regions import TransferFunction2D
+from volspec.transfer.table import SurfaceTable, TransferTable
+from volspec.volume import Volume
+
+# Most entries of a table.
+_MOST_ENTRIES = 1 << 16
+
+
+def bake_for_volume(
+    transfer: TransferFunction | TransferFunction2D | LabelFunction | Isosurfaces, volume: Volume
+) -> TransferTable | SurfaceTable:
+    """Bake a transfer function for a volume, whose missing voxels are transparent."""
+    table = transfer.bake(min(volume.spacing_mm))
+    # Labels below 0 are transparent anyway.
+    if volume.missing is None or isinstance(table, SurfaceTable) or table.labels:
+        return table
+    return transparent_below(table, volume.range[0])
+
+
+def transparent_below(table: TransferTable, least: float) -> TransferTable:
+    """Return a table that is transparent one entry below a value and lower; the rest stays.
+
+    >>> table = TransferTable((0, 2), [0.5, 0.5, 0.1], [[1], [1], [1]], reference_step_mm=1)
+    >>> longer = transparent_below(table, -1)
+    >>> longer.domain, longer.opacity.tolist()
+    ((-2.0, 2), [0.0, 0.5, 0.5, 0.5, 0.1])
+    """
+    low, high = table.domain
+    count = table.opacity.shape[-1]
+    entry = (high - low) / (count - 1)
+    more = int(np.ceil(max(low - least, 0.0) / entry - 1e-9)) + 1
+    if count + more > _MOST_ENTRIES:  # a narrow function in a wide range: entries are widened
+        entry = (high - min(low, least)) / (_MOST_ENTRIES - 2)
+        start = high - entry * (_MOST_ENTRIES - 1)
+        at = start + entry * np.arange(_MOST_ENTRIES)
+    else:
+        start = low - more * entry
+        at = np.concatenate([start + entry * np.arange(more), np.linspace(low, high, count)])
+    positions = np.clip((at - low) / (high - low) * (count - 1), 0, count - 1)
+
+    def resampled(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+        first = np.minimum(positions.astype(np.intp), count - 2)
+        fraction = (positions - first).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
+        below, above = np.take(values, first, axis), np.take(values, first + 1, axis)
+        return np.asarray(below * (1 - fraction) + above * fraction)
+
+    opacity = resampled(table.opacity, table.opacity.ndim - 1)
+    opacity[..., 0] = 0.0
+    filters = None if table.filters is None else resampled(table.filters, 0)
+    return replace(
+        table,
+        domain=(start, high),
+        opacity=opacity,
+        material_weights=resampled(table.material_weights, table.opacity.ndim - 1),
+        filters=filters,
+    )
