@@ -29,6 +29,7 @@ from volspec.errors import (
 from volspec.raycast import Ambient, Directional, LightGroup
 from volspec.raycast.checks import MAX_SIDE
 from volspec.relight import LightRig
+from volspec.scene import Scene
 from volspec.spectra import Spectrum, light
 from volspec.viewer.app import Options, view
 from volspec.viewer.model import camera, light_rows, transfer_edits
@@ -69,6 +70,7 @@ from volspec.viewer.work.screenshot import (
 from volspec.viewer.work.script import export_python, script_from_state
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import MOST_FILES, STATE_VARIABLE, RecentFiles, state_folder
+from volspec.volume import phantom
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -209,6 +211,14 @@ def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: pytest.Mo
         *(home, opened, examples),
         *(a, b),
     ]
+
+
+def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path: Path) -> None:
+    path = tmp_path / "ball.npy"
+    np.save(path, phantom.ball(12).values)
+    document, scene = open_document(str(path)), Scene.from_volume(path)
+    assert document.file == scene.file
+    assert document.view.camera(document.volume) == scene.camera(scene.volume())
 
 
 def test_a_dialog_starts_where_the_last_file_was_else_at_home(
