@@ -48,7 +48,8 @@ def main() -> None:
         )
         if PICTURE.stat().st_size <= _BYTES:
             break
-    page = ["page", str(SCENE), "-o", str(PAGE), "--size", "640x560"]
+    title = "A head, one cast, three lights"
+    page = ["page", str(SCENE), "-o", str(PAGE), "--size", "640x560", "--title", title]
     subprocess.run([sys.executable, "-m", "volspec", *page], check=True)
     for path in (PICTURE, PAGE):
         print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB")
