@@ -21,7 +21,7 @@ GALLERY = ROOT / "docs" / "gallery"
 VOLUMES = Path(os.environ.get("VOLSPEC_DATA", ROOT.parent / "shared" / "data"))
 SIZE = (1280, 760)
 # Position in the tabs at the lower right, next to the first row of the front tab.
-TRANSFER, PALETTE = (1054.0, 395.0), (1140.0, 395.0)
+TRANSFER, PALETTE, LIGHTING = (1054.0, 395.0), (1140.0, 395.0), (1205.0, 395.0)
 
 
 def click(robot: Robot, where: str | Place) -> None:
@@ -99,6 +99,23 @@ def cropped(robot: Robot) -> None:
     robot.drag([(x, y), (x + 20, y - 10), (x + 40, y - 20), (x + 55, y - 30)])
 
 
+def lit(robot: Robot) -> None:
+    """A head under a tungsten lamp and a blue sky, both added with the mouse."""
+    command(robot, "mr head")
+    command(robot, "directional")
+    command(robot, "add a sky")
+    click(robot, LIGHTING)
+    for index in (1, 0):  # the headlight and its ambient light
+        click(robot, f"remove source {index}")
+    for group, name in enumerate(("tungsten", "blue sky")):
+        click(robot, f"group spectrum {group}")
+        robot.type(name)
+        keys(robot, "Return")
+    x, y = robot.middle("light 0")
+    robot.drag([(x + s * 150, y - s * 20) for s in SHARES])
+    robot.do("mousemove", 1100.0, 760.0)
+
+
 def erred(robot: Robot) -> None:
     """The error map of the channels."""
     keys(robot, "space", "space", "space", "e")
@@ -126,6 +143,7 @@ PICTURES: dict[str, tuple[Path, Callable[[Robot], None]]] = {
     "viewer-8": (ROOT / "data/scenes/engine.toml", erred),
     "viewer-9": (ROOT / "data/scenes/engine-surfaces.toml", commanded),
     "viewer-10": (ROOT / "data/scenes/engine-cut.toml", keyed),
+    "viewer-11": (VOLUMES / "mrbrain.nrrd", lit),
 }
 
 

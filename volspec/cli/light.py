@@ -102,9 +102,9 @@ def light(
     }
     with in_options():
         if power_W is not None:
-            row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(spectrum), power_W)}
+            row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(found.name), power_W)}
         if power_W is not None and distance_m is not None:
-            lux = lamp_illuminance_lux(lamp_for_light(spectrum), power_W, distance_m, beam_deg)
+            lux = lamp_illuminance_lux(lamp_for_light(found.name), power_W, distance_m, beam_deg)
             row |= {"distance_m": distance_m, "beam_deg": beam_deg, "illuminance_lux": lux}
     if json:
         print_json(row)

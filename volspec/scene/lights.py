@@ -22,6 +22,7 @@ from volspec.scene.specs import Given, given_light
 from volspec.settings import Name, NotNegative, Unit, settings
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.spectra.lamps import lamp_for_light, lamp_illuminance_lux
+from volspec.spectra.library import canonical_light
 
 # Characters between the groups of a setting on the command line.
 PARTING = "=;"
@@ -100,7 +101,7 @@ class LightSpec:
         """
         if self.power_W is None or self.distance_m is None or not isinstance(self.spectrum, str):
             return self.illuminance_lux
-        source = lamp_for_light(self.spectrum)
+        source = lamp_for_light(canonical_light(self.spectrum) or self.spectrum)
         return lamp_illuminance_lux(source, self.power_W, self.distance_m, self.beam_deg)
 
 
