@@ -19,6 +19,7 @@ from volspec.export.annotate import MarkedPicture, material_colours, paint, pict
 from volspec.raycast import Camera
 from volspec.raycast.projection import Projection, length_mm
 from volspec.relight import LightRig, RelightSpec
+from volspec.scene.annotation import Annotation
 from volspec.scene.export import MARKS
 from volspec.spectra import light, reflectance
 from volspec.volume import phantom
@@ -118,3 +119,23 @@ def test_only_display_codes_are_annotated(scene: Make, tmp_path: Path) -> None:
         scene().export(tmp_path / "out", format="exr", annotate=["scale"])
     with raises(SceneError, "unknown"):
         scene().export(tmp_path / "out", annotate=["scal"])
+
+
+@pytest.mark.parametrize("size", [(800, 600), (3000, 2000), (120, 90)])
+def test_annotations_are_where_their_points_are(size: tuple[int, int]) -> None:
+    points = ((2.0, 2.0, 2.0), (12.0, 5.0, 9.0))
+    picture = marked(size, annotations=[Annotation(points_mm=points)])
+    camera = Camera.orbit(VOLUME, azimuth_deg=20.0)
+    drawn = Projection(camera, (0, 0, *size)).to_window(np.array(points))[:, :2]
+    for share in (0.0, 0.3, 1.0):  # the caption is near the middle
+        x, y = (drawn[0] + share * (drawn[1] - drawn[0])).astype(int)
+        near = picture[y - 1 : y + 2, x - 1 : x + 2]  # lines of small pictures are thin
+        assert near.min(axis=-1).max() > 200
+    assert (picture[0] == 128).all() and (picture == 0).any()
+
+
+def test_an_annotation_behind_the_camera_is_not_drawn() -> None:
+    camera = Camera.orbit(VOLUME, azimuth_deg=20.0)
+    behind = tuple((2 * np.array(camera.position_mm) - np.array(camera.target_mm)).tolist())
+    picture = marked((80, 60), annotations=[Annotation(points_mm=(behind,), text="here")])
+    assert (picture == 128).all()

@@ -17,6 +17,7 @@ from tests.viewer._edits import MODULES, drawn, edits_of, with_arguments
 from volspec.palette import Cell
 from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
+from volspec.scene.annotation import Annotation
 from volspec.spectra import DEFAULT_GRID, light, reflectance
 from volspec.viewer.model import (
     camera,
@@ -73,6 +74,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "saved_lights": (LightState("State 1", state.lights, state.relight),),
         "fade": Fade(state.lights, state.relight, 1.0),
         "palette": PaletteState(),
+        "annotations": (Annotation(points_mm=((0.0, 0.0, 0.0),), text="here"),),
         "thickness": 2.0,
         "unthickened": (state.transfer, 1.0, state.transfer),
     }
@@ -169,12 +171,13 @@ _MENUS |= {"Cut": "cast", "Transfer": "cast", "Render": "cast", "": "cast"}
 _ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | dict.fromkeys(
     ("cube", "scale", "crop", "planes", "lights", "error-map")
     + ("axial-down", "axial-up", "coronal-forward", "coronal-backward")
-    + ("sagittal-right", "sagittal-left"),
+    + ("sagittal-right", "sagittal-left")
+    + ("measure-distance", "measure-angle", "measure-label"),
     "frame",
 )
 # Points are what it has already, and its values are not labels.
 _ODD |= dict.fromkeys(("transfer-labels", "labels-show", "labels-hide", "labels-invert"))
-_ODD |= {"projection-composite": None, "quality-standard": None}
+_ODD |= {"projection-composite": None, "quality-standard": None, "measure-remove": None}
 _ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 

@@ -1,4 +1,4 @@
-"""Marks in saved pictures: scale bar, orientation cube, title, light, materials with their colours.
+"""Marks in saved pictures: scale bar, orientation, title, light, materials, annotations.
 
     camera, size, names -> [annotate] -> patches -> pixels of any depth, a strip at a time
 
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -30,6 +31,7 @@ from volspec.raycast.projection import (
 )
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
+from volspec.scene.annotation import ANGLE, LABEL, Annotation
 from volspec.spectra import Spectrum, XYZ_from_spectra
 from volspec.volume import Volume
 
@@ -49,6 +51,8 @@ _HALF, _CORNER, _FINE = 26.0, 62.0, 4
 # The grey of a face: a constant, and a factor for its cosine to the eye; below it, no letters.
 _SHADE, _ASKEW = (0.30, 0.34), 0.3
 _SWATCH, _ROW = 18.0, 28.0
+# Of annotations: radius of dots, half width of lines, and where a label is from its point.
+_DOT, _LINE, _LEADER = 4.0, 1.1, (28.0, -28.0)
 _WHITE, _BLACK = (255, 255, 255, 255), (0, 0, 0, 255)
 _MOST_LETTERS = 80
 
@@ -74,12 +78,13 @@ class MarkedPicture:
     light: str = ""
     materials: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)  # codes 0 to 1
     patient: bool | None = None  # name directions by the patient's body; None: the volume decides
+    annotations: Sequence[Annotation] = ()
 
 
 def picture_marks(marks: Sequence[Mark], picture: MarkedPicture) -> list[Patch]:
-    """Return the patches of the marks of a picture, from ``[export] annotate``."""
+    """Return the patches of a picture: its annotations, and marks of ``[export] annotate``."""
     paint = _Painter(picture)
-    patches: list[Patch] = []
+    patches = [patch for each in picture.annotations for patch in paint.annotation(each)]
     top = paint.margin
     if "title" in marks and picture.title:
         patches.append(paint.text(picture.title, paint.margin, top, _TITLE))
@@ -218,6 +223,47 @@ class _Painter:
         small = canvas.resize((side, side), Image.Resampling.BOX)
         x = picture.size[0] - _CORNER * self.unit - side / 2
         return _patch(small, x, _CORNER * self.unit - side / 2)
+
+    def annotation(self, each: Annotation) -> list[Patch]:
+        """Return an annotation's lines and its caption; nothing if it is behind the camera."""
+        points = self._projection.to_window(np.asarray(each.points_mm, np.float64))
+        if (points[:, 2] <= 0).any():
+            return []
+        ends = points[:, :2]
+        at = ends[1] if len(ends) == ANGLE else ends.mean(axis=0)
+        lines = list(pairwise(ends))
+        if len(ends) == LABEL:
+            at = ends[0] + self.unit * np.array(_LEADER)
+            lines = [(ends[0], at)]
+        text = self.text(
+            each.caption, at[0] + 6 * self.unit, at[1] - 1.3 * _TEXT * self.unit, _TEXT
+        )
+        return [self._strokes(lines, ends), text]
+
+    def _strokes(
+        self, lines: Sequence[tuple[NDArray[np.float64], ...]], dots: NDArray[np.float64]
+    ) -> Patch:
+        """Return white lines and dots with a dark outline; coverage is by distance."""
+        outline = _OUTLINE * self.unit
+        most = _DOT * self.unit + outline + 1.0
+        every = np.concatenate([*(np.stack(line) for line in lines), dots])
+        size = np.array(self._picture.size)
+        low = np.clip(np.floor(every.min(axis=0) - most), 0, size - 1).astype(int)
+        high = np.clip(np.ceil(every.max(axis=0) + most), low + 1, size).astype(int)
+        x, y = np.meshgrid(*(np.arange(a, b) + 0.5 for a, b in zip(low, high, strict=True)))
+        # Distance to the nearest edge: below 0 inside.
+        edge = np.full(x.shape, np.inf, np.float32)
+        for (x0, y0), (x1, y1) in lines:
+            dx, dy = x1 - x0, y1 - y0
+            along = ((x - x0) * dx + (y - y0) * dy) / max(dx * dx + dy * dy, 1e-9)
+            along = np.clip(along, 0.0, 1.0)
+            far = np.hypot(x - x0 - along * dx, y - y0 - along * dy)
+            edge = np.minimum(edge, far - _LINE * self.unit)
+        for x0, y0 in dots:
+            edge = np.minimum(edge, np.hypot(x - x0, y - y0) - _DOT * self.unit)
+        white = np.clip(0.5 - edge, 0.0, 1.0).astype(np.float32)
+        dark = np.clip(0.5 + outline - edge, 0.0, 1.0).astype(np.float32)
+        return Patch(int(low[0]), int(low[1]), np.repeat(white[..., None], 3, axis=2), dark)
 
     def legend(self, top: float) -> list[Patch]:
         """Return a row for each material in the lower left corner; those without room are counted.

@@ -231,13 +231,15 @@ class FrameFiles:
     def marks(self, shot: Shot, volume: Volume) -> list[Patch]:
         """Return the marks of a shot's picture."""
         marks, scene = self.table.annotate, self.scene
-        if not marks:
+        annotations = scene.file.annotation if self.table.format == "png" else ()
+        if not marks and not annotations:
             return []
         materials = scene.materials if "materials" in marks else {}
         shares = scene.raycast.shares()
         colours = material_colours(materials, scene.basis, shot.rig, shot.spec, shares)
         picture = MarkedPicture(
-            self.size, shot.camera, volume, scene.file.title, shot.light, colours
+            *(self.size, shot.camera, volume, scene.file.title, shot.light, colours),
+            annotations=annotations,
         )
         return picture_marks(marks, picture)
 

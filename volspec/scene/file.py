@@ -19,6 +19,7 @@ from volspec.errors import RaycastError, SceneError, nearest
 from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.lights import HEADLIT
 from volspec.relight import RelightSpec
+from volspec.scene.annotation import Annotation
 from volspec.scene.export import ExportSpec, Keyframe, check_export
 from volspec.scene.lights import LightSpec, rows_by_name
 from volspec.scene.specs import (
@@ -72,6 +73,8 @@ class SceneFile:
     """The picture's size."""
     export: ExportSpec = field(default_factory=ExportSpec)
     """Frames for `volspec export`."""
+    annotation: Annotated[tuple[Annotation, ...], Field(strict=False)] = ()
+    """Labels, distances and angles, drawn over pictures, films and pages."""
     keyframe: Annotated[tuple[Keyframe, ...], Field(strict=False)] = ()
     """Settings at times of an exported film."""
 

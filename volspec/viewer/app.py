@@ -16,7 +16,9 @@ from pathlib import Path
 from imgui_bundle import imgui, implot
 
 from volspec.errors import InputError
+from volspec.viewer.model import measure
 from volspec.viewer.model.commands import BY_KEY, MENUS
+from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
 from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.light_rows import Fade
@@ -363,8 +365,21 @@ class _App:
             elif given.key in BY_KEY:
                 state = self._ui.run(state, BY_KEY[given.key])
         state = self._mouse.apply(state, inputs, area)
-        self._ui.clicked = self._mouse.clicked
+        if self._mouse.clicked is not None:
+            state = self._click(state, *self._mouse.clicked)
         return self._docks.panels(state, self._ui)
+
+    def _click(self, state: ViewState, button: str, place: tuple[float, float]) -> ViewState:
+        """Return the state after a click into the picture, which opens a menu or picks a point."""
+        if button == "right":
+            self._ui.clicked = place
+        if button != "left" or not state.interface.tool:
+            return state
+        point = self._screen.point_mm(place)
+        if point is None:
+            self._notice.show("Nothing is there; click a surface", SHORT_SECONDS)
+            return state
+        return self._ui.edited(state, bind(measure.pick, point))
 
     def _do_requests(self) -> None:
         """Run the commands that are not edits of the state."""

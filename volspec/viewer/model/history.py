@@ -31,6 +31,7 @@ STAGES: dict[str, Stage] = {
     "saved_lights": "frame",
     "fade": "frame",
     "palette": "relight",
+    "annotations": "frame",
     "thickness": "cast",
     "unthickened": "frame",
 }
@@ -44,6 +45,7 @@ _WORDS = (
     ("light states", ("saved_lights",)),
     ("transfer function", ("transfer", "shift", "thickness")),
     ("viewing", ("relight",)),
+    ("annotations", ("annotations",)),
 )
 _CUTS = ("clip_planes", "crop_voxels")
 

@@ -203,6 +203,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
         light=tuple(_light_tables(state, file)),
         viewing=file.viewing if same_viewing else as_typed(state.relight),
         output=OutputSpec(width, height),
+        annotation=as_typed(state.annotations),
     )
 
 

@@ -9,6 +9,8 @@ from dataclasses import dataclass, field, replace
 
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
+from volspec.scene.annotation import Annotation
+from volspec.settings import Vector
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import Fade, LightState, Rows
@@ -60,6 +62,8 @@ class Interface:
     slices: Slices = field(default_factory=Slices)
     fade_s: float = 1.5  # duration of a fade to a saved light state
     pick: Pick = field(default_factory=Pick)
+    tool: str = ""  # that picks points: one of `measure.TOOLS`; empty for none
+    tool_points: tuple[Vector, ...] = ()  # the points that it has so far, in mm of the world
     part: int = 0  # the point, region, surface or label whose details are shown
 
 
@@ -82,6 +86,7 @@ class ViewState:
     fade: Fade | None = None  # start of the fade to this state's lights, while it lasts
     # Targets only: the designed spectra are in `transfer` and `lights`.
     palette: PaletteState = field(default_factory=PaletteState)
+    annotations: tuple[Annotation, ...] = ()
     thickness: float = 1.0  # factor by which the transfer function was thickened
     # The transfer function before it was thickened, its thickness, and the result: valid while the
     # result is `transfer`. Opacities that were rounded to 1 are restored from it.
@@ -103,4 +108,5 @@ class ViewState:
             document.lights,
             document.relight,
             size=size,
+            annotations=document.file.annotation if document.file else (),
         )

@@ -14,6 +14,7 @@ from volspec.viewer.ui import (
     cuts,
     effects,
     lighting,
+    measure,
     menus,
     messages,
     overlays,
@@ -46,6 +47,7 @@ _PANELS = (
     ("Lighting", lighting.draw, "lower"),
     ("Quality", quality.draw, "lower"),
     ("Messages", messages.draw, "lower"),
+    ("Measure", measure.draw, "lower"),
 )
 _OVERLAYS = (
     overlays.draw_error_map,
@@ -56,6 +58,7 @@ _OVERLAYS = (
     lighting.draw_handles,
     overlays.draw_cube,
     overlays.draw_scale,
+    measure.draw_annotations,
     effects.draw_picture_menu,
     start.draw,
     commands.draw,

@@ -85,8 +85,8 @@ class Mouse:
         self.gestures = Gestures()
         # The mouse's place, 0 to 1 of the picture; None if it is elsewhere, or over a panel.
         self.over_picture: Place | None = None
-        # Where a right click was in this frame, 0 to 1 of the picture; None if there was none.
-        self.clicked: Place | None = None
+        # The button of a click in this frame, and its place, 0 to 1 of the picture; None if none.
+        self.clicked: tuple[str, Place] | None = None
         # Window pixels per pixel at 96 dpi; it differs between monitors.
         self.scale = 1.0
         self._down: set[str] = set()
@@ -122,8 +122,9 @@ class Mouse:
                 state = self._begin(state, given, area)
             elif given.name == "release" and given.button == self._drag:
                 self._drag = ""
-                if self._still and given.button == "right":
-                    self.clicked = (self._at[0] - x) / width, (self._at[1] - y) / height
+                if self._still and self._face is None and self._handle is None:
+                    place = (self._at[0] - x) / width, (self._at[1] - y) / height
+                    self.clicked = given.button, place
                 if self._face is not None:  # a click
                     state = camera.look_at_face(state, self._face)
             elif given.name == "move" and self._drag:
@@ -172,10 +173,10 @@ class Mouse:
     def _drag_to(self, state: ViewState, before: Place, area: Area) -> ViewState:
         """Return the state after a move during a drag."""
         x, y, width, height = area
-        # A right click zooms only once it is a drag.
+        # A click that does something else is no drag.
         if self._still and math.dist(self._at, self._pressed) >= STILL * self.scale:
             self._still = False
-        if self._still and self._drag == "right":
+        if self._still and (self._drag == "right" or state.interface.tool):
             return state
         if self._face is not None:
             if math.dist(self._at, self._pressed) < STILL * self.scale:

@@ -21,13 +21,15 @@ from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
+from volspec.settings import Vector
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import vector
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import CastDone
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures, Relit
-from volspec.viewer.work.probe import Reading, read
+from volspec.viewer.work.probe import Reading, place_mm, read
 from volspec.viewer.work.slice_pictures import SlicePictures
 
 # Frames further apart do not count as movement.
@@ -370,6 +372,16 @@ class Screen:
             except VolspecError:  # reported when it was relit
                 self._reading = None
         self.under_mouse = self._reading
+
+    def point_mm(self, place: tuple[float, float]) -> Vector | None:
+        """Return the first hit at a place of the picture in the world; None if there is none."""
+        image, cast = self.pictures.image, self._cast
+        if image is None or cast is None:
+            return None
+        width, height = image.size
+        pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
+        found = place_mm(image, cast.job.camera, pixel)
+        return None if found is None else vector(found)
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Request the error map if it is on; return True if a new one has come."""

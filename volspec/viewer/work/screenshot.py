@@ -76,7 +76,8 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
     rig, volume, image = light_rig(state.lights), state.document.volume, state.document.image
     # The rest would be that of a volume and a view, which a cast image does not have.
     marks = [each for each in shot.marks if image is None or each in ("title", "light")]
-    if rig is None or not marks:
+    annotations = state.annotations if image is None else ()
+    if rig is None or not (marks or annotations):
         return []
     transfer, shares = state.transfer, state.shading.shares()
     materials = transfer.materials if "materials" in marks else {}
@@ -88,6 +89,7 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
         lit_names(state.lights),
         material_colours(materials, transfer.basis, rig, state.relight, shares),
         state.interface.overlays.patient,
+        annotations,
     )
     return picture_marks(marks, picture)
 

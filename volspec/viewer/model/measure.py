@@ -1,0 +1,113 @@
+"""Measure distances and angles in the picture, and label points of it.
+
+clicks, panel -> [measure] -> state
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from volspec.errors import InputError
+from volspec.scene.annotation import ANGLE, DISTANCE, LABEL, MOST_LETTERS, Annotation
+from volspec.settings import Vector
+from volspec.viewer.model.edit import Command, bind, edit, refusable, with_interface
+from volspec.viewer.model.state import ViewState
+
+MOST = 99
+# Points that a tool picks, by its name.
+TOOLS = {"distance": DISTANCE, "angle": ANGLE, "label": LABEL}
+_NEW_TEXT = "label"
+PANEL = "Measure"
+
+
+@edit
+def start(state: ViewState, tool: str) -> ViewState:
+    """Start picking points with a tool, or stop if it is in use."""
+    if tool not in TOOLS or state.interface.tool == tool:
+        return stop(state)
+    panels = state.interface.panels | {PANEL}
+    return with_interface(state, tool=tool, tool_points=(), panels=panels)
+
+
+@edit
+def stop(state: ViewState) -> ViewState:
+    """Stop picking points."""
+    return with_interface(state, tool="", tool_points=())
+
+
+@refusable
+def pick(state: ViewState, point_mm: Vector) -> ViewState:
+    """Pick a point; the last point of a tool adds its annotation, and the tool stays in use."""
+    needed = TOOLS.get(state.interface.tool)
+    if needed is None:
+        return state
+    points = (*state.interface.tool_points, point_mm)
+    if len(points) < needed:
+        return with_interface(state, tool_points=points)
+    if len(state.annotations) >= MOST:
+        raise InputError(f"The limit is {MOST} annotations; remove one first", code="size")
+    made = Annotation(points_mm=points, text=_NEW_TEXT if needed == LABEL else "")
+    return replace(with_interface(state, tool_points=()), annotations=(*state.annotations, made))
+
+
+@edit
+def rename(state: ViewState, index: int, text: str) -> ViewState:
+    """Set an annotation's text; a label keeps its own if the new one is empty."""
+    if not 0 <= index < len(state.annotations):
+        return state
+    made = replace(state.annotations[index], text=" ".join(text.split())[:MOST_LETTERS])
+    rest = state.annotations
+    return replace(state, annotations=(*rest[:index], made, *rest[index + 1 :]))
+
+
+@edit
+def remove(state: ViewState, index: int) -> ViewState:
+    """Remove an annotation."""
+    if not 0 <= index < len(state.annotations):
+        return state
+    rest = state.annotations
+    return replace(state, annotations=(*rest[:index], *rest[index + 1 :]))
+
+
+@edit
+def remove_all(state: ViewState) -> ViewState:
+    """Remove all annotations."""
+    return replace(state, annotations=())
+
+
+def hint(state: ViewState) -> str:
+    """Return what to click next; empty if no tool is in use."""
+    tool, picked = state.interface.tool, len(state.interface.tool_points)
+    if not tool:
+        return ""
+    if tool == "label":
+        return "Click the point to label; Esc ends"
+    steps = ("first", "second") if tool == "distance" else ("first", "middle", "last")
+    return f"Click the {steps[picked]} point of the {tool}; Esc ends"
+
+
+def _tool(name: str, title: str, words: str) -> Command:
+    return Command(
+        f"measure-{name}",
+        "View",
+        title,
+        (),
+        bind(start, name),
+        lambda state: state.interface.tool == name,
+        words=words,
+    )
+
+
+COMMANDS = (
+    _tool("distance", "Measure a distance", "ruler length mm size"),
+    _tool("angle", "Measure an angle", "degrees protractor"),
+    _tool("label", "Add a label", "annotate annotation text note arrow"),
+    Command(
+        "measure-remove",
+        "View",
+        "Remove all measurements and labels",
+        (),
+        remove_all,
+        words="clear",
+    ),
+)

@@ -1,0 +1,127 @@
+"""Measurements and labels over the picture, and the panel that lists them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from imgui_bundle import imgui
+
+from volspec.raycast.projection import Place, Projection
+from volspec.scene.annotation import LABEL, Annotation
+from volspec.settings import Vector
+from volspec.viewer.model import measure
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.widgets import BLACK, WHITE, lit_button, over_picture, pack_colour
+
+# Sizes in pixels at 96 dpi: dots, lines, their outline, and a label's leader, right and up.
+_DOT, _LINE, _OUTLINE, _LEADER = 3.5, 1.6, 1.6, (26.0, -26.0)
+_TITLES = {"distance": "Distance", "angle": "Angle", "label": "Label"}
+
+
+def draw_annotations(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the annotations, the points picked so far, and what to click next; Esc ends a tool."""
+    projection = ui.projection(state)
+    for number, each in enumerate(state.annotations):
+        middle = _draw(projection, ui, each.points_mm, each.caption)
+        if middle is not None:
+            ui.areas[f"annotation {number}"] = int(middle[0]), int(middle[1]), 1, 1
+    if not state.interface.tool:
+        return None
+    points = state.interface.tool_points
+    if points:
+        _draw(projection, ui, points, "")
+    _draw_hint(measure.hint(state), ui)
+    escaped = imgui.is_key_pressed(imgui.Key.escape) and not imgui.get_io().want_text_input
+    return measure.stop(state) if escaped else None
+
+
+def _draw(
+    projection: Projection, ui: UiContext, points: Sequence[Vector], caption: str
+) -> Place | None:
+    """Draw points, the line through them and a caption; return the caption's place."""
+    drawn = projection.to_window(np.asarray(points, np.float64))
+    if (drawn[:, 2] <= 0).any():
+        return None
+    ends = [(float(x), float(y)) for x, y, _ in drawn]
+    at = ends[len(ends) // 2] if len(ends) != 2 else _between(*ends)
+    lines = list(pairwise(ends))
+    if len(ends) == LABEL and caption:
+        dx, dy = _LEADER
+        at = ends[0][0] + ui.px(dx), ends[0][1] + ui.px(dy)
+        lines = [(ends[0], at)]
+    size = imgui.calc_text_size(caption)
+    text = at[0] + ui.px(7), at[1] - size.y - ui.px(4)
+    with over_picture(ui) as draw_list:
+        # The outline first: white on black is visible on any picture.
+        for colour, wider in ((pack_colour(BLACK, 0.75), ui.px(_OUTLINE)), (pack_colour(WHITE), 0)):
+            for one, two in lines:
+                draw_list.add_line(one, two, colour, ui.px(_LINE) + 2 * wider)
+            for end in ends:
+                draw_list.add_circle_filled(end, ui.px(_DOT) + wider, colour)
+        if caption:
+            pad = ui.px(4)
+            low, high = (
+                (text[0] - pad, text[1] - pad / 2),
+                (text[0] + size.x + pad, text[1] + size.y + pad / 2),
+            )
+            draw_list.add_rect_filled(low, high, pack_colour(BLACK, 0.62), ui.px(3))
+            draw_list.add_text(text, pack_colour(WHITE), caption)
+    return at
+
+
+def _between(one: Place, two: Place) -> Place:
+    return (one[0] + two[0]) / 2, (one[1] + two[1]) / 2
+
+
+def _draw_hint(text: str, ui: UiContext) -> None:
+    """Write what to click next at the picture's lower edge."""
+    x, y, width, height = ui.areas["picture"]
+    size, pad = imgui.calc_text_size(text), ui.px(8)
+    left, top = x + (width - size.x) / 2, y + height - size.y - ui.px(22)
+    with over_picture(ui) as draw_list:
+        low, high = (left - pad, top - pad / 2), (left + size.x + pad, top + size.y + pad / 2)
+        draw_list.add_rect_filled(low, high, pack_colour(BLACK, 0.72), ui.px(5))
+        draw_list.add_text((left, top), pack_colour(WHITE), text)
+
+
+def draw(state: ViewState, ui: UiContext) -> ViewState | None:
+    """Draw the panel: a button for each tool, and the annotations."""
+    new = state
+    for number, (tool, title) in enumerate(_TITLES.items()):
+        if number:
+            imgui.same_line(0, ui.px(6))
+        if lit_button(title, state.interface.tool == tool, state.interface.dark):
+            new = measure.start(new, tool)
+        ui.note(f"tool {tool}")
+    if not state.annotations:
+        imgui.text_wrapped("Pick a tool, then click points of the picture.")
+    remove: int | None = None
+    for i, each in enumerate(state.annotations):
+        imgui.push_id(i)
+        new = _row(new, each, ui, i)
+        imgui.same_line(0, ui.px(6))
+        if imgui.button("×", (imgui.get_frame_height(), 0)):
+            remove = i
+        ui.note(f"remove annotation {i}", "Remove it")
+        imgui.pop_id()
+    if remove is not None:
+        new = measure.remove(new, remove)
+    return None if new is state else new
+
+
+def _row(state: ViewState, each: Annotation, ui: UiContext, i: int) -> ViewState:
+    """Draw an annotation's text to edit, and its number."""
+    number = "" if each.value is None else each.caption.removeprefix(each.text).strip()
+    room = imgui.get_content_region_avail().x - imgui.get_frame_height() - ui.px(6)
+    imgui.set_next_item_width(room - (ui.px(96) if number else 0))
+    changed, text = imgui.input_text_with_hint("##text", "name", each.text)
+    ui.note(f"annotation text {i}")
+    if number:
+        imgui.same_line(0, ui.px(6))
+        imgui.align_text_to_frame_padding()
+        imgui.text(number)
+        imgui.same_line(room + imgui.get_style().window_padding.x)
+    return measure.rename(state, i, text) if changed else state
