@@ -136,10 +136,15 @@ def colours(palette: Palette) -> tuple[Array, Array]:
 
 
 def error(
-    model: Model, rows: int, columns: int, metric: str = "RGB", draw: str = "linear"
+    model: Model,
+    rows: int,
+    columns: int,
+    metric: str = "RGB",
+    draw: str = "linear",
+    seeds: int = SEEDS,
 ) -> Array:
-    """Return (SEEDS,) mean ΔE*ab over a palette's cells."""
-    palettes = [drawn(model, rows, columns, seed, metric, draw) for seed in range(SEEDS)]
+    """Return (seeds,) mean ΔE*ab over a palette's cells."""
+    palettes = [drawn(model, rows, columns, seed, metric, draw) for seed in range(seeds)]
     pairs = [colours(palette) for palette in palettes]
     return np.array([np.linalg.norm(got - wanted, axis=-1).mean() for wanted, got in pairs])
 

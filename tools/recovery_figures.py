@@ -1,10 +1,12 @@
-"""Draw the base spectra, as in figure 1 of Wang, Xu & Sun (2004), and one mixture.
+"""Draw the base spectra, as in figure 1 of Wang, Xu & Sun (2004), and a mixture, as in figure 3.
 
-``python -m tools.recovery_figures`` draws both for docs/reflectance.md, and prints the base's span.
+``python -m tools.recovery_figures`` draws them for docs/reflectance.md, and prints the base's span.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ from volspec.basis.reflectance_figure import save_reflectance_figure
 from volspec.spectra import (
     BaseSpectra,
     SpectralGrid,
+    Spectrum,
     XYZ_from_spectra,
     base_spectra,
     colour_matching_functions,
@@ -35,6 +38,7 @@ IMAGES = Path(__file__).resolve().parent.parent / "docs" / "images"
 EXAMPLE = "#c08040"
 _LOCUS = SpectralGrid(380, 700, 2)
 _WIDTH, _HEIGHT, _DPI = 10.0, 3.75, 120
+_TALL = 4.4
 _MARK_NM = (480, 500, 520, 540, 560, 580, 600, 620)
 
 
@@ -79,7 +83,7 @@ def _chromaticities(base: BaseSpectra) -> Array:
 
 
 def draw() -> None:
-    """Write base-spectra.png and reflectance.png into docs/images."""
+    """Write base-spectra.png, tetrahedron.png and reflectance.png into docs/images."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -96,8 +100,56 @@ def draw() -> None:
     values = dict(zip(base.names, base.values, strict=True))
     mix = (part.partition(" ") for part in made.notes["mixed from"].split(", "))
     parts = {name: (float(share), values[name]) for share, _, name in mix}
+    _save_tetrahedron(base, made, parts)
     lamps = [light("D65"), light("A")]
     save_reflectance_figure(made, parts, lamps, IMAGES / "reflectance.png")
+
+
+def _save_tetrahedron(
+    base: BaseSpectra, made: Spectrum, parts: Mapping[str, tuple[float, Array]]
+) -> None:
+    """Write the tetrahedron around a colour among the base spectra's, in XYZ under D65."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    E = light("D65")
+    to_linear = np.linalg.inv(XYZ_from_linear_sRGB(white_XYZ(E)))
+
+    def shown(XYZ: Array) -> Array:
+        return np.asarray(encode_sRGB(np.clip(XYZ @ to_linear.T, 0.0, 1.0)))
+
+    XYZ, wanted = XYZ_from_spectra(E, base.values), XYZ_from_spectra(E, made)
+    corners = np.array([XYZ_from_spectra(E, values) for _, values in parts.values()])
+    middle, reach = corners.mean(0), 0.62 * np.ptp(corners, axis=0).max()
+    near = (np.abs(XYZ - middle) < reach).all(1)
+    near &= np.abs(XYZ[:, None] - corners).max(-1).min(1) > 1e-6  # drawn larger
+    figure = Figure(figsize=(_TALL, _TALL), dpi=_DPI, facecolor=PAPER)
+    FigureCanvasAgg(figure)
+    axes: Any = figure.add_axes((0.02, 0.04, 0.93, 0.9), projection="3d", computed_zorder=False)
+    axes.view_init(elev=24, azim=-118)
+    axes.set_box_aspect((1, 1, 1), zoom=1.0)
+    axes.scatter(*XYZ[near].T, s=9, c=shown(XYZ[near]), linewidths=0, alpha=0.7, zorder=1)
+    for one, other in combinations(corners, 2):
+        axes.plot(*np.stack([one, other]).T, color=INK, linewidth=0.9, zorder=2)
+    axes.scatter(*corners.T, s=80, c=shown(corners), edgecolors=INK, linewidths=0.8, zorder=3,
+                 depthshade=False)  # fmt: skip
+    axes.scatter(*wanted, s=60, c="white", edgecolors=INK, linewidths=1.2, zorder=4)
+    for (name, (share, _)), at in zip(parts.items(), corners, strict=True):
+        axes.text(
+            *(at + 0.3 * (at - middle)), f"{share:.0%}\n{name}", fontsize=7, color=INK, ha="center",
+            va="center", zorder=5,
+        )  # fmt: skip
+    for name, centre in zip("xyz", middle, strict=True):
+        axes.set(**{f"{name}lim": (centre - reach, centre + reach)})
+        getattr(axes, f"set_{name}label")(name.upper(), fontsize=8, color=FAINT, labelpad=-6)
+        axis = getattr(axes, f"{name}axis")
+        axis.set_pane_color((1, 1, 1, 0))
+        axis.line.set_color(HAIR)
+        axis._axinfo["grid"].update(color=HAIR, linewidth=0.5)
+    axes.tick_params(labelsize=6.5, labelcolor=FAINT, pad=-2)
+    write(figure, 0.05, 0.95, f"{made.name} among the base spectra", fontsize=9.5, color=INK)
+    with write_whole(IMAGES / "tetrahedron.png") as temporary:
+        figure.savefig(temporary, format="png", dpi=_DPI)
 
 
 def _draw_curves(figure: Any, measured: BaseSpectra) -> None:
@@ -106,10 +158,11 @@ def _draw_curves(figure: Any, measured: BaseSpectra) -> None:
     w = measured.grid.wavelengths_nm
     axes.set(xlim=(w[0], w[-1]), ylim=(0, 1), yticks=[0, 0.5, 1])
     axes.set_xlabel("wavelength, nm", fontsize=8, color=FAINT, labelpad=3)
-    # Black and white come first; they are not measured.
-    for values in measured.values[2:]:
+    # Flat ones are not measured.
+    curves = [values for values in measured.values if np.ptp(values) > 0.0]
+    for values in curves:
         axes.plot(w, values, color=line_colour(values, measured.grid), linewidth=0.45, alpha=0.55)
-    title = f"{len(measured) - 2} measured reflectances"
+    title = f"{len(curves)} measured reflectances"
     write(figure, 0.45 / _WIDTH, 1 - 0.3 / _HEIGHT, title, fontsize=9.5, color=INK)
 
 
