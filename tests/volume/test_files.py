@@ -176,3 +176,22 @@ def test_a_question_mark_may_be_a_part_of_the_name(tmp_path: Path) -> None:
     path = tmp_path / "what?spacing=2.npy"
     np.save(path, VALUES)
     assert load_volume(path).values.shape == VALUES.shape
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [("v.stl", "mesh"), ("v.mgz", "mri_convert"), ("v.nc", "xarray"), ("v.czi", "OME-TIFF")],
+)
+def test_files_of_other_formats_get_advice(tmp_path: Path, name: str, word: str) -> None:
+    (tmp_path / name).write_bytes(b"bytes")
+    with raises(VolumeError, "unsupported") as caught:
+        load_volume(tmp_path / name)
+    assert word in str(caught.value)
+
+
+def test_a_summary_has_directions_as_letters_and_short_lengths_in_micrometres() -> None:
+    assert summarise(Volume(VALUES, world_from_index=WORLD)).directions == "PRS"
+    assert summarise(Volume(VALUES)).directions == ""
+    fine = summarise(Volume(VALUES, spacing_mm=(0.0002, 0.0002, 0.001)))
+    cells = [list(column.cells) for column in fine.table().columns]
+    assert cells[1][cells[0].index("spacing")] == "0.2 × 0.2 × 1 µm"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import locale
 import re
+import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ import SimpleITK as sitk
 
 from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently
-from volspec.errors import VolumeError
+from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import load_volume, volume_choices
 
 VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
@@ -299,3 +300,53 @@ def test_series_of_a_folder_are_listed_by_number_and_description(tmp_path: Path)
     for value in choice.values:
         assert load_volume(f"{tmp_path}?series={value}").shape_xyz
     assert volume_choices(tmp_path / "a") == ()
+
+
+def test_files_without_pictures_and_without_a_preamble_are_left_out(tmp_path: Path) -> None:
+    """Old programs write structure sets as a bare data set, here of implicit types."""
+    write_series(tmp_path)
+    uid = b"1.2.840.10008.5.1.4.1.1.481.3\0"
+    charset = b"\x08\x00\x05\x00\x0a\x00\x00\x00ISO_IR 100"
+    bare = charset + b"\x08\x00\x16\x00" + len(uid).to_bytes(4, "little") + uid
+    (tmp_path / "structures.dcm").write_bytes(bare)
+    assert np.array_equal(load_silently(tmp_path).values, VALUES)
+
+
+def element(group: int, number: int, kind: str, value: bytes | str | int) -> bytes:
+    """One element of a DICOM data set, explicit and little-endian."""
+    if isinstance(value, int):
+        value = value.to_bytes(2, "little")
+    data = value.encode() if isinstance(value, str) else value
+    data += (b"\0" if kind == "UI" else b" ") * (len(data) % 2)
+    size = len(data).to_bytes(2, "little")
+    if kind == "OW":
+        size = b"\0\0" + len(data).to_bytes(4, "little")
+    return struct.pack("<HH", group, number) + kind.encode() + size + data
+
+
+def test_a_dose_is_in_grays_and_its_frames_lie_at_their_offsets(tmp_path: Path) -> None:
+    """ITK's writer knows no doses."""
+    frames, rows, columns = VALUES.shape
+    elements = (
+        element(2, 2, "UI", "1.2.840.10008.5.1.4.1.1.481.2"),
+        *(element(2, 3, "UI", "1.2.3"), element(2, 16, "UI", "1.2.840.10008.1.2.1")),
+        element(8, 0x16, "UI", "1.2.840.10008.5.1.4.1.1.481.2"),
+        *(element(8, 0x18, "UI", "1.2.3"), element(8, 0x60, "CS", "RTDOSE")),
+        *(element(0x20, 0xD, "UI", "1.2"), element(0x20, 0xE, "UI", "1.2.9")),
+        element(0x20, 0x32, "DS", "0\\0\\0"),
+        element(0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0"),
+        *(element(0x28, 2, "US", 1), element(0x28, 4, "CS", "MONOCHROME2")),
+        element(0x28, 8, "IS", str(frames)),
+        *(element(0x28, 0x10, "US", rows), element(0x28, 0x11, "US", columns)),
+        element(0x28, 0x30, "DS", "2\\2"),
+        *(element(0x28, 0x100, "US", 16), element(0x28, 0x101, "US", 16)),
+        *(element(0x28, 0x102, "US", 15), element(0x28, 0x103, "US", 0)),
+        element(0x3004, 0xC, "DS", "0\\4\\8\\12"),
+        element(0x3004, 0xE, "DS", "0.001"),
+        element(0x7FE0, 0x10, "OW", VALUES.astype("<u2").tobytes()),
+    )
+    (tmp_path / "dose.dcm").write_bytes(b"\0" * 128 + b"DICM" + b"".join(elements))
+    with pytest.warns(VolspecWarning):
+        volume = load_volume(tmp_path / "dose.dcm")
+    assert volume.values == pytest.approx(VALUES * 0.001)
+    assert volume.spacing_mm == (2, 2, 4)

@@ -34,6 +34,30 @@ from volspec.volume.reader_process import choices_in_child, read_in_child
 
 _ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
 _VTK_SUFFIXES = (".vti", ".vtk")
+# What to do with files of other formats, by their suffixes.
+_ADVICE: dict[tuple[str, ...], str] = {
+    (".stl", ".ply", ".obj", ".vtp", ".vtu", ".glb", ".gltf"): (
+        "is a mesh, not a volume; voxelise it first, for example with pyvista's "
+        "voxelize_rectilinear, or show it next to a volume (docs/pyvista.md)"
+    ),
+    (".mgz", ".mgh"): (
+        "is FreeSurfer's format; convert it with mri_convert FILE.mgz FILE.nii.gz, or by nibabel: "
+        "nibabel.save(nibabel.load('FILE.mgz'), 'FILE.nii.gz')"
+    ),
+    (".mnc",): "is MINC; convert it with mnc2nii FILE.mnc FILE.nii",
+    (".par", ".rec", ".head", ".brik", ".brik.gz"): (
+        "is a scanner's or AFNI's format; convert it to NIfTI with dcm2niix, or 3dAFNItoNIFTI"
+    ),
+    (".nc", ".h5", ".hdf5", ".he5", ".mat"): (
+        "holds named arrays; open it in Python, such as with xarray or h5py, and pass one to "
+        "vs.Volume(array), or save it by numpy.save"
+    ),
+    (".czi", ".lif", ".nd2", ".lsm", ".ims", ".oib", ".oif"): (
+        "is a microscope's format; save it as OME-TIFF in Fiji (File, Import, Bio-Formats), or as "
+        "OME-Zarr with bioformats2raw"
+    ),
+    (".jpg", ".jpeg"): "is a picture; give a folder of TIFF or PNG slices",
+}
 _KNOWN = (
     "NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, DICOM, OME-Zarr, .npy, a folder of DICOM, TIFF or PNG "
     "slices, or FILE.raw?shape=256x256x110&dtype=uint8"
@@ -217,6 +241,8 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         return read_series
     if lower.endswith(".raw") or query.options:
         return read_raw
+    if advice := next((text for ends, text in _ADVICE.items() if lower.endswith(ends)), ""):
+        raise VolumeError(f"{path}: {advice}", code="unsupported")
     raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
 
 

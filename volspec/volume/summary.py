@@ -14,6 +14,10 @@ if TYPE_CHECKING:
 
 _BINS = 16
 _BAR = 40
+# Lengths below this many millimetres are given in micrometres.
+_SHORT_MM = 0.1
+# Letters of the negative and positive axes in ITK's LPS frame.
+_LETTERS = ("RL", "AP", "IS")
 # Most labels that the table lists.
 _MOST_LISTED = 12
 
@@ -29,6 +33,9 @@ class VolumeSummary:
     extent_mm: tuple[float, float, float]
     origin_mm: tuple[float, float, float]
     orientation: list[list[float]]  # columns: directions of the x, y and z axes in the world
+    # To where the axes lead in the patient, such as LPS: left, posterior, superior; empty if the
+    # file has no orientation.
+    directions: str
     range: tuple[float, float]
     mean: float
     histogram: list[tuple[float, float, int]]  # from, to (included by integers), count
@@ -45,12 +52,13 @@ class VolumeSummary:
 
         table = Table(title=self.name, show_header=False)
         table.add_row("size", " × ".join(str(n) for n in self.shape) + f", {self.dtype}")
-        table.add_row("spacing", " × ".join(f"{s:g}" for s in self.spacing_mm) + " mm")
-        table.add_row("extent", " × ".join(f"{s:g}" for s in self.extent_mm) + " mm")
+        table.add_row("spacing", _lengths(self.spacing_mm))
+        table.add_row("extent", _lengths(self.extent_mm))
         table.add_row("origin", ", ".join(f"{s:g}" for s in self.origin_mm) + " mm")
         columns = np.array(self.orientation).T
         axes = ["(" + ", ".join(f"{v:g}" for v in column) + ")" for column in columns]
-        table.add_row("axes x y z", " ".join(axes))
+        letters = f"{self.directions}: " if self.directions else ""
+        table.add_row("axes x y z", letters + " ".join(axes))
         table.add_row("range", f"{self.range[0]:g} … {self.range[1]:g}, mean {self.mean:.4g}")
         if self.missing:
             table.add_row("missing", f"{self.missing:,} voxels are NaN or infinite: transparent")
@@ -69,6 +77,28 @@ class VolumeSummary:
         listed = named or [str(number) for number in self.labels]
         more = ", …" if len(listed) > _MOST_LISTED else ""
         return f"{len(self.labels)}: {', '.join(listed[:_MOST_LISTED])}{more}"
+
+
+def _lengths(lengths_mm: tuple[float, float, float]) -> str:
+    """Return lengths as text, in micrometres if all are short.
+
+    >>> _lengths((0.0005, 0.0005, 0.002)), _lengths((0.5, 0.5, 2.0))
+    ('0.5 × 0.5 × 2 µm', '0.5 × 0.5 × 2 mm')
+    """
+    scale, unit = (1e3, "µm") if max(lengths_mm) < _SHORT_MM else (1.0, "mm")
+    return " × ".join(f"{length * scale:g}" for length in lengths_mm) + f" {unit}"
+
+
+def _directions(volume: Volume) -> str:
+    """Return a letter for each axis of the voxels; empty if the file has no orientation."""
+    world = volume.world_from_index[:3]
+    if np.array_equal(world, np.diag([*volume.spacing_mm, 1.0])[:3]):
+        return ""
+    columns = world[:, :3].T / np.asarray(volume.spacing_mm)
+    return "".join(
+        _LETTERS[int(np.abs(column).argmax())][int(column[np.abs(column).argmax()] > 0)]
+        for column in columns
+    )
 
 
 def summarise(volume: Volume) -> VolumeSummary:
@@ -93,6 +123,7 @@ def summarise(volume: Volume) -> VolumeSummary:
         extent_mm=(x, y, z),
         origin_mm=(float(origin[0]), float(origin[1]), float(origin[2])),
         orientation=(volume.world_from_index[:3, :3] / np.asarray(spacing)).tolist(),
+        directions=_directions(volume),
         range=(low, high),
         mean=float(present.mean(dtype=np.float64)),
         missing=volume.values.size - present.size,

@@ -255,7 +255,7 @@ def _read_frames(file: Slice, guesses: list[str]) -> _Placed:
         values = _read_pixels(file)
     z = file.spacing_mm[2]
     guesses.append(
-        f"{file.path}: its {file.size[2]} frames are read as slices {z:g} mm apart; give "
+        f"{file.path}: its {file.size[2]} frames are read as slices {abs(z):g} mm apart; give "
         f"{file.path.name}?spacing=x,y,z if that is wrong"
     )
     columns = file.directions * np.array(file.spacing_mm)
@@ -284,4 +284,4 @@ def _read_pixels(file: Slice) -> NDArray[Any]:
             code="damaged",
         ) from error
     values: NDArray[Any] = sitk.GetArrayFromImage(image)
-    return values
+    return values if file.scale == 1 else (values * file.scale).astype(np.float32)

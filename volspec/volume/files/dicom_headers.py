@@ -32,7 +32,10 @@ _NO_PICTURES = re.compile(
     r"1\.2\.840\.10008\.(1\.3\.10|5\.1\.4\.(34\..*|1\.1\.((9|11|67|88|104)\..*|66(\.[1235])?"
     r"|481\.([3-9]|\d\d))))"
 )
-_CLASS = re.compile(rb"\x02\x00\x02\x00UI..([0-9.]+)", re.DOTALL)
+# The class in the file's header, or in a file without one: tag 0008,0016 with or without "UI".
+_CLASS = re.compile(
+    rb"(?:\x02\x00\x02\x00UI..|\x08\x00\x16\x00(?:UI..|..\x00\x00))([0-9.]+)", re.DOTALL
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +64,7 @@ class Slice:
     origin_mm: NDArray[np.float64]  # (3,), centre of the first pixel
     placed: bool  # a position is stated for the file as a whole
     thickness_mm: float | None  # distance between slices if stated, else their thickness
+    scale: float = 1.0  # of a dose, in grays
 
     def fits_stack(self, other: Slice) -> bool:
         """Return True if both have the same size and orientation, like slices of one stack."""
@@ -126,11 +130,12 @@ def _header(path: Path) -> Slice | None:
         size=(columns, rows, frames[0] if frames else 1),
         components=reader.GetNumberOfComponents(),
         itemsize=sitk.Image([1, 1, 1], reader.GetPixelID()).GetSizeOfPixelComponent(),
-        spacing_mm=(x, y, z[0] if z else 1.0),
+        spacing_mm=(x, y, _frame_step(reader) or (z[0] if z else 1.0)),
         directions=np.reshape(reader.GetDirection(), (3, 3)),
         origin_mm=np.array(reader.GetOrigin()),
         placed=bool(_text(reader, "0020|0032")),
         thickness_mm=_number(reader, "0018|0088") or _number(reader, "0018|0050"),
+        scale=_number(reader, "3004|000e") or 1.0,
     )
 
 
@@ -139,6 +144,15 @@ def _text(reader: Any, tag: str) -> str:
         return ""
     # Padded to an even length with a space or a zero.
     return str(reader.GetMetaData(tag)).strip(" \0\n")
+
+
+def _frame_step(reader: Any) -> float | None:
+    """Return the distance between the frames of a dose, from their offsets."""
+    try:
+        first, second, *_ = (float(n) for n in _text(reader, "3004|000c").split("\\"))
+    except ValueError:
+        return None
+    return second - first or None
 
 
 def _number(reader: Any, tag: str) -> float | None:
