@@ -103,7 +103,7 @@ def test_arrows_lead_from_menu_to_menu(tmp_path: Path) -> None:
 
 def test_files_are_found_by_mouse_arrows_and_tab(tmp_path: Path) -> None:
     data = tmp_path / "data"
-    (data / "inner").mkdir(parents=True)
+    (data / "inner" / "more").mkdir(parents=True)
     for name in ("ball.npy", "data/one.npy", "data/two.npy", "data/inner/three.npy"):
         np.save(tmp_path / name, phantom.ball(16).values)
     (data / "notes.txt").touch()
@@ -136,12 +136,23 @@ def test_files_are_found_by_mouse_arrows_and_tab(tmp_path: Path) -> None:
             robot.rest()
         robot.type("inn")
         robot.rest()
-        robot.key("Tab")
-        robot.rest()
-        robot.key("Down")
-        robot.rest()
+        for key in ("Tab", "Down", "Down"):
+            robot.key(key)
+            robot.rest()
         robot.key("Return")
         assert titles(before) == ["three.npy"]
+        # A name to be saved under is completed as well, by the folders next to the open file.
+        before = robot.rest()
+        robot.key("ctrl+s")
+        robot.rest()
+        robot.type("mo")
+        robot.rest()
+        robot.key("Tab")
+        robot.rest()
+        robot.type("mine")
+        robot.key("Return")
+        saved = event(robot, "export-scene", before)["path"]
+        assert Path(saved) == data / "inner" / "more" / "mine.toml"
         # All files; the place of the open file, and Escape.
         dialog()
         robot.click("place Home")

@@ -114,8 +114,7 @@ class PathDialog:
 
     def _body(self, ui: UiContext) -> str | None:
         request = self.request
-        suffixes = () if self._all else request.suffixes
-        found = _list_paths(self._typed, suffixes, self._folder, int(imgui.get_time()))
+        found = _list_paths(self._typed, self._suffixes, self._folder, int(imgui.get_time()))
         self._bar(ui)
         tall = self._list_height()
         if self._places:
@@ -153,6 +152,11 @@ class PathDialog:
             self._replaces, self._focus = path, True
             return None
         return path
+
+    @property
+    def _suffixes(self) -> tuple[str, ...]:
+        """Endings of the files to list; none for all files."""
+        return () if self._all else self.request.suffixes
 
     def _path(self) -> str:
         """Return the whole path of the text."""
@@ -278,7 +282,8 @@ class PathDialog:
         flags = _INPUT.enter_returns_true | _INPUT.callback_completion | _INPUT.callback_history
 
         def change(data: Any) -> int:
-            text = found.common
+            # Of the whole text: the list may hold other names, too.
+            text = list_paths(self._text, self._suffixes, self._folder).common
             if data.event_flag == _INPUT.callback_history:
                 if not found.rows:
                     return 0
