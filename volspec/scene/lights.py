@@ -46,7 +46,7 @@ class LightSpec:
     label: str | None = None
     """Caption; default: the name."""
     spectrum: Annotated[Given, Field(examples=["D65"])]
-    """D65, planck:3200, FILE.csv, a mix D65*0.7+A*0.3, …, or a table of numbers."""
+    """D65, tungsten, planck:3200, FILE.csv, a mix D65*0.7+A*0.3, …, or a table of numbers."""
     group: Name | None = None
     """Light group that the light shines from; default: all groups."""
     weight: NotNegative = 1.0
