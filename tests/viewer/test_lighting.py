@@ -213,6 +213,21 @@ def test_a_handle_follows_the_mouse(
         assert lighting_aim.is_behind(new, source) == (math.dist(place, centre) > radius)
 
 
+@pytest.mark.parametrize("zoom", [0.3, 1.0, 8.0])
+@pytest.mark.parametrize("orthographic", [False, True])
+def test_handles_stay_in_the_picture(state: ViewState, zoom: float, orthographic: bool) -> None:
+    view = replace(state.view, zoom=zoom, orthographic=orthographic)
+    state = added(replace(state, view=view), "point light")
+    aside = lighting.aim(state, 2, view.azimuth_deg + 90, 0)
+    for each in (state, lighting.set_distance(aside, 2, 60.0)):
+        (handle,) = lighting_aim.list_handles(each, projection(each))
+        x, y, width, height = AREA
+        assert x < handle.place[0] < x + width and y < handle.place[1] < y + height
+    # A new one is seen where it is.
+    (handle,) = lighting_aim.list_handles(state, projection(state))
+    assert handle.place == handle.held
+
+
 def test_handles_are_hidden_and_shown(state: ViewState) -> None:
     state = added(state, "directional light")
     assert lighting_aim.list_handles(state, projection(state))

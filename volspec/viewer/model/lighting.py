@@ -93,14 +93,17 @@ def add_source(state: ViewState, kind: str) -> ViewState:
 
 
 def _new_source(state: ViewState, kind: str) -> Source:
-    volume = state.document.volume
-    towards = vector(np.asarray(_UPPER_LEFT) @ lighting_aim.camera_axes(state))
+    axes = lighting_aim.camera_axes(state)
     if KINDS[kind] is Directional:
-        return Directional(towards, shadows=True)
+        return Directional(vector(np.asarray(_UPPER_LEFT) @ axes), shadows=True)
     if KINDS[kind] is Point:
-        centre = volume.corners_mm.mean(axis=0)
-        away = np.asarray(towards) / np.linalg.norm(towards)
-        return Point(vector(centre + 2 * radius_mm(volume) * away), shadows=True)
+        # Before the volume, in sight.
+        camera = state.view.camera(state.document.volume)
+        back = min(1.2 * radius_mm(state.document.volume), 0.5 * camera.distance_mm)
+        half = math.tan(math.radians(camera.fov_deg) / 2) * (camera.distance_mm - back)
+        side = 0.5 * (half if camera.height_mm is None else camera.height_mm / 2)
+        offset = np.array([-side, side, back]) @ axes
+        return Point(vector(np.asarray(camera.target_mm) + offset), shadows=True)
     return Headlight() if KINDS[kind] is Headlight else Ambient(occlusion=True)
 
 

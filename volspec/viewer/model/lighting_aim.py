@@ -22,6 +22,8 @@ HANDLE = "light"
 # The radius at which a direction is square to the view, as a fraction of the picture's shorter
 # side; a light behind the volume is up to twice as far from the middle.
 RING = 0.23
+# The least distance of a handle from the picture's edge, in pixels.
+_EDGE = 14.0
 
 
 class Placed(NamedTuple):
@@ -114,6 +116,8 @@ def is_behind(state: ViewState, source: Source) -> bool:
 def list_handles(state: ViewState, projection: Projection) -> tuple[Handle, ...]:
     """Return the handles of lamps: a point light's at its place, if that is before the camera.
 
+    A place outside of the picture is moved to its edge.
+
     A directional light's distance from the picture's middle is the angle between its direction and
     the view.
     """
@@ -137,8 +141,14 @@ def list_handles(state: ViewState, projection: Projection) -> tuple[Handle, ...]
             u, v = x + length * right, y - length * up
         else:
             continue
-        found.append(Handle(HANDLE, index, (u, v), (u, v)))
+        found.append(Handle(HANDLE, index, _inside((u, v), projection), (u, v)))
     return tuple(found)
+
+
+def _inside(place: Place, projection: Projection) -> Place:
+    x, y, width, height = projection.area
+    u = clamp(place[0], x + _EDGE, x + width - _EDGE)
+    return u, clamp(place[1], y + _EDGE, y + height - _EDGE)
 
 
 def dragged(
