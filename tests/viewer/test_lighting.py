@@ -21,7 +21,7 @@ from volspec.raycast import Ambient, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.projection import Projection
 from volspec.raycast.spec import MAX_GROUPS
 from volspec.spectra import light
-from volspec.viewer.model import lighting, lighting_aim, quality
+from volspec.viewer.model import lighting, lighting_aim, lights, quality
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.state import ViewState
@@ -72,7 +72,11 @@ def test_lights_follow_the_groups(tmp_path: Path) -> None:
     own = lighting.set_spectrum(both, 1, "tungsten").state
     row = own.lights[0]
     assert row.rig.groups == ("light", "directional light", "sky")
-    assert row.texts == ("D65", "A", "D65") and row.name == "D65 + A"
+    assert row.texts == ("D65", "A", "D65") and row.name == "day"  # the scene's name stays
+    plain = lights.add(both, "sodium").state
+    for name, title in (("tungsten", "HP1 + A"), ("FL2", "HP1 + FL2")):
+        plain = lighting.set_spectrum(plain, 1, name).state
+        assert plain.lights[-1].name == title
     assert [lighting.group_text(own, g) for g in range(3)] == ["D65", "A", "D65"]
     spectrum = lighting.group_spectrum(own, 1)
     assert spectrum is not None and np.array_equal(spectrum.values, light("A").values)

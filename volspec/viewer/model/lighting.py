@@ -293,7 +293,8 @@ def set_spectrum(state: ViewState, group: int, text: str) -> ViewState:
     if not 0 <= group < len(groups) or not state.lights:
         return state
     index, name = shining_row(state), groups[group].name
-    rig = state.lights[index].rig
+    before = state.lights[index]
+    rig = before.rig
     if "" in rig.groups and len(groups) > 1:
         state = light_parts.split_part(state, index)
     elif not {"", name} & {*rig.groups}:
@@ -304,12 +305,17 @@ def set_spectrum(state: ViewState, group: int, text: str) -> ViewState:
     if problem:
         raise InputError(problem)
     row = new.lights[index]
-    if row.named or len(row.texts) == 1 or None in row.texts:
+    # A name that says more than the spectra stays.
+    if row.name not in (*before.texts, _title(before)) or None in row.texts:
         return new
-    title = " + ".join(dict.fromkeys(text for text in row.texts if text))
-    new = light_parts.put_row(new, index, row, title)
+    new = light_parts.put_row(new, index, row, _title(row))
     palette = new.palette.with_light_renamed(row.name, new.lights[index].name)
     return replace(new, palette=palette)
+
+
+def _title(row: light_rows.LightRow) -> str:
+    """Return the notations of a light's spectra."""
+    return " + ".join(dict.fromkeys(text for text in row.texts if text))
 
 
 def shining_row(state: ViewState) -> int:
