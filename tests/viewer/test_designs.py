@@ -161,7 +161,7 @@ class Bench:
 def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
     fails = iter((True,))
 
-    def once(palette: Palette) -> Design:
+    def once(palette: Palette, *, again: bool) -> Design:
         if next(fails, False):
             raise np.linalg.LinAlgError("SVD did not converge")
         return design(palette)
@@ -182,7 +182,7 @@ def test_designs_outlive_a_failed_solver(state: ViewState, monkeypatch: pytest.M
 def test_closing_waits_for_no_design(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:
     begun, may_end, ended = (threading.Event() for _ in range(3))
 
-    def long(_: Palette) -> Design:
+    def long(_: Palette, *, again: bool) -> Design:
         begun.set()
         may_end.wait(20)
         ended.set()
@@ -238,7 +238,11 @@ def test_a_wizard_waits_for_the_running_design(
     pick = Pick(place=("gold", "A"))
     begun = with_target(replace(state, interface=replace(state.interface, pick=pick)), 5)
     result, may_end = palette_results.run_wizard(begun, "hide"), threading.Event()
-    monkeypatch.setattr(designs, "design", lambda palette: (may_end.wait(20), design(palette))[1])
+    monkeypatch.setattr(
+        designs,
+        "design",
+        lambda palette, again: (may_end.wait(20), design(palette, again=again))[1],
+    )
     began_with: list[ViewState] = []
     monkeypatch.setattr(
         palette_results, "run_wizard", lambda state, _: (began_with.append(state), result)[1]
