@@ -116,8 +116,8 @@ class VolumeSpec:
     file: Annotated[str, Field(examples=["volume.nrrd"])]
     """NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, .npy, FILE.raw?shape=256x256x110&dtype=uint8, or a
     folder: DICOM (?series=3 selects one of several), TIFF or PNG slices, OME-Zarr; of time steps
-    and channels ?time=2&channel=0; ?labels=FILE is a table of a segmentation's labels; or the name of a
-    bundled volume: engine, head, frog."""
+    and channels ?time=2&channel=0; ?labels=FILE is a table of a segmentation's labels; or the
+    name of a bundled volume: engine, head, frog."""
     spacing_mm: Annotated[Vector, Unit("mm")] | None = None
     """x, y, z instead of the file's spacing; there is a warning if they differ."""
     downsample: int = 1
