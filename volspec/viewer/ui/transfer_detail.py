@@ -42,6 +42,7 @@ _SETS = {
     "TCS": "CIE test colour",
     "Vrhel": "object",
     "VS": "CQS sample",
+    "sRGB": "display colour",
 }
 
 
