@@ -15,7 +15,13 @@ from tests.support.errors import raises
 from volspec.basis import SpectralBasis
 from volspec.errors import SceneError
 from volspec.export import tiles
-from volspec.export.annotate import MarkedPicture, material_colours, paint, picture_marks
+from volspec.export.annotate import (
+    MarkedPicture,
+    annotation_svg,
+    material_colours,
+    paint,
+    picture_marks,
+)
 from volspec.raycast import Camera
 from volspec.raycast.projection import Projection, length_mm
 from volspec.relight import LightRig, RelightSpec
@@ -139,3 +145,17 @@ def test_an_annotation_behind_the_camera_is_not_drawn() -> None:
     behind = tuple((2 * np.array(camera.position_mm) - np.array(camera.target_mm)).tolist())
     picture = marked((80, 60), annotations=[Annotation(points_mm=(behind,), text="here")])
     assert (picture == 128).all()
+
+
+def test_a_page_s_marks_are_where_a_picture_s_are() -> None:
+    from xml.etree import ElementTree
+
+    points, camera = ((2.0, 2.0, 2.0), (12.0, 5.0, 9.0)), Camera.orbit(VOLUME)
+    rows = [Annotation(points_mm=points, text="a < b"), Annotation(points_mm=points[:1], text="c")]
+    drawn = ElementTree.fromstring(f"<svg>{annotation_svg(rows, camera, (800, 600))}</svg>")
+    texts = [each.text for each in drawn.iter("text")]
+    assert texts == [rows[0].caption, "c"]
+    ends = Projection(camera, (0, 0, 800, 600)).to_window(np.array(points))[:, :2]
+    line = next(drawn.iter("line"))
+    placed = [[float(line.get(f"{axis}{end}", "nan")) for axis in "xy"] for end in (1, 2)]
+    assert np.abs(np.array(placed) - ends).max() < 0.06

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from html import escape
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -151,13 +152,68 @@ def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:
     return found
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Placed:
+    """An annotation in a picture's pixels."""
+
+    dots: NDArray[np.float64]  # (N, 2)
+    lines: Sequence[tuple[NDArray[np.float64], ...]]
+    caption: NDArray[np.float64]  # (2,): the left end of its base line
+
+
+def _placed(each: Annotation, projection: Projection, unit: float) -> _Placed | None:
+    """Place an annotation in a picture; None if it is behind the camera."""
+    points = projection.to_window(np.asarray(each.points_mm, np.float64))
+    if (points[:, 2] <= 0).any():
+        return None
+    dots = points[:, :2]
+    at = dots[1] if len(dots) == ANGLE else dots.mean(axis=0)
+    lines = list(pairwise(dots))
+    if len(dots) == LABEL:
+        at = dots[0] + unit * np.array(_LEADER)
+        lines = [(dots[0], at)]
+    return _Placed(dots, lines, at + unit * np.array((6.0, 0.0)))
+
+
+def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tuple[int, int]) -> str:
+    """Return annotations as elements of an SVG whose units are a picture's pixels."""
+    unit, projection = _unit(size), Projection(camera, (0, 0, *size))
+    found = []
+    for each in annotations:
+        placed = _placed(each, projection, unit)
+        if placed is None:
+            continue
+        for name, wider in (("under", _OUTLINE * unit), ("over", 0.0)):
+            wide, radius = 2 * (_LINE * unit + wider), _DOT * unit + wider
+            shapes = [
+                f'<line x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>'
+                for (x0, y0), (x1, y1) in placed.lines
+            ]
+            shapes += [
+                f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}"/>' for x, y in placed.dots
+            ]
+            found.append(f'<g class="{name}" stroke-width="{wide:.1f}">{"".join(shapes)}</g>')
+        x, y = placed.caption
+        caption = escape(printable(each.caption, _MOST_LETTERS))
+        found.append(
+            f'<text x="{x:.1f}" y="{y - 0.3 * _TEXT * unit:.1f}" font-size="{_TEXT * unit:.1f}" '
+            f'stroke-width="{2 * _OUTLINE * unit:.1f}">{caption}</text>'
+        )
+    return "".join(found)
+
+
+def _unit(size: tuple[int, int]) -> float:
+    """Return the factor of all sizes in a picture."""
+    return max(min(size) / _HEIGHT, _LEAST)
+
+
 class _Painter:
     """Draws the marks of one picture."""
 
     def __init__(self, picture: MarkedPicture) -> None:
         self._picture = picture
         width, height = picture.size
-        self.unit = max(min(height, width) / _HEIGHT, _LEAST)
+        self.unit = _unit(picture.size)
         self.margin = _MARGIN * self.unit
         self._projection = Projection(picture.camera, (0, 0, width, height))
 
@@ -226,19 +282,12 @@ class _Painter:
 
     def annotation(self, each: Annotation) -> list[Patch]:
         """Return an annotation's lines and its caption; nothing if it is behind the camera."""
-        points = self._projection.to_window(np.asarray(each.points_mm, np.float64))
-        if (points[:, 2] <= 0).any():
+        placed = _placed(each, self._projection, self.unit)
+        if placed is None:
             return []
-        ends = points[:, :2]
-        at = ends[1] if len(ends) == ANGLE else ends.mean(axis=0)
-        lines = list(pairwise(ends))
-        if len(ends) == LABEL:
-            at = ends[0] + self.unit * np.array(_LEADER)
-            lines = [(ends[0], at)]
-        text = self.text(
-            each.caption, at[0] + 6 * self.unit, at[1] - 1.3 * _TEXT * self.unit, _TEXT
-        )
-        return [self._strokes(lines, ends), text]
+        x, y = placed.caption
+        text = self.text(each.caption, x, y - 1.3 * _TEXT * self.unit, _TEXT)
+        return [self._strokes(placed.lines, placed.dots), text]
 
     def _strokes(
         self, lines: Sequence[tuple[NDArray[np.float64], ...]], dots: NDArray[np.float64]

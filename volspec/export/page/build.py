@@ -30,6 +30,7 @@ from volspec._deprecated import renamed_keyword
 from volspec._files import require_suffix, write_whole
 from volspec.errors import ImageError, ShapeError
 from volspec.export.animation import turntable_cameras
+from volspec.export.annotate import annotation_svg
 from volspec.export.page import payload
 from volspec.export.tiles import part_of
 from volspec.pipeline import Raycaster, Relighter, raycast
@@ -90,10 +91,13 @@ class PageView:
     image : CoefficientImage
     azimuth_deg : float
         Angle from the first view's camera.
+    marks : str
+        SVG drawn over the picture, in its pixels; for example `annotation_svg`.
     """
 
     image: CoefficientImage
     azimuth_deg: float = 0.0
+    marks: str = ""
 
 
 @renamed_keyword(seen="relight_spec")
@@ -155,12 +159,14 @@ def page_html(
     if not lights:
         raise ImageError.refused("page.lights", lights, "give at least one", "missing")
     first: CoefficientImage | None = None
-    blocks, packed_views = [], []
+    blocks, packed_views, marks = [], [], []
     for i, view in enumerate(views):
         first = first or view.image
         _require_alike(view.image, first, i)
         packed = pack_view(view.image, spec.bits)
         blocks.append(f'<script type="text/plain" id="view-{i}">{packed.text}</script>')
+        # Not in the numbers: the page's policy allows no markup from scripts.
+        marks.append(f'<g id="marks-{i}" display="none">{view.marks}</g>' if view.marks else "")
         packed_views.append(
             {"azimuth_deg": view.azimuth_deg, "low": packed.low, "high": packed.high}
         )
@@ -185,7 +191,8 @@ def page_html(
         "shader": payload.shaders(channels, height),
     }
     still = _still(first, lights[0], relight_spec)
-    return _assembled(spec, numbers, still, "\n".join(blocks), (width, height))
+    texts = {"views": "\n".join(blocks), "marks": "".join(marks)}
+    return _assembled(spec, numbers, still, texts, (width, height))
 
 
 def scene_views(
@@ -221,7 +228,8 @@ def scene_views(
             caster=caster,
             progress=progress and part_of(progress, i / count, 1 / count),
         )
-        yield PageView(image, 360.0 * i / count)
+        marks = annotation_svg(scene.file.annotation, camera, pixels)
+        yield PageView(image, 360.0 * i / count, marks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -292,7 +300,11 @@ def script() -> str:
 
 
 def _assembled(
-    spec: PageSpec, numbers: dict[str, Any], still: str, views: str, size: tuple[int, int]
+    spec: PageSpec,
+    numbers: dict[str, Any],
+    still: str,
+    texts: dict[str, str],
+    size: tuple[int, int],
 ) -> str:
     code, style = script(), _read("page.css")
     return Template(_read("page.html")).substitute(
@@ -303,7 +315,7 @@ def _assembled(
         style=style,
         script=code,
         numbers=_json(numbers),
-        views=views,
+        **texts,
         still=still,
         width=size[0],
         height=size[1],

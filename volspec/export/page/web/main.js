@@ -106,6 +106,12 @@ class App {
       return;
     }
     this.shown = view;
+    // Labels and measurements, which are projected for each view.
+    const own = `marks-${view}`, marks = byId('marks');
+    for (const each of marks.children) each.setAttribute('display', each.id === own ? 'inline' : 'none');
+    const texts = [...document.querySelectorAll(`#${own} text`)].map((each) => each.textContent);
+    marks.setAttribute('aria-label', texts.join(', '));
+    marks.setAttribute('aria-hidden', !texts.length);
     // Hide a message about an earlier view, but not a refusal.
     byId('notice').hidden = !byId('controls').disabled;
     this.refresh();
