@@ -213,6 +213,18 @@ def test_a_dialog_offers_each_folder_once(tmp_path: Path, monkeypatch: pytest.Mo
     ]
 
 
+def test_nothing_is_saved_next_to_a_bundled_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "pictures").mkdir()
+    monkeypatch.setenv("XDG_PICTURES_DIR", str(tmp_path / "pictures"))
+    document = open_document(str(demo().with_name("engine-cut.toml")))
+    assert output_folder(document) == tmp_path / "pictures"
+    save = PathRequest("x", "Save", True, (".toml",))
+    assert initial_path(save, document) == f"{tmp_path}/engine-cut-view.toml"
+
+
 def test_a_volume_opens_in_the_view_that_commands_give_it(tmp_path: Path) -> None:
     path = tmp_path / "ball.npy"
     np.save(path, phantom.ball(12).values)

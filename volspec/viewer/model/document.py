@@ -139,6 +139,14 @@ class Document:
         return f"{self.path.parent / self.file.volume.file}"
 
     @property
+    def own_folder(self) -> Path | None:
+        """Folder of the opened file; None for bundled scenes, next to which nothing is saved."""
+        if (source := self.source) is None:
+            return None
+        folder = Path(source.partition("?")[0]).absolute().parent
+        return None if folder.is_relative_to(demo().parents[1]) else folder
+
+    @property
     def grid(self) -> SpectralGrid:
         """Grid of all spectra."""
         return self.transfer.basis.grid

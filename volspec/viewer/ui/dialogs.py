@@ -414,6 +414,8 @@ def initial_path(
     folder = next((file.parent for file in files if file.parent.is_dir()), usual)
     if not request.save:
         return f"{folder}/"
+    if document is not None and document.own_folder is None:
+        folder = usual
     name = opened.name if opened is not None else "engine.toml"
     stem = plain_stem(name)
     if name.lower().endswith(".toml") or (folder / f"{stem}{request.suffixes[0]}").exists():

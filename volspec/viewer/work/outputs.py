@@ -87,16 +87,13 @@ def short_title(document: Document) -> str:
 
 
 def output_folder(document: Document) -> Path:
-    """Return the opened file's folder; the user's pictures if nothing can be written there.
+    """Return the opened file's folder; the user's pictures if nothing is to be written there.
 
     Next to a folder of slices, as a picture in it would become a slice.
     """
-    source = document.source
-    if source is not None:
-        folder = Path(source.partition("?")[0]).absolute().parent
-        if os.access(folder, os.W_OK | os.X_OK):
-            return folder
-    return pictures_folder()
+    folder = document.own_folder
+    writable = folder is not None and os.access(folder, os.W_OK | os.X_OK)
+    return folder if folder is not None and writable else pictures_folder()
 
 
 def pictures_folder() -> Path:
