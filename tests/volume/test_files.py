@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import SimpleITK as sitk
 
 from tests.support.errors import raises, warns
 from tests.support.volumes import NRRD, RAW, VALUES, WORLD, nifti, write_nrrd
 from volspec.errors import VolumeError
-from volspec.volume import Volume, load_volume
+from volspec.volume import Volume, load_volume, phantom
 from volspec.volume.summary import summarise
 
 
@@ -195,3 +196,17 @@ def test_a_summary_has_directions_as_letters_and_short_lengths_in_micrometres() 
     fine = summarise(Volume(VALUES, spacing_mm=(0.0002, 0.0002, 0.001)))
     cells = [list(column.cells) for column in fine.table().columns]
     assert cells[1][cells[0].index("spacing")] == "0.2 × 0.2 × 1 µm"
+
+
+@pytest.mark.parametrize("name", ["v.npy", "v.nrrd", "v.nii", "v.vti"])
+def test_every_format_takes_a_spacing(tmp_path: Path, name: str) -> None:
+    path, ball = tmp_path / name, phantom.ball(6)
+    if name.endswith(".npy"):
+        np.save(path, ball.values)
+    elif name.endswith(".vti"):
+        ball.to_pyvista().save(path)
+    else:
+        sitk.WriteImage(sitk.GetImageFromArray(ball.values), path)
+    assert load_volume(f"{path}?spacing=1,1,2").spacing_mm == (1, 1, 2)
+    with raises(VolumeError, "unknown"):
+        load_volume(f"{path}?spacings=1,1,2")

@@ -230,12 +230,7 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
     if lower.endswith(_ITK_SUFFIXES):
         return read_itk
     if lower.endswith((*_VTK_SUFFIXES, ".npy")):
-        if query.options:
-            raise VolumeError(
-                f"{path}: {next(iter(query.options))}= cannot be given; this format states its "
-                "own layout",
-                code="conflict",
-            )
+        query.allow()
         return read_npy if lower.endswith(".npy") else read_vtk
     if is_dicom(path) and not lower.endswith(".raw"):
         return read_series

@@ -86,7 +86,8 @@ class Query:
         return self.path.name or str(self.path)
 
     def allow(self, *known: str) -> None:
-        """Refuse options other than ``known``."""
+        """Refuse options other than ``known`` and spacing, which every volume takes."""
+        known = tuple(dict.fromkeys((*known, "spacing")))
         if unknown := sorted(set(self.options) - set(known)):
             raise VolumeError(
                 f"{self.path}: unknown option {unknown[0]!r}; known are {', '.join(known)}",
