@@ -24,7 +24,7 @@ from benchmarks.fuzz_target import Target
 from volspec.errors import VolspecError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.headers import check_itk_header
-from volspec.volume.files.itk import Layout
+from volspec.volume.files.itk import Extent, Layout
 from volspec.volume.files.query import Query
 from volspec.volume.files.vtk import check_vtk
 
@@ -57,9 +57,9 @@ def _header(path: Path) -> None:
         check_itk_header(path)
     layout = Layout.of(path)
     if layout is not None:
-        layout.voxels((6, 5, 4), np.dtype(np.int16))
-        if layout.stored is not None:
-            layout.non_finite((6, 5, 4), Query(path))
+        query = Query(path)
+        extent = Extent.of(query, (6, 5, 4), 1, layout.step_s)
+        layout.voxels(extent, np.dtype(np.int16), query, [])
 
 
 class _Children:

@@ -21,7 +21,7 @@ def test_every_finite_colour_has_a_finite_one_on_every_display(each, where):
     rng = np.random.default_rng(1)
     XYZ = np.concatenate([rng.uniform(-size, size, (10, 3)) for size in (1e5, 100.0, 1e-6, 0.0)])
     for display in ENDS.values():
-        shown = ModelTransform(each, ENDS[where], display).apply(XYZ)
+        shown = ModelTransform(each, each.forward, ENDS[where], display).apply(XYZ)
         assert np.isfinite(shown).all(), display
 
 
@@ -51,7 +51,7 @@ def test_hunt_on_a_dim_display_has_no_jump_where_its_inverse_ends():
         t = np.linspace(0.0, 1.0, count)[:, None]
         return start + t * (ends[:, None, :] - start)
 
-    transform = ModelTransform(hunt, SCENE, DIM)
+    transform = ModelTransform(hunt, hunt.forward, SCENE, DIM)
     seen = hunt.forward(ramps(2001), SCENE)
     known = np.isfinite(hunt.continued(seen.J, seen.C, seen.h, DIM)).all(axis=-1)
     assert not known.all(axis=1).any() and known.any(axis=1).all()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,14 +13,17 @@ from tests.support.viewer import read_scene, run_command
 from tests.support.window import Robot
 from tests.viewer.test_window_panels import picture
 from tests.volume.test_labels import blocks
+from volspec.pipeline import raycast
 from volspec.scene import Scene
 from volspec.transfer import LabelFunction, TransferFunction
 from volspec.viewer.model import labels, transfer_edits
 from volspec.viewer.model.history import Difference, History
 from volspec.viewer.model.labels import matching_labels
+from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.documents import open_path
+from volspec.viewer.work.probe import read
 
 NAMES = "1 liver\n2 left kidney\n3 right kidney\n"
 
@@ -46,6 +50,21 @@ def test_a_segmentation_opens_with_its_labels(state: ViewState) -> None:
     function = function_of(state)
     assert function.names == {1: "liver", 2: "left kidney", 3: "right kidney"}
     assert not function.hidden and {opacity for opacity, _ in function.labels.values()} == {0.9}
+
+
+def test_the_probe_names_the_label_behind_its_boundary(state: ViewState) -> None:
+    volume = state.document.volume
+    state = replace(state, size=(60, 60))
+    camera = state.view.camera(volume)
+    image = raycast(volume, state.transfer, camera, state.size, state.shading)
+    rig = light_rig(state.lights)
+    assert rig is not None
+    y, x = np.nonzero(image.alpha > 0.5)
+    middle = len(x) // 2
+    rows = dict(
+        read(image, camera, volume, rig, state.relight, (x[middle], y[middle]), (0, 0, 0)).rows
+    )
+    assert rows["Label"] in ("1  liver", "2  left kidney", "3  right kidney")
 
 
 def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) -> None:

@@ -157,9 +157,22 @@ def _hit_rows(
 ) -> Iterator[tuple[str, str]]:
     if (place := place_mm(image, camera, pixel)) is None:
         return
-    if (value := value_at(volume, place)) is not None:
+    if volume.labels:
+        yield "Label", _label_at(volume, camera, place)
+    elif (value := value_at(volume, place)) is not None:
         yield "Value", f"{value:.6g}"
     yield "mm", _format(place)
+
+
+def _label_at(volume: Volume, camera: Camera, place: Array) -> str:
+    """Return number and name of the label behind a first hit, which lies on its boundary."""
+    forward = camera.frame()[2]
+    away = place - camera.position_mm if camera.height_mm is None else forward
+    step = min(volume.spacing_mm) / 2 * away / np.linalg.norm(away)
+    behind = (value_at(volume, place + i * step) for i in range(4))
+    number = next((int(value) for value in behind if value), 0)
+    label = volume.labels.get(number)
+    return f"{number}  {label.name}".rstrip() if label else f"{number}"
 
 
 def _error_row(
