@@ -60,6 +60,8 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
     except IsADirectoryError:
         raise error(f"{name}: is a folder; give {what}", code="type") from None
     except UnicodeDecodeError as fault:
+        if fault.object[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            raise error(f"{name}: is UTF-16 text; save it as UTF-8", code="syntax") from None
         if 0 in fault.object:
             raise error(f"{name}: is not text; give {what}", code="type") from None
         raise error(

@@ -98,3 +98,21 @@ def test_nothing_that_is_there_is_replaced_by_a_new_scene(scans: Path) -> None:
     assert Path("a.toml").read_text() == "# mine"
     assert call("scene", "new", scans / "a.npy", "-o", "a.toml", "--overwrite") == 0
     Scene.load("a.toml")
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (["scans/a.npy", "scans/b.npy", "-o", "both.exr"], "conflict"),
+        (["scans", "-o", "{nam}.exr"], "unknown"),
+        (["a.toml", "-o", "a.exr", "-l", "A"], "conflict"),
+        (["scans/a.npy", "-o", "a.exr", "--camera", "30,400"], "syntax"),
+    ],
+)
+def test_options_that_would_be_ignored_or_misread_are_refused(
+    scans: Path, words: list[str], code: str
+) -> None:
+    assert call("scene", "new", "scans/a.npy", "-o", "a.toml") == 0
+    there = sorted(Path().rglob("*"))
+    assert refusal("render", *words).code == code
+    assert sorted(Path().rglob("*")) == there

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -29,18 +30,20 @@ if TYPE_CHECKING:
 
 Lights = Annotated[list[str] | None, Parameter(name=["--light", "-l"], negative="")]
 """Parameter of lights: names or `volspec.light`'s notation; repeatable."""
+# Files that are neither scene nor volume.
+_NO_VOLUME = (".png", ".jpg", ".jpeg", ".csv", ".json", ".html", ".py", ".txt", ".mp4", ".gif")
 # Remedy for a coefficient image where a scene is expected.
 RELIGHT = "relight it: volspec relight {file} --light LIGHT -o FRAME.png"
 
 
-def require_scene(path: Path, instead: str = RELIGHT) -> None:
-    """Raise a SceneError if the file is a coefficient image instead of a scene.
+def require_scene(path: Path, instead: str = RELIGHT, wanted: str = "a scene") -> None:
+    """Raise a SceneError if the file is a coefficient image instead of a scene or a volume.
 
     ``instead`` is the remedy, with ``{file}`` for the image's name.
     """
     if path.suffix.lower() == ".exr" and path.is_file():
         remedy = instead.format(file=shlex.quote(str(path)))
-        raise SceneError(f"{path}: is a coefficient image, not a scene; {remedy}")
+        raise SceneError(f"{path}: is a coefficient image, not {wanted}; {remedy}")
 
 
 def require_image(path: Path, instead: str) -> None:
@@ -51,6 +54,8 @@ def require_image(path: Path, instead: str) -> None:
     if path.suffix.lower() != ".exr" and path.exists():
         kind = "a scene, not" if path.suffix.lower() == ".toml" else "not"
         remedy = instead.format(file=shlex.quote(str(path)))
+        if path.suffix.lower() in _NO_VOLUME:
+            remedy = "give one, as volspec render writes it"
         raise ImageError(f"{path}: is {kind} a coefficient image (.exr); {remedy}")
 
 
@@ -62,6 +67,8 @@ def sides(size: str) -> tuple[int, int]:
     """
     width, by, height = size.lower().partition("x")
     if not (by and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        if re.fullmatch(r"\d+x\d+", size.lower()):
+            raise ValueError(f"{size!r} has a side of 0; give 1x1 or more")
         raise ValueError(f"{size!r} is not WIDTHxHEIGHT, such as 1024x768")
     return int(width), int(height)
 

@@ -180,6 +180,12 @@ def _case(
             code="duplicate",
         )
     name = subject or _DEFAULT
+    if suffix not in ("", ".exr", ".json") and Path(name).exists():
+        raise BasisError(
+            f"{name}: is not a scene (.toml), an image (.exr) or a basis (.json)",
+            "give one of them",
+            code="type",
+        )
     loaded = CoefficientImage.load(name).basis if suffix == ".exr" else load_basis(name)
     if observer not in (None, loaded.observer_deg):
         raise BasisError(

@@ -6,6 +6,7 @@ arguments -> [inputs] -> Scene, Volume | None; Job, Job, …
 from __future__ import annotations
 
 import glob
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -47,6 +48,8 @@ CameraOption = Annotated[
 ]
 # Endings of files that each are a whole volume or scene, unlike the slices of a series.
 _WHOLE = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk", ".npy", ".toml")
+# Endings of a single output.
+_FILES = (".exr", ".html", ".htm", ".png", ".mp4", ".webm", ".gif")
 # Endings that belong together.
 _DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr")
 _NAME = "{name}"
@@ -105,9 +108,12 @@ def _orbit(camera: str) -> Orbit:
 
     try:
         azimuth, elevation = SIDES.get(camera.lower()) or map(float, camera.split(","))
+        if not abs(elevation) <= 90:
+            raise ValueError
         return Orbit(azimuth, elevation)
-    except ValueError:  # not numbers, not two, or not finite
-        remedy = f"give a side ({', '.join(SIDES)}) or AZIMUTH,ELEVATION, as 45,20"
+    except ValueError:  # not numbers, not two, not finite, or out of range
+        sides = ", ".join(SIDES)
+        remedy = f"give a side ({sides}) or AZIMUTH,ELEVATION, as 45,20; elevation -90 to 90"
         raise InputError.refused("--camera", camera, remedy, "syntax") from None
 
 
@@ -125,11 +131,19 @@ def jobs(inputs: Sequence[str], output: Path, suffix: str) -> list[Job]:
     Names are the inputs' without their endings, plus ``suffix``; or they replace ``{name}`` in the
     output, as in ``films/{name}.mp4``. Raises InputError if a pattern or folder holds no input.
     """
+    if (braces := re.search(r"\{[^}]*\}", str(output))) and _NAME not in str(output):
+        raise InputError(f"{output}: {braces[0]} is unknown; write {_NAME}", code="unknown")
     found: list[str] = []
     for text in inputs:
         found += _expanded(text)
     if [*inputs] == found and len(found) == 1 and _NAME not in str(output):
         return [Job(found[0], output)]
+    if _NAME not in str(output) and output.suffix.lower() in _FILES and not output.is_dir():
+        raise InputError(
+            f"{output}: is one file for {counted(len(found), 'input')}; give a folder, or a "
+            f"pattern such as {_NAME}{output.suffix}",
+            code="conflict",
+        )
     stems = [_stem(Path(text.partition("?")[0])) for text in found]
     names = [
         stem if stems.count(stem) == 1 else Path(text.partition("?")[0]).name
@@ -138,8 +152,8 @@ def jobs(inputs: Sequence[str], output: Path, suffix: str) -> list[Job]:
     twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
     if twice is not None:
         raise InputError(
-            f"two inputs are named {twice}, and would write the same output; give one of them at a "
-            "time",
+            f"two inputs are named {twice}, and would write the same output; rename one, or give "
+            "them one at a time",
             code="duplicate",
         )
     pattern = str(output) if _NAME in str(output) else str(output / (_NAME + suffix))
@@ -205,7 +219,7 @@ def run_jobs(
                 done.append(work(job, inner))
             except (VolspecError, OSError) as error:
                 failed += 1
-                tell.note(f"failed: {one_line(error)}")
+                tell.report(f"failed: {one_line(error)}")
         tell("batch", 1.0)
     if json:
         print_json([each for each in done if isinstance(each, dict)])

@@ -55,7 +55,7 @@ def info(volume: str, /, *, json: Json = False) -> None:
     from volspec.volume.summary import summarise
 
     path = Path(volume)
-    require_scene(path, f"give a volume, or {RELIGHT}")
+    require_scene(path, f"give a volume, or {RELIGHT}", "a volume")
     if path.suffix.lower() == ".toml":
         check = f"volspec scene check {shlex.quote(volume)}"
         raise InputError(f"{volume}: is a scene; give the volume of its [volume], or run {check}")

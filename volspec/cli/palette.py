@@ -12,6 +12,7 @@ from rich.table import Table
 from volspec._files import require_suffix, require_writable
 from volspec.cli.inputs import open_scene
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, note, print_json, say
+from volspec.cli.viewing import in_options
 from volspec.errors import InputError, PaletteError
 
 if TYPE_CHECKING:
@@ -112,6 +113,12 @@ Lamps = Annotated[
     list[str] | None,
     Parameter(name="--lamp", negative="", help="Lamp to mix the new light from; repeatable."),
 ]
+# Options by the names of their parameters in `volspec.wizard`.
+_OPTIONS = {name: f"--{name}" for name in ("under", "distance", "like", "split")} | {
+    "within": "--in",
+    "lamps": "--lamp",
+    "colours": "--colour",
+}
 # ΔE below which nobody sees a difference, and ΔE that is noticed at a glance.
 _UNSEEN, _AT_A_GLANCE = 1.0, 3.0
 
@@ -152,14 +159,15 @@ def hide(
     from volspec.wizard import hide
 
     loaded = _loaded(scene, output)
-    made = hide(
-        *(loaded, material),
-        under=under,
-        within=within,
-        black=black,
-        like=like,
-        lamps=tuple(lamp or ()),
-    )
+    with in_options(_OPTIONS):
+        made = hide(
+            *(loaded, material),
+            under=under,
+            within=within,
+            black=black,
+            like=like,
+            lamps=tuple(lamp or ()),
+        )
     _finish(made, output, json)
     lost = max(
         max(row.changed.values(), default=0.0) for row in made.evaluations if row.light != under
@@ -203,13 +211,14 @@ def reveal(
     from volspec.wizard.result import evaluate_lights
 
     loaded = _loaded(scene, output)
-    made = reveal(
-        *(loaded, material),
-        under=under,
-        distance=distance,
-        like=like,
-        lamps=tuple(lamp or ()),
-    )
+    with in_options(_OPTIONS):
+        made = reveal(
+            *(loaded, material),
+            under=under,
+            distance=distance,
+            like=like,
+            lamps=tuple(lamp or ()),
+        )
     _finish(made, output, json)
     rows = evaluate_lights(loaded, loaded, (material,))
     before = next((row for row in rows if row.light == under), None)
@@ -254,14 +263,15 @@ def merge(
     from volspec.wizard import merge
 
     colours = [parse_colour(text) for text in colour or ()]
-    made = merge(
-        *(_loaded(scene, output), materials),
-        under=under,
-        split=split,
-        colours=colours,
-        average=average,
-        lamps=tuple(lamp or ()),
-    )
+    with in_options(_OPTIONS):
+        made = merge(
+            *(_loaded(scene, output), materials),
+            under=under,
+            split=split,
+            colours=colours,
+            average=average,
+            lamps=tuple(lamp or ()),
+        )
     _finish(made, output, json)
 
 

@@ -106,7 +106,7 @@ def relight(
 
     require_image(
         image,
-        "relight the scene: volspec export {file} -o FOLDER; or cast it first: volspec render "
+        "relight it: volspec export {file} -o FOLDER; or cast it first: volspec render "
         "{file} -o IMAGE.exr",
     )
     _check_kind(output, spectral, viewing, model, errors)

@@ -74,6 +74,12 @@ def render(
         scene, volume = open_scene(
             *(job.address, preset, light, camera), image=f"it is already cast; {RELIGHT}"
         )
+        if volume is None and light:
+            raise InputError(
+                f"--light {light[0]}: {job.address} is a scene with lights of its own; leave it "
+                "out, or give its volume",
+                code="conflict",
+            )
         tell("load the scene", 1)
         image = scene.render(
             volume,

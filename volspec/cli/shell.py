@@ -121,9 +121,9 @@ class bar:
             self(step, 0.0)
         self._progress.update(self._tasks[step], description=visible(text))
 
-    def note(self, text: str) -> None:
+    def report(self, text: str) -> None:
         """Print a line above the bar."""
-        self._progress.console.print(f"volspec: note: {one_line(text)}", soft_wrap=True)
+        self._progress.console.print(f"volspec: {one_line(text)}", soft_wrap=True)
 
 
 class Terminal(Console):
@@ -196,7 +196,7 @@ def _miscounted(error: CycloptsError) -> str:
     """Return a message on a missing or extra argument; cyclopts would print a Python list."""
     command = " ".join(error.command_chain or ())
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"{command}: {error.unused_tokens[0]!r} is one word too many"
+        return f"{command}: unexpected argument {error.unused_tokens[0]!r}"
     if not isinstance(error, MissingArgumentError) or error.argument is None:
         return ""
     if error.keyword is not None:
@@ -287,7 +287,8 @@ def _run(words: list[str]) -> None:
         # Cyclopts cuts a long list of commands short: "info, ...".
         said = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
         command = " ".join(("volspec", *(error.command_chain or ())))
-        raise _failure(f"{said}; see {command} --help", 2) from error
+        mark = "" if said.endswith("?") else ";"
+        raise _failure(f"{said}{mark} see {command} --help", 2) from error
     except BrokenPipeError as error:
         _close_pipes()
         raise SystemExit(_CLOSED_PIPE) from error
@@ -296,7 +297,7 @@ def _run(words: list[str]) -> None:
             raise
         raise _failure(_said(error), 1) from error
     except KeyboardInterrupt:
-        raise _failure("interrupted; nothing half-written is left", 130) from None
+        raise _failure("interrupted; no output is half-written", 130) from None
 
 
 def show_names(names: Sequence[str], search: str, what: str, as_json: bool) -> None:

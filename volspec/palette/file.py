@@ -87,6 +87,9 @@ def palette_file(path: FileName) -> PaletteFile:
     except ValueError as error:
         problem = f"{name}: not valid TOML: {error}"
         raise PaletteError(problem, "correct it there", code="syntax") from error
+    if "volume" in tables and "transfer" in tables:
+        problem, remedy = f"{name}: is a scene, not a palette", "give a palette (docs/palettes.md)"
+        raise PaletteError(problem, remedy, code="type")
     file, faults = try_table(PaletteFile, tables, PaletteError, Path(path).parent)
     if file is None:
         raise PaletteFaults(path, faults, row_names(tables))

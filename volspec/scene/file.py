@@ -142,7 +142,7 @@ class SceneFaults(FileFaults, SceneError):
 
 def scene_text(path: str | os.PathLike[str]) -> str:
     """Return the text of a scene's file; SceneError if it cannot be read."""
-    return read_text(path, SceneError, "a scene file (.toml)")
+    return read_text(path, SceneError, "a scene file (.toml); volspec scene new makes a volume's")
 
 
 def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:

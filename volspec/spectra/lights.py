@@ -9,6 +9,7 @@ values is 1), so a weight in a mix is the component's share of the illuminance.
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
@@ -338,8 +339,10 @@ def _unknown(name: str, context: str = "") -> SpectrumError:
             f"light {name!r}{context} is unknown; {nearest(name, lamps)}known: {', '.join(lamps)}",
             code="unknown",
         )
+    kelvin = re.fullmatch(r"(\d{3,5}) ?[kK]", name.strip())
+    meant = f"did you mean 'daylight:{kelvin[1]}' or 'planck:{kelvin[1]}'? " if kelvin else ""
     return SpectrumError(
-        f"light {name!r}{context} is unknown; {nearest_light(name)}"
+        f"light {name!r}{context} is unknown; {meant or nearest_light(name)}"
         f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}",
         code="unknown",
     )

@@ -329,7 +329,7 @@ class TargetLight:
                 refusal = f"{', '.join(lamps)} are for a new light"
                 remedy = "say which light of the scene it is like"
                 raise SceneError(refusal, remedy, code="conflict", field="lamps", given=lamps)
-            hint = "; for a new light say which of these it is like"
+            hint = "; for a new light, say with --like which of these it should look like"
             return cls(tuple(palette.light_columns(palette.light(name, hint=hint))))
         palette.require_new_light(name)
         mixture = tuple(find_light(lamp, palette.grid) for lamp in lamps)
