@@ -36,8 +36,10 @@ def test_a_time_step_or_component_is_chosen(tmp_path: Path, name: str, key: str)
     path = itk_file(tmp_path / name, key)
     with raises(VolumeError, "missing"):
         load_volume(path)
-    with raises(VolumeError, "range"):
-        load_volume(f"{path}?{key}=3")
+    for wrong in ("3", "abc", ""):
+        with raises(VolumeError, "range") as caught:
+            load_volume(f"{path}?{key}={wrong}")
+        assert "0 to 2" in caught.value.remedy and caught.value.given == wrong
     for index, values in enumerate(STEPS):
         volume = load_silently(f"{path}?{key}={index}")
         assert np.array_equal(volume.values, values) and volume.values.dtype == np.int16

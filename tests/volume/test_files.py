@@ -131,11 +131,16 @@ def test_unreadable_files_are_named_in_one_line(
         ("?shape=4x3x2&dtype=int16&spacing=1,-1,1", "range"),
         ("?shape=4x3x2&dtype=int16&spacing=1,0,1", "range"),
         ("?shape=4x3x2&colour=red", "unknown"),
+        ("?shape=4x3x2&dtype=uint99", "syntax"),
     ],
 )
 def test_raw_layouts_that_do_not_fit_are_refused(files: Path, query: str, code: str) -> None:
-    with raises(VolumeError, code):
+    with raises(VolumeError, code) as caught:
         load_volume(f"{files}/v.raw{query}")
+    if "uint99" in query:
+        assert "uint16" in caught.value.remedy
+    if "shape=4x3&" in query or "-1" in query:
+        assert "v.raw?" in caught.value.remedy
 
 
 def test_constant_volumes_are_refused(tmp_path: Path) -> None:
@@ -181,13 +186,72 @@ def test_a_question_mark_may_be_a_part_of_the_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "word"),
-    [("v.stl", "mesh"), ("v.mgz", "mri_convert"), ("v.nc", "xarray"), ("v.czi", "OME-TIFF")],
+    [
+        *[("v.stl", "mesh"), ("v.mgz", "mri_convert"), ("v.nc", "xarray"), ("v.czi", "OME-TIFF")],
+        *[("v.png", "folder"), ("v.JPG", "folder"), ("v.zip", "unpack"), ("v.tar.gz", "unpack")],
+    ],
 )
 def test_files_of_other_formats_get_advice(tmp_path: Path, name: str, word: str) -> None:
     (tmp_path / name).write_bytes(b"bytes")
     with raises(VolumeError, "unsupported") as caught:
         load_volume(tmp_path / name)
     assert word in str(caught.value)
+
+
+def test_a_folder_of_volumes_lists_one(files: Path) -> None:
+    with raises(VolumeError, "missing") as caught:
+        load_volume(files)
+    assert "4 volumes" in str(caught.value) and str(files / "v.mhd") in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("name", "near"), [("v.nrd", "'v.nrrd'"), ("brian.nrrd", "'brain.nii.gz'"), ("z.nrrd", "")]
+)
+def test_a_missing_file_s_near_name_is_given(files: Path, name: str, near: str) -> None:
+    (files / "brain.nii.gz").write_bytes(b"")
+    with raises(VolumeError, "not-found") as caught:
+        load_volume(files / name)
+    assert near in caught.value.remedy and ("did you mean" in caught.value.remedy) == bool(near)
+
+
+def test_a_file_that_may_not_be_read_is_not_called_damaged(
+    files: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Permissions are simulated: root may read everything."""
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    for path in (files, files / "v.nrrd"):
+        with raises(VolumeError, "invalid") as caught:
+            load_volume(path)
+        assert "chmod" in caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("shape", "word"), [((5, 3, 3, 3), "a[0]"), ((5, 3), "stack"), ((), "stack")]
+)
+def test_an_npy_of_other_dimensions_gets_advice(
+    tmp_path: Path, shape: tuple[int, ...], word: str
+) -> None:
+    np.save(tmp_path / "v.npy", np.ones(shape))
+    for query in ("", "?time=0"):
+        with raises(VolumeError, "shape") as caught:
+            load_volume(f"{tmp_path}/v.npy{query}")
+        assert word in caught.value.remedy
+
+
+def test_values_that_are_all_nan_get_advice(tmp_path: Path) -> None:
+    np.save(tmp_path / "v.npy", np.full((3, 3, 3), np.nan))
+    with raises(VolumeError, "range") as caught:
+        load_volume(tmp_path / "v.npy")
+    assert caught.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("option", "meant"), [("label=t.txt", "'labels'"), ("tme=0", "'time'"), ("dims=3", "labels")]
+)
+def test_an_unknown_option_s_near_one_is_given(files: Path, option: str, meant: str) -> None:
+    with raises(VolumeError, "unknown") as caught:
+        load_volume(f"{files}/v.nrrd?{option}")
+    assert meant in caught.value.remedy and "spacing, labels" in caught.value.remedy
 
 
 def test_a_summary_has_directions_as_letters_and_short_lengths_in_micrometres() -> None:

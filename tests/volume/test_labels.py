@@ -130,6 +130,26 @@ def test_values_that_are_not_whole_have_no_labels(tmp_path: Path) -> None:
         load_volume(f"{tmp_path}/v.npy?labels=t.json")
 
 
+def test_a_named_table_of_another_volume_is_refused(tmp_path: Path) -> None:
+    """One that lies next to the volume by chance is ignored."""
+    np.save(tmp_path / "v.npy", blocks([1, 2, 3]))
+    (tmp_path / "far.txt").write_text("0 nothing\n5000 a\n6000 b\n")
+    (tmp_path / "v.txt").write_text("5000 a\n6000 b\n")
+    with raises(VolumeError, "conflict") as caught:
+        load_volume(f"{tmp_path}/v.npy?labels=far.txt")
+    assert caught.value.given == "far.txt" and "(5000, 6000)" in str(caught.value)
+    with raises(VolumeError, "missing"):
+        load_volume(f"{tmp_path}/v.npy?labels=")
+    assert load_silently(tmp_path / "v.npy").labels == {1: Label(), 2: Label(), 3: Label()}
+
+
+def test_the_message_about_tables_has_json_as_it_is_written(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("once upon a time")
+    with raises(VolumeError, "syntax") as caught:
+        read_label_table(tmp_path / "t.txt")
+    assert ' {"1": "liver"}' in str(caught.value)
+
+
 def test_slicer_s_segments_are_labels(tmp_path: Path) -> None:
     image = sitk.GetImageFromArray(blocks([1, 2]))
     for key, value in {

@@ -164,6 +164,33 @@ def test_a_folder_without_slices_stands_for_those_below(tmp_path: Path) -> None:
         load_volume(tmp_path / "empty")
 
 
+def structures() -> bytes:
+    """Begin of an RTSTRUCT file without a preamble and without its class, implicit types."""
+    tags = ((0x60, b"RTSTRUCT"), (0x70, b"volspec "))
+    return b"".join(struct.pack("<2HI", 8, tag, len(text)) + text for tag, text in tags) * 20
+
+
+def test_objects_without_pixels_next_to_a_series_are_left_out(tmp_path: Path) -> None:
+    folder = write_series(tmp_path / "head")
+    (folder / "rt.dcm").write_bytes(structures())
+    for path in (folder, folder / "03.dcm", f"{folder}?series=3"):
+        assert np.array_equal(load_silently(path).values, VALUES)
+    with raises(VolumeError, "not-found") as caught:
+        load_volume(folder / "rt.dcm")
+    assert "RTSTRUCT" in str(caught.value)
+
+
+def test_strangers_named_as_dicom_are_left_out_with_one_warning(tmp_path: Path) -> None:
+    folder = write_series(tmp_path / "head")
+    for name in ("a.dcm", "b.dcm"):
+        (folder / name).write_bytes(b"hello" * 99)
+    for path in (folder, folder / "03.dcm", f"{folder}?series=3"):
+        with warns("2 of 6", "a.dcm"):
+            assert np.array_equal(load_volume(path).values, VALUES)
+    with raises(VolumeError, "damaged"):
+        load_volume(folder / "a.dcm")
+
+
 def test_files_without_a_picture_are_left_out_and_damaged_ones_named(tmp_path: Path) -> None:
     folder = write_series(tmp_path / "head")
     whole = (folder / "03.dcm").read_bytes()

@@ -75,9 +75,12 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
             f"{name}: values of type {values.dtype} are not real numbers", code="type"
         )
     if values.ndim != 3:
+        remedy = "choose one channel or time step, such as array[0]"
+        if values.ndim < 3:
+            remedy = "give all slices, as numpy.stack(slices)"
         raise VolumeError(
-            f"{name}: the array has shape {values.shape}; a volume is 3-D (Z, Y, X), "
-            "one scalar per voxel. Choose one channel or time step",
+            f"{name}: the array has shape {values.shape}",
+            f"a volume has three axes (Z, Y, X): {remedy}",
             code="shape",
         )
     if min(values.shape) < 2:
@@ -122,7 +125,9 @@ def _replace_non_finite(
     finite = np.isfinite(values)
     if not finite.any():
         raise VolumeError(
-            f"{name}: none of the {values.size} voxels is a finite float32 number", code="range"
+            f"{name}: none of the {values.size} voxels is a finite float32 number; was the right "
+            "file or channel given? If so, export it again",
+            code="range",
         )
     low = float(values.min(where=finite, initial=np.inf))
     high = float(values.max(where=finite, initial=-np.inf))

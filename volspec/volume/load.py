@@ -13,9 +13,11 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
-from volspec.errors import VolspecWarning, VolumeError, quoted
+from volspec.errors import VolspecWarning, VolumeError, nearest, quoted
 from volspec.volume.bundled import locate_volume
 from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
@@ -56,8 +58,18 @@ _ADVICE: dict[tuple[str, ...], str] = {
         "is a microscope's format; save it as OME-TIFF in Fiji (File, Import, Bio-Formats), or as "
         "OME-Zarr with bioformats2raw"
     ),
-    (".jpg", ".jpeg"): "is a picture; give a folder of TIFF or PNG slices",
+    (".png", ".jpg", ".jpeg", ".bmp", ".gif", ".webp"): (
+        "is one picture; a volume is a folder of slices (TIFF or PNG): give the folder"
+    ),
+    (".zip", ".rar", ".7z", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst"): (
+        "is packed; unpack it first, then give the file or the folder in it"
+    ),
 }
+_VOLUME_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, ".npy")
+# Most numbers of a table of labels that an error lists.
+_MOST_NUMBERS = 4
+# Most files of a folder that are compared with a misspelt name.
+_MOST_COMPARED = 5000
 _KNOWN = (
     "NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, DICOM, OME-Zarr, .npy, a folder of DICOM, TIFF or PNG "
     "slices, or FILE.raw?shape=256x256x110&dtype=uint8"
@@ -138,6 +150,16 @@ def _with_labels(volume: Volume, path: Path, named: str | None, in_header: Label
             "labels=",
             code="conflict",
         )
+    if named is not None and not labels.keys() & given.keys():
+        numbers = [str(number) for number in sorted(given) if number]
+        listed = ", ".join(numbers[:_MOST_NUMBERS]) + ", …" * (len(numbers) > _MOST_NUMBERS)
+        low, high = volume.range
+        raise VolumeError(
+            f"{named}: none of its numbers ({listed or 0}) is a value of {path.name} "
+            f"({low:g} … {high:g}); is it the table of another volume?",
+            code="conflict",
+            given=named,
+        )
     return replace(volume, labels=labels) if labels else volume
 
 
@@ -214,8 +236,7 @@ def reader_library(query: Query) -> str:
 
 def _reader(query: Query) -> Callable[[Query], Reading]:
     path = query.path
-    if not path.exists():
-        raise VolumeError(f"{path}: no such file; check the path", code="not-found")
+    _require_readable(path)
     if path.is_dir():
         return _folder_reader(path)
     if not path.is_file():
@@ -229,9 +250,11 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         return read_series
     if lower.endswith(_ITK_SUFFIXES):
         return read_itk
-    if lower.endswith((*_VTK_SUFFIXES, ".npy")):
+    if lower.endswith(".npy"):
+        return read_npy
+    if lower.endswith(_VTK_SUFFIXES):
         query.allow()
-        return read_npy if lower.endswith(".npy") else read_vtk
+        return read_vtk
     if is_dicom(path) and not lower.endswith(".raw"):
         return read_series
     if lower.endswith(".raw") or query.options:
@@ -239,6 +262,37 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
     if advice := next((text for ends, text in _ADVICE.items() if lower.endswith(ends)), ""):
         raise VolumeError(f"{path}: {advice}", code="unsupported")
     raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
+
+
+def _require_readable(path: Path) -> None:
+    """Refuse a file or folder that does not exist, or that the user may not read."""
+    try:
+        exists = path.exists()
+        readable = os.access(path, os.R_OK | os.X_OK if path.is_dir() else os.R_OK)
+    except PermissionError:  # of a folder on the way
+        exists, readable = True, False
+    if not exists:
+        guess = nearest(path.name, _similar_names(path), count=1)
+        raise VolumeError(f"{path}: no such file", f"{guess}check the path", code="not-found")
+    if not readable:
+        raise VolumeError(
+            f"{path}: no permission to read it; change its permissions (chmod u+r), or copy it as "
+            "its owner"
+        )
+
+
+def _similar_names(path: Path) -> list[str]:
+    """Return the names in a file's folder that are similar even without their suffixes."""
+
+    def stem(name: str) -> str:
+        return name.partition(".")[0].casefold()
+
+    try:
+        names = [each.name for each in islice(path.parent.iterdir(), _MOST_COMPARED)]
+    except OSError:
+        return []
+    alike = get_close_matches(stem(path.name), {stem(name) for name in names})
+    return [name for name in names if stem(name) in alike]
 
 
 def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
@@ -249,11 +303,21 @@ def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
             return read_stack
         if series_folders(folder):
             return read_series
+        volumes = sorted(
+            each.name
+            for each in folder.iterdir()
+            if each.name.lower().endswith(_VOLUME_SUFFIXES) and not each.name.startswith(".")
+        )
     except OSError as error:
         raise VolumeError(
             f"{error.filename}: cannot be read: {error.strerror}; check its permissions",
             code="damaged",
         ) from error
+    if volumes:
+        held = f"{len(volumes)} volumes" if len(volumes) > 1 else "a volume"
+        raise VolumeError(
+            f"{folder}: holds {held}; name one, such as {folder / volumes[0]}", code="missing"
+        )
     raise VolumeError(
         f"{folder}: is a folder without slices (DICOM, TIFF or PNG); give the folder that holds "
         f"them, or a file ({_KNOWN})",

@@ -23,7 +23,13 @@ from numpy.typing import NDArray
 
 from volspec._files import captured_output
 from volspec.errors import VolumeError
-from volspec.volume.files.dicom_headers import Series, Slice, dicom_files, headers
+from volspec.volume.files.dicom_headers import (
+    Series,
+    Slice,
+    describe_without_pictures,
+    dicom_files,
+    headers,
+)
 from volspec.volume.files.itk import itk_message
 from volspec.volume.files.lattice import (
     affine,
@@ -61,7 +67,7 @@ def read_series(query: Query) -> Reading:
     """Read a folder's series, or the series that a file belongs to."""
     remarks: list[str] = []
     guesses: list[str] = []  # about the slices' distance; dropped if the query states it
-    series = _largest_stack(_requested_series(query), query, remarks)
+    series = _largest_stack(_requested_series(query, remarks), query, remarks)
     if series[0].components != 1:
         raise VolumeError(
             f"{series[0].path}: holds {series[0].components} components per pixel (colour); a "
@@ -82,18 +88,32 @@ def read_series(query: Query) -> Reading:
     return Reading(values, world_from_index=world, remarks=remarks)
 
 
-def _requested_series(query: Query) -> list[Slice]:
+def _requested_series(query: Query, remarks: list[str]) -> list[Slice]:
     """Return the series that the query selects, each slice once."""
     path = query.path
     query.allow(*(("series",) if path.is_dir() else ()), "time", "spacing")
     folders = series_folders(path) if path.is_dir() else [path.parent]
     own = None if path.is_dir() else headers([path])
+    if own == []:
+        raise VolumeError(
+            f"{path}: is {describe_without_pictures(path)} without pixels; give a slice of an "
+            "image series, or its folder",
+            code="not-found",
+        )
     if own and own[0].size[2] > 1:
         return own
-    found = headers([file for folder in folders for file in dicom_files(folder)])
-    if not found or own == []:
+    strangers: list[Path] = []
+    found = headers([file for folder in folders for file in dicom_files(folder)], strangers)
+    if strangers and not found:
+        headers(strangers)  # raises the first one's error
+    if not found:
         raise VolumeError(
             f"{path}: holds no DICOM pictures; give the folder of a series", code="not-found"
+        )
+    if strangers:
+        remarks.append(
+            f"{path}: {len(strangers)} of {len(strangers) + len(found)} files left out, which are "
+            f"no DICOM pictures, such as {strangers[0].name}"
         )
     if own:
         chosen = own[0].series.uid

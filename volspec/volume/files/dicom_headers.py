@@ -37,6 +37,27 @@ _CLASS = re.compile(
     rb"(?:\x02\x00\x02\x00UI..|\x08\x00\x16\x00(?:UI..|..\x00\x00))([0-9.]+)", re.DOTALL
 )
 
+# The modality, tag 0008,0060, likewise with or without its type; and those without pictures.
+_MODALITY = re.compile(rb"\x08\x00\x60\x00(?:CS..|..\x00\x00)([A-Z]+)", re.DOTALL)
+_NAMED_MODALITIES = {
+    "RTSTRUCT": "radiotherapy structures",
+    "RTPLAN": "a radiotherapy plan",
+    "RTRECORD": "a radiotherapy record",
+    "SR": "a structured report",
+    "PR": "a presentation state",
+    "KO": "a selection of key objects",
+    "REG": "a registration",
+    "DOC": "a document",
+    "PLAN": "a plan",
+    "FID": "fiducial marks",
+    "RWV": "a table of real-world values",
+    "ECG": "an electrocardiogram",
+    "HD": "a haemodynamic waveform",
+    "AU": "a sound",
+}
+# Bytes in which both are looked for.
+_HEAD_BYTES = 4096
+
 
 @dataclass(frozen=True, slots=True)
 class Series:
@@ -95,11 +116,43 @@ def dicom_files(folder: Path) -> list[Path]:
     )
 
 
-def headers(paths: Sequence[Path]) -> list[Slice]:
-    """Read headers, leaving out files of classes without pictures."""
+def headers(paths: Sequence[Path], strangers: list[Path] | None = None) -> list[Slice]:
+    """Read headers, leaving out files of classes without pictures.
+
+    Files that do not even begin like DICOM are added to ``strangers`` if it is given; other
+    unreadable ones may be slices, so they are refused.
+    """
+    found = []
     with captured_output([]):
-        found = [_header(path) for path in paths]
+        for path in paths:
+            try:
+                found.append(_header(path))
+            except VolumeError:
+                if strangers is None or is_dicom(path):
+                    raise
+                strangers.append(path)
     return [each for each in found if each is not None]
+
+
+def describe_without_pictures(path: Path) -> str:
+    """Return what a file of a class without pictures is, from its modality; else "DICOM"."""
+    modality = _MODALITY.search(_head(path))
+    word = modality[1].decode() if modality else ""
+    return f"{word} ({_NAMED_MODALITIES[word]})" if word in _NAMED_MODALITIES else "DICOM"
+
+
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_HEAD_BYTES)
+
+
+def _has_no_pictures(path: Path) -> bool:
+    """Return True if a file's class or modality is one without pictures."""
+    head = _head(path)
+    named, modality = _CLASS.search(head), _MODALITY.search(head)
+    if named is not None and _NO_PICTURES.fullmatch(named[1].decode()):
+        return True
+    return modality is not None and modality[1].decode() in _NAMED_MODALITIES
 
 
 def _header(path: Path) -> Slice | None:
@@ -111,9 +164,7 @@ def _header(path: Path) -> Slice | None:
     try:
         reader.ReadImageInformation()
     except RuntimeError as error:
-        with path.open("rb") as file:
-            named = _CLASS.search(file.read(1024))
-        if named is not None and _NO_PICTURES.fullmatch(named[1].decode()):
+        if _has_no_pictures(path):
             return None
         raise VolumeError(
             f"{path}: cannot be read as a DICOM picture; damaged or truncated, copy it again or "

@@ -57,7 +57,7 @@ def read_label_table(path: Path) -> dict[int, Label]:
 def _no_table(path: Path) -> VolumeError:
     return VolumeError(
         f"{path}: not a table of labels; give lines of a number and a name (and 0 to 255 for red, "
-        'green, blue), a .ctbl, an ITK-SNAP description, or JSON such as {{"1": "liver"}}',
+        'green, blue), a .ctbl, an ITK-SNAP description, or JSON such as {"1": "liver"}',
         code="syntax",
     )
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._gpu.memory import host_free_bytes
-from volspec.errors import VolumeError, one_line, quoted
+from volspec.errors import VolumeError, nearest, one_line, quoted
 from volspec.volume.labels import Labels
 
 
@@ -78,7 +78,10 @@ class Query:
             if key in options:
                 raise VolumeError(f"{path}: {key}= is given twice; give it once", code="duplicate")
             options[key] = value
-        return cls(Path(path), options, labels=options.pop("labels", None))
+        labels = options.pop("labels", None)
+        if labels == "":
+            raise VolumeError(f"{path}: labels= is empty; give a file", code="missing")
+        return cls(Path(path), options, labels=labels)
 
     @property
     def name(self) -> str:
@@ -86,17 +89,19 @@ class Query:
         return self.path.name or str(self.path)
 
     def allow(self, *known: str) -> None:
-        """Refuse options other than ``known`` and spacing, which every volume takes."""
-        known = tuple(dict.fromkeys((*known, "spacing")))
+        """Refuse options other than ``known``, and those that every volume takes."""
+        known = tuple(dict.fromkeys((*known, "spacing", "labels")))
         if unknown := sorted(set(self.options) - set(known)):
             raise VolumeError(
-                f"{self.path}: unknown option {unknown[0]!r}; known are {', '.join(known)}",
+                f"{self.path}: unknown option {unknown[0]!r}",
+                f"{nearest(unknown[0], known, count=1)}known are {', '.join(known)}",
                 code="unknown",
+                given=unknown[0],
             )
 
     @property
     def spacing_mm(self) -> tuple[float, float, float] | None:
-        """``spacing=x,y,z`` in mm, None if left out; `Volume` requires positive numbers."""
+        """``spacing=x,y,z`` in mm, positive; None if left out."""
         given = self.options.get("spacing")
         if given is None:
             return None
@@ -109,6 +114,13 @@ class Query:
                 code="syntax",
                 given=given,
             ) from error
+        if not (min(x, y, z) > 0 and max(x, y, z) < math.inf):
+            raise VolumeError(
+                f"{self.path}: spacing={given}; give three positive numbers of millimetres, as in "
+                f"{self.name}?spacing=0.65,0.65,2",
+                code="range",
+                given=given,
+            )
         return x, y, z
 
     def index(self, key: str, count: int, what: str, names: Sequence[str] = ()) -> int:
@@ -128,12 +140,17 @@ class Query:
                 code="conflict",
                 given=given,
             )
-        if given is None or not given.isdecimal() or int(given) >= count:
-            wrong = "" if given is None else f" and {key}={given} is not one of them"
+        if given is None:
             raise VolumeError(
-                f"{self.path}: holds {count} {what}{wrong}, but a volume has one; choose it with "
+                f"{self.path}: holds {count} {what}, but a volume has one; choose it with "
                 f"{self.name}?{key}=0 … {count - 1}",
-                code="missing" if given is None else "range",
+                code="missing",
+            )
+        if not given.isdecimal() or int(given) >= count:
+            valid = "0 or 1" if count == 2 else f"a number from 0 to {count - 1}"
+            raise VolumeError(
+                f"{self.path}: holds {count} {what}, {key}={given} is none of them; give {valid}",
+                code="range",
                 given=given,
             )
         return int(given)

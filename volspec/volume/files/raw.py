@@ -9,20 +9,23 @@ import math
 
 import numpy as np
 
-from volspec.errors import VolumeError
+from volspec.errors import VolumeError, nearest
 from volspec.volume.files.query import Choice, Query, Reading, Stored
 
 _NPY_HEADERS = {
     (1, 0): np.lib.format.read_array_header_1_0,
     (2, 0): np.lib.format.read_array_header_2_0,
 }
+_DTYPES = (
+    *("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64"),
+    *("float16", "float32", "float64", "bool"),
+)
 _EXAMPLE = "shape=256x256x110&dtype=uint8&spacing=1,1,1"
 
 
 def read_npy(query: Query) -> Reading:
     """Read a file written by ``numpy.save``."""
     path = query.path
-    query.end_choices()
     with path.open("rb") as file:
         try:
             read_header = _NPY_HEADERS[np.lib.format.read_magic(file)]
@@ -40,6 +43,17 @@ def read_npy(query: Query) -> Reading:
                 "these",
                 code="type",
             )
+        if len(shape) != 3:
+            size = " x ".join(map(str, shape)) or "one number"
+            remedy = "save all slices in one array: numpy.save('v.npy', numpy.stack(slices))"
+            if len(shape) > 3:
+                remedy = "save one volume of it, such as numpy.save('t0.npy', a[0])"
+            raise VolumeError(
+                f"{path}: is {len(shape)}-D ({size}); a volume has three axes (Z, Y, X): {remedy}",
+                code="shape",
+            )
+        query.allow()
+        query.end_choices()
         held = path.stat().st_size - file.tell()
         query.require_held(held, shape, math.prod(shape) * dtype.itemsize)
         query.reserve(shape, dtype.itemsize)
@@ -72,8 +86,12 @@ def read_raw(query: Query) -> Reading:
         key = "offset"
         offset = int(options.get("offset", "0"))
     except (ValueError, TypeError, SyntaxError, RecursionError) as error:  # the last two from dtype
+        remedy = f"write it as in {path.name}?{_EXAMPLE}"
+        if key == "dtype":
+            remedy = f"{nearest(options[key], _DTYPES, count=1)}give one of {', '.join(_DTYPES)}"
         raise VolumeError(
-            f"{path}: {key}={options[key]} cannot be read; write it as in {path.name}?{_EXAMPLE}",
+            f"{path}: {key}={options[key]} cannot be read",
+            remedy,
             code="syntax",
             given=options[key],
         ) from error
@@ -93,7 +111,8 @@ def read_raw(query: Query) -> Reading:
         )
     if len(shape) != 3 or min(shape) < 1:
         raise VolumeError(
-            f"{path}: shape {options['shape']} is not XxYxZ with positive counts",
+            f"{path}: shape={options['shape']} is not three positive counts; give those along x, "
+            f"y and z, as in {path.name}?{_EXAMPLE}",
             code="shape",
             given=options["shape"],
         )
