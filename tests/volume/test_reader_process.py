@@ -46,6 +46,16 @@ def test_a_crash_of_the_reader_is_one_line(
     assert f"({signal})" in str(caught.value)
 
 
+def test_a_slice_that_may_not_be_read_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    body = "raise PermissionError(13, 'Permission denied', 'b.dcm')"
+    path = child_with(tmp_path, body, monkeypatch)
+    with raises(VolumeError, "invalid") as caught:
+        load_volume(path)
+    assert "b.dcm" in str(caught.value) and "chmod" in caught.value.remedy
+
+
 @pytest.mark.parametrize("declares", ["", "query.declare(1 << 40); "])
 def test_a_reader_that_hangs_is_ended_whatever_it_declares(
     tmp_path: Path, declares: str, monkeypatch: pytest.MonkeyPatch

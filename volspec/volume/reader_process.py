@@ -312,6 +312,11 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
     except MemoryError:
         code = "size"
         fault = "takes more memory to read than its header accounts for; is it damaged?"
+    except PermissionError as error:
+        code = "invalid"
+        other = error.filename not in (None, str(query.path))
+        place = error.filename if other else "it"
+        fault = f"no permission to read {place}; change its permissions (chmod u+r), or copy it"
     except Exception as error:  # a library's error that its reader does not expect
         code = "damaged"
         fault = f"cannot be read ({type(error).__name__}: {one_line(error):.150}); is it damaged?"
