@@ -96,3 +96,9 @@ def test_hidden_labels_are_transparent_and_keep_their_opacity() -> None:
         function.labels, function.materials, function.basis, 1.0, function.names, frozenset({2})
     )
     assert hidden.bake(1.0).opacity.tolist() == [0, 0.9, 0] and hidden.labels[2][0] == 0.9
+
+
+def test_the_weights_of_any_colour_are_a_mix() -> None:
+    codes = np.random.default_rng(0).integers(0, 256, (4000, 3)) / 255
+    sums = [sum(smits_weights(each).values()) for each in codes]
+    assert min(sums) > 0 and max(sums) <= 1

@@ -87,6 +87,14 @@ def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
         for place in places:
             robot.click(place)
             robot.rest()
+        # A new label is typed at once; its letters are no commands.
+        command("add a label")
+        robot.click(places[0])
+        robot.rest()
+        robot.type("a crust")
+        robot.rest()
+        robot.key("Return")
+        robot.rest()
         robot.key("Escape")
         robot.rest()
         robot.key("ctrl+s")
@@ -98,7 +106,9 @@ def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
         robot.rest()
         assert robot.viewer.poll() is None
     scene = Scene.load(saved["path"])
-    (found,) = scene.file.annotation
+    found, label = scene.file.annotation
+    assert label.text == "a crust"
+    assert [path.suffix for path in tmp_path.iterdir()].count(".png") == 0
     assert 5 < (found.value or 0.0) < 24
     # The first hits lie on the box's surface, and appear where they were clicked.
     for point in found.points_mm:
@@ -106,5 +116,5 @@ def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
     projection = Projection(scene.camera(scene.volume()), (x, y, width, height))
     drawn = projection.to_window(np.array(found.points_mm))[:, :2]
     assert np.abs(drawn - places).max() < 2.0
-    assert read_scene(Path(saved["path"])).annotations == (found,)
+    assert read_scene(Path(saved["path"])).annotations == (found, label)
     assert isinstance(found, Annotation)

@@ -203,7 +203,7 @@ def test_the_palette_lists_every_action_light_model_display_and_file(state: View
         ("tung", "Light: A alone, tungsten lamp"),
         ("undo", "Edit: Undo"),
         ("exp py", "File: Export as Python"),
-        ("xptsc", "File: Export as scene"),
+        ("svscn", "File: Save as a scene"),
         ("zzzz", ""),
     ],
 )

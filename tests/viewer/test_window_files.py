@@ -157,7 +157,7 @@ def test_files_are_found_by_mouse_arrows_and_tab(tmp_path: Path) -> None:
         dialog()
         robot.click("place Home")
         robot.rest()
-        robot.click("place Open file")
+        robot.click("place Folder of the open file")
         robot.rest()
         robot.click("path filter")
         robot.rest()

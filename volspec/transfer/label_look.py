@@ -14,6 +14,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
@@ -169,7 +170,7 @@ def smits_weights(codes: Iterable[float]) -> dict[str, float]:
     They sum to the greatest of linear red, green and blue; the rest is black.
 
     >>> smits_weights((1, 0, 0)), smits_weights((1, 1, 0.5))
-    ({'sRGB/red': 1.0}, {'white': 0.214, 'sRGB/yellow': 0.786})
+    ({'sRGB/red': 1.0}, {'white': 0.214, 'sRGB/yellow': 0.785})
     """
     linear = decode_sRGB(np.array([*codes]))
     order = np.argsort(linear, kind="stable")
@@ -182,7 +183,9 @@ def smits_weights(codes: Iterable[float]) -> dict[str, float]:
         f"sRGB/{secondary}": middle - least,
         f"sRGB/{primary}": most - middle,
     }
-    rounded = {name: round(weight, _DIGITS) for name, weight in weights.items()}
+    # Rounded down, as the sum of a mix is at most 1.
+    unit = 10.0**_DIGITS
+    rounded = {name: math.floor(weight * unit + 1e-6) / unit for name, weight in weights.items()}
     return {name: weight for name, weight in rounded.items() if weight > 0} or {"black": 1.0}
 
 

@@ -231,6 +231,7 @@ class _App:
         opened = opened.after(before)
         self._file_commands.documents.begin(opened, before)
         self._history = History(opened.state)
+        self._screen.forget()
         title = opened.state.document.title
         self._window.name(f"{as_one_line(title)} – volspec")
         self._trace.note("open", title=title)
@@ -379,7 +380,12 @@ class _App:
         if point is None:
             self._notice.show("Nothing is there; click a surface", SHORT_SECONDS)
             return state
-        return self._ui.edited(state, bind(measure.pick, point))
+        new = self._ui.edited(state, bind(measure.pick, point))
+        if state.interface.tool == "label" and len(new.annotations) > len(state.annotations):
+            # The next keys are the label's text, not commands.
+            self._ui.front = measure.PANEL
+            self._ui.item = f"annotation text {len(state.annotations)}"
+        return new
 
     def _do_requests(self) -> None:
         """Run the commands that are not edits of the state."""

@@ -146,7 +146,7 @@ def folder_places(
     """
     places = [("Home", os.path.expanduser("~"))]
     if opened is not None:
-        places.append(("Open file", opened))
+        places.append(("Folder of the open file", opened))
     places += [("Current folder", os.getcwd()), ("Examples", examples)]
     if os.name == "posix":
         places.append(("Computer", "/"))

@@ -347,7 +347,7 @@ REQUESTS = {
     "open": _open("Open a scene or a volume", *_VOLUMES.split(), files="Scenes and volumes"),
     "open-folder": _open("Open a folder of slices", files=""),
     "open-session": _open("Open a session", SUFFIX, files="Sessions", kind="resume"),
-    "export-scene": _save("export-scene", "Export as scene", ".toml", files="Scenes"),
+    "export-scene": _save("export-scene", "Save as a scene", ".toml", files="Scenes"),
     "export-python": _save("export-python", "Export as Python", ".py", files="Python"),
     "palette-load": _open("Load a palette", ".toml", files="Palettes", kind="palette-load"),
     "palette-save": _save("palette-save", "Save the palette as", ".toml", files="Palettes"),

@@ -14,7 +14,14 @@ from volspec.settings import Vector
 from volspec.viewer.model import measure
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import BLACK, WHITE, lit_button, over_picture, pack_colour
+from volspec.viewer.ui.widgets import (
+    BLACK,
+    WHITE,
+    focus_if_wanted,
+    lit_button,
+    over_picture,
+    pack_colour,
+)
 
 # Sizes in pixels at 96 dpi: dots, lines, their outline, and a label's leader, right and up.
 _DOT, _LINE, _OUTLINE, _LEADER = 3.5, 1.6, 1.6, (26.0, -26.0)
@@ -117,7 +124,9 @@ def _row(state: ViewState, each: Annotation, ui: UiContext, i: int) -> ViewState
     number = "" if each.value is None else each.caption.removeprefix(each.text).strip()
     room = imgui.get_content_region_avail().x - imgui.get_frame_height() - ui.px(6)
     imgui.set_next_item_width(room - (ui.px(96) if number else 0))
-    changed, text = imgui.input_text_with_hint("##text", "name", each.text)
+    focus_if_wanted(f"annotation text {i}", ui)
+    flags = imgui.InputTextFlags_.auto_select_all
+    changed, text = imgui.input_text_with_hint("##text", "name", each.text, flags)
     ui.note(f"annotation text {i}")
     if number:
         imgui.same_line(0, ui.px(6))

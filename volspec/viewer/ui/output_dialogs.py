@@ -211,7 +211,7 @@ _MARK_LABELS: dict[Mark, str] = {
     "orientation": "Orientation",
     "title": "Title",
     "light": "Light",
-    "materials": "Materials",
+    "materials": "Legend of materials",
 }
 
 

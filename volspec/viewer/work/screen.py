@@ -256,6 +256,11 @@ class Screen:
         self._blank = not done.image.alpha.any()
         self._meter.ms["cast"] = done.ms
 
+    def forget(self) -> None:
+        """Stop showing the picture, which belongs to another document."""
+        self._cast = self.image = None
+        self.whole, self.fault = False, ""
+
     def mark_stale(self) -> None:
         """Mark the picture as stale: it no longer shows the state's light."""
         # If lights keep changing, as with a key held down, the last bands would never be drawn.
