@@ -165,6 +165,23 @@ def _read_spectral_image(path: Path) -> None:
     SpectralImage.load(path)
 
 
+_LABEL_TABLES = (
+    b"0 Clear 0 0 0 0\n1 liver 220 30 20 255\n2 left_kidney 10 200 20 255\n",
+    b'1 255 0 0 1 1 1 "liver"\n2 0 255 0 0.5 0 0 "kidney"\n',
+    b"index,name,color\n1,liver,#ff0000\n2,kidney,#00ff00\n",
+    b'{"1": "liver", "2": "kidney"}',
+    b"1|liver|3\n2|kidney|4\n",
+    bytes(768),
+)
+
+
+def _read_label_table(path: Path) -> None:
+    from volspec.volume.files.label_tables import labels_in_xml, read_label_table
+
+    labels_in_xml(path.read_bytes().decode("utf-8", "replace"))
+    read_label_table(path)
+
+
 def _read_table(path: Path) -> None:
     from volspec.spectra.tables import read_table
 
@@ -399,6 +416,12 @@ TARGETS: Mapping[str, Target] = {
         _read_cache, _caches, "input.npz", tokens=(b"PK\x03\x04", b"\x93NUMPY", b"'|O'")
     ),
     "kept": Target(_read_kept, _kept, "input", tokens=_JSON),
+    "label-table": Target(
+        _read_label_table,
+        lambda: _LABEL_TABLES,
+        "labels.txt",
+        tokens=(b"\t", b",", b"{", b'":', b"#", b"<Label", b"1e999", b"\xff\xfe"),
+    ),
     "words": Target(
         _read_words,
         lambda: [b"\n".join(_WORDS[at : at + 4]) for at in (0, 4, 8)],

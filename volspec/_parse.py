@@ -15,6 +15,7 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 from volspec.errors import InputError, quoted
 
@@ -44,6 +45,21 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text; raises as `parse_json`."""
     tables: dict[str, Any] = _checked(tomllib.loads, text)
     return tables
+
+
+class _NoEntities(ElementTree.TreeBuilder):
+    """XML builder that refuses a document type, because its entities could fill the memory."""
+
+    def doctype(self, *_: object) -> None:
+        raise ValueError("it declares a document type")
+
+
+def parse_xml(content: str | bytes) -> ElementTree.Element:
+    """Parse XML; raises ValueError if it is damaged or declares a document type."""
+    try:
+        return ElementTree.fromstring(content, ElementTree.XMLParser(target=_NoEntities()))
+    except (ElementTree.ParseError, LookupError) as error:  # LookupError: an unknown encoding
+        raise ValueError(str(error)) from error
 
 
 def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) -> str:

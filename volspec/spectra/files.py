@@ -15,11 +15,11 @@ import re
 import warnings
 from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._parse import parse_xml
 from volspec.errors import SpectrumError, VolspecWarning, one_line
 from volspec.spectra.datasets import colour_science
 from volspec.spectra.grid import SpectralGrid
@@ -225,20 +225,12 @@ def _tm27(path: str) -> Spectrum:
         raise error.within(path) from None
 
 
-class _NoEntities(ElementTree.TreeBuilder):
-    """XML builder that refuses a document type, because its entities could fill the memory."""
-
-    def doctype(self, *_: object) -> None:
-        raise ValueError("it declares a document type")
-
-
 def _check_tm27(path: str) -> None:
     """Refuse XML that colour-science would misread: it accepts any and joins distributions."""
     content = file_content(path)
     try:
-        root = ElementTree.fromstring(content, ElementTree.XMLParser(target=_NoEntities()))
-    # LookupError, ValueError: an unknown or unusable encoding.
-    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        root = parse_xml(content)
+    except ValueError as error:
         raise SpectrumError(
             f"{path}: damaged XML ({error}); export the file again", code="damaged"
         ) from None

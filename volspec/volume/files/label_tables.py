@@ -15,8 +15,8 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
+from volspec._parse import parse_xml
 from volspec.errors import VolumeError
 from volspec.volume.labels import Label, Labels
 
@@ -27,11 +27,13 @@ _PACKED = (".gz",)
 _MOST_BYTES = 1 << 24
 _LUT_BYTES = 3 * 256
 # Number, red, green, blue, opacity, visibility, mesh visibility, "name".
-_SNAP = re.compile(r'\s*(\d+)\s+(\d+)\s+(\d+)\s+(\d+)\s+([\d.]+)\s+[01]\s+[01]\s+"(.*)"\s*')
+_SNAP = re.compile(
+    r'\s*(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s+([\d.]+)\s+[01]\s+[01]\s+"(.*)"\s*'
+)
 # Number, name (with spaces at most if colours follow), red, green, blue, opacity.
-_NAME_COLOUR = re.compile(r"\s*(\d+)\s+(.+?)\s+(\d+)\s+(\d+)\s+(\d+)(?:\s+\d+)?\s*")
+_NAME_COLOUR = re.compile(r"\s*(\d{1,9})\s+(.+?)\s+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})(?:\s+\d+)?\s*")
 # Number, name without spaces, another number.
-_NAME = re.compile(r"\s*(\d+)\s+(\S+)(?:\s+\d+)?\s*")
+_NAME = re.compile(r"\s*(\d{1,9})\s+(\S+)(?:\s+\d+)?\s*")
 _HEX = re.compile(r"#[0-9a-fA-F]{6}")
 
 
@@ -190,8 +192,8 @@ def labels_in_xml(text: str) -> dict[int, Label] | None:
     {1: Label(name='spleen', colour=None)}
     """
     try:
-        root = ElementTree.fromstring(text.strip("\0 \n"))
-    except ElementTree.ParseError:
+        root = parse_xml(text.strip("\0 \n"))
+    except ValueError:
         return None
     found = {}
     for element in root.iter("Label"):

@@ -23,12 +23,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import captured_output
+from volspec._parse import parse_xml
 from volspec.errors import VolumeError, one_line
 from volspec.volume.files.lattice import mm_per_unit
 from volspec.volume.files.query import Query
@@ -201,18 +201,17 @@ def stated_spacing_mm(tiff: Any, page: Any) -> tuple[float | None, float | None,
 def channel_names(tiff: Any) -> list[str]:
     """Return the names of an OME-TIFF's channels; empty if it states none."""
     try:
-        channels = ElementTree.fromstring(tiff.ome_metadata or "").findall(
-            "{*}Image/{*}Pixels/{*}Channel"
-        )
-    except ElementTree.ParseError:
+        root = parse_xml(tiff.ome_metadata or "")
+    except ValueError:
         return []
+    channels = root.findall("{*}Image/{*}Pixels/{*}Channel")
     return [channel.get("Name") or "" for channel in channels]
 
 
 def _ome_spacing_mm(text: str) -> list[float | None]:
     try:
-        pixels = ElementTree.fromstring(text).find("{*}Image/{*}Pixels")
-    except ElementTree.ParseError:
+        pixels = parse_xml(text).find("{*}Image/{*}Pixels")
+    except ValueError:
         pixels = None
     spacing: list[float | None] = []
     for axis in "XYZ":
