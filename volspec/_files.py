@@ -26,6 +26,8 @@ _UNFINISHED = re.compile(r"(\.volspec-[0-9a-f]{8}-[0-9a-f]{8}-[0-9a-f]{8})\.(loc
 _TRIES = 9
 # Without locks, the writer of a file unchanged for this time counts as dead.
 _DEAD_S = 86400.0
+# Endings that belong together.
+_DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr", ".volspec.json")
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 # Step between corrected modification times.
 _STEP_NS = 1_000_000
@@ -285,6 +287,16 @@ def require_writable(path: str | os.PathLike[str]) -> None:
     Raises `InputError` if the path is a folder or a device, or its folder cannot be written to.
     """
     _require_room(_output(path).parent, path)
+
+
+def plain_stem(name: str) -> str:
+    """Return a file's name without its ending, or endings that belong together.
+
+    >>> [plain_stem(name) for name in ("head.nii.gz", "a.b.toml", "run.volspec.json")]
+    ['head', 'a.b', 'run']
+    """
+    double = next((each for each in _DOUBLE if name.lower().endswith(each)), "")
+    return name[: -len(double)] if double else os.path.splitext(name)[0]
 
 
 def require_suffix(

@@ -30,6 +30,7 @@ Code = Literal[
     "type",  # a value of the wrong kind
     "unknown",  # a name that does not exist
     "unsupported",  # valid, but not implemented or not installed
+    "unreadable",  # an input that the user may not read
     "unwritable",  # an output that cannot be made
     "invalid",  # none of these
 ]

@@ -101,6 +101,6 @@ def test_a_model_without_an_inverse_is_refused() -> None:
 
 def test_open_is_a_deprecated_name_of_free() -> None:
     with pytest.warns(DeprecationWarning):
-        old = PaletteSpectrum("s", open=True)  # type: ignore[call-arg]
+        old = PaletteSpectrum("s", open=True)  # type: ignore[call-arg]  # no field
     with pytest.warns(DeprecationWarning):
         assert old.free and old.open

@@ -59,7 +59,8 @@ def test_a_table_is_transparent_below_a_value_and_the_same_above() -> None:
 
 def test_volumes_without_missing_voxels_keep_their_table() -> None:
     volume = vs.Volume(np.arange(27, dtype=np.float32).reshape(3, 3, 3))
-    assert bake_for_volume(CURVE, volume).domain == CURVE.bake(1.0).domain  # type: ignore[union-attr]
+    table = bake_for_volume(CURVE, volume)
+    assert isinstance(table, TransferTable) and table.domain == CURVE.bake(1.0).domain
 
 
 def test_statistics_leave_missing_voxels_out() -> None:

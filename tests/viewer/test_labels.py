@@ -71,7 +71,7 @@ def test_labels_are_hidden_and_shown_and_keep_their_opacity(state: ViewState) ->
     new = labels.toggle_label(state, 2)
     assert function_of(new).hidden == {2} and function_of(new).labels[2][0] == 0.9
     assert Difference.between(state, new).stage == "cast"
-    assert labels.toggle_label(new, 2).transfer.hidden == frozenset()  # type: ignore[union-attr]
+    assert function_of(labels.toggle_label(new, 2)).hidden == frozenset()
     assert labels.toggle_label(state, 9) is state
 
     only = labels.show_only(state, 3)

@@ -22,6 +22,7 @@ from volspec.raycast.projection import Projection
 from volspec.raycast.spec import MAX_GROUPS
 from volspec.spectra import light
 from volspec.viewer.model import lighting, lighting_aim, lights, quality
+from volspec.viewer.model.edit import Change
 from volspec.viewer.model.light_rows import Rows, light_rig
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.state import ViewState
@@ -121,7 +122,7 @@ def test_names_of_groups_are_checked(state: ViewState) -> None:
     deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(st.lists(drawn(("sky", "point light", "FL2", "a name", "draft"), lighting), max_size=8))
-def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list) -> None:  # type: ignore[type-arg]
+def test_lights_fit_the_groups_whatever_is_edited(state: ViewState, edits: list[Change]) -> None:
     state = added(state, "directional light", "point light")
     for each in edits:
         state = each(state)

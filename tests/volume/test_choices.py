@@ -107,7 +107,7 @@ def test_an_ome_zarr_lists_levels_channels_and_times(tmp_path: Path) -> None:
     many = np.stack([STEPS, STEPS]).astype(np.uint16)
     path = write(tmp_path / "v.zarr", many, [TIME, CHANNEL, *SPACE])
     group = zarr.open_group(str(path))
-    ome = dict(group.attrs["ome"])  # type: ignore[arg-type]
+    ome = dict(group.attrs["ome"])  # type: ignore[arg-type]  # zarr: any JSON
     ome["omero"] = {"channels": [{"label": name} for name in ("DAPI", "GFP", "Cy5")]}
     group.attrs["ome"] = ome
     level, time, channel = volume_choices(f"{path}?channel=1")

@@ -220,7 +220,7 @@ def test_a_file_that_may_not_be_read_is_not_called_damaged(
     """Permissions are simulated: root may read everything."""
     monkeypatch.setattr("os.access", lambda path, mode: False)
     for path in (files, files / "v.nrrd"):
-        with raises(VolumeError, "invalid") as caught:
+        with raises(VolumeError, "unreadable") as caught:
             load_volume(path)
         assert "chmod" in caught.value.remedy
 

@@ -200,7 +200,7 @@ def test_names_in_a_nifti_extension_are_read(tmp_path: Path, packed: bool) -> No
 def test_an_image_label_of_ome_zarr_has_names_and_colours(tmp_path: Path) -> None:
     path = write(tmp_path / "v.zarr", blocks([1, 2], 3).astype(np.uint16), SPACE)
     group = zarr.open_group(str(path))
-    ome = dict(group.attrs["ome"])  # type: ignore[arg-type]
+    ome = dict(group.attrs["ome"])  # type: ignore[arg-type]  # zarr: any JSON
     ome["image-label"] = {
         "colors": [{"label-value": 1, "rgba": [255, 0, 0, 255]}],
         "properties": [{"label-value": 1, "class": "nucleus"}, {"label-value": 2, "area": 7}],

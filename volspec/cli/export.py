@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from volspec._files import require_suffix, require_writable
+from volspec._files import require_writable
 from volspec.cli.arguments import (
     RELIGHT,
     Lights,
@@ -173,7 +173,7 @@ def export(
             line += f", under {names[0]}; --light {_ALL} makes {turns}"
         return line
 
-    run_jobs(jobs(inputs, output, ""), frames, json=json)
+    run_jobs(jobs(inputs, output), frames, json=json)
 
 
 def _check_views(_: object, views: int) -> None:
@@ -228,7 +228,7 @@ def page(
         Cameras on a circle around the scene's `up`, starting at the scene's own: drag to turn.
     light
         A light to add to the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
-        for a volume, instead of the default four; repeatable.
+        for a volume, instead of the default ones; repeatable.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's.
     bits
@@ -242,17 +242,12 @@ def page(
     from volspec.relight import LightRig
     from volspec.scene.lights import NamedLight, require_lux
 
-    found = jobs(inputs, output, ".html")
-    for job in found:
-        require_suffix(job.output, "pages", ".html", ".htm")
-        require_writable(job.output)
+    found = jobs(inputs, output, "pages", ".html", ".htm")
 
     def write(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
-        scene, volume = open_scene(
-            *(job.address, preset, light, camera),
-            image="give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT,
-        )
+        remedy = "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
+        scene, volume = open_scene(job.address, preset, light, camera, image=remedy)
         tell("load the scene", 1)
         require_lux(scene.lights, scene.relight, job.address)
         lights = list(scene.lights)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from volspec._files import plain_stem, require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, require_scene
 from volspec.cli.shell import bar, counted, print_json, say
 from volspec.cli.viewing import in_options
@@ -46,12 +47,8 @@ CameraOption = Annotated[
         "degrees.",
     ),
 ]
-# Endings of files that each are a whole volume or scene, unlike the slices of a series.
-_WHOLE = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz", ".vti", ".vtk", ".npy", ".toml")
 # Endings of a single output.
 _FILES = (".exr", ".html", ".htm", ".png", ".mp4", ".webm", ".gif")
-# Endings that belong together.
-_DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr")
 _NAME = "{name}"
 
 
@@ -125,12 +122,24 @@ class Job:
     output: Path
 
 
-def jobs(inputs: Sequence[str], output: Path, suffix: str) -> list[Job]:
+def jobs(inputs: Sequence[str], output: Path, what: str = "", *suffixes: str) -> list[Job]:
     """Pair inputs with outputs: one keeps its output, of several each gets a name in that folder.
 
-    Names are the inputs' without their endings, plus ``suffix``; or they replace ``{name}`` in the
-    output, as in ``films/{name}.mp4``. Raises InputError if a pattern or folder holds no input.
+    Names are the inputs' without their endings, plus the first suffix; or they replace ``{name}``
+    in the output, as in ``films/{name}.mp4``. With suffixes, outputs are files that end with one;
+    ``what`` they are, in the plural. Raises InputError if a pattern or folder holds no input, or an
+    output has another suffix or cannot be written.
     """
+    found = _pairs(inputs, output, *suffixes[:1])
+    if suffixes:
+        for job in found:
+            require_suffix(job.output, what, *suffixes)
+            require_writable(job.output)
+    return found
+
+
+def _pairs(inputs: Sequence[str], output: Path, suffix: str = "") -> list[Job]:
+    """Pair inputs with outputs, which are not checked."""
     if (braces := re.search(r"\{[^}]*\}", str(output))) and _NAME not in str(output):
         raise InputError(f"{output}: {braces[0]} is unknown; write {_NAME}", code="unknown")
     found: list[str] = []
@@ -164,10 +173,9 @@ def jobs(inputs: Sequence[str], output: Path, suffix: str) -> list[Job]:
 
 
 def _stem(path: Path) -> str:
-    """Return a file's name without its ending, or endings that belong together."""
+    """Return the name of a file without its ending, or of a folder."""
     name = path.name or path.resolve().name
-    double = next((ending for ending in _DOUBLE if name.lower().endswith(ending)), "")
-    return name[: -len(double)] if double else Path(name).stem if not path.is_dir() else name
+    return name if path.is_dir() and path.suffix.lower() != ".zarr" else plain_stem(name)
 
 
 def _expanded(text: str) -> list[str]:
@@ -177,6 +185,8 @@ def _expanded(text: str) -> list[str]:
         if not found:
             raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
         return found
+    from volspec.volume.load import WHOLE_SUFFIXES
+
     folder = Path(text)
     if not folder.is_dir():
         return [text]
@@ -184,7 +194,7 @@ def _expanded(text: str) -> list[str]:
     whole = sorted(
         str(path)
         for path in folder.iterdir()
-        if path.name.lower().endswith(_WHOLE) and not path.name.startswith(".")
+        if path.name.lower().endswith((*WHOLE_SUFFIXES, ".toml")) and not path.name.startswith(".")
     )
     return whole or [text]
 

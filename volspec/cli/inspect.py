@@ -122,7 +122,7 @@ def new(
     output
         The scene file to write; it refers to the volume by a relative path.
     light
-        A light such as D65 or planck:3200, instead of the default four; repeatable.
+        A light such as D65 or planck:3200, instead of the default ones; repeatable.
     overwrite
         Replace an existing file.
     """

@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
-from volspec._files import require_suffix, require_writable
+from volspec._files import require_writable
 from volspec.cli.arguments import RELIGHT, Lights, Size, Sized, sides
 from volspec.cli.inputs import (
     CameraOption,
@@ -56,7 +56,7 @@ def render(
     output
         The OpenEXR file to write; of a batch, a folder, or a pattern such as `images/{name}.exr`.
     light
-        For a volume: a light such as D65 or planck:3200, instead of the default four; repeatable.
+        For a volume: a light such as D65 or planck:3200, instead of the default ones; repeatable.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's.
     half
@@ -64,16 +64,12 @@ def render(
     """
     from volspec.export.compositing import save_for_compositors, scene_recipe
 
-    found = jobs(inputs, output, ".exr")
-    for job in found:
-        require_suffix(job.output, "coefficient images", ".exr")
-        require_writable(job.output)
+    found = jobs(inputs, output, "coefficient images", ".exr")
 
     def cast(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
-        scene, volume = open_scene(
-            *(job.address, preset, light, camera), image=f"it is already cast; {RELIGHT}"
-        )
+        remedy = f"it is already cast; {RELIGHT}"
+        scene, volume = open_scene(job.address, preset, light, camera, image=remedy)
         if volume is None and light:
             raise InputError(
                 f"--light {light[0]}: {job.address} is a scene with lights of its own; leave it "

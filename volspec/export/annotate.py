@@ -11,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from html import escape
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -32,7 +31,7 @@ from volspec.raycast.projection import (
 )
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
-from volspec.scene.annotation import ANGLE, LABEL, Annotation
+from volspec.scene.annotation import Annotation, PlacedAnnotation, place_annotation
 from volspec.spectra import Spectrum, XYZ_from_spectra
 from volspec.volume import Volume
 
@@ -52,8 +51,9 @@ _HALF, _CORNER, _FINE = 26.0, 62.0, 4
 # The grey of a face: a constant, and a factor for its cosine to the eye; below it, no letters.
 _SHADE, _ASKEW = (0.30, 0.34), 0.3
 _SWATCH, _ROW = 18.0, 28.0
-# Of annotations: radius of dots, half width of lines, and where a label is from its point.
-_DOT, _LINE, _LEADER = 4.0, 1.1, (28.0, -28.0)
+# Of annotations: radius of dots, half width of lines, room before a caption, and how far right of
+# its point and above it a label is.
+_DOT, _LINE, _ROOM, _LEADER = 4.0, 1.1, 6.0, 28.0
 _WHITE, _BLACK = (255, 255, 255, 255), (0, 0, 0, 255)
 _MOST_LETTERS = 80
 
@@ -152,27 +152,9 @@ def paint(pixels: Codes, patches: Sequence[Patch], top: int = 0) -> Codes:
     return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Placed:
-    """An annotation in a picture's pixels."""
-
-    dots: NDArray[np.float64]  # (N, 2)
-    lines: Sequence[tuple[NDArray[np.float64], ...]]
-    caption: NDArray[np.float64]  # (2,): the left end of its base line
-
-
-def _placed(each: Annotation, projection: Projection, unit: float) -> _Placed | None:
-    """Place an annotation in a picture; None if it is behind the camera."""
-    points = projection.to_window(np.asarray(each.points_mm, np.float64))
-    if (points[:, 2] <= 0).any():
-        return None
-    dots = points[:, :2]
-    at = dots[1] if len(dots) == ANGLE else dots.mean(axis=0)
-    lines = list(pairwise(dots))
-    if len(dots) == LABEL:
-        at = dots[0] + unit * np.array(_LEADER)
-        lines = [(dots[0], at)]
-    return _Placed(dots, lines, at + unit * np.array((6.0, 0.0)))
+def _placed(each: Annotation, projection: Projection, unit: float) -> PlacedAnnotation | None:
+    """Place an annotation in a picture whose sizes grow by ``unit``; None if it is behind."""
+    return place_annotation(each.points_mm, projection, (_LEADER * unit, -_LEADER * unit))
 
 
 def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tuple[int, int]) -> str:
@@ -193,7 +175,7 @@ def annotation_svg(annotations: Sequence[Annotation], camera: Camera, size: tupl
                 f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}"/>' for x, y in placed.dots
             ]
             found.append(f'<g class="{name}" stroke-width="{wide:.1f}">{"".join(shapes)}</g>')
-        x, y = placed.caption
+        x, y = placed.caption + (_ROOM * unit, 0.0)
         caption = escape(printable(each.caption, _MOST_LETTERS))
         found.append(
             f'<text x="{x:.1f}" y="{y - 0.3 * _TEXT * unit:.1f}" font-size="{_TEXT * unit:.1f}" '
@@ -285,7 +267,7 @@ class _Painter:
         placed = _placed(each, self._projection, self.unit)
         if placed is None:
             return []
-        x, y = placed.caption
+        x, y = placed.caption + (_ROOM * self.unit, 0.0)
         text = self.text(each.caption, x, y - 1.3 * _TEXT * self.unit, _TEXT)
         return [self._strokes(placed.lines, placed.dots), text]
 

@@ -8,7 +8,7 @@ diffuser that faces every source, with E_v/π cd/m². Everything outside of the 
 lit backdrop.
 
     S_R = L_A / L_w                       the surround's ratio, at most 1 [1, eq. 17]
-    XYZ_w ~ Σ_g K_g XYZ_g                 the white: K_g is the light of a group on what is seen
+    XYZ_w ~ Σ_g K_g XYZ_g                 the white: K_g is the light of a group in the picture
 
 K_g is the mean, over background and adapting field alike, of what the group's flat light makes of
 the picture: white surfaces count most, and so does what is near the line of sight [1, 3.6].
@@ -53,8 +53,6 @@ _SUBDIVISIONS = 2
 # A pixel counts as at most ten white diffusers: a glint does not blind, and the models' powers stay
 # finite.
 _BRIGHTEST = 1000.0
-
-
 # Least X and Z of a white, as in `Viewing.conditions`.
 _LEAST_WHITE = 1e-4
 
@@ -66,6 +64,43 @@ class _Conditions:
     Y_b: Array
     L_A: Array
     S_R: Array  # ratio of the surround
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Samples:
+    """An image at the samples of a grid."""
+
+    grid: AdaptationGrid
+    coefficients: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+
+    def conditions(self, light: Illumination) -> _Conditions:
+        """Return the conditions at the nodes of the grid."""
+        viewing = light.viewing
+        Y = np.clip(light.luminance_factors(self.coefficients, self.alpha), 0.0, _BRIGHTEST)
+        outside = min(float(light.backdrop_XYZ[1]) / light.gain, _BRIGHTEST)
+        Y_b, Y_A = self.grid.measure(self.grid.means_from_samples(Y), outside)
+        S_R = np.minimum(Y_A / light.white_XYZ[1], 1.0)
+        if viewing.L_A is not None:
+            return _Conditions(Y_b, np.full_like(Y_A, viewing.L_A), S_R)
+        # The luminance of a white: E_v/π.
+        per_Y = replace(viewing.unmeasured(), Y_b=100.0)
+        return _Conditions(Y_b, Y_A / light.white_XYZ[1] * per_Y.adapting_luminance, S_R)
+
+    def white(self, light: Illumination) -> AdoptedWhite:
+        """Return the white of the light that the picture shows, for all lines of sight."""
+        groups = light.groups
+        assert groups is not None  # made if the white is the scene's
+        Y = np.clip(groups.luminance_factors(self.coefficients, self.alpha), 0.0, _BRIGHTEST)
+        means = []
+        for number, outside in enumerate(groups.backdrop_Y.tolist()):
+            cells = self.grid.means_from_samples(Y[..., number])
+            means.append(np.mean(self.grid.measure(cells, min(outside, _BRIGHTEST))))
+        white = groups.white(np.array(means))
+        if white is None:
+            return "light"
+        X, Y_w, Z = np.maximum(white, _LEAST_WHITE).tolist()
+        return X, Y_w, Z
 
 
 def _lines_of_sight(viewing: Viewing) -> str:
@@ -90,9 +125,12 @@ class ViewingMeter:
         viewing = light.viewing
         if not viewing.is_measured:
             return viewing, None
-        found = self._conditions(image, light)
+        samples = self._samples(image, viewing)
         if viewing.adopted_white == "scene":
-            viewing = replace(viewing, adopted_white=self._white(image, light))
+            viewing = replace(viewing, adopted_white=samples.white(light))
+        if viewing.adapting == "given" and viewing.surround != "measured":
+            return viewing, None
+        found = samples.conditions(light)
         if viewing.adapting == "pixel":
             nodes = (subdivide(each, _SUBDIVISIONS) for each in (found.Y_b, found.L_A, found.S_R))
             return viewing, ViewTransformGrid.of(viewing, light.white_XYZ, *nodes)
@@ -109,7 +147,7 @@ class ViewingMeter:
         Parameters and errors are as in `measure_viewing`.
         """
         height, width = image.alpha.shape
-        found = self._conditions(image, light)
+        found = self._samples(image, light.viewing).conditions(light)
         Y_b, L_A = (
             pixels_from_nodes(field.shape[0], height)
             @ field
@@ -118,44 +156,12 @@ class ViewingMeter:
         )
         return Y_b, L_A
 
-    def _conditions(self, image: CoefficientImage, light: Illumination) -> _Conditions:
-        """Return the conditions at the nodes of the grid."""
-        viewing = light.viewing
-        grid, coefficients, alpha = self._samples(image, viewing)
-        Y = light.luminance_factors(coefficients, alpha)
-        outside = min(float(light.backdrop_XYZ[1]) / light.gain, _BRIGHTEST)
-        Y_b, Y_A = grid.measure(grid.means_from_samples(np.clip(Y, 0.0, _BRIGHTEST)), outside)
-        S_R = np.minimum(Y_A / light.white_XYZ[1], 1.0)
-        if viewing.L_A is not None:
-            return _Conditions(Y_b, np.full_like(Y_A, viewing.L_A), S_R)
-        # The luminance of a white: E_v/π.
-        per_Y = replace(viewing.unmeasured(), Y_b=100.0)
-        return _Conditions(Y_b, Y_A / light.white_XYZ[1] * per_Y.adapting_luminance, S_R)
-
-    def _white(self, image: CoefficientImage, light: Illumination) -> AdoptedWhite:
-        """Return the white of the light on what is seen, for all lines of sight of the grid."""
-        groups = light.groups
-        assert groups is not None  # made if the white is the scene's
-        grid, coefficients, alpha = self._samples(image, light.viewing)
-        Y = np.clip(groups.luminance_factors(coefficients, alpha), 0.0, _BRIGHTEST)
-        means = []
-        for number, outside in enumerate(groups.backdrop_Y.tolist()):
-            cells = grid.means_from_samples(Y[..., number])
-            means.append(np.mean(grid.measure(cells, min(outside, _BRIGHTEST))))
-        white = groups.white(np.array(means))
-        if white is None:
-            return "light"
-        X, Y_w, Z = np.maximum(white, _LEAST_WHITE).tolist()
-        return X, Y_w, Z
-
-    def _samples(
-        self, image: CoefficientImage, viewing: Viewing
-    ) -> tuple[AdaptationGrid, NDArray[np.float32], NDArray[np.float32]]:
-        """Return the grid, and coefficients and alpha at its samples."""
+    def _samples(self, image: CoefficientImage, viewing: Viewing) -> _Samples:
+        """Return the image at the samples of the viewing's grid."""
         grid = self._grid(image, viewing)
         there = np.ix_(*grid.samples(_SAMPLES[_lines_of_sight(viewing)]))
         coefficients = clamp_finite(np.asarray(image.coefficients[there], np.float32))
-        return grid, coefficients, clamp_finite(image.alpha[there])
+        return _Samples(grid, coefficients, clamp_finite(image.alpha[there]))
 
     def _grid(self, image: CoefficientImage, viewing: Viewing) -> AdaptationGrid:
         fov_deg = image.fov_deg if viewing.fov_deg is None else viewing.fov_deg

@@ -6,13 +6,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from volspec.errors import SceneError
+from volspec.raycast.projection import Place, Projection
 from volspec.settings import Unit, Vector, settings
 
 # Numbers of points: of a label, of a distance, of an angle at the second point.
@@ -73,6 +77,34 @@ class Annotation:
         if len(self.points_mm) == DISTANCE:
             number = measured_length(value)
         return f"{self.text} {number}".strip()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedAnnotation:
+    """An annotation in a picture's pixels."""
+
+    dots: NDArray[np.float64]  # (N, 2)
+    lines: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    caption: NDArray[np.float64]  # (2,): where its text begins
+
+
+def place_annotation(
+    points_mm: Sequence[Vector], projection: Projection, leader: Place
+) -> PlacedAnnotation | None:
+    """Return where one to three points are drawn; None if one is behind the camera.
+
+    The caption is at a line's middle or an angle's second point; of a single point, it is at the
+    end of its leader, a line of ``leader`` pixels right and down.
+    """
+    drawn = projection.to_window(np.asarray(points_mm, np.float64))
+    if (drawn[:, 2] <= 0).any():
+        return None
+    dots = drawn[:, :2]
+    if len(dots) == LABEL:
+        end = dots[0] + leader
+        return PlacedAnnotation(dots, [(dots[0], end)], end)
+    caption = dots[1] if len(dots) == ANGLE else dots.mean(axis=0)
+    return PlacedAnnotation(dots, list(pairwise(dots)), caption)
 
 
 def measured_length(mm: float) -> str:

@@ -65,7 +65,9 @@ _ADVICE: dict[tuple[str, ...], str] = {
         "is packed; unpack it first, then give the file or the folder in it"
     ),
 }
-_VOLUME_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, ".npy")
+# Of files that each are a whole volume, unlike the slices of a series; of all files of volumes.
+WHOLE_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, ".npy")
+VOLUME_SUFFIXES = (*WHOLE_SUFFIXES, ".raw", *TIFF_SUFFIXES, *DICOM_SUFFIXES)
 # Most numbers of a table of labels that an error lists.
 _MOST_NUMBERS = 4
 # Most files of a folder that are compared with a misspelt name.
@@ -277,7 +279,8 @@ def _require_readable(path: Path) -> None:
     if not readable:
         raise VolumeError(
             f"{path}: no permission to read it; change its permissions (chmod u+r), or copy it as "
-            "its owner"
+            "its owner",
+            code="unreadable",
         )
 
 
@@ -306,12 +309,12 @@ def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
         volumes = sorted(
             each.name
             for each in folder.iterdir()
-            if each.name.lower().endswith(_VOLUME_SUFFIXES) and not each.name.startswith(".")
+            if each.name.lower().endswith(WHOLE_SUFFIXES) and not each.name.startswith(".")
         )
     except OSError as error:
         raise VolumeError(
             f"{error.filename}: cannot be read: {error.strerror}; check its permissions",
-            code="damaged",
+            code="unreadable",
         ) from error
     if volumes:
         held = f"{len(volumes)} volumes" if len(volumes) > 1 else "a volume"

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from itertools import takewhile
 
 from volspec.errors import InputError
+from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
+from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 
 # Slices: one DICOM file means its series, pictures mean their folder.
-_DICOM = (".dcm", ".dicom", ".ima")
-_PICTURES = ((".tif", ".tiff"), (".png",))
+_PICTURES = (TIFF_SUFFIXES, (".png",))
 MOST_ROWS = 2000
 
 
@@ -30,7 +31,7 @@ def dropped_path(paths: Sequence[str]) -> str:
     if len(headers) == 1:
         return headers[0]
     if len({os.path.dirname(path) for path in paths}) == 1:
-        if _all_end(paths, _DICOM):
+        if _all_end(paths, DICOM_SUFFIXES):
             return paths[0]
         if any(_all_end(paths, endings) for endings in _PICTURES):
             return os.path.dirname(paths[0])
@@ -159,18 +160,6 @@ def folder_places(
         if os.path.isdir(folder):
             found.setdefault(os.path.realpath(folder), FolderPlace(name, os.path.abspath(folder)))
     return tuple(found.values())
-
-
-def plain_stem(name: str) -> str:
-    """Return a file's name without its ending, of which ``.nii.gz`` and sessions have two.
-
-    >>> plain_stem("head.nii.gz"), plain_stem("a.b.toml"), plain_stem("run.volspec.json")
-    ('head', 'a.b', 'run')
-    """
-    stem, ending = os.path.splitext(name)
-    inner = os.path.splitext(stem)
-    doubled = ending.lower() in (".gz", ".json") and inner[1].lower() in (".nii", ".volspec")
-    return inner[0] if doubled else stem
 
 
 def size_text(size: int) -> str:

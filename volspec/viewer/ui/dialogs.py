@@ -14,6 +14,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
+from volspec._files import plain_stem
 from volspec._gpu.sources import asset
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.paths import (
@@ -22,13 +23,13 @@ from volspec.viewer.model.paths import (
     PathRequest,
     folder_places,
     list_paths,
-    plain_stem,
     size_text,
 )
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.widgets import as_one_line, shown_rows, text_width, wrap_text
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.session_store import RecentFile
+from volspec.volume.load import VOLUME_SUFFIXES
 
 _W = imgui.WindowFlags_
 DIALOG_FLAGS = (
@@ -329,10 +330,7 @@ def _list_paths(text: str, suffixes: tuple[str, ...], folder: str, _second: int)
 
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")
-_VOLUMES = (
-    f".toml {SUFFIX} .nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy .raw .tif .tiff .dcm "
-    ".dicom .ima .exr"
-)
+_OPENED = (".toml", SUFFIX, *VOLUME_SUFFIXES, ".exr")
 
 
 def _open(title: str, *suffixes: str, files: str, kind: str = "open") -> PathRequest:
@@ -344,7 +342,7 @@ def _save(kind: str, title: str, *suffixes: str, files: str) -> PathRequest:
 
 
 REQUESTS = {
-    "open": _open("Open a scene or a volume", *_VOLUMES.split(), files="Scenes and volumes"),
+    "open": _open("Open a scene or a volume", *_OPENED, files="Scenes and volumes"),
     "open-folder": _open("Open a folder of slices", files=""),
     "open-session": _open("Open a session", SUFFIX, files="Sessions", kind="resume"),
     "export-scene": _save("export-scene", "Save as a scene", ".toml", files="Scenes"),

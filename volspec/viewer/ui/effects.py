@@ -57,21 +57,25 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
             new = _list(new, ui, name, names)
             imgui.end_popup()
     imgui.end_disabled()
-    news = ui.results.design
-    for line in (news.busy,) if news.busy else (news.complaint, *news.reached[:2]):
-        if line:
-            wrap_text(line, imgui.Col_.check_mark if line == news.complaint else imgui.Col_.text)
+    for line in _results(ui):
+        wrong = line == ui.results.design.complaint
+        wrap_text(line, imgui.Col_.check_mark if wrong else imgui.Col_.text)
     ui.note("effect result")
     return new
 
 
 def lines(ui: UiContext) -> float:
     """Return the height of the buttons and the text below them."""
-    news, width = ui.results.design, imgui.get_content_region_avail().x
-    texts = (news.busy,) if news.busy else (news.complaint, *news.reached[:2])
-    spacing = imgui.get_style().item_spacing.y
-    tall = [imgui.calc_text_size(text, wrap_width=width).y + spacing for text in texts if text]
+    width, spacing = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.y
+    tall = [imgui.calc_text_size(line, wrap_width=width).y + spacing for line in _results(ui)]
     return imgui.get_frame_height_with_spacing() + sum(tall)
+
+
+def _results(ui: UiContext) -> list[str]:
+    """Return what the last button did, or that it is at work."""
+    news = ui.results.design
+    lines = (news.busy,) if news.busy else (news.complaint, *news.reached[:2])
+    return [line for line in lines if line]
 
 
 def _list(state: ViewState, ui: UiContext, name: str, materials: Sequence[str]) -> ViewState:

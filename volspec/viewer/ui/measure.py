@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 
-import numpy as np
 from imgui_bundle import imgui
 
 from volspec.raycast.projection import Place, Projection
-from volspec.scene.annotation import LABEL, Annotation
+from volspec.scene.annotation import Annotation, place_annotation
 from volspec.settings import Vector
 from volspec.viewer.model import measure
 from volspec.viewer.model.state import ViewState
@@ -23,8 +21,8 @@ from volspec.viewer.ui.widgets import (
     pack_colour,
 )
 
-# Sizes in pixels at 96 dpi: dots, lines, their outline, and a label's leader, right and up.
-_DOT, _LINE, _OUTLINE, _LEADER = 3.5, 1.6, 1.6, (26.0, -26.0)
+# Sizes in pixels at 96 dpi: dots, lines, their outline, and a label's leader, right and up alike.
+_DOT, _LINE, _OUTLINE, _LEADER = 3.5, 1.6, 1.6, 26.0
 _TITLES = {"distance": "Distance", "angle": "Angle", "label": "Label"}
 
 
@@ -49,25 +47,21 @@ def _draw(
     projection: Projection, ui: UiContext, points: Sequence[Vector], caption: str
 ) -> Place | None:
     """Draw points, the line through them and a caption; return the caption's place."""
-    drawn = projection.to_window(np.asarray(points, np.float64))
-    if (drawn[:, 2] <= 0).any():
+    leader = (ui.px(_LEADER), -ui.px(_LEADER)) if caption else (0.0, 0.0)
+    placed = place_annotation(points, projection, leader)
+    if placed is None:
         return None
-    ends = [(float(x), float(y)) for x, y, _ in drawn]
-    at = ends[len(ends) // 2] if len(ends) != 2 else _between(*ends)
-    lines = list(pairwise(ends))
-    if len(ends) == LABEL and caption:
-        dx, dy = _LEADER
-        at = ends[0][0] + ui.px(dx), ends[0][1] + ui.px(dy)
-        lines = [(ends[0], at)]
+    (x, y), dots = placed.caption.tolist(), placed.dots.tolist()
+    lines = [(one.tolist(), two.tolist()) for one, two in placed.lines]
     size = imgui.calc_text_size(caption)
-    text = at[0] + ui.px(7), at[1] - size.y - ui.px(4)
+    text = x + ui.px(7), y - size.y - ui.px(4)
     with over_picture(ui) as draw_list:
         # The outline first: white on black is visible on any picture.
         for colour, wider in ((pack_colour(BLACK, 0.75), ui.px(_OUTLINE)), (pack_colour(WHITE), 0)):
             for one, two in lines:
                 draw_list.add_line(one, two, colour, ui.px(_LINE) + 2 * wider)
-            for end in ends:
-                draw_list.add_circle_filled(end, ui.px(_DOT) + wider, colour)
+            for dot in dots:
+                draw_list.add_circle_filled(dot, ui.px(_DOT) + wider, colour)
         if caption:
             pad = ui.px(4)
             low, high = (
@@ -76,11 +70,7 @@ def _draw(
             )
             draw_list.add_rect_filled(low, high, pack_colour(BLACK, 0.62), ui.px(3))
             draw_list.add_text(text, pack_colour(WHITE), caption)
-    return at
-
-
-def _between(one: Place, two: Place) -> Place:
-    return (one[0] + two[0]) / 2, (one[1] + two[1]) / 2
+    return x, y
 
 
 def _draw_hint(text: str, ui: UiContext) -> None:

@@ -13,13 +13,13 @@ from itertools import chain, count
 from pathlib import Path
 from typing import TypeVar
 
+from volspec._files import plain_stem
 from volspec.errors import CastCancelled, InputError, OpenCLError
 from volspec.export.exporter import even_size
 from volspec.export.frames import file_stem
 from volspec.pipeline import Raycaster
 from volspec.raycast.checks import MAX_SIDE
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.paths import plain_stem
 
 T = TypeVar("T")
 SHOWN, TWICE, CUSTOM = "As shown", "Twice as shown", "Custom"
