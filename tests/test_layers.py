@@ -32,7 +32,7 @@ LAYERS = (
         "appearance",
         "_figures",
     ),
-    *("basis", "palette"),
+    *("basis", "palette", "room"),
     *("volume", "transfer", "raycast", "relight", "pipeline", "scene", "wizard", "export"),
     *("doctor", "viewer", "cli"),
 )

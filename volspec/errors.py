@@ -168,6 +168,12 @@ class RelightError(InputError):
     """A relighter is closed, or the kind of frame is unknown."""
 
 
+class RoomError(InputError):
+    """A room has an impossible size, reflectance or emission, or no paint looks as wanted in it."""
+
+    code = "range"
+
+
 class SceneError(InputError):
     """A scene file is missing or wrong; the message names the field and its value."""
 

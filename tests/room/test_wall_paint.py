@@ -1,0 +1,219 @@
+"""Paints found for a room have the wanted radiosity or appearance there, and are the smoothest."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from tests.support.errors import raises, refuses
+from volspec.appearance import ViewingConditions
+from volspec.appearance.models import ciecam02
+from volspec.errors import RoomError
+from volspec.room import (
+    Brick,
+    appearance_distance,
+    atlas_appearance,
+    cube_irradiance,
+    cube_paint_for_radiosity,
+    cube_radiosity,
+    irradiance_from_lux,
+    paint_for_appearance,
+    wall_appearance,
+    with_paint,
+)
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    XYZ_from_spectra,
+    light,
+    reflectance,
+    white_XYZ,
+)
+
+THREE = SpectralGrid(450.0, 650.0, 100.0)
+PASTELS = {"apricot": "#ffd9b3", "salmon": "#ffc4b8", "green": "#e2f0c4", "beige": "#f5f5dc"}
+
+
+def random_room(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return reflectances, emissions and a paint."""
+    draw = np.random.default_rng(seed)
+    return draw.uniform(0, 0.95, (6, 31)), draw.uniform(0, 3, (6, 31)), draw.uniform(0, 0.95, 31)
+
+
+@pytest.mark.parametrize("walls", [(0,), (4,), (1, 3), (5, 0, 2), range(6)])
+def test_the_cube_s_inverse_finds_the_paint(walls):
+    for seed in range(10):
+        rho, S, paint = random_room(seed)
+        wanted = cube_radiosity(with_paint(rho, paint, walls), S)[walls[0]]
+        found = cube_paint_for_radiosity(wanted, rho, S, walls)
+        np.testing.assert_allclose(found, paint, rtol=1e-9, atol=1e-12)
+
+
+def test_a_wall_with_its_own_emission_only_is_black():
+    rho, S, _ = random_room(1)
+    S[1:, 3] = 0.0
+    wanted = cube_radiosity(with_paint(rho, np.zeros(31), [0]), S)[0]
+    np.testing.assert_array_equal(cube_paint_for_radiosity(wanted, rho, S), np.zeros(31))
+
+
+def test_a_radiosity_that_no_paint_gives_is_refused_with_its_band():
+    grey, lit = np.full((6, 3), 0.5), np.ones((6, 3))
+    white = cube_radiosity(with_paint(grey, np.full(3, 1.0 - 1e-12), [0], THREE), lit, THREE)[0]
+    for factor in (1.001, 50.0):
+        wanted = white * [0.9, factor, 0.9]
+        with raises(RoomError, "impossible", "wanted") as caught:
+            cube_paint_for_radiosity(wanted, grey, lit, grid=THREE)
+        assert caught.value.given == wanted[1] and "550 nm" in caught.value.problem
+    with raises(RoomError, "impossible", "wanted") as caught:
+        cube_paint_for_radiosity([1.0, 1.0, 0.9], grey, lit, grid=THREE)
+    assert "650 nm" in caught.value.problem
+    alone = np.vstack([np.ones((1, 3)), np.zeros((5, 3))])
+    refuses(
+        lambda: cube_paint_for_radiosity([2.0] * 3, 0 * grey, alone, grid=THREE),
+        "impossible wanted",
+        RoomError,
+    )
+
+
+@pytest.mark.parametrize("walls", [(), (6,), (-1,)])
+def test_walls_that_a_cube_lacks_are_refused(walls):
+    rho, S, paint = random_room(0)
+    refuses(lambda: cube_paint_for_radiosity(paint, rho, S, walls), "range walls", RoomError)
+
+
+def test_a_wall_is_seen_by_an_eye_adapted_to_its_light():
+    """Equations 4, 6, 8 and 9, and the wall's own Y as background."""
+    paint = reflectance("ColorChecker/dark skin")
+    A = light("A")
+    XYZ = XYZ_from_spectra(A, paint)
+    conditions = ViewingConditions(tuple(white_XYZ(A)), L_A=700.0 / math.pi, Y_b=float(XYZ[1]))
+    seen = wall_appearance(paint, irradiance_from_lux(A, 700.0))
+    assert appearance_distance(seen, ciecam02.forward(XYZ, conditions)) < 1e-9
+
+
+def test_in_the_light_of_an_atlas_a_wall_looks_as_in_the_atlas():
+    paint = reflectance("ColorChecker/orange")
+    D65 = light("D65")
+    XYZ = XYZ_from_spectra(D65, paint)
+    printed = ViewingConditions(tuple(white_XYZ(D65)), L_A=636.62, Y_b=20.0)
+    assert appearance_distance(atlas_appearance(paint), ciecam02.forward(XYZ, printed)) < 1e-5
+    seen = wall_appearance(paint, irradiance_from_lux(D65, 2000.0), Y_b=20.0)
+    assert appearance_distance(seen, atlas_appearance(paint)) < 1e-9
+    assert appearance_distance(seen, atlas_appearance(XYZ)) < 1e-9
+
+
+def cube_wall(lamp: str, grid: SpectralGrid = DEFAULT_GRID):
+    """Return a function of the paint of five walls: the light on one, from a bright ceiling."""
+    emission = np.zeros((6, grid.size))
+    emission[0] = irradiance_from_lux(light(lamp, grid), 3000.0, grid)
+    rho = np.full((6, grid.size), 0.8)
+
+    def irradiance(paint):
+        painted = with_paint(rho, paint, range(1, 6), grid)
+        return cube_irradiance(cube_radiosity(painted, emission, grid), grid)[1]
+
+    return irradiance
+
+
+def brick_wall(lamp: str, grid: SpectralGrid = DEFAULT_GRID):
+    """Return a function of the paint of four walls: the light on the one behind, by a window."""
+    room = Brick(4.0, 5.0, 2.7, window_m=(1.0, 0.9, 2.0, 1.4), furnished=0.3)
+    emission = room.window_emission(light(lamp, grid), 5000.0, grid)
+    rho = np.full((9, grid.size), 0.5)
+
+    def irradiance(paint):
+        painted = with_paint(rho, paint, (2, 3, 4, 5), grid)
+        return room.irradiance(room.radiosity(painted, emission, grid), grid)[5]
+
+    return irradiance
+
+
+@pytest.mark.parametrize("colour", PASTELS.values(), ids=PASTELS.keys())
+@pytest.mark.parametrize("lamp", ["D65", "A"])
+@pytest.mark.parametrize("room", [cube_wall, brick_wall])
+def test_pastel_paints_look_as_wanted_in_their_room(room, lamp, colour):
+    wanted, irradiance = atlas_appearance(colour), room(lamp)
+    found = paint_for_appearance(wanted, irradiance)
+    paint = found.reflectance.values
+    assert paint.min() > 0.0 and paint.max() < 1.0 and found.reflectance.designed
+    assert found.distance < 1e-5
+    seen = wall_appearance(paint, irradiance(paint))
+    assert appearance_distance(seen, wanted) == pytest.approx(found.distance, abs=1e-9)
+
+
+def test_471_bands_give_the_same_paint_as_95():
+    coarse, fine = SpectralGrid(360.0, 830.0, 5.0), SpectralGrid(360.0, 830.0, 1.0)
+    paints = [
+        paint_for_appearance(atlas_appearance("#e2f0c4", grid), brick_wall("D65", grid), grid)
+        for grid in (coarse, fine)
+    ]
+    few, many = (paint.reflectance.values for paint in paints)
+    # Beyond the visible, only the extrapolation of the smoothest curve is left.
+    visible = (coarse.wavelengths_nm >= 400.0) & (coarse.wavelengths_nm <= 700.0)
+    np.testing.assert_allclose(many[::5][visible], few[visible], atol=2e-3)
+
+
+def test_a_background_that_is_given_is_used():
+    wanted, irradiance = atlas_appearance("#ffd9b3"), brick_wall("D65")
+    paint = paint_for_appearance(wanted, irradiance, Y_b=20.0).reflectance.values
+    seen = wall_appearance(paint, irradiance(paint), Y_b=20.0)
+    assert appearance_distance(seen, wanted) < 1e-5
+    assert appearance_distance(wall_appearance(paint, irradiance(paint)), wanted) > 1.0
+
+
+def test_the_paint_is_the_smoothest():
+    """SLSQP, started at the result and at grey, finds none with smaller second differences."""
+    wanted, irradiance = atlas_appearance("#ffd9b3"), brick_wall("A")
+    paint = paint_for_appearance(wanted, irradiance).reflectance.values
+    bend = np.diff(np.eye(31), 2, axis=0)
+
+    def off(rho):
+        seen = wall_appearance(rho, irradiance(rho))
+        angle = np.radians([seen.h, wanted.h])
+        look, target = (
+            np.array([each.J, each.C * np.cos(h), each.C * np.sin(h)])
+            for each, h in zip((seen, wanted), angle, strict=True)
+        )
+        return look - target
+
+    def roughness(rho):
+        return 1e3 * np.sum((bend @ rho) ** 2)
+
+    for start in (paint, np.full(31, 0.6)):
+        rival = minimize(
+            roughness,
+            start,
+            jac=lambda rho: 2e3 * bend.T @ (bend @ rho),
+            method="SLSQP",
+            bounds=[(1e-4, 0.999)] * 31,
+            constraints={"type": "eq", "fun": off},
+            options={"maxiter": 300, "ftol": 1e-12},
+        )
+        assert rival.success and np.abs(off(rival.x)).max() < 1e-5
+        assert roughness(paint) <= roughness(rival.x) * (1.0 + 1e-4)
+
+
+def test_a_look_that_no_paint_has_is_refused_with_its_distance():
+    with raises(RoomError, "impossible", "wanted") as caught:
+        paint_for_appearance(atlas_appearance("#00ff00"), brick_wall("A"))
+    assert 1.0 < caught.value.given < 100.0
+
+
+def test_more_than_one_appearance_and_a_dark_wall_are_refused():
+    several = ciecam02.forward(np.full((2, 3), 40.0), ViewingConditions((95.0, 100.0, 109.0)))
+    refuses(lambda: paint_for_appearance(several, brick_wall("A")), "shape wanted", RoomError)
+    one = atlas_appearance("#ffd9b3")
+    refuses(lambda: paint_for_appearance(one, lambda paint: 0.0 * paint), "missing ", RoomError)
+    refuses(lambda: wall_appearance(np.ones((2, 31)), np.ones(31)), "shape reflectance", RoomError)
+
+
+def test_a_red_light_without_any_Z_shows_red_walls_only():
+    """No colour-matching function but x and y is above 0 beyond 650 nm."""
+    red = SpectralGrid(650.0, 750.0, 10.0)
+    E = irradiance_from_lux(light("E", red), 300.0, red)
+    grey = wall_appearance(np.full(red.size, 0.5), E, red)
+    found = paint_for_appearance(grey, lambda paint: E, red)
+    np.testing.assert_allclose(found.reflectance.values, 0.5, atol=1e-4)
