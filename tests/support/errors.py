@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TypeVar
@@ -57,3 +59,10 @@ def warns(*parts: str, file: str | None = None) -> Iterator[None]:
     text = str(caught[0].message)
     assert [part for part in parts if part not in text] == [], text
     assert file in (None, caught[0].filename)
+
+
+def advised_address(text: object) -> str:
+    """Return the address with options that a message advises, as a shell would read it."""
+    (quoted,) = re.findall(r"'[^']*\?[^']*'", str(text))
+    (address,) = shlex.split(quoted)
+    return address

@@ -11,7 +11,7 @@ import SimpleITK as sitk
 import zarr
 from tifffile import imwrite
 
-from tests.support.errors import raises
+from tests.support.errors import advised_address, raises
 from tests.support.volumes import RAW, VALUES, load_silently, write_nrrd
 from tests.volume.test_zarr import CHANNEL, SPACE, TIME, write
 from volspec.errors import VolumeError
@@ -46,6 +46,32 @@ def test_a_time_step_or_component_is_chosen(tmp_path: Path, name: str, key: str)
     (choice,) = volume_choices(path)
     assert (choice.key, choice.values, choice.chosen) == (key, ("0", "1", "2"), None)
     assert volume_choices(f"{path}?{key}=2")[0].chosen == "2"
+
+
+def test_the_advised_address_opens_the_volume(tmp_path: Path) -> None:
+    """The example in each message adds what is missing and keeps the rest."""
+    imwrite(
+        tmp_path / "a b.tif",
+        np.stack([STEPS, STEPS + 7]).astype(np.uint16),
+        imagej=True,
+        resolution=(1, 1),
+        metadata={"axes": "TZCYX", "spacing": 1.0, "unit": "mm"},
+    )
+    (tmp_path / "v_4x3x2_int16.raw").write_bytes(RAW)
+    (tmp_path / "v-4x3x2.raw").write_bytes(RAW)
+    itk_file(tmp_path / "v.nii", "time")
+    for name, tries in (("v.nii", 1), ("a b.tif?time=1", 1), ("a b.tif", 2)):
+        address = f"{tmp_path}/{name}"
+        for _ in range(tries):
+            with raises(VolumeError, "missing") as caught:
+                load_volume(address)
+            address = advised_address(caught.value)
+        assert load_silently(address).name == f"{tmp_path}/{name.partition('?')[0]}"
+        assert "time=1" in address or "time=1" not in name
+    for name in ("v_4x3x2_int16.raw", "v-4x3x2.raw"):
+        with raises(VolumeError, "missing") as caught:
+            load_volume(f"{tmp_path}/{name}?offset=0")
+        assert load_silently(advised_address(caught.value)).shape_xyz == (4, 3, 2)
 
 
 def test_components_on_the_slowest_axis_of_an_nrrd_are_chosen(tmp_path: Path) -> None:

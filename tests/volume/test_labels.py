@@ -11,7 +11,7 @@ import pytest
 import SimpleITK as sitk
 import zarr
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently, nifti
 from tests.volume.test_zarr import SPACE, write
 from volspec.errors import VolumeError
@@ -110,6 +110,18 @@ def test_a_table_that_names_all_values_makes_labels(tmp_path: Path) -> None:
     assert not load_silently(tmp_path / "v.npy").labels
     (tmp_path / "v.txt").write_text("10 liver\n900 spleen\n")
     assert load_silently(tmp_path / "v.npy").labels[900].name == "spleen"
+
+
+@pytest.mark.parametrize("given", ["", "?labels=t.txt"])
+def test_a_table_that_names_few_labels_is_warned_about(tmp_path: Path, given: str) -> None:
+    """A table may be another volume's; one of nine tenths of the labels causes no warning."""
+    np.save(tmp_path / "v.npy", blocks(list(range(1, 11)), 3))
+    table = tmp_path / ("t.txt" if given else "v.txt")
+    table.write_text("".join(f"{n} part{n}\n" for n in range(1, 9)))
+    with warns(table.name, "8 of the 10", file=__file__):
+        assert load_volume(f"{tmp_path}/v.npy{given}").labels[8].name == "part8"
+    table.write_text("".join(f"{n} part{n}\n" for n in range(1, 10)))
+    load_silently(f"{tmp_path}/v.npy{given}")
 
 
 @pytest.mark.parametrize(

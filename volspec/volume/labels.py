@@ -29,8 +29,8 @@ _DENSE, _MANY = 0.25, 24
 # With this many labels or more, most borders are not between consecutive numbers, as those of an
 # image of few grey levels are.
 _ORDERED_FROM, _BY_ONE = 8, 0.6
-# Fraction of the values that a table next to a volume names, if it is the volume's.
-_NAMED = 0.9
+# Fraction of the values that a table names, if it is the volume's.
+NAMED = 0.9
 # Voxels sampled for these tests.
 _SAMPLES = 1 << 21
 
@@ -60,7 +60,7 @@ def find_labels(
         return {}
     numbers = [number for number in label_numbers(values) if number]
     named = sum(number in names and names[number].name != "" for number in numbers)
-    is_named = len(numbers) > 1 and named >= _NAMED * len(numbers)
+    is_named = len(numbers) > 1 and named >= NAMED * len(numbers)
     if not (certain or is_named or (alike and len(numbers) <= _MOST_UNSTATED)):
         return {}
     return {number: names.get(number, Label()) for number in numbers}

@@ -9,8 +9,9 @@ libraries, and the reasons for them: docs/decisions/0001.
 from __future__ import annotations
 
 import os
+import shlex
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from difflib import get_close_matches
@@ -30,23 +31,28 @@ from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 from volspec.volume.files.tiff import pictures_in, read_stack, read_tiff
 from volspec.volume.files.vtk import read_vtk
-from volspec.volume.labels import Labels, find_labels
+from volspec.volume.labels import NAMED, Labels, find_labels
 from volspec.volume.model import Volume
 from volspec.volume.reader_process import choices_in_child, read_in_child
 
 _ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
-_VTK_SUFFIXES = (".vti", ".vtk")
-# What to do with files of other formats, by their suffixes.
+_VTK_SUFFIXES = (".vti", ".vtr", ".vtk")
+# What to do with files of other formats, by their suffixes: with the file's path, and that of the
+# file to make, as Python writes them (!r) or quoted for a shell.
 _ADVICE: dict[tuple[str, ...], str] = {
-    (".stl", ".ply", ".obj", ".vtp", ".vtu", ".glb", ".gltf"): (
-        "is a mesh, not a volume; voxelise it first, for example with pyvista's "
-        "voxelize_rectilinear, or show it next to a volume (docs/pyvista.md)"
+    (".stl", ".ply", ".obj", ".vtp", ".glb", ".gltf"): (
+        "is a mesh, not a volume; voxelise it in Python: "
+        "pyvista.read({path!r}).voxelize_binary_mask().save({vti!r})"
+    ),
+    (".vtu", ".vts"): (
+        "is a grid of cells, not of voxels; resample it in Python: pyvista.create_grid(g := "
+        "pyvista.read({path!r}), dimensions=(128, 128, 128)).sample(g).save({vti!r})"
     ),
     (".mgz", ".mgh"): (
-        "is FreeSurfer's format; convert it with mri_convert FILE.mgz FILE.nii.gz, or by nibabel: "
-        "nibabel.save(nibabel.load('FILE.mgz'), 'FILE.nii.gz')"
+        "is FreeSurfer's format; convert it with mri_convert {shell} {shell_nii}.gz, or by "
+        "nibabel: nibabel.save(nibabel.load({path!r}), {nii!r})"
     ),
-    (".mnc",): "is MINC; convert it with mnc2nii FILE.mnc FILE.nii",
+    (".mnc",): "is MINC; convert it with mnc2nii {shell} {shell_nii}",
     (".par", ".rec", ".head", ".brik", ".brik.gz"): (
         "is a scanner's or AFNI's format; convert it to NIfTI with dcm2niix, or 3dAFNItoNIFTI"
     ),
@@ -73,8 +79,8 @@ _MOST_NUMBERS = 4
 # Most files of a folder that are compared with a misspelt name.
 _MOST_COMPARED = 5000
 _KNOWN = (
-    "NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, DICOM, OME-Zarr, .npy, a folder of DICOM, TIFF or PNG "
-    "slices, or FILE.raw?shape=256x256x110&dtype=uint8"
+    "NRRD, MHD/MHA, NIfTI, VTI/VTR/VTK, TIFF, DICOM, OME-Zarr, .npy, a folder of DICOM, TIFF or "
+    "PNG slices, or 'FILE.raw?shape=256x256x110&dtype=uint8'"
 )
 
 
@@ -91,7 +97,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     path : str or path
         One of
 
-        - ``.nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtk .npy``; with time steps or components
+        - ``.nrrd .nhdr .mhd .mha .nii .nii.gz .vti .vtr .vtk .npy``; with time steps or components
           per voxel ``?time= channel=`` (the first five formats);
         - raw bytes as ``FILE.raw?shape=XxYxZ&dtype=uint8&spacing=1,1,1`` (also ``&offset=``
           bytes and ``&order=big``);
@@ -127,8 +133,9 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
-    volume = _with_labels(volume, query.path, query.labels, reading.labels)
-    for remark in reading.remarks:
+    remarks = [*reading.remarks]
+    volume = _with_labels(volume, query, reading.labels, remarks)
+    for remark in remarks:
         warnings.warn(remark, VolspecWarning, stacklevel=2)
     low, high = volume.range
     if low == high:
@@ -140,10 +147,16 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     return volume
 
 
-def _with_labels(volume: Volume, path: Path, named: str | None, in_header: Labels | None) -> Volume:
+def _with_labels(
+    volume: Volume, query: Query, in_header: Labels | None, remarks: list[str]
+) -> Volume:
     """Add the labels of a segmentation, from a given table, the header, or tables next to it."""
+    path, named = query.path, query.labels
     given = {} if named is None else read_label_table(path.parent / named)
-    names = given or merge_labels(in_header or {}, labels_beside(path))
+    tables = {path.parent / named: given} if named is not None else labels_beside(path)
+    names: Labels = in_header or {} if named is None else {}
+    for table in tables.values():
+        names = merge_labels(names, table)
     certain = named is not None or in_header is not None
     labels = find_labels(volume.values, volume.range, names, certain)
     if named is not None and not labels:
@@ -162,7 +175,22 @@ def _with_labels(volume: Volume, path: Path, named: str | None, in_header: Label
             code="conflict",
             given=named,
         )
+    remarks += _partial_table(path, labels, tables)
     return replace(volume, labels=labels) if labels else volume
+
+
+def _partial_table(path: Path, labels: Labels, tables: Mapping[Path, Labels]) -> list[str]:
+    """Return a remark if tables leave many labels without a name: they may be another volume's."""
+    named = {number for number, label in labels.items() if label.name}
+    if len(named) >= NAMED * len(labels):
+        return []
+    for table, rows in tables.items():
+        if count := sum(rows[number].name != "" for number in named & rows.keys()):
+            return [
+                f"{table} names {count} of the {len(labels)} labels of {path}; is it the table of "
+                "another volume?"
+            ]
+    return []
 
 
 def volume_choices(path: str | os.PathLike[str]) -> tuple[Choice, ...]:
@@ -262,7 +290,10 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
     if lower.endswith(".raw") or query.options:
         return read_raw
     if advice := next((text for ends, text in _ADVICE.items() if lower.endswith(ends)), ""):
-        raise VolumeError(f"{path}: {advice}", code="unsupported")
+        vti, nii = (os.path.splitext(path)[0] + suffix for suffix in (".vti", ".nii"))
+        names = {"path": str(path), "vti": vti, "nii": nii}
+        shell = {"shell": shlex.quote(str(path)), "shell_nii": shlex.quote(nii)}
+        raise VolumeError(f"{path}: {advice.format(**names, **shell)}", code="unsupported")
     raise VolumeError(f"{path}: unknown format; supported are {_KNOWN}", code="unknown")
 
 

@@ -16,11 +16,20 @@ from volspec.volume.model import Volume
 if TYPE_CHECKING:
     import pyvista
 
+_RESAMPLE = (
+    "resample it to an even grid with pyvista: "
+    "pyvista.create_grid(grid, dimensions=(128, 128, 128)).sample(grid).save('even.vti')"
+)
+# Greatest deviation of a rectilinear grid's steps from their mean, as a fraction: rounding.
+_EVEN = 1e-3
+
 
 def volume_from_pyvista(
     grid: pyvista.ImageData, scalars: str | None = None, *, name: str = "pyvista grid"
 ) -> Volume:
     """Convert a pyvista ``ImageData``: its scalars, spacing, origin and direction.
+
+    A ``RectilinearGrid`` may be given instead if its planes are evenly spaced.
 
     Raises VolumeError if ``grid`` is not one, or its array is missing or has several components.
     """
@@ -32,12 +41,10 @@ def values_and_lattice(
     grid: pyvista.ImageData, scalars: str | None, name: str
 ) -> tuple[NDArray[Any], NDArray[np.float64]]:
     """Return a grid's scalars (Z, Y, X), not copied, and its world_from_index (4, 4)."""
+    if type(grid).__name__ == "RectilinearGrid":
+        grid = _evenly_spaced(grid, name)
     if type(grid).__name__ != "ImageData":
-        raise VolumeError(
-            f"{name}: is a {type(grid).__name__}; volspec casts regular grids, "
-            "resample it to ImageData first",
-            code="type",
-        )
+        raise VolumeError(f"{name}: is a {type(grid).__name__}; {_RESAMPLE}", code="type")
     cells = scalars is None and not len(grid.point_data) and len(grid.cell_data) > 0
     data = grid.cell_data if cells else grid.point_data
     available = list(data.keys())
@@ -68,6 +75,26 @@ def values_and_lattice(
     centre = np.full(3, 0.5 if cells else 0.0)
     world[:3, 3] = np.asarray(grid.origin) + world[:3, :3] @ centre
     return array.reshape(shape[::-1]), world
+
+
+def _evenly_spaced(grid: Any, name: str) -> pyvista.ImageData:
+    """Return a ``RectilinearGrid`` with evenly spaced planes as an ``ImageData``."""
+    import pyvista
+
+    spacing = []
+    for axis, places in zip("xyz", (grid.x, grid.y, grid.z), strict=True):
+        steps = np.diff(np.asarray(places, np.float64))
+        if steps.size and not np.allclose(steps, steps.mean(), rtol=_EVEN):
+            raise VolumeError(
+                f"{name}: is a RectilinearGrid of uneven spacing, {steps.min():.4g} to "
+                f"{steps.max():.4g} mm along {axis}; {_RESAMPLE}",
+                code="unsupported",
+            )
+        spacing.append(float(steps.mean()) if steps.size else 1.0)
+    origin = (grid.x[0], grid.y[0], grid.z[0])
+    even = pyvista.ImageData(dimensions=grid.dimensions, spacing=spacing, origin=origin)
+    even.copy_attributes(grid)
+    return even
 
 
 def volume_to_pyvista(volume: Volume) -> pyvista.ImageData:

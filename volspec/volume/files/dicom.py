@@ -35,6 +35,7 @@ from volspec.volume.files.lattice import (
     affine,
     group_slices,
     slice_step_mm,
+    spacing_text,
     stack_slices,
     unevenness,
 )
@@ -78,7 +79,7 @@ def read_series(query: Query) -> Reading:
         query.index("time", 1, "time steps")
         query.end_choices()
         query.reserve(series[0].size, series[0].itemsize)
-        values, world = _read_frames(series[0], guesses)
+        values, world = _read_frames(series[0], query, guesses)
     else:
         ordered = _sorted_slices(series, query)
         query.end_choices()
@@ -142,8 +143,8 @@ def _choose_uid(found: list[Slice], query: Query) -> str:
     more = f" and {len(rows) - _MOST_LISTED} more" if len(rows) > _MOST_LISTED else ""
     wrong = "" if given is None else f"series={given} names {len(meant) or 'none'} of them; "
     raise VolumeError(
-        f"{query.path}: holds {len(kinds)} series; {wrong}name one as {query.name}?series="
-        f"{listed.values[0]}: {', '.join(rows[:_MOST_LISTED])}{more}",
+        f"{query.path}: holds {len(kinds)} series; {wrong}name one as "
+        f"{query.example(series=listed.values[0])}: {', '.join(rows[:_MOST_LISTED])}{more}",
         code="missing" if given is None else "unknown",
         given=given,
     )
@@ -255,11 +256,12 @@ def _read_slices(series: list[Slice], query: Query, guesses: list[str]) -> _Plac
         origin, step = np.zeros(3), directions[:, 2] * apart
         guesses.append(
             f"{query.path}: the slices state no positions; they are ordered by number, "
-            f"{apart:g} mm apart; give {query.name}?spacing=x,y,z if that is wrong"
+            f"{apart:g} mm apart; if that is wrong, give the distance as in "
+            f"{query.example(spacing=spacing_text(x, y, apart))}"
         )
     else:
         at = np.array([each.origin_mm for each in series])
-        origin, step = at[0], slice_step_mm(at, [each.path.name for each in series], query)
+        origin, step = at[0], slice_step_mm(at, [each.path.name for each in series], query, (x, y))
         if uneven := unevenness(at):
             guesses.append(f"{query.path}: {uneven}")
     query.reserve((*first.size, len(series)), first.itemsize)
@@ -269,14 +271,14 @@ def _read_slices(series: list[Slice], query: Query, guesses: list[str]) -> _Plac
     return values, affine(columns, origin)
 
 
-def _read_frames(file: Slice, guesses: list[str]) -> _Placed:
+def _read_frames(file: Slice, query: Query, guesses: list[str]) -> _Placed:
     """Read one file of many frames: an enhanced CT or MR, or a film."""
+    x, y, z = file.spacing_mm
     with captured_output([]):
         values = _read_pixels(file)
-    z = file.spacing_mm[2]
     guesses.append(
-        f"{file.path}: its {file.size[2]} frames are read as slices {abs(z):g} mm apart; give "
-        f"{file.path.name}?spacing=x,y,z if that is wrong"
+        f"{file.path}: its {file.size[2]} frames are read as slices {abs(z):g} mm apart; if that "
+        f"is wrong, give the distance as in {query.example(spacing=spacing_text(x, y, abs(z)))}"
     )
     columns = file.directions * np.array(file.spacing_mm)
     return values, affine(columns, file.origin_mm)

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -142,20 +143,18 @@ def tables_beside(path: Path) -> list[Path]:
     return [path.with_name(name) for name in names if name != path.name]
 
 
-def labels_beside(path: Path) -> dict[int, Label]:
-    """Return the labels of all tables next to a volume; the first with a name or colour counts."""
-    found: dict[int, Label] = {}
+def labels_beside(path: Path) -> dict[Path, dict[int, Label]]:
+    """Return the labels of each table next to a volume, those with names first."""
+    found: dict[Path, dict[int, Label]] = {}
     for table in tables_beside(path):
-        try:
-            read = read_label_table(table) if table.is_file() else {}
-        except (VolumeError, OSError):
-            continue
-        found = merge_labels(found, read)
+        with suppress(VolumeError, OSError):
+            if table.is_file():
+                found[table] = read_label_table(table)
     return found
 
 
 def merge_labels(first: Labels, then: Labels) -> dict[int, Label]:
-    """Return the labels of two tables; the second fills in names and colours.
+    """Return the labels of two tables; the second fills in missing names and colours.
 
     >>> merge_labels({1: Label("liver")}, {1: Label("", (1, 0, 0)), 2: Label()})[1]
     Label(name='liver', colour=(1, 0, 0))

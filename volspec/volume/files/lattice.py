@@ -72,9 +72,11 @@ def group_slices(at_mm: NDArray[np.float64], normal: NDArray[np.float64]) -> lis
 
 
 def slice_step_mm(
-    at_mm: NDArray[np.float64], names: list[str], query: Query
+    at_mm: NDArray[np.float64], names: list[str], query: Query, pixel_mm: tuple[float, float]
 ) -> NDArray[np.float64]:
     """Return the (3,) step of an even lattice through the first and the last of (N, 3) positions.
+
+    ``pixel_mm`` is the spacing within the slices, for the message.
 
     Raises VolumeError if slices are missing or belong to another stack, unless the query has a
     spacing.
@@ -90,10 +92,19 @@ def slice_step_mm(
         raise VolumeError(
             f"{query.path}: {names[odd]} and {names[odd + 1]} lie {apart[odd]:.4g} mm apart, "
             f"others {usual:.4g} mm: {what}; complete the folder, or treat the slices as even with "
-            f"{query.name}?spacing=x,y,z",
+            f"{query.example(spacing=spacing_text(*pixel_mm, usual))}",
             code="missing" if apart[odd] > usual else "conflict",
         )
     return step
+
+
+def spacing_text(*mm: float) -> str:
+    """Return a spacing as the option ``spacing=`` has it.
+
+    >>> spacing_text(0.5, 0.5, 2.0)
+    '0.5,0.5,2'
+    """
+    return ",".join(f"{each:.6g}" for each in mm)
 
 
 def unevenness(at_mm: NDArray[np.float64]) -> str:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
 from volspec.volume.files.label_tables import labels_in_zarr
-from volspec.volume.files.lattice import affine, mm_per_unit
+from volspec.volume.files.lattice import affine, mm_per_unit, spacing_text
 from volspec.volume.files.query import Choice, Query, Reading
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
@@ -147,7 +147,7 @@ def _level(levels: list[Level], names: list[str], query: Query, remarks: list[st
     if chosen:
         remarks.append(
             f"{query.path}: level 0 takes {sizes[0] / 1e9:.3g} GB, level {chosen} is read; choose "
-            f"another as {query.name}?level=0"
+            f"another as {query.example(level='0')}"
         )
     return chosen
 
@@ -173,7 +173,7 @@ def _world(
     if unknown and query.spacing_mm is None:
         remarks.append(
             f"{query.path}: the unit of its scale is {unknown[0]}, millimetres are assumed; "
-            f"give {query.name}?spacing=x,y,z if that is wrong"
+            f"if that is wrong, give them as in {query.example(spacing=spacing_text(*scale))}"
         )
     return affine(np.diag(scale), shift)
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from volspec._files import captured_output
 from volspec._parse import parse_xml
 from volspec.errors import VolumeError, one_line
-from volspec.volume.files.lattice import mm_per_unit
+from volspec.volume.files.lattice import mm_per_unit, spacing_text
 from volspec.volume.files.query import Query
 
 _DAMAGE = (
@@ -163,14 +163,17 @@ def resolve_spacing(
     x, y, z = stated
     if query.spacing_mm is not None:
         return query.spacing_mm
-    remedy = f"give {query.name}?spacing=x,y,z in mm"
+    remedy = "if that is wrong, give it in mm as in"
     if x is None or y is None:
-        remarks.append(f"{query.path}: states no spacing, 1 mm is assumed; {remedy}")
+        remarks.append(
+            f"{query.path}: states no spacing, 1 mm is assumed; {remedy} "
+            f"{query.example(spacing='1,1,1')}"
+        )
         return 1.0, 1.0, 1.0
     if z is None:
         remarks.append(
             f"{query.path}: states {x:.4g} × {y:.4g} mm in the plane but no slice distance, "
-            f"{x:.4g} mm is assumed; {remedy}"
+            f"{x:.4g} mm is assumed; {remedy} {query.example(spacing=spacing_text(x, y, x))}"
         )
         return x, y, x
     return x, y, z

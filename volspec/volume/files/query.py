@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import mmap
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -83,10 +84,14 @@ class Query:
             raise VolumeError(f"{path}: labels= is empty; give a file", code="missing")
         return cls(Path(path), options, labels=labels)
 
-    @property
-    def name(self) -> str:
-        """Last part of the path, for examples in messages."""
-        return self.path.name or str(self.path)
+    def example(self, **options: str) -> str:
+        """Return the address with further options, quoted for a shell, for messages.
+
+        >>> Query.of("a b/v.nii?time=2").example(channel="0")
+        "'a b/v.nii?time=2&channel=0'"
+        """
+        given = self.options | ({} if self.labels is None else {"labels": self.labels}) | options
+        return shlex.quote(f"{self.path}?" + "&".join(f"{k}={v}" for k, v in given.items()))
 
     def allow(self, *known: str) -> None:
         """Refuse options other than ``known``, and those that every volume takes."""
@@ -110,14 +115,14 @@ class Query:
         except ValueError as error:
             raise VolumeError(
                 f"{self.path}: spacing={given} cannot be read; write millimetres along x, y, z "
-                f"as in {self.name}?spacing=0.65,0.65,2",
+                f"as in {self.example(spacing='0.65,0.65,2')}",
                 code="syntax",
                 given=given,
             ) from error
         if not (min(x, y, z) > 0 and max(x, y, z) < math.inf):
             raise VolumeError(
                 f"{self.path}: spacing={given}; give three positive numbers of millimetres, as in "
-                f"{self.name}?spacing=0.65,0.65,2",
+                f"{self.example(spacing='0.65,0.65,2')}",
                 code="range",
                 given=given,
             )
@@ -143,7 +148,7 @@ class Query:
         if given is None:
             raise VolumeError(
                 f"{self.path}: holds {count} {what}, but a volume has one; choose it with "
-                f"{self.name}?{key}=0 … {count - 1}",
+                f"{self.example(**{key: '0'})} (0 … {count - 1})",
                 code="missing",
             )
         if not given.isdecimal() or int(given) >= count:

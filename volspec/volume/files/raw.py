@@ -6,6 +6,8 @@ load_volume -> [raw] -> Reading
 from __future__ import annotations
 
 import math
+import re
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,7 +22,10 @@ _DTYPES = (
     *("uint8", "int8", "uint16", "int16", "uint32", "int32", "uint64", "int64"),
     *("float16", "float32", "float64", "bool"),
 )
-_EXAMPLE = "shape=256x256x110&dtype=uint8&spacing=1,1,1"
+# Size and type in the name of a file, such as ``head_256x256x110_int16.raw``.
+_SIZE_IN_NAME = re.compile(r"(?<!\d)(\d+)[x×](\d+)[x×](\d+)(?!\d)")
+_DTYPE_IN_NAME = re.compile(r"(?<![a-z])(?:u?int(?:8|16|32|64)|float(?:16|32|64))(?!\d)")
+_DTYPE_BY_BYTES = {1: "uint8", 2: "uint16", 4: "float32", 8: "float64"}
 
 
 def read_npy(query: Query) -> Reading:
@@ -63,6 +68,18 @@ def read_npy(query: Query) -> Reading:
         return Reading(Stored(str(path), shape, dtype.str, file.tell()))
 
 
+def _example(query: Query) -> str:
+    """Return an address with a layout for messages, the file's own if its name has one."""
+    name = query.path.name.lower()
+    size, dtype = _SIZE_IN_NAME.search(name), _DTYPE_IN_NAME.search(name)
+    shape = "x".join(size.groups()) if size else "256x256x110"
+    voxels = math.prod(map(int, shape.split("x")))
+    held = query.path.stat().st_size // voxels if size and voxels else 1
+    kind = dtype[0] if dtype else _DTYPE_BY_BYTES.get(held, "uint8")
+    given = {"shape": shape, "dtype": kind, "spacing": "1,1,1"}
+    return query.example(**(given | query.options))
+
+
 def read_raw(query: Query) -> Reading:
     """Read bytes in the layout that the query gives."""
     path, options = query.path, query.options
@@ -72,8 +89,7 @@ def read_raw(query: Query) -> Reading:
             query.choices.append(Choice("shape", (), ()))
         query.end_choices()
         raise VolumeError(
-            f"{path}: raw bytes need a layout, {missing[0]} is missing; write "
-            f"{path.name}?{_EXAMPLE}",
+            f"{path}: raw bytes need a layout, {missing[0]} is missing; write {_example(query)}",
             code="missing",
         )
     try:
@@ -86,7 +102,7 @@ def read_raw(query: Query) -> Reading:
         key = "offset"
         offset = int(options.get("offset", "0"))
     except (ValueError, TypeError, SyntaxError, RecursionError) as error:  # the last two from dtype
-        remedy = f"write it as in {path.name}?{_EXAMPLE}"
+        remedy = f"write it as in {_example(replace(query, options={}))}"
         if key == "dtype":
             remedy = f"{nearest(options[key], _DTYPES, count=1)}give one of {', '.join(_DTYPES)}"
         raise VolumeError(
@@ -112,7 +128,7 @@ def read_raw(query: Query) -> Reading:
     if len(shape) != 3 or min(shape) < 1:
         raise VolumeError(
             f"{path}: shape={options['shape']} is not three positive counts; give those along x, "
-            f"y and z, as in {path.name}?{_EXAMPLE}",
+            f"y and z, as in {_example(replace(query, options={}))}",
             code="shape",
             given=options["shape"],
         )

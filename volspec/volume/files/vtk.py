@@ -1,4 +1,4 @@
-"""VTK image data, ``.vti`` and legacy ``.vtk``, read with pyvista.
+"""VTK image data, ``.vti`` and ``.vtr`` in XML and legacy ``.vtk``, read with pyvista.
 
 load_volume -> [vtk] -> Reading
 
@@ -46,7 +46,7 @@ _CHUNK = 1 << 20
 
 
 def read_vtk(query: Query) -> Reading:
-    """Read ``.vti`` or ``.vtk`` image data."""
+    """Read image data, or a rectilinear grid of even spacing."""
     import pyvista
     from pyvista.core.utilities.observers import VtkErrorCatcher
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
@@ -78,7 +78,7 @@ def read_vtk(query: Query) -> Reading:
 
 def check_vtk(query: Query) -> None:
     """Refuse a file with arrays longer than the file, or than memory."""
-    if query.path.suffix.lower() == ".vti":
+    if query.path.suffix.lower() in (".vti", ".vtr"):
         _XmlHeader(query.path).check(query)
     else:
         _check_legacy(query)
@@ -149,7 +149,7 @@ class _AppendedData(Exception):
 
 
 class _XmlHeader:
-    """Elements of a ``.vti`` file, up to its appended data."""
+    """Elements of an XML file, up to its appended data."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -197,7 +197,7 @@ class _XmlHeader:
             self._order = ">" if given.get("byte_order") == "BigEndian" else "<"
             self._word = _HEADER_TYPES[given.get("header_type", "UInt32")]
             self._compressed = bool(given.get("compressor"))
-        elif name == "ImageData":
+        elif name in ("ImageData", "RectilinearGrid"):
             _, self._whole = _counts(given["WholeExtent"])
         elif name == "Piece":
             self._points, self._cells = _counts(given["Extent"])
