@@ -226,8 +226,8 @@ def paint_for_appearance(
     Raises
     ------
     RoomError
-        If no paint looks as wanted in this room, with the nearest distance; or if no light falls
-        on the wall.
+        If no paint looks as wanted in this room; ``given`` is the smallest distance found. Or if no
+        light falls on the wall.
 
     Examples
     --------
@@ -267,7 +267,7 @@ def paint_for_appearance(
     distance = float(appearance_distance(look, wanted))
     if not distance <= _REACHED:
         raise RoomError(
-            f"no paint looks so in this room; the nearest is {distance:.2g} away in J, a, b",
+            f"no paint looks so in this room; the nearest found is {distance:.2g} away in J, a, b",
             "want less chroma or another lightness, or change the light",
             code="impossible",
             field="wanted",
