@@ -150,6 +150,7 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
                 "volume/files/vtk.py",
                 "raycast/vtk_interop.py",
                 "relight/vtk_interop.py",
+                "room/file.py",
             ),
         ),
         ("SimpleITK", ("volume/files/",)),

@@ -32,6 +32,8 @@ from volspec.raycast import (
     RaycastSpec,
 )
 from volspec.relight import RelightSpec
+from volspec.room.file import BoxSpec, LampSpec, MeshSpec, RoomFile, SurfaceSpec
+from volspec.room.model import Eye
 from volspec.scene.export import (
     ExportSpec,
     KeyCamera,
@@ -130,6 +132,17 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "[[light]]": LightMember,
             "[[reflectance]]": ReflectanceMember,
             "[[cell]]": CellSpec,
+        },
+    ),
+    "rooms": (
+        "Rooms",
+        {
+            "Top of the file": RoomFile,
+            "[[surface]]": SurfaceSpec,
+            "[[light]]": LampSpec,
+            "[[box]]": BoxSpec,
+            "[[mesh]]": MeshSpec,
+            "[eye]": Eye,
         },
     ),
     "page": ("Pages", {"PageSpec": PageSpec}),

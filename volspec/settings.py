@@ -332,7 +332,7 @@ def choices(hint: Any) -> tuple[Any, ...]:
     return ()
 
 
-_NUMBER_WORDS = {2: "two", 3: "three"}
+_NUMBER_WORDS = {2: "two", 3: "three", 4: "four"}
 
 
 def expected(hint: Any) -> str:

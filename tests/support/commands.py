@@ -161,8 +161,27 @@ _TWICE = (
 )
 _WRONG = SCENE.replace("spectrum", "spectrm").replace("opacity = 0.4", 'opacity = "much"')
 _WRONG = _WRONG.replace('"white"', '"whit"')
+_ROOM = """size_m = [4.0, 5.0, 2.7]
+surface = [
+    { name = "walls", reflectance = "grey:0.7" },
+    { name = "floor", reflectance = "grey:0.3" },
+    { name = "ceiling", reflectance = "white" },
+]
+[[light]]
+name = "lamp"
+spectrum = "A"
+position_m = [2.0, 2.5, 2.0]
+lumen = 1000
+"""
 _TEXTS = {
     "s.toml": SCENE,
+    "room.toml": _ROOM.replace("white", "grey:0.9"),
+    "empty-room.toml": _ROOM[: _ROOM.index("surface")] + "surface = []\n",
+    "wrong-room.toml": _ROOM.replace("size_m", "sise_m").replace("lumen", "lux"),
+    "bright-room.toml": _ROOM,
+    "lamp-in-wall.toml": _ROOM.replace("white", "grey:0.9").replace("[2.0,", "[9.0,"),
+    "unpainted-room.toml": _ROOM.replace('"floor"', '"flor"'),
+    "watts.toml": _ROOM.replace("lumen", "watt"),
     "wrong.toml": _WRONG,
     "camera.toml": _WRONG.replace("[volume]", "[camera]"),
     "lost.toml": SCENE.replace('"white"', '"whit"').replace("D65", "D56").replace("ball", "bell"),

@@ -14,6 +14,7 @@ from volspec.cli import (
     reflectance,
     relight,
     render,
+    room,
 )
 from volspec.cli.shell import app, main
 
@@ -29,4 +30,5 @@ __all__ = [
     "reflectance",
     "relight",
     "render",
+    "room",
 ]

@@ -2,7 +2,19 @@
 
 from volspec.room.brick import Brick
 from volspec.room.cube import cube_irradiance, cube_radiosity
+from volspec.room.eye import (
+    EyeConditions,
+    SurfaceAppearance,
+    default_eye,
+    look,
+    room_picture,
+    surface_appearance,
+)
+from volspec.room.file import load_room
+from volspec.room.mesh import RoomMesh, box, panel, rectangle
+from volspec.room.model import Eye, PointLamp, Room, SunBeam
 from volspec.room.quantities import irradiance_from_lux, lux_from_irradiance, with_paint
+from volspec.room.radiosity import RoomLight, solve_room
 from volspec.room.wall_paint import (
     WallPaint,
     appearance_distance,
@@ -14,15 +26,32 @@ from volspec.room.wall_paint import (
 
 __all__ = [
     "Brick",
+    "Eye",
+    "EyeConditions",
+    "PointLamp",
+    "Room",
+    "RoomLight",
+    "RoomMesh",
+    "SunBeam",
+    "SurfaceAppearance",
     "WallPaint",
     "appearance_distance",
     "atlas_appearance",
+    "box",
     "cube_irradiance",
     "cube_paint_for_radiosity",
     "cube_radiosity",
+    "default_eye",
     "irradiance_from_lux",
+    "load_room",
+    "look",
     "lux_from_irradiance",
     "paint_for_appearance",
+    "panel",
+    "rectangle",
+    "room_picture",
+    "solve_room",
+    "surface_appearance",
     "wall_appearance",
     "with_paint",
 ]

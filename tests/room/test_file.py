@@ -1,0 +1,113 @@
+"""Rooms from TOML: surfaces, lights of three kinds, furniture, meshes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+
+from tests.support.errors import raises
+from volspec.errors import RoomError
+from volspec.room import load_room, lux_from_irradiance
+from volspec.spectra import light
+
+ROOMS = Path(__file__).parents[2] / "data" / "rooms"
+START = """size_m = [4.0, 5.0, 2.7]
+surface = [
+    { name = "walls", reflectance = "grey:0.7" },
+    { name = "back", reflectance = "#f0d9b5" },
+    { name = "floor", reflectance = "grey:0.3" },
+    { name = "ceiling", reflectance = "grey:0.8" },
+    { name = "chair", reflectance = "copper" },
+]
+"""
+LAMP = '[[light]]\nname = "lamp"\nspectrum = "A"\n'
+BOX = 'lumen = 3\n[[box]]\nname = "{}"\nlow_m = [1, 1, 1]\nhigh_m = [{}, 2, 2]\n'
+SMALL = LAMP + "position_m = [1, 1, 1]\n"
+
+
+def room_file(folder: Path, text: str) -> Path:
+    """Write a room's file."""
+    path = folder / "room.toml"
+    path.write_text(START + text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", ["study", "beige-tungsten"])
+def test_shipped_rooms_are_closed(name: str) -> None:
+    room = load_room(ROOMS / f"{name}.toml")
+    assert room.mesh.names[0] == "left" and room.eye is not None and room.title
+    assert room.reflectance("table").max() < 1
+
+
+def test_a_side_of_its_own_is_not_the_walls(tmp_path: Path) -> None:
+    room = load_room(room_file(tmp_path, SMALL + "lumen = 900\n"))
+    assert room.reflectance("left") == pytest.approx(0.7)
+    back = room.reflectance("back")
+    assert back[-1] > 1.2 * back[0]
+    assert lux_from_irradiance(room.lamps[0].intensity) == pytest.approx(900 / (4 * np.pi))
+
+
+def test_panels_emit_what_is_asked(tmp_path: Path) -> None:
+    place = 'on = "left"\nplace_m = [1, 0.9, 2, 1.4]\n'
+    by_lux = load_room(room_file(tmp_path, LAMP + place + "lux = 500\n"))
+    assert lux_from_irradiance(by_lux.exitances["lamp"]) == pytest.approx(500)
+    by_lumen = load_room(room_file(tmp_path, LAMP + place + "lumen = 1400\n"))
+    assert lux_from_irradiance(by_lumen.exitances["lamp"]) == pytest.approx(500)
+    lamp = '[[light]]\nname = "lamp"\nspectrum = "lamp:tungsten-2850"\non = "ceiling"\nwatt = 100\n'
+    by_watt = load_room(room_file(tmp_path, lamp))
+    assert lux_from_irradiance(by_watt.exitances["ceiling"]) == pytest.approx(1500 / 20)
+    shape = by_watt.exitances["ceiling"] / light("lamp:tungsten-2850").values
+    assert shape == pytest.approx(shape[0])
+
+
+def test_the_sun_enters_through_windows(tmp_path: Path) -> None:
+    window = LAMP.replace("lamp", "pane") + 'on = "right"\nplace_m = [1, 1, 1, 1]\nlux = 9\n'
+    sun = LAMP + "azimuth_deg = 90\nelevation_deg = 30\nlux = 50000\n"
+    room = load_room(room_file(tmp_path, window + sun))
+    (beam,) = room.suns
+    assert beam.direction == pytest.approx((np.sqrt(0.75), 0, 0.5))
+    assert beam.through == {room.mesh.names.index("pane")}
+    assert lux_from_irradiance(beam.irradiance) == pytest.approx(50000)
+
+
+def test_furniture_from_a_file_is_scaled_and_moved(tmp_path: Path) -> None:
+    pyvista.Box(bounds=(0, 500, 0, 500, 0, 1000)).triangulate().save(tmp_path / "chair.ply")
+    mesh = '[[mesh]]\nname = "chair"\nfile = "chair.ply"\nunit_m = 0.001\nmove_m = [1, 2, 0.1]\n'
+    room = load_room(room_file(tmp_path, SMALL + "lumen = 900\n" + mesh))
+    chair = room.mesh.part(room.mesh.surface == room.mesh.names.index("chair"))
+    points = chair.corners_m.reshape(-1, 3)
+    assert points.min(axis=0) == pytest.approx([1, 2, 0.1])
+    assert points.max(axis=0) == pytest.approx([1.5, 2.5, 1.1])
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (SMALL, "conflict"),
+        (SMALL + "lux = 3\n", "conflict"),
+        (SMALL + 'on = "left"\nlumen = 3\n', "conflict"),
+        (SMALL + "lumen = 3\nwatt = 3\n", "conflict"),
+        (LAMP + "azimuth_deg = 3\nlumen = 3\n", "conflict"),
+        (SMALL + "watt = 3\n", "missing"),
+        (LAMP + 'on = "left"\nplace_m = [9, 0, 1, 1]\nlux = 3\n', "range"),
+        (SMALL + BOX.format("chair", 0), None),
+        (SMALL + 'lumen = 3\n[[mesh]]\nname = "chair"\nfile = "none.ply"\n', "not-found"),
+        (
+            SMALL + 'lumen = 3\n[[box]]\nname = "bed"\nlow_m = [1, 1, 1]\nhigh_m = [2, 2, 2]\n',
+            "missing",
+        ),
+    ],
+)
+def test_rooms_with_a_fault_are_refused(tmp_path: Path, text: str, code: str | None) -> None:
+    with raises(RoomError, code):
+        load_room(room_file(tmp_path, text))
+
+
+def test_files_that_are_no_meshes_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "chair.ply").write_text("no mesh", encoding="utf-8")
+    mesh = '[[mesh]]\nname = "chair"\nfile = "chair.ply"\n'
+    with raises(RoomError):
+        load_room(room_file(tmp_path, SMALL + "lumen = 900\n" + mesh))

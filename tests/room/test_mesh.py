@@ -1,0 +1,84 @@
+"""Meshes of rooms: sides, openings, subdivision, and what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.errors import RoomError
+from volspec.room import RoomMesh, box, panel, rectangle
+from volspec.room.mesh import SIDES
+
+ROOM = box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True)
+
+
+def test_a_room_is_closed_and_its_fronts_are_inside() -> None:
+    assert ROOM.open_edges() == 0 and ROOM.names == SIDES
+    assert ROOM.areas_m2.sum() == pytest.approx(2 * (20 + 13.5 + 10.8))
+    towards = np.array([2, 2.5, 1.35]) - ROOM.centres_m
+    assert (np.einsum("nc,nc->n", ROOM.normals, towards) > 0).all()
+
+
+def test_furniture_has_its_fronts_outside() -> None:
+    chest = box((1, 1, 0), (2, 3, 1), "chest")
+    away = chest.centres_m - chest.centres_m.mean(axis=0)
+    assert chest.names == ("chest",) and (np.einsum("nc,nc->n", chest.normals, away) > 0).all()
+
+
+def test_a_wall_has_a_window() -> None:
+    place = (1.0, 0.9, 2.0, 1.4)
+    wall = panel((0, 0, 0), (0, 5, 0), (0, 0, 2.7), "left", [("window", place)])
+    window = wall.surface == wall.names.index("window")
+    assert wall.areas_m2[window].sum() == pytest.approx(2.8)
+    assert wall.areas_m2.sum() == pytest.approx(13.5)
+    corners = wall.corners_m[window].reshape(-1, 3)
+    assert corners.min(axis=0).tolist() == [0, 1, 0.9]
+    assert corners.max(axis=0) == pytest.approx([0, 3, 2.3])
+
+
+@pytest.mark.parametrize("place", [(4, 0, 2, 1), (-1, 0, 2, 1), (0, 0, 0, 1), (0, 2, 1, 1)])
+def test_a_window_is_within_its_wall(place: tuple[float, float, float, float]) -> None:
+    with raises(RoomError, "range"):
+        panel((0, 0, 0), (0, 5, 0), (0, 0, 2.7), "left", [("window", place)])
+
+
+def test_windows_do_not_overlap() -> None:
+    two = [("one", (1.0, 1.0, 1.0, 1.0)), ("two", (1.5, 1.5, 1.0, 1.0))]
+    with raises(RoomError, "conflict"):
+        panel((0, 0, 0), (0, 5, 0), (0, 0, 2.7), "left", two)
+
+
+def test_halves_cover_their_triangles() -> None:
+    fine = ROOM.with_edges(0.5)
+    sides = np.linalg.norm(fine.corners_m - np.roll(fine.corners_m, 1, axis=1), axis=-1)
+    assert sides.max() <= 0.5
+    for surface in range(6):
+        share = fine.areas_m2[fine.surface == surface].sum()
+        assert share == pytest.approx(ROOM.areas_m2[ROOM.surface == surface].sum())
+    assert set(map(tuple, fine.normals.round(9) + 0.0)) == set(
+        map(tuple, ROOM.normals.round(9) + 0.0)
+    )
+
+
+def test_points_are_uniform_over_a_triangle() -> None:
+    shares = np.random.default_rng(0).random((20000, 2))
+    points = ROOM.points(shares)
+    assert points.shape == (12, 20000, 3)
+    assert np.abs(points.mean(axis=1) - ROOM.centres_m).max() < 0.05
+
+
+def test_meshes_that_cannot_be_used_are_refused() -> None:
+    flat = [[[0, 0, 0], [1, 1, 1], [2, 2, 2]]]
+    with raises(RoomError, "conflict"):
+        RoomMesh(np.array(flat), np.zeros(1, np.intp), ("wall",))
+    with raises(RoomError, "duplicate"):
+        (
+            rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "a")
+            + rectangle((0, 0, 0), (0, 1, 0), (1, 0, 0), "b")
+            + rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "c")
+        )
+    with raises(RoomError, "range"):
+        RoomMesh(np.full((1, 3, 3), np.nan), np.zeros(1, np.intp), ("wall",))
+    with raises(RoomError, "shape"):
+        RoomMesh(np.zeros((0, 3, 3)), np.zeros(0, np.intp), ())

@@ -1,0 +1,123 @@
+"""Radiosity of rooms: white furnace, the cube, refinement, points in the room, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.errors import RoomError
+from volspec.room import (
+    PointLamp,
+    Room,
+    RoomMesh,
+    box,
+    cube_radiosity,
+    lux_from_irradiance,
+    panel,
+    rectangle,
+    solve_room,
+)
+from volspec.room.mesh import SIDES
+from volspec.spectra import DEFAULT_GRID
+
+BANDS = DEFAULT_GRID.size
+# Fewer than by default, for speed.
+RAYS = 1 << 19
+CUBE = box((0, 0, 0), (3, 3, 3), SIDES, inside=True)
+SMOOTH = np.linspace(0.2, 0.95, BANDS)
+
+
+@pytest.mark.parametrize("rho", [0.3, 0.95])
+def test_a_white_furnace_is_full_of_light(rho: float) -> None:
+    """Closed, uniform emission S, reflectance ρ: B = S / (1 − ρ) everywhere."""
+    emission = np.full(BANDS, 2.0)
+    room = Room(CUBE, np.full((6, BANDS), rho), dict.fromkeys(SIDES, emission))
+    solved = solve_room(room, 300, rays=RAYS)
+    assert solved.radiosity == pytest.approx(2.0 / (1.0 - rho), rel=5e-3)
+    assert solved.sampling_error < 5e-3 and solved.patch_error < 1e-6
+
+
+def test_a_cube_of_alike_walls_agrees_with_its_closed_form() -> None:
+    """All walls of one paint, all emit: the mesh is the closed form, band by band."""
+    reflectance, emission = np.tile(SMOOTH, (6, 1)), np.full((6, BANDS), 0.7)
+    room = Room(CUBE, reflectance, dict(zip(SIDES, emission, strict=True)))
+    closed = cube_radiosity(reflectance, emission)
+    solved = solve_room(room, 300, rays=RAYS)
+    assert solved.radiosity.mean(axis=0) == pytest.approx(closed[0], rel=5e-3)
+
+
+def test_energy_is_conserved() -> None:
+    """Closed room: the surfaces absorb the power that lights emit."""
+    lamp = panel((0, 0, 3), (0, 3, 0), (3, 0, 0), "ceiling", [("lamp", (1.2, 1.2, 0.6, 0.6))])
+    rest = CUBE.part(CUBE.surface != SIDES.index("ceiling"))
+    mesh = RoomMesh(rest.corners_m, rest.surface, SIDES) + lamp
+    table = box((1, 1, 0.4), (2, 2, 0.5), "table")
+    mesh = mesh + table
+    reflectances = np.array([SMOOTH * (name != "lamp") for name in mesh.names])
+    room = Room(mesh, reflectances, {"lamp": np.full(BANDS, 100.0)})
+    solved = solve_room(room, 2000, rays=RAYS)
+    absorbed = solved.mesh.areas_m2 @ ((1.0 - solved.reflectances) * solved.irradiance)
+    assert absorbed == pytest.approx(100.0 * 0.36, rel=1e-2)
+    assert 1500 < len(solved.mesh.surface) <= 2000
+    # Direct light is uneven near the table's shadow: there patches are smaller.
+    floor = solved.mesh.surface == SIDES.index("floor")
+    areas = solved.mesh.areas_m2[floor]
+    assert areas.max() > 3.9 * areas.min()
+
+
+def test_points_of_the_room_receive_what_the_patches_do() -> None:
+    room = Room(CUBE, np.tile(SMOOTH, (6, 1)), {"ceiling": np.full(BANDS, 10.0)})
+    solved = solve_room(room, 2000, rays=RAYS)
+    floor = np.flatnonzero(solved.mesh.surface == SIDES.index("floor"))
+    patch = floor[np.linalg.norm(solved.mesh.centres_m[floor] - [1.5, 1.5, 0], axis=1).argmin()]
+    point = solved.mesh.centres_m[patch] + [0, 0, 1e-3]
+    found = solved.irradiance_at(point, (0, 0, 1))[0]
+    assert found == pytest.approx(solved.irradiance[patch], rel=2e-2)
+    mean = lux_from_irradiance(solved.mean_irradiance("floor"))
+    assert 0.5 * lux_from_irradiance(found) < mean < lux_from_irradiance(found)
+
+
+def lit(mesh: RoomMesh, **settings: object) -> Room:
+    """Return a grey room whose last surface emits."""
+    grey = np.full((len(mesh.names), BANDS), 0.5)
+    return Room(mesh, grey, {mesh.names[-1]: np.ones(BANDS)}, **settings)  # type: ignore[arg-type]
+
+
+def test_rooms_that_cannot_be_solved_are_refused() -> None:
+    opened = RoomMesh(CUBE.corners_m[2:], CUBE.surface[2:], SIDES)
+    with raises(RoomError, "conflict", "open"):
+        solve_room(lit(opened), 100, rays=RAYS)
+    assert solve_room(lit(opened, open=True), 100, rays=RAYS).irradiance.max() > 0
+    turned = RoomMesh(CUBE.corners_m[:, ::-1], CUBE.surface, SIDES)
+    with raises(RoomError, "conflict", "mesh"):
+        solve_room(lit(turned), 100, rays=RAYS)
+    chest = box((1, 1, 1), (2, 2, 2), "chest")
+    inverted = CUBE + RoomMesh(chest.corners_m[:, ::-1], chest.surface, chest.names)
+    with raises(RoomError, "conflict", "chest"):
+        solve_room(lit(inverted), 100, rays=RAYS)
+    for place in ((1.5, 1.5, 1.5), (5.0, 1.0, 1.0)):
+        lamp = PointLamp(place, np.ones(BANDS))
+        with raises(RoomError, "range", "lamps"):
+            solve_room(lit(CUBE + chest, lamps=(lamp,)), 100, rays=RAYS)
+    with raises(RoomError, "size", "patches"):
+        solve_room(lit(CUBE), 10**9)
+
+
+def test_rooms_without_light_or_with_too_much_are_refused() -> None:
+    with raises(RoomError, "missing"):
+        Room(CUBE, np.full((6, BANDS), 0.5))
+    bright = np.full((6, BANDS), 0.5)
+    bright[3, 4] = 1.0
+    with raises(RoomError, "range", "reflectance"):
+        Room(CUBE, bright, {"floor": np.ones(BANDS)})
+    with raises(RoomError, "range", "emission"):
+        Room(CUBE, np.full((6, BANDS), 0.5), {"floor": -np.ones(BANDS)})
+    with raises(RoomError, "unknown"):
+        Room(CUBE, np.full((6, BANDS), 0.5), {"flor": np.ones(BANDS)})
+
+
+def test_one_rectangle_is_open() -> None:
+    floor = rectangle((0, 0, 0), (1, 0, 0), (0, 1, 0), "floor")
+    with raises(RoomError, "conflict", "open"):
+        solve_room(lit(floor), 10, rays=RAYS)

@@ -1,0 +1,351 @@
+"""Rooms as TOML: a rectangular room with windows, lamps and furniture, or meshes.
+
+ROOM.toml -> [file] -> Room, Eye -> radiosity -> numbers, pictures
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from volspec._files import captured_output
+from volspec._parse import parse_toml, read_text
+from volspec.errors import InputError, RoomError, SpectrumError, nearest
+from volspec.room.mesh import SIDES, RoomMesh, box, panel
+from volspec.room.model import Eye, Metres, PointLamp, Room, SunBeam
+from volspec.room.quantities import irradiance_from_lux
+from volspec.settings import (
+    FileFaults,
+    Finite,
+    Name,
+    Positive,
+    Unit,
+    row_names,
+    settings,
+    try_table,
+)
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    Spectrum,
+    light,
+    reflectance,
+    reflectance_from_colour,
+)
+from volspec.spectra.lamps import lamp_for_light
+
+WALLS = ("left", "right", "front", "back")
+# Between pieces of furniture, as a fraction of the room: several times `form_factors`' offset.
+_GAP = 5e-5
+Place = Annotated[tuple[Finite, Finite, Positive, Positive], Field(strict=False), Unit("m")]
+
+
+@settings(RoomError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SurfaceSpec:
+    """``[[surface]]``: what a surface reflects."""
+
+    row_keys: ClassVar = ("name",)
+    name: Annotated[Name, Field(examples=["walls"])]
+    """left, right, front, back (x, then y), floor, ceiling; walls are the first four; or the name
+    of a box or a mesh."""
+    reflectance: Annotated[str, Field(examples=["grey:0.5"])]
+    """As of a scene's material: a name (ColorChecker/dark skin, grey:0.5, …) or FILE.csv; or
+    a colour, #f0d9b5, under D65."""
+
+
+@settings(RoomError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LampSpec:
+    """``[[light]]``: a window or panel on a side, a small lamp, or the sun."""
+
+    row_keys: ClassVar = ("name",)
+    name: Annotated[Name, Field(examples=["window"])]
+    """Its name; of a window or panel, the name of its surface, too."""
+    spectrum: Annotated[str, Field(examples=["D65"])]
+    """As of a scene's light: D65, A, tungsten, planck:3000, FILE.csv, …"""
+    on: Literal["left", "right", "front", "back", "floor", "ceiling"] | None = None
+    """The side that a window or panel is part of."""
+    place_m: Place | None = None
+    """Its x, y (or the first two that the side has), width and height; default: the whole side."""
+    position_m: Metres | None = None
+    """Where a small lamp is."""
+    azimuth_deg: Annotated[Finite, Unit("degrees")] | None = None
+    """Where the sun is: 0 at −y, 90 at +x."""
+    elevation_deg: Annotated[float, Field(ge=-90, le=90), Unit("degrees")] = 45.0
+    """Height of the sun."""
+    lux: Annotated[Positive, Unit("lx")] | None = None
+    """Of a window or panel: lumens that leave each square metre; of the sun: lux across its beam,
+    which enters through all windows."""
+    lumen: Annotated[Positive, Unit("lm")] | None = None
+    """All light of a lamp or panel."""
+    watt: Annotated[Positive, Unit("W")] | None = None
+    """Power of a lamp or panel, with ``lumen_per_watt``."""
+    lumen_per_watt: Annotated[Positive, Unit("lm/W")] | None = None
+    """Efficacy; can be left out if the spectrum is that of a lamp, such as lamp:tungsten-2850."""
+
+    def __post_init__(self) -> None:
+        kinds = [self.on is not None, self.position_m is not None, self.azimuth_deg is not None]
+        if sum(kinds) != 1:
+            raise RoomError(
+                "is neither a panel, nor a lamp, nor the sun, or is several",
+                "give one of on, position_m and azimuth_deg",
+                code="conflict",
+            )
+        given = [self.lux is not None, self.lumen is not None, self.watt is not None]
+        if sum(given) != 1 or (kinds[2] and not given[0]) or (kinds[1] and given[0]):
+            wanted = "one of lux, lumen and watt" if kinds[0] else "lumen or watt"
+            remedy = f"give {'lux' if kinds[2] else wanted}"
+            raise RoomError("has no power, or several, or of another kind", remedy, code="conflict")
+        if self.place_m is not None and self.on is None:
+            raise RoomError("", "leave place_m out: only panels have one", field="place_m")
+
+    def flux_lumen(self) -> float | None:
+        """Return the luminous flux; None if lux are given.
+
+        Raises RoomError if watts are given and the efficacy is not known.
+        """
+        if self.watt is None:
+            return self.lumen
+        efficacy = self.lumen_per_watt
+        if efficacy is None:
+            with suppress(SpectrumError):
+                efficacy = lamp_for_light(self.spectrum).efficacy_lm_per_W
+        if efficacy is None:
+            remedy = "give lumen_per_watt, or a lamp as the spectrum: lamp:tungsten-2850"
+            raise RoomError(f"{self.name}: its efficacy is unknown", remedy, code="missing")
+        return self.watt * efficacy
+
+
+@settings(RoomError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoxSpec:
+    """``[[box]]``: furniture with sides along the axes."""
+
+    row_keys: ClassVar = ("name",)
+    name: Name
+    """Name of its surface."""
+    low_m: Metres
+    """Its corner with the least x, y and z."""
+    high_m: Metres
+    """Its opposite corner."""
+
+    def __post_init__(self) -> None:
+        if not all(a < b for a, b in zip(self.low_m, self.high_m, strict=True)):
+            raise RoomError.refused("high_m", self.high_m, "give more than low_m on each axis")
+
+
+@settings(RoomError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeshSpec:
+    """``[[mesh]]``: triangles from a file, as furniture or as the room itself."""
+
+    row_keys: ClassVar = ("name",)
+    name: Name
+    """Name of its surface."""
+    file: Annotated[str, Field(examples=["chair.ply"])]
+    """PLY, OBJ, STL, VTP, …; its triangles are counter-clockwise as seen from where light is."""
+    unit_m: Annotated[Positive, Unit("m")] = 1.0
+    """Length of the file's unit: 0.001 for millimetres."""
+    move_m: Metres = (0.0, 0.0, 0.0)
+    """Added to its points."""
+
+
+@settings(RoomError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoomFile:
+    """A room's file; paths are relative to it."""
+
+    title: str = ""
+    """Caption."""
+    size_m: Metres | None = None
+    """Width (x), depth (y) and height (z) of a rectangular room from the origin; without, meshes
+    are the room."""
+    surface: Annotated[tuple[SurfaceSpec, ...], Field(strict=False, min_length=1)]
+    """What surfaces reflect."""
+    light: Annotated[tuple[LampSpec, ...], Field(strict=False, min_length=1)]
+    """Windows, lamps, the sun."""
+    box: Annotated[tuple[BoxSpec, ...], Field(strict=False)] = ()
+    """Furniture."""
+    mesh: Annotated[tuple[MeshSpec, ...], Field(strict=False)] = ()
+    """Furniture, or the room itself."""
+    eye: Eye | None = None
+    """Where the room is seen from; default: near the front, looking at the back."""
+
+    def __post_init__(self) -> None:
+        if self.size_m is None and not self.mesh:
+            raise RoomError(
+                "the room has no surfaces", "give size_m, or a [[mesh]]", code="missing"
+            )
+        if self.size_m is not None and min(self.size_m) <= 0:
+            raise RoomError.refused("size_m", self.size_m, "give three lengths above 0 m", "range")
+        if self.size_m is None and any(each.on is not None for each in self.light):
+            raise RoomError("a panel needs size_m", "give it, or a small lamp", code="missing")
+
+
+class RoomFaults(FileFaults, RoomError):
+    """Faults of a room's file."""
+
+
+def load_room(path: str | os.PathLike[str], grid: SpectralGrid = DEFAULT_GRID) -> Room:
+    """Read a room; docs/rooms.md explains the file.
+
+    Raises
+    ------
+    RoomError
+        If the file is missing, is not TOML, or has unknown keys or wrong values; the message names
+        file, field and value.
+    """
+    name, text = os.fspath(path), read_text(path, RoomError, "a room's file")
+    try:
+        tables = parse_toml(text)
+    except ValueError as error:
+        problem = f"{name}: not valid TOML: {error}"
+        raise RoomError(problem, "correct it there", code="syntax") from error
+    if "volume" in tables:
+        raise RoomError(
+            f"{name}: is a scene, not a room", "give a room (docs/rooms.md)", code="type"
+        )
+    file, faults = try_table(RoomFile, tables, RoomError, Path(path).parent)
+    if file is None:
+        raise RoomFaults(path, faults, row_names(tables))
+    try:
+        return build_room(file, Path(path).parent, grid)
+    except InputError as error:
+        raise error.within(name, RoomError) from error
+
+
+def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) -> Room:
+    """Return the room of a file's tables; ``folder`` is where its files are."""
+    mesh = _mesh(file, folder)
+    rows = {row.name: _paint(row.reflectance, grid, folder) for row in file.surface}
+    if walls := rows.pop("walls", None):
+        rows = {side: walls for side in WALLS if side in mesh.names} | rows
+    panels = [each.name for each in file.light if each.on is not None]
+    for side in mesh.names:
+        if side not in rows and side not in panels:
+            guess = nearest(side, list(rows))
+            raise RoomError(
+                f"no [[surface]] is named {side!r}",
+                f"{guess}say what it reflects",
+                code="missing",
+                field="surface",
+            )
+    exitances: dict[str, NDArray[np.float64]] = {}
+    lamps, suns = [], []
+    openings = frozenset(mesh.names.index(each) for each in panels if each in mesh.names)
+    for row in file.light:
+        spectrum = light(row.spectrum, grid, folder=folder)
+        per_lux, flux = irradiance_from_lux(spectrum, 1.0, grid), row.flux_lumen()
+        if row.on is not None:
+            surface = row.name if row.place_m is not None else row.on
+            area = float(mesh.areas_m2[mesh.surface == mesh.names.index(surface)].sum())
+            lux = row.lux if flux is None else flux / area
+            assert lux is not None
+            exitances[surface] = per_lux * lux
+        elif row.position_m is not None:
+            assert flux is not None
+            intensity = per_lux * (flux / (4.0 * math.pi))
+            lamps.append(PointLamp(row.position_m, intensity))
+        else:
+            assert row.lux is not None and row.azimuth_deg is not None
+            turn, up = math.radians(row.azimuth_deg), math.radians(row.elevation_deg)
+            direction = (
+                math.cos(up) * math.sin(turn),
+                -math.cos(up) * math.cos(turn),
+                math.sin(up),
+            )
+            suns.append(SunBeam(direction, per_lux * row.lux, openings))
+    dark = np.zeros(grid.size)
+    return Room(
+        mesh,
+        np.array([rows[name].values if name in rows else dark for name in mesh.names]),
+        exitances,
+        tuple(lamps),
+        tuple(suns),
+        file.eye,
+        grid,
+        title=file.title,
+    )
+
+
+def _paint(text: str, grid: SpectralGrid, folder: Path) -> Spectrum:
+    """Return a reflectance by name, or the one that a colour in sRGB has under D65."""
+    if text.startswith("#"):
+        return reflectance_from_colour(text, grid=grid)
+    return reflectance(text, grid, folder=folder)
+
+
+def _mesh(file: RoomFile, folder: Path) -> RoomMesh:
+    """Return all surfaces of a room."""
+    parts: list[RoomMesh] = []
+    if file.size_m is not None:
+        parts += _sides(np.array(file.size_m), file.light)
+    for each in file.box:
+        low, high = np.array(each.low_m), np.array(each.high_m)
+        # Clear of floor, walls and other furniture, so that no side lies on another.
+        gap = _GAP * max(file.size_m or high - low)
+        parts.append(box(low + gap, high - gap, each.name))
+    parts += [_from_file(each, folder) for each in file.mesh]
+    mesh = parts[0]
+    for part in parts[1:]:
+        mesh = mesh + part
+    return mesh
+
+
+def _sides(size: NDArray[np.float64], lights: Sequence[LampSpec]) -> list[RoomMesh]:
+    """Return the six sides of a room with their windows and panels.
+
+    A side's panels are placed along the two axes that it has, in the order x, y, z.
+    """
+    parts = []
+    for number, side in enumerate(SIDES):
+        axis, end = divmod(number, 2)
+        first, second = (each for each in range(3) if each != axis)
+        held = [
+            (each.name, each.place_m)
+            for each in lights
+            if each.on == side and each.place_m is not None
+        ]
+        along, up = np.eye(3)[first] * size[first], np.eye(3)[second] * size[second]
+        part = panel(np.eye(3)[axis] * size[axis] * end, along, up, side, held)
+        inwards = np.eye(3)[axis] * (1 - 2 * end)
+        if part.normals[0] @ inwards < 0:
+            part = RoomMesh(part.corners_m[:, ::-1], part.surface, part.names)
+        parts.append(part)
+    return parts
+
+
+def _from_file(spec: MeshSpec, folder: Path) -> RoomMesh:
+    """Return the triangles of a mesh's file."""
+    import pyvista
+
+    path = folder / spec.file
+    if not path.exists():
+        raise RoomError(f"{path}: no such file", "check the path", code="not-found")
+    with warnings.catch_warnings(), captured_output([]):
+        warnings.simplefilter("ignore")  # what is read is checked below
+        try:
+            read = pyvista.read(path)
+        except Exception as error:  # of any of VTK's readers
+            raise _no_mesh(path) from error
+    if not isinstance(read, pyvista.PolyData) or not read.n_cells:
+        raise _no_mesh(path)
+    surface = read.triangulate()
+    faces = surface.faces.reshape(-1, 4)[:, 1:]
+    corners = np.asarray(surface.points, np.float64)[faces] * spec.unit_m + spec.move_m
+    return RoomMesh(corners, np.zeros(len(faces), np.intp), (spec.name,))
+
+
+def _no_mesh(path: Path) -> RoomError:
+    return RoomError(f"{path}: has no triangles", "give PLY, OBJ, STL or VTP", code="damaged")

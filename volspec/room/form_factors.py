@@ -1,0 +1,167 @@
+"""Form factors with visibility, and rays between the surfaces of a room.
+
+mesh -> [form_factors] -> radiosity
+
+    F_ij = 1/A_i ∫∫ cos cos / (π r²) V dA dA     the part of i's diffuse light that falls on j
+
+Every patch shoots the same number of cosine-distributed rays (a scrambled Sobol' sequence, shifted
+for each patch), so that work and memory grow linearly with the patches. What both patches of a pair
+found is joined: A_i F_ij is symmetric, and its row sums are the patch's area times the part of its
+rays that hit a front. Scaling to these sums [1] makes reciprocity and closure exact.
+
+References
+----------
+[1] Knight, Ruiz & Uçar (2014), "A symmetry preserving algorithm for matrix scaling", SIAM J. Matrix
+    Anal. Appl. 35(3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.stats import qmc
+
+from volspec.errors import DeviceError
+from volspec.room.mesh import RoomMesh
+
+Array = NDArray[np.float64]
+# Rays begin this fraction of the room in front of their triangle, and shadow rays end so before.
+_OFFSET = 1e-5
+# Rays that are shot at once: 20 to 30 MB of origins and directions.
+_BLOCK = 1 << 19
+# Rays of a patch, at least and at most.
+RAYS = 256, 1 << 17
+_ROUNDS, _CLOSE = 200, 1e-7
+
+
+class Rays:
+    """Ray queries of a mesh, by Embree; raises DeviceError where it is not installed."""
+
+    def __init__(self, mesh: RoomMesh) -> None:
+        try:
+            from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]
+            from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]
+        except ImportError:
+            raise DeviceError(
+                "rooms of triangles need embreex, which has no wheel for this system",
+                "use a room in closed form (cube or brick), or another system",
+                code="unsupported",
+            ) from None
+        self.mesh = mesh
+        points = mesh.corners_m.reshape(-1, 3)
+        self._middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        self.offset_m = _OFFSET * float(np.ptp(points, axis=0).max())
+        self._scene = EmbreeScene(robust=True)
+        corners = np.float32(mesh.corners_m - self._middle)
+        TriangleMesh(self._scene, corners)
+
+    def first(self, origins_m: Array, directions: Array) -> NDArray[np.intp]:
+        """(M,) triangles that rays hit first; -1 for none."""
+        origins = np.float32(origins_m - self._middle)
+        return np.asarray(self._scene.run(origins, np.float32(directions)), np.intp)
+
+    def clear(self, origins_m: Array, ends_m: Array) -> NDArray[np.bool_]:
+        """(M,) True where nothing is between two points."""
+        origins, way = np.float32(origins_m - self._middle), ends_m - origins_m
+        length = np.linalg.norm(way, axis=-1)
+        reach = np.float32(np.maximum(length - 2.0 * self.offset_m, 0.0))
+        directions = np.float32(way / np.maximum(length, 1e-30)[:, None])
+        hit = self._scene.run(origins, directions, reach, query="OCCLUDED")
+        return np.asarray(hit) != 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FormFactors:
+    """Form factors of N patches, and two independent estimates, whose difference is their error."""
+
+    factors: csr_array  # (N, N)
+    halves: tuple[csr_array, csr_array]
+    lost: Array  # (N,) part of the rays that leave the room
+    backs: Array  # (N,) part of the rays that hit the back of a triangle
+
+
+def frames(normals: Array) -> tuple[Array, Array]:
+    """Return two unit vectors (..., 3) across each normal."""
+    helper = np.where(np.abs(normals[..., :1]) < 0.6, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    first = np.cross(normals, helper)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return first, np.cross(normals, first)
+
+
+def cosine_directions(normals: Array, shares: Array) -> Array:
+    """Return directions (..., 3) about normals, with the density of their cosine, by squares."""
+    first, second = frames(normals)
+    radius, turn = np.sqrt(shares[..., :1]), 2.0 * np.pi * shares[..., 1:]
+    height = np.sqrt(np.maximum(1.0 - shares[..., :1], 0.0))
+    return radius * (np.cos(turn) * first + np.sin(turn) * second) + height * normals
+
+
+def sobol(count: int, dimensions: int, seed: int) -> Array:
+    """Return a scrambled Sobol' sequence; ``count`` is a power of two."""
+    engine = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
+    return np.asarray(engine.random_base2(count.bit_length() - 1))
+
+
+def form_factors(rays: Rays, per_patch: int, seed: int = 0) -> FormFactors:
+    """Estimate the form factors of a mesh's triangles from ``per_patch`` rays each, a power of two.
+
+    A patch sees nothing of itself; rays that hit a back are lost.
+    """
+    mesh = rays.mesh
+    count, normals, areas = len(mesh.surface), mesh.normals, mesh.areas_m2
+    pattern = sobol(per_patch, 4, seed)
+    shifts = np.random.default_rng(seed + 1).random((count, 1, 4))
+    lost, backs = np.zeros(count), np.zeros(count)
+    found: list[list[NDArray[np.int64]]] = [[], []]
+    numbers: list[list[NDArray[np.int64]]] = [[], []]
+    step = max(_BLOCK // per_patch, 1)
+    for start in range(0, count, step):
+        rows = slice(start, min(start + step, count))
+        shares = (pattern + shifts[rows]) % 1.0
+        normal = normals[rows, None]
+        origins = mesh.part(rows).points(shares[..., :2]) + rays.offset_m * normal
+        directions = cosine_directions(normal, shares[..., 2:])
+        hit = rays.first(origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(-1, per_patch)
+        front = np.einsum("nkc,nkc->nk", directions, normals[hit]) < 0
+        lost[rows], backs[rows] = (hit < 0).mean(axis=1), ((hit >= 0) & ~front).mean(axis=1)
+        pairs = np.arange(start, rows.stop)[:, None] * np.int64(count) + hit
+        seen = front & (hit >= 0)
+        for half in range(2):
+            columns = slice(half * per_patch // 2, (half + 1) * per_patch // 2)
+            key, number = np.unique(pairs[:, columns][seen[:, columns]], return_counts=True)
+            found[half].append(key)
+            numbers[half].append(number)
+    sums = areas * (1.0 - lost - backs)
+    raw = [
+        _raw(np.concatenate(keys), np.concatenate(each) * (2.0 / per_patch), count)
+        for keys, each in zip(found, numbers, strict=True)
+    ]
+    joined = _reciprocal(csr_array((raw[0] + raw[1]) / 2.0), areas, sums)
+    return FormFactors(joined, (raw[0], raw[1]), lost, backs)
+
+
+def _raw(keys: NDArray[np.int64], values: NDArray[Any], count: int) -> csr_array:
+    return csr_array((values, np.divmod(keys, count)), shape=(count, count))
+
+
+def _reciprocal(raw: csr_array, areas: Array, sums: Array) -> csr_array:
+    """Return form factors for which A_i F_ij = A_j F_ji and A_i Σ_j F_ij = ``sums``."""
+    found = raw.tocoo()
+    i, j = found.coords
+    # Rays of a small patch are denser: its estimate of A_i F_ij has less variance.
+    flow = csr_array((found.data * areas[i] * areas[j] / (areas[i] + areas[j]), (i, j)), raw.shape)
+    flow = csr_array(flow + flow.T)
+    scale = np.ones(len(areas))
+    for _ in range(_ROUNDS):
+        own = scale * (flow @ scale)
+        if np.abs(own - sums).max() <= _CLOSE * sums.max():
+            break
+        scale *= np.sqrt(sums / np.maximum(own, 1e-30))
+    flow = flow.tocoo()
+    i, j = flow.coords
+    data = flow.data * scale[i] * scale[j] / areas[i]
+    return csr_array((data, (i, j)), shape=raw.shape)
