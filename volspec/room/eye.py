@@ -200,7 +200,7 @@ def room_picture(
     """Return the codes (H, W, 3), 0 to 1, of a picture for the display of the eye's viewing."""
     XYZ = picture_XYZ(light_, eye, size, conditions.irradiance, samples, progress)
     viewing = conditions.viewing
-    seen = view_transform(viewing, conditions.white_XYZ).apply(2.0**viewing.exposure * XYZ)
+    seen = view_transform(viewing, conditions.white_XYZ).apply(viewing.exposure * XYZ)
     return screen_for_viewing(viewing).codes(seen)
 
 
