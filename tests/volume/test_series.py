@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk
 
-from tests.support.errors import raises, warns
+from tests.support.errors import advised_address, raises, warns
 from tests.support.volumes import load_silently
 from volspec.errors import VolspecWarning, VolumeError
 from volspec.volume import load_volume, volume_choices
@@ -191,7 +191,7 @@ def test_strangers_named_as_dicom_are_left_out_with_one_warning(tmp_path: Path) 
         load_volume(folder / "a.dcm")
 
 
-def test_files_without_a_picture_are_left_out_and_damaged_ones_named(tmp_path: Path) -> None:
+def test_files_without_a_picture_are_left_out_and_damaged_pixels_named(tmp_path: Path) -> None:
     folder = write_series(tmp_path / "head")
     whole = (folder / "03.dcm").read_bytes()
     at = whole.index(bytes.fromhex("02000200") + b"UI")
@@ -199,10 +199,79 @@ def test_files_without_a_picture_are_left_out_and_damaged_ones_named(tmp_path: P
     report = whole[: at + 6] + len(name).to_bytes(2, "little") + name
     (folder / "SR1").write_bytes(report)
     assert np.array_equal(load_silently(folder).values, VALUES)
-    for cut in (1, 40, len(whole) - 200):
-        (folder / "73.dcm").write_bytes(whole[:-cut])
-        with raises(VolumeError, "damaged"):
-            load_volume(folder)
+    (folder / "73.dcm").write_bytes(whole[:-1])
+    with raises(VolumeError, "damaged"):
+        load_volume(folder)
+
+
+def test_a_file_with_a_broken_header_stops_no_series(tmp_path: Path) -> None:
+    folder = write_series(tmp_path / "head")
+    whole = (folder / "03.dcm").read_bytes()
+    (folder / "broken.dcm").write_bytes(whole[:200])
+    for path in (folder, folder / "03.dcm"):
+        with warns("1 of 5", "broken.dcm"):
+            assert np.array_equal(load_volume(path).values, VALUES)
+    with raises(VolumeError, "damaged"):
+        load_volume(folder / "broken.dcm")
+    long = write_series(tmp_path / "long", np.concatenate([VALUES, VALUES + 1]))
+    (long / "33.dcm").write_bytes(whole[:200])  # a slice between others
+    with raises(VolumeError, "missing") as caught:
+        load_volume(long)
+    assert "1 of 8" in str(caught.value)
+    for file in set(folder.glob("*.dcm")) - {folder / "03.dcm", folder / "broken.dcm"}:
+        file.unlink()
+    with raises(VolumeError, "shape") as caught:
+        load_volume(folder)
+    assert "1 of 2" in str(caught.value)
+
+
+def test_dicom_without_its_header_is_read_whatever_its_name(tmp_path: Path) -> None:
+    for file in write_series(tmp_path).iterdir():
+        whole = file.read_bytes()
+        length = int.from_bytes(whole[140:144], "little")  # of the group 0002
+        file.with_name(f"IM{file.stem}").write_bytes(whole[144 + length :])
+        file.unlink()
+    assert np.array_equal(load_silently(tmp_path).values, VALUES)
+    assert np.array_equal(load_silently(tmp_path / "IM03").values, VALUES)
+
+
+def test_a_palette_and_a_table_of_contents_are_named(tmp_path: Path) -> None:
+    head = bytes(128) + b"DICM" + b"\2\0\2\0UI"
+    for name, uid in (("palette.dcm", "4.39.1"), ("DICOMDIR", "")):
+        text = f"1.2.840.10008.5.1.{uid}" if uid else "1.2.840.10008.1.3.10"
+        (tmp_path / name).write_bytes(head + len(text).to_bytes(2, "little") + text.encode())
+        with raises(VolumeError, "not-found") as caught:
+            load_volume(tmp_path / name)
+        assert name.removesuffix(".dcm") in str(caught.value)
+    below = write_series(tmp_path / "CD" / "S1")
+    (tmp_path / "palette.dcm").rename(below.parent / "DICOMDIR")
+    assert np.array_equal(load_silently(below.parent).values, VALUES)
+
+
+def localizer(folder: Path) -> None:
+    """Slices of one series that cross each other."""
+    for k, turn in enumerate(("1\\0\\0\\0\\1\\0", "0\\1\\0\\0\\0\\-1", "1\\0\\0\\0\\0\\-1")):
+        write_slice(folder / f"l{k}.dcm", VALUES[k], **(plane(0, k, 9) | {"x0020_0037": turn}))
+
+
+def test_series_that_do_not_stack_are_not_offered(tmp_path: Path) -> None:
+    localizer(write_series(tmp_path / "a"))
+    assert volume_choices(tmp_path / "a") == ()
+    with warns("2 series", "'Head'"):
+        assert np.array_equal(load_volume(tmp_path / "a").values, VALUES)
+    with raises(VolumeError, "shape") as caught:
+        load_volume(f"{tmp_path}/a?series=9")
+    assert "3 slices" in str(caught.value)
+    write_series(tmp_path / "a", series=4)
+    assert volume_choices(tmp_path / "a")[0].values == ("3", "4")
+    with raises(VolumeError, "missing") as caught:
+        load_volume(tmp_path / "a")
+    assert load_silently(advised_address(caught.value)).shape_xyz == (5, 3, 4)
+    (tmp_path / "b").mkdir()
+    localizer(tmp_path / "b")
+    write_slice(tmp_path / "b" / "scout.dcm", VALUES[0], **plane(0, 0, 10))
+    with raises(VolumeError, "shape"):
+        load_volume(tmp_path / "b")
 
 
 def test_missing_slices_are_refused_unless_a_spacing_is_given(tmp_path: Path) -> None:

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -67,8 +68,22 @@ def series_folders(folder: Path) -> list[Path]:
 def read_series(query: Query) -> Reading:
     """Read a folder's series, or the series that a file belongs to."""
     remarks: list[str] = []
+    requested = _requested_series(query, remarks)
+    try:
+        return _read_stack(requested, query, remarks)
+    except VolumeError as error:
+        if not remarks:
+            raise
+        # Files that were left out may be the slices that are missing.
+        left_out = remarks[0].removeprefix(f"{query.path}: ")
+        problem = f"{error.problem} ({left_out})"
+        raise VolumeError(problem, error.remedy, code=error.code, given=error.given) from error
+
+
+def _read_stack(requested: list[Slice], query: Query, remarks: list[str]) -> Reading:
+    """Read the largest stack of a series."""
     guesses: list[str] = []  # about the slices' distance; dropped if the query states it
-    series = _largest_stack(_requested_series(query, remarks), query, remarks)
+    series = _largest_stack(requested, query, remarks)
     if series[0].components != 1:
         raise VolumeError(
             f"{series[0].path}: holds {series[0].components} components per pixel (colour); a "
@@ -97,7 +112,7 @@ def _requested_series(query: Query, remarks: list[str]) -> list[Slice]:
     own = None if path.is_dir() else headers([path])
     if own == []:
         raise VolumeError(
-            f"{path}: is {describe_without_pictures(path)} without pixels; give a slice of an "
+            f"{path}: is {describe_without_pictures(path)}, not a picture; give a slice of an "
             "image series, or its folder",
             code="not-found",
         )
@@ -113,41 +128,82 @@ def _requested_series(query: Query, remarks: list[str]) -> list[Slice]:
         )
     if strangers:
         remarks.append(
-            f"{path}: {len(strangers)} of {len(strangers) + len(found)} files left out, which are "
-            f"no DICOM pictures, such as {strangers[0].name}"
+            f"{path}: {len(strangers)} of {len(strangers) + len(found)} files left out, which "
+            f"cannot be read as DICOM pictures, such as {strangers[0].name}"
         )
     if own:
         chosen = own[0].series.uid
         found = [*own, *(each for each in found if each.path != path)]
     else:
-        chosen = _choose_uid(found, query)
+        chosen = _choose_uid(found, query, remarks)
     # Copies of a file share its UID; a file without one is unique.
     unique = {each.uid or each.path: each for each in found if each.series.uid == chosen}
     return list(unique.values())
 
 
-def _choose_uid(found: list[Slice], query: Query) -> str:
-    """Return the UID of the only series, or of the series that ``series=`` names."""
+def _choose_uid(found: list[Slice], query: Query, remarks: list[str]) -> str:
+    """Return the UID of the only series that is a volume, or of the one that ``series=`` names."""
     kinds: dict[str, list[Slice]] = {}
     for each in found:
         kinds.setdefault(each.series.uid, []).append(each)
+    stacked = {uid: each for uid, each in kinds.items() if len(kinds) == 1 or _is_volume(each)}
     given = query.options.get("series")
-    if query.choices is not None and len(kinds) > 1:
-        query.choices.append(_series_choice(kinds, given))
-    meant = [uid for uid, (one, *_) in kinds.items() if given in (None, uid, one.series.number)]
+    if query.choices is not None and len(stacked) > 1:
+        query.choices.append(_series_choice(stacked, given))
+    meant = _named_series(stacked, given) or (_named_series(kinds, given) if given else [])
     if len(meant) == 1:
+        if given is None and len(kinds) > 1:
+            (name,) = _series_choice({meant[0]: kinds[meant[0]]}, None).names
+            remarks.append(
+                f"{query.path}: holds {len(kinds)} series; the only one whose slices stack is "
+                f"read: {name}"
+            )
         return meant[0]
+    if not stacked:
+        raise VolumeError(
+            f"{query.path}: holds {len(kinds)} series, none of which has slices that stack, as "
+            "single pictures and localizers have not; give the folder of a CT or MR series",
+            code="shape",
+        )
     query.end_choices()
-    listed = _series_choice(kinds, given)
+    listed = _series_choice(stacked, given)
     rows = [f"{value} {name}" for value, name in zip(listed.values, listed.names, strict=True)]
     more = f" and {len(rows) - _MOST_LISTED} more" if len(rows) > _MOST_LISTED else ""
     wrong = "" if given is None else f"series={given} names {len(meant) or 'none'} of them; "
     raise VolumeError(
-        f"{query.path}: holds {len(kinds)} series; {wrong}name one as "
+        f"{query.path}: holds {len(stacked)} series; {wrong}name one as "
         f"{query.example(series=listed.values[0])}: {', '.join(rows[:_MOST_LISTED])}{more}",
         code="missing" if given is None else "unknown",
         given=given,
     )
+
+
+def _named_series(kinds: Mapping[str, Sequence[Slice]], given: str | None) -> list[str]:
+    """Return the UIDs of the series with a UID or number; all if none is given."""
+    return [uid for uid, (one, *_) in kinds.items() if given in (None, uid, one.series.number)]
+
+
+def _is_volume(series: Sequence[Slice]) -> bool:
+    """Return True if a series has a file of many frames, or greyscale slices that stack."""
+    most = _stacks(series)[-1]
+    first = most[0]
+    if first.components != 1 or len(most) * first.size[2] < 2:
+        return False
+    along = [float(each.origin_mm @ first.directions[:, 2]) for each in most]
+    return first.size[2] > 1 or not first.placed or float(np.ptp(along)) > 0
+
+
+def _stacks(series: Sequence[Slice]) -> list[list[Slice]]:
+    """Group slices by size and orientation, the largest group last."""
+    stacks: list[list[Slice]] = []
+    for each in series:
+        for stack in stacks:
+            if each.fits_stack(stack[0]):
+                stack.append(each)
+                break
+        else:
+            stacks.append([each])
+    return sorted(stacks, key=lambda stack: len(stack) * stack[0].size[2])
 
 
 def _series_choice(kinds: Mapping[str, Sequence[Slice]], given: str | None) -> Choice:
@@ -173,14 +229,6 @@ def _order(series: Series) -> tuple[int, str]:
 
 def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> list[Slice]:
     """Return the slices of one size and orientation, leaving out single others such as a scout."""
-    stacks: list[list[Slice]] = []
-    for each in series:
-        for stack in stacks:
-            if each.fits_stack(stack[0]):
-                stack.append(each)
-                break
-        else:
-            stacks.append([each])
     frames = [each for each in series if each.size[2] > 1]
     if len(frames) > 1:
         raise VolumeError(
@@ -188,7 +236,7 @@ def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> lis
             f"them, such as {frames[0].path}",
             code="conflict",
         )
-    stacks.sort(key=lambda stack: len(stack) * stack[0].size[2])
+    stacks = _stacks(series)
     *others, most = stacks
     if any(len(stack) > 1 for stack in others):
         counts = ", ".join(f"{len(s)} of {s[0].size[0]}x{s[0].size[1]}" for s in reversed(stacks))
@@ -199,6 +247,12 @@ def _largest_stack(series: list[Slice], query: Query, remarks: list[str]) -> lis
         )
     if len(most) * most[0].size[2] < 2:
         columns, rows, _ = most[0].size
+        if others:
+            raise VolumeError(
+                f"{query.path}: the {len(series)} slices of its series differ in size or "
+                "orientation, as a localizer's do, and do not stack; give another series",
+                code="shape",
+            )
         raise VolumeError(
             f"{query.path}: a single slice ({columns}x{rows}) is not a volume; give the folder "
             "that holds all slices of the series",
@@ -301,8 +355,9 @@ def _read_pixels(file: Slice) -> NDArray[Any]:
         image = sitk.ReadImage(os.fspath(file.path), imageIO="GDCMImageIO")
     except RuntimeError as error:
         raise VolumeError(
-            f"{file.path}: cannot be read ({itk_message(error, [])}); damaged, or compressed in "
-            "a way that GDCM does not support",
+            f"{file.path}: its pixels cannot be read ({itk_message(error, [])})",
+            "if it is damaged or truncated, copy it again or take it out of the folder; if it is "
+            f"compressed, unpack it: gdcmconv --raw {shlex.quote(str(file.path))} raw.dcm",
             code="damaged",
         ) from error
     values: NDArray[Any] = sitk.GetArrayFromImage(image)

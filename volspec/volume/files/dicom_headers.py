@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,18 +28,22 @@ _PREAMBLE = 128
 # Of `Series`, in the order of its fields.
 _SERIES_TAGS = ("0020|000e", "0020|0011", "0008|103e", "0008|0060")
 # Classes without pictures: DICOMDIR; waveforms, presentation states, raw data, reports, documents,
-# radiotherapy structures and plans.
+# radiotherapy structures and plans, colour palettes.
 _NO_PICTURES = re.compile(
-    r"1\.2\.840\.10008\.(1\.3\.10|5\.1\.4\.(34\..*|1\.1\.((9|11|67|88|104)\..*|66(\.[1235])?"
+    r"1\.2\.840\.10008\.(1\.3\.10|5\.1\.4\.(34\..*|39\..*|1\.1\.((9|11|67|88|104)\..*|66(\.[1235])?"
     r"|481\.([3-9]|\d\d))))"
 )
-# The class in the file's header, or in a file without one: tag 0008,0016 with or without "UI".
+# The class in the file's header, or in a file without one: tag 0008,0016 with or without "UI", of
+# either byte order.
 _CLASS = re.compile(
-    rb"(?:\x02\x00\x02\x00UI..|\x08\x00\x16\x00(?:UI..|..\x00\x00))([0-9.]+)", re.DOTALL
+    rb"(?:\x02\x00\x02\x00UI..|(?:\x08\x00\x16\x00|\x00\x08\x00\x16)(?:UI..|..\x00\x00))([0-9.]+)",
+    re.DOTALL,
 )
 
 # The modality, tag 0008,0060, likewise with or without its type; and those without pictures.
-_MODALITY = re.compile(rb"\x08\x00\x60\x00(?:CS..|..\x00\x00)([A-Z]+)", re.DOTALL)
+_MODALITY = re.compile(
+    rb"(?:\x08\x00\x60\x00|\x00\x08\x00\x60)(?:CS..|..\x00\x00)([A-Z]+)", re.DOTALL
+)
 _NAMED_MODALITIES = {
     "RTSTRUCT": "radiotherapy structures",
     "RTPLAN": "a radiotherapy plan",
@@ -55,6 +60,18 @@ _NAMED_MODALITIES = {
     "HD": "a haemodynamic waveform",
     "AU": "a sound",
 }
+_NAMED_CLASSES = {
+    "1.2.840.10008.1.3.10": "the table of contents of a folder (DICOMDIR)",
+    "1.2.840.10008.5.1.4.39.": "a colour palette",
+}
+# A data set's first element: group 0002 or 0008, of either byte order, with a type or a length
+# below 65536.
+_DATA_SET = re.compile(
+    rb"[\x02\x08]\x00.\x00(?:[A-Z]{2}|..\x00\x00)|\x00[\x02\x08]\x00.(?:[A-Z]{2}|\x00\x00..)",
+    re.DOTALL,
+)
+# Tag of the pixels in both byte orders.
+_PIXELS = (b"\xe0\x7f\x10\x00", b"\x7f\xe0\x00\x10")
 # Bytes in which both are looked for.
 _HEAD_BYTES = 4096
 
@@ -97,12 +114,14 @@ class Slice:
 
 
 def is_dicom(path: Path) -> bool:
-    """Return True if a file begins with DICOM's preamble."""
+    """Return True if a file begins with DICOM's preamble, or lacks it but begins like DICOM."""
     try:
-        with path.open("rb") as file:
-            return file.read(_PREAMBLE + 4)[_PREAMBLE:] == b"DICM"
+        head = _head(path)
     except OSError:
         return False
+    return head[_PREAMBLE : _PREAMBLE + 4] == b"DICM" or (
+        _DATA_SET.match(head) is not None and _CLASS.search(head) is not None
+    )
 
 
 def dicom_files(folder: Path) -> list[Path]:
@@ -111,6 +130,7 @@ def dicom_files(folder: Path) -> list[Path]:
         path
         for path in folder.iterdir()
         if not path.name.startswith(".")
+        and not path.name.upper().startswith("DICOMDIR")  # the table of contents of a CD
         and path.is_file()
         and (path.name.lower().endswith(SUFFIXES) or is_dicom(path))
     )
@@ -119,8 +139,7 @@ def dicom_files(folder: Path) -> list[Path]:
 def headers(paths: Sequence[Path], strangers: list[Path] | None = None) -> list[Slice]:
     """Read headers, leaving out files of classes without pictures.
 
-    Files that do not even begin like DICOM are added to ``strangers`` if it is given; other
-    unreadable ones may be slices, so they are refused.
+    Unreadable files are added to ``strangers`` if it is given, and refused otherwise.
     """
     found = []
     with captured_output([]):
@@ -128,17 +147,21 @@ def headers(paths: Sequence[Path], strangers: list[Path] | None = None) -> list[
             try:
                 found.append(_header(path))
             except VolumeError:
-                if strangers is None or is_dicom(path):
+                if strangers is None:
                     raise
                 strangers.append(path)
     return [each for each in found if each is not None]
 
 
 def describe_without_pictures(path: Path) -> str:
-    """Return what a file of a class without pictures is, from its modality; else "DICOM"."""
-    modality = _MODALITY.search(_head(path))
+    """Return what a file without pictures is, from its modality or class."""
+    head = _head(path)
+    named, modality = _CLASS.search(head), _MODALITY.search(head)
     word = modality[1].decode() if modality else ""
-    return f"{word} ({_NAMED_MODALITIES[word]})" if word in _NAMED_MODALITIES else "DICOM"
+    if word in _NAMED_MODALITIES:
+        return f"{word} ({_NAMED_MODALITIES[word]})"
+    uid = named[1].decode() if named else ""
+    return next((name for start, name in _NAMED_CLASSES.items() if uid.startswith(start)), "DICOM")
 
 
 def _head(path: Path) -> bytes:
@@ -155,6 +178,22 @@ def _has_no_pictures(path: Path) -> bool:
     return modality is not None and modality[1].decode() in _NAMED_MODALITIES
 
 
+def _fault(path: Path) -> str:
+    """Return why GDCM cannot read a file, and the remedy."""
+    name = shlex.quote(str(path))
+    if _DATA_SET.match(_head(path)):
+        return (
+            "has no DICOM header (DICM after 128 bytes) and cannot be read; add one by DCMTK: "
+            f"dcmconv {name} {shlex.quote(f'{path.stem}-header.dcm')}"
+        )
+    if is_dicom(path) and not any(tag in path.read_bytes() for tag in _PIXELS):
+        return "holds no pixels; truncated, or not a picture: copy it again, or give another file"
+    return (
+        "cannot be read as a DICOM picture; damaged or truncated, copy it again, or try to convert "
+        f"it: dcm2niix -s y {name}"
+    )
+
+
 def _header(path: Path) -> Slice | None:
     import SimpleITK as sitk
 
@@ -166,11 +205,7 @@ def _header(path: Path) -> Slice | None:
     except RuntimeError as error:
         if _has_no_pictures(path):
             return None
-        raise VolumeError(
-            f"{path}: cannot be read as a DICOM picture; damaged or truncated, copy it again or "
-            "take it out of the folder",
-            code="damaged",
-        ) from error
+        raise VolumeError(f"{path}: {_fault(path)}", code="damaged") from error
     columns, rows, *frames = reader.GetSize()
     x, y, *z = reader.GetSpacing()
     return Slice(

@@ -14,6 +14,7 @@ from __future__ import annotations
 import gzip
 import math
 import os
+import re
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
@@ -48,6 +49,8 @@ _SURPLUS = 1 << 24
 _NIFTI_TYPES = {2: "u1", 4: "i2", 8: "i4", 16: "f4", 64: "f8"}
 _NIFTI_TYPES |= {256: "i1", 512: "u2", 768: "u4", 1024: "i8", 1280: "u8"}
 _NIFTI_HEADER = 348
+# Beginning of ITK's messages: the object, with its address.
+_SENDER = re.compile(r"(?:ITK )?ERROR: \w+\(0x[0-9a-f]+\): ")
 # NIfTI's code of the intent "label", and the most bytes of extensions that are searched for names.
 _NIFTI_LABELS, _MOST_EXTENSION = 1002, 1 << 24
 # Seconds in NIfTI's units of time, by the bits of xyzt_units.
@@ -385,4 +388,4 @@ def _scalar_type(reader: Any) -> np.dtype[Any]:
 def itk_message(error: RuntimeError, output: list[str]) -> str:
     """Return ITK's innermost message, the last one, such as "expected 7208960 bytes but …"."""
     lines = [line.strip() for line in [*str(error).splitlines(), *output] if line.strip()]
-    return lines[-1]
+    return _SENDER.sub("", lines[-1])
