@@ -1,15 +1,18 @@
-"""Atomic file writes, file locks, and capture of native libraries' output."""
+"""Atomic file writes, file locks, writable caches, and capture of native libraries' output."""
 
 from __future__ import annotations
 
+import atexit
 import errno
 import os
 import platform
 import re
+import shutil
 import sys
 import tempfile
 import threading
 import time
+import warnings
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
@@ -18,7 +21,7 @@ from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
-from volspec.errors import ImageError, InputError
+from volspec.errors import ImageError, InputError, VolspecWarning
 
 # An unfinished file is next to its target, with a file that is locked while the writer runs:
 # .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock, with the same name before the suffixes.
@@ -73,6 +76,38 @@ def write_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     finally:
         with suppress(OSError):
             _remove([temporary], lock_file, handle)
+
+
+@cache
+def ensure_writable_caches() -> None:
+    """Use temporary folders for caches in this process if the user's cannot be written.
+
+    Those of PoCL, pyopencl and Matplotlib, too: without one, PoCL finds no device, pyopencl raises
+    an error and Matplotlib prints warnings.
+    """
+    from platformdirs import user_cache_path, user_config_path  # here: takes time at every start
+
+    with suppress(OSError):
+        if not _can_write(user_cache_path()):
+            folder = tempfile.mkdtemp(prefix="volspec-")
+            atexit.register(shutil.rmtree, folder, ignore_errors=True)
+            warnings.warn(
+                f"{user_cache_path()}: cannot be written, so caches are temporary and every start "
+                "is slow; set XDG_CACHE_HOME to a folder that can be written",
+                VolspecWarning,
+                stacklevel=2,
+            )
+            os.environ["XDG_CACHE_HOME"] = folder
+        if "MPLCONFIGDIR" not in os.environ and not _can_write(user_config_path("matplotlib")):
+            os.environ["MPLCONFIGDIR"] = str(user_cache_path("matplotlib"))
+
+
+def _can_write(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
 
 
 def clear_unfinished(folder: Path) -> None:

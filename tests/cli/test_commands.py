@@ -50,6 +50,24 @@ def run(*words: str, **settings: object) -> subprocess.CompletedProcess[str]:
     )
 
 
+def test_without_a_writable_home_commands_work_with_one_warning(tmp_path: Path) -> None:
+    """Neither PoCL's, pyopencl's and Matplotlib's caches nor our own stop a cast."""
+    own = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "POCL_CACHE_DIR", "MPLCONFIGDIR")
+    blocked = tmp_path / "file"
+    blocked.touch()
+    done = subprocess.run(
+        [sys.executable, "-m", "volspec", "render", "engine", "-o", "i.exr", "--size", "8x6"],
+        cwd=tmp_path,
+        env={k: v for k, v in os.environ.items() if k not in own} | {"HOME": f"{blocked}/home"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = [line for line in done.stderr.splitlines() if "%" not in line]
+    assert len(lines) == 1 and "XDG_CACHE_HOME" in lines[0], done.stderr
+    assert (tmp_path / "i.exr").is_file()
+
+
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("demo") / "out"

@@ -33,7 +33,7 @@ from typing import TYPE_CHECKING
 
 from volspec import _cache
 from volspec._child import child_command, exit_cause
-from volspec._files import write_whole
+from volspec._files import ensure_writable_caches, write_whole
 from volspec.errors import InputError, OpenCLError, nearest, one_line, quoted
 
 if TYPE_CHECKING:
@@ -176,6 +176,7 @@ def all_devices() -> list[cl.Device]:
 
     The loader's own order is that of the files in its folder.
     """
+    ensure_writable_caches()
     try:
         import pyopencl as cl
 

@@ -45,6 +45,7 @@ from rich.table import Table
 from rich.text import Text
 
 from volspec import __version__
+from volspec._files import ensure_writable_caches
 from volspec.errors import InputError, VolspecError, VolspecWarning, nearest, one_line, visible
 
 app = App(
@@ -276,6 +277,7 @@ def _run(words: list[str]) -> None:
     _print_what_can_be()
     words = [word for word in words if word != "--debug"]
     warnings.showwarning = _show_warning
+    ensure_writable_caches()
     try:
         try:
             app(words, console=Terminal(), exit_on_error=False, print_error=False)

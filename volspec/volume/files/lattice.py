@@ -85,7 +85,7 @@ def slice_step_mm(
     if query.spacing_mm is not None:
         return step
     apart = np.linalg.norm(np.diff(at_mm, axis=0), axis=1)
-    usual = float(np.median(apart))
+    usual = float(np.sort(apart)[(len(apart) - 1) // 2])  # of two gaps the smaller
     odd = int(np.argmax(np.maximum(apart / usual, usual / apart)))
     if not _NARROW * usual <= apart[odd] <= _WIDE * usual:
         what = "slices are missing" if apart[odd] > usual else "they are unevenly spaced"
