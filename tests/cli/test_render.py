@@ -14,6 +14,7 @@ import pytest
 from tests.support.commands import call, figures
 from tests.support.scenes import BALL, DAY, SMALL, write_scene_text
 from volspec.errors import OpenCLError
+from volspec.export.frames import read_frame
 from volspec.raycast import CoefficientImage
 from volspec.raycast.gpu import Raycaster
 
@@ -39,6 +40,18 @@ def test_render_says_what_it_wrote(scene: Path, capsys: pytest.CaptureFixture[st
     assert printed.out.startswith(f"{out}: 24×16") and "100%" in printed.err
     image = CoefficientImage.load(out)
     assert image.coefficients.dtype == np.float32 and list(image.groups) == ["key", "sky"]
+
+
+def test_a_picture_is_the_first_frame_of_an_export(scene: Path) -> None:
+    assert call("render", scene, "-o", scene.with_name("p.png")) == 0
+    assert call("export", scene, "-o", scene.with_name("frames"), "--light", "day") == 0
+    frame = scene.with_name("frames") / "day.png"
+    assert (read_codes(scene.with_name("p.png")) == read_codes(frame)).all()
+
+
+def read_codes(path: Path) -> np.ndarray:
+    """Return a picture's codes."""
+    return np.asarray(read_frame(path).convert("RGB"))
 
 
 def test_size_and_half_are_taken_in_place_of_the_scene_s(scene: Path) -> None:

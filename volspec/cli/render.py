@@ -9,6 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.table import Table
 
+from volspec import __version__
 from volspec._files import require_writable
 from volspec.cli.arguments import RELIGHT, Lights, Size, Sized, sides
 from volspec.cli.inputs import (
@@ -38,10 +39,12 @@ def render(
     half: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
 ) -> None:
-    """Cast a scene or a volume once into a coefficient image.
+    """Cast a scene or a volume once, into a coefficient image or a picture.
 
-    Compositors can open the image: it has a layer of channels per light group, depth, a picture
-    under the first light, and relighting data in the header (`volspec compositing --help`).
+    A picture (`-o FILE.png`) is under the first light. A coefficient image (`-o FILE.exr`) can be
+    relit by `volspec relight` and `volspec view`, and opened by compositors: it has a layer of
+    channels per light group, depth, a picture under the first light, and relighting data in the
+    header (`volspec compositing --help`).
 
     Ctrl-C ends a cast within moments; an existing image stays as it is.
 
@@ -49,12 +52,15 @@ def render(
 
     Example: `volspec render head.nii.gz -o head.exr --preset bone --camera left`
 
+    Example: `volspec render head.nii.gz -o head.png --light tungsten`
+
     Example: `volspec render scans -o images`
 
     Parameters
     ----------
     output
-        The OpenEXR file to write; of a batch, a folder, or a pattern such as `images/{name}.exr`.
+        The OpenEXR or PNG file to write; of a batch, a folder (of coefficient images), or a pattern
+        such as `images/{name}.png`.
     light
         For a volume: a light such as D65 or planck:3200, instead of the default ones; repeatable.
     size
@@ -63,8 +69,10 @@ def render(
         Store the channels as float16: half the memory and file size, three digits.
     """
     from volspec.export.compositing import save_for_compositors, scene_recipe
+    from volspec.export.frames import write_frame
+    from volspec.pipeline import relight
 
-    found = jobs(inputs, output, "coefficient images", ".exr")
+    found = jobs(inputs, output, "casts and pictures", ".exr", ".png")
 
     def cast(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
@@ -84,9 +92,15 @@ def render(
             device=device,
             progress=lambda share: tell("cast", share),
         )
+        width, height = image.size
+        if job.output.suffix.lower() == ".png":
+            first = scene.lights[0]
+            frame = relight(image, first.rig, scene.relight)
+            notes = {"light": first.name, "Software": f"volspec {__version__}"}
+            write_frame(job.output, frame, notes, scene.relight.viewing.display.space)
+            return f"{job.output}: {width}×{height}, {first.label or first.name}"
         save_for_compositors(image, job.output, scene_recipe(scene, scene.lights, scene.relight))
         groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
-        width, height = image.size
         return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"
 
     run_jobs(found, cast)
