@@ -50,6 +50,12 @@ from .raycast import (
 from .raycast.vtk_interop import from_plotter as from_plotter
 from .relight import LightRig as LightRig, RelightSpec as RelightSpec
 from .relight.vtk_interop import picture_plane as picture_plane, to_texture as to_texture
+from .room import (
+    Room as Room,
+    RoomLight as RoomLight,
+    load_room as load_room,
+    solve_room as solve_room,
+)
 from .scene import Scene as Scene
 from .spectra import (
     SpectralGrid as SpectralGrid,

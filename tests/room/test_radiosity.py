@@ -78,6 +78,20 @@ def test_points_of_the_room_receive_what_the_patches_do() -> None:
     assert 0.5 * lux_from_irradiance(found) < mean < lux_from_irradiance(found)
 
 
+def test_another_paint_needs_no_other_rays() -> None:
+    room = Room(CUBE, np.tile(SMOOTH, (6, 1)), {"ceiling": np.full(BANDS, 10.0)})
+    paints = {"left": np.full(BANDS, 0.4), "floor": SMOOTH[::-1]}
+    found = solve_room(room, 200, rays=RAYS).painted(paints)
+    again = solve_room(room.painted(paints), 200, rays=RAYS)
+    assert found.irradiance == pytest.approx(again.irradiance)
+    assert found.room.reflectance("left") == pytest.approx(0.4)
+    assert found.sampling_error == pytest.approx(again.sampling_error)
+    with raises(RoomError, "unknown"):
+        room.painted({"walls": SMOOTH})
+    with raises(RoomError, "range"):
+        room.painted({"left": np.ones(BANDS)})
+
+
 def lit(mesh: RoomMesh, **settings: object) -> Room:
     """Return a grey room whose last surface emits."""
     grey = np.full((len(mesh.names), BANDS), 0.5)

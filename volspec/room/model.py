@@ -8,11 +8,11 @@ Spectra are as in `quantities`: reflectances are band means, light is W/m² per 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from volspec.errors import RoomError
@@ -20,6 +20,7 @@ from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import require_emission, require_reflectance
 from volspec.settings import Unit, Vector, settings
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.spectrum import Spectrum, stack
 
 Array = NDArray[np.float64]
 Metres = Annotated[Vector, Unit("m")]
@@ -118,6 +119,14 @@ class Room:
             remedy = f"there is {', '.join(self.mesh.names)}"
             raise RoomError(f"no surface is named {name!r}", remedy, code="unknown")
         return self.reflectances[self.mesh.names.index(name)]
+
+    def painted(self, paints: Mapping[str, Spectrum | ArrayLike]) -> Room:
+        """Return the room with other reflectances (B,) of some of its surfaces."""
+        found = self.reflectances.copy()
+        for name, paint in paints.items():
+            self.reflectance(name)  # refuses unknown names
+            found[self.mesh.names.index(name)] = stack(paint, self.grid)
+        return replace(self, reflectances=found)
 
     @property
     def emission(self) -> Array:

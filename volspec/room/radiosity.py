@@ -14,7 +14,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +29,7 @@ from volspec.room.mesh import RoomMesh
 from volspec.room.model import Room
 from volspec.room.quantities import lux_from_irradiance
 from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.spectrum import Spectrum
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], object]
@@ -77,7 +78,12 @@ class RoomLight:
     sampling_error: float
     patch_error: float
     rays: Rays
-    reflectances: Array  # (N, B)
+    factors: FormFactors
+
+    @property
+    def reflectances(self) -> Array:
+        """(N, B) reflectances of the patches."""
+        return self.room.reflectances[self.mesh.surface]
 
     @property
     def radiosity(self) -> Array:
@@ -89,6 +95,14 @@ class RoomLight:
         rows = self.mesh.surface == self.mesh.names.index(name)
         weights = self.mesh.areas_m2[rows]
         return weights @ self.irradiance[rows] / weights.sum()
+
+    def painted(self, paints: Mapping[str, Spectrum | ArrayLike]) -> RoomLight:
+        """Return the light of the room with other reflectances (B,) of some of its surfaces.
+
+        Direct light and form factors stay. Raises RoomError as `Room` does.
+        """
+        room = self.room.painted(paints)
+        return _solved(room, self.mesh, self.direct, self.patch_error, self.rays, self.factors)
 
     def irradiance_at(self, points_m: ArrayLike, normals: ArrayLike) -> Array:
         """Return the irradiance (P, B), W/m² per band, of small surfaces at points with normals.
@@ -162,11 +176,24 @@ def solve_room(
     shot = Rays(mesh)
     factors = form_factors(shot, per_patch, seed)
     progress("interreflections", 0.0)
+    found = _solved(room, mesh, direct, patch_error, shot, factors)
+    progress("interreflections", 1.0)
+    return found
+
+
+def _solved(
+    room: Room,
+    mesh: RoomMesh,
+    direct: Array,
+    patch_error: float,
+    rays: Rays,
+    factors: FormFactors,
+) -> RoomLight:
+    """Return the light of a room whose direct light and form factors are known."""
     reflectances = room.reflectances[mesh.surface]
     irradiance = _solve(factors.factors, mesh.areas_m2, reflectances, direct)
-    progress("interreflections", 1.0)
     sampling = _sampling_error(room.grid, factors, mesh.areas_m2, reflectances, irradiance)
-    return RoomLight(room, mesh, irradiance, direct, sampling, patch_error, shot, reflectances)
+    return RoomLight(room, mesh, irradiance, direct, sampling, patch_error, rays, factors)
 
 
 def look_around(room: Room) -> None:
