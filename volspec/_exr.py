@@ -7,6 +7,7 @@ Parts of a multi-part file are merged; its header is the first part's.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -156,6 +157,8 @@ def write_exr(
             with captured_output([]):
                 OpenEXR.File({**header, **layout}, pixels).write(os.fspath(temporary))
         except (RuntimeError, OSError, ValueError) as fault:
+            if (full := os.strerror(errno.ENOSPC)) in str(fault):
+                raise OSError(errno.ENOSPC, full) from fault  # as of other writers
             raise error(
                 f"{os.fspath(path)}: cannot be written: {fault}", code="unwritable"
             ) from fault

@@ -167,6 +167,30 @@ def test_a_full_disk_leaves_what_is_done_and_says_so_in_a_line(
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
 
 
+@pytest.mark.parametrize("name", ["out", "film.gif"])
+def test_a_disk_full_from_the_start_has_no_folder_left_on_it(
+    scene: Make, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    def full(path: Path, data: bytes | str, **_: object) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    made = scene()
+    before = sorted(tmp_path.iterdir())
+    for broken in ("write_bytes", "write_text"):  # the frames; the manifest
+        with monkeypatch.context() as patched:
+            patched.setattr(Path, broken, full)
+            with raises(InputError, "unwritable"):
+                made.export(tmp_path / name, **SETTINGS)
+        assert sorted(tmp_path.iterdir()) == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").touch()
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_text", full)
+        with raises(InputError, "unwritable"):
+            made.export(tmp_path / "mine", **SETTINGS)
+    assert [each.name for each in (tmp_path / "mine").iterdir()] == ["notes.txt"]
+
+
 def test_a_folder_that_cannot_be_is_refused_before_the_cast(scene: Make, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     for path, code in (

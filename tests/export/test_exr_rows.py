@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from tests.export._layers import opened
 from tests.support.errors import raises
+from volspec._exr import write_exr
 from volspec.appearance.spaces import SPACES
-from volspec.errors import InputError
+from volspec.errors import ImageError, InputError
 from volspec.export import exr
 from volspec.export.exr import ExrBands, ExrHeader, ExrWriter
 from volspec.export.frames import encode, row_file
@@ -93,6 +95,18 @@ def test_what_no_half_can_hold_is_the_largest_and_nan_is_black(tmp_path: Path) -
     pixels = np.repeat(np.array([[np.inf, -1e9, np.nan, 0.5]]), 3, axis=0).T[None]
     (tmp_path / "a.exr").write_bytes(exr_bytes(pixels, header))
     assert opened(tmp_path / "a.exr")[1]["G"].tolist() == [[65504, -65504, 0, 0.5]]
+
+
+def test_a_disk_without_room_for_an_image_is_named_as_by_other_writers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(file: object, path: str) -> None:
+        raise RuntimeError(f'Failed to write "{path}". No space left on device.')
+
+    monkeypatch.setattr(OpenEXR.File, "write", full)
+    with raises(InputError, "unwritable") as caught:
+        write_exr(tmp_path / "a.exr", {}, {"R": np.ones((2, 2))}, ImageError)
+    assert "make room" in str(caught.value) and ".part" not in str(caught.value)
 
 
 def test_a_disk_that_fills_up_amid_the_rows_leaves_what_was_there(tmp_path: Path) -> None:

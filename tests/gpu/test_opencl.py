@@ -190,6 +190,11 @@ def test_a_kernel_that_does_not_build_quotes_the_line(
         compute.kernel(source, "f", ["-w"])
     start = f"kernels/broken.cl does not build on {compute.info.name} with -w: "
     assert str(caught.value).startswith(start) and message in str(caught.value)
+    assert "VOLSPEC_DEVICE" in caught.value.remedy
+    monkeypatch.setenv("PYOPENCL_BUILD_OPTIONS", "-Dif=x")
+    with raises(OpenCLError, "unsupported") as caught:
+        compute.kernel(source, "f", ["-w"])
+    assert caught.value.remedy == "unset PYOPENCL_BUILD_OPTIONS"
 
 
 @pytest.mark.parametrize("form", ["error: {}: {}", "{}: error: {}", "{}: fatal error: {}"])

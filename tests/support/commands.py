@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import SimpleITK as sitk
 
 from tests.support.wizards import SCENE as WIZARD_SCENE
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
@@ -148,6 +150,20 @@ def write_files(folder: Path) -> None:
     write_spectral_image(folder / "emissive.exr", "emissive", CHART[:1, :1])
     for name, text in _TEXTS.items():
         (folder / name).write_text(text, encoding="utf-8")
+    _write_open_volumes(folder)
+
+
+def _write_open_volumes(folder: Path) -> None:
+    """Write volumes whose addresses lack something."""
+    (folder / "v_4x3x2_int16.raw").write_bytes(bytes(48))
+    (folder / "m.stl").write_bytes(b"solid")
+    (folder / "empty").mkdir()
+    values = np.arange(48, dtype=np.int16)
+    for name, shape in (("time.nii", (2, 2, 3, 4)), ("flat.nii", (6, 8))):
+        image = sitk.GetImageFromArray(values.reshape(shape), isVector=False)
+        sitk.WriteImage(image, str(folder / name))
+    packed = gzip.compress((folder / "time.nii").read_bytes())
+    (folder / "cut.nii.gz").write_bytes(packed[: len(packed) // 2])
 
 
 _TINY = ((2, 2, GENERAL.size), (2, 2), (2, 2))

@@ -43,6 +43,10 @@ MOST_KERNELS = 16
 OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
 
 
+# Variable whose options pyopencl adds to every build.
+_BUILD_VARIABLE = "PYOPENCL_BUILD_OPTIONS"
+
+
 @dataclass(slots=True)
 class Compute:
     """OpenCL context on one device: a queue for launches, one for transfers, a cache of kernels."""
@@ -107,9 +111,15 @@ class Compute:
                 program = cl.Program(self.context, source.text).build(options=list(options))
         except cl.RuntimeError as error:
             self._check_device()
+            extra = os.environ.get(_BUILD_VARIABLE, "").split()
             raise OpenCLError(
                 f"{source.files[1]} does not build on {self.info.name} with "
-                f"{' '.join(options) or 'no options'}: {first_error(str(error), source)}",
+                f"{' '.join((*options, *extra)) or 'no options'}: "
+                f"{first_error(str(error), source)}",
+                f"unset {_BUILD_VARIABLE}"
+                if extra
+                else "update the device's driver, or choose another device with "
+                f"{DEVICE_VARIABLE}; `volspec doctor` lists them",
                 code="unsupported",
             ) from error
         try:

@@ -130,6 +130,11 @@ def _path(name_or_path: str | os.PathLike[str]) -> Path:
     if path.suffix.lower() == ".json" or path.name != str(name_or_path):
         return path
     shipped = shipped_names()
+    if path.suffix and not path.exists() and path.name not in shipped:
+        raise BasisError(
+            f"{path}: no such file; give a .json file or a shipped basis: {', '.join(shipped)}",
+            code="not-found",
+        )
     if path.name not in shipped:
         raise BasisError(
             f"basis {path.name!r:.80} is unknown; {nearest(path.name, shipped)}"

@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 from volspec.cli.arguments import read_triples, require_image
 from volspec.cli.shell import Json, Row, app, say, show_rows, tell_undefined
@@ -32,7 +32,26 @@ Table = Annotated[
     Path | None,
     Parameter(allow_leading_hyphen=True, help="A CSV table of triples; - is standard input."),
 ]
-Values = Annotated[list[float] | None, Parameter(negative="", allow_leading_hyphen=True)]
+
+
+def _numbers(_: Any, tokens: Sequence[Token]) -> list[float]:
+    """Convert numbers, for cyclopts; a file among them was meant for an option."""
+    found = []
+    for word in (token.value for token in tokens):
+        try:
+            found.append(float(word))
+        except ValueError:
+            option = _FILE_OPTIONS.get(Path(word).suffix.lower())
+            remedy = f"for a file write {option} {shlex.quote(word)}" if option else "give numbers"
+            raise ValueError(f"{word!r} is not a number; {remedy}") from None
+    return found
+
+
+# Options that take a file, by the file's suffix.
+_FILE_OPTIONS = {".exr": "volspec appearance --image", ".csv": "--table"}
+Values = Annotated[
+    list[float] | None, Parameter(negative="", allow_leading_hyphen=True, converter=_numbers)
+]
 _SCENE, _PICTURE, _MODELS = SceneOptions(), PictureOptions(), ModelOptions()
 
 

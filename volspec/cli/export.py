@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -29,7 +30,7 @@ from volspec.cli.inputs import (
 )
 from volspec.cli.shell import Device, Json, app, as_written, counted, say
 from volspec.cli.viewing import in_options
-from volspec.errors import ImageError, InputError
+from volspec.errors import ImageError, InputError, nearest
 
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
@@ -142,6 +143,16 @@ def export(
             light or own.lights or fades or (format or own.format) == "coefficients"
         )
         changes["lights"] = names[:1] if one else names if light == [_ALL] else light
+        if unknown := [name for name in changes["lights"] or () if name not in names]:
+            page = shlex.join(["volspec", "page", job.address, "-l", unknown[0], "-o", "PAGE.html"])
+            guess = nearest(unknown[0], names)
+            more = "" if guess else f"; add it to the scene as a [[light]], or to a page: {page}"
+            raise InputError(
+                f"--light: no [[light]] of {job.address} is named {unknown[0]!r}",
+                f"{guess}known: {', '.join(names)}{more}",
+                code="unknown",
+                given=unknown[0],
+            )
         given = {key: value for key, value in changes.items() if value is not None}
         options = {key: f"--{key}" for key in (*given, "size")} | {"lights": "--light"}
         with in_options(options):

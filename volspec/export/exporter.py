@@ -18,7 +18,7 @@ import numpy as np
 
 from volspec._deprecated import renamed_keyword
 from volspec._files import require_writable, require_writable_folder
-from volspec.errors import CastCancelled, InputError, ViewingError
+from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError
 from volspec.export.annotate import Patch, paint
 from volspec.export.exr import ExrWriter
 from volspec.export.film import SUFFIXES, check_film, write_film
@@ -155,8 +155,8 @@ def export(
     files += ("sheet.png",) if has_sheet else ()
     with exclusive_folder(path):
         folder = ExportFolder(path, fingerprint(scene, volume, settings), files)
-        folder.begin(overwrite, own=is_film)
         try:
+            folder.begin(overwrite, own=is_film)
             maker = FrameMaker(FrameFiles(scene, folder, table, pixels))
             try:
                 made, casts = maker.make(
@@ -180,6 +180,9 @@ def export(
                 folder.record_sizes()
         except CastCancelled:
             folder.remove()
+            raise
+        except VolspecError:
+            folder.remove_unless_begun()
             raise
     return Exported(target, (target.name,) if is_film else files, len(frames), made, casts)
 

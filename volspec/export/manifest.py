@@ -78,7 +78,7 @@ class ExportFolder:
         ``own`` is True for the exporter's own folder, in which another scene's may be deleted.
         """
         old = self._old()
-        if old is not None and old.get("fingerprint") == self.fingerprint:
+        if self.is_own():
             self._clear_unfinished(self.files)
             for name in self.missing():
                 self._remove(name)
@@ -130,6 +130,17 @@ class ExportFolder:
             self._remove(name)
         with suppress(OSError):
             self.path.rmdir()
+
+    def remove_unless_begun(self) -> None:
+        """Delete the manifest and the folder after an error, unless a frame is done."""
+        if self.is_own() and len(self.missing()) == len(self.files):
+            self.remove()
+        with suppress(OSError):
+            self.path.rmdir()
+
+    def is_own(self) -> bool:
+        """Return True if the folder has this export's manifest."""
+        return (self._old() or {}).get("fingerprint") == self.fingerprint
 
     def _write(self, sizes: dict[str, int]) -> None:
         manifest = {

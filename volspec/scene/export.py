@@ -318,7 +318,7 @@ def _check_cameras(keys: Sequence[Keyframe], camera: CameraSpec) -> None:
 
 def _check_light(where: str, name: str, lights: Sequence[str]) -> None:
     if name not in lights:
-        remedy = f"{nearest(name, lights)}known: {', '.join(lights)}"
+        remedy = f"{nearest(name, lights)}known: {', '.join(lights)}; add it as a [[light]]"
         raise fault(where, f"no [[light]] is named {name!r}", remedy, "unknown", name)
 
 

@@ -114,15 +114,16 @@ def summarise(volume: Volume) -> VolumeSummary:
     ends = edges[1:] - 1 if volume.values.dtype.kind in "ui" else edges[1:]
     spacing = volume.spacing_mm
     x, y, z = ((n - 1) * s for n, s in zip(volume.shape_xyz, spacing, strict=True))
-    origin = volume.world_from_index[:3, 3]
+    origin = volume.world_from_index[:3, 3].tolist()
     return VolumeSummary(
         name=volume.name,
         shape=volume.shape_xyz,
         dtype=volume.values.dtype.name,
         spacing_mm=spacing,
         extent_mm=(x, y, z),
-        origin_mm=(float(origin[0]), float(origin[1]), float(origin[2])),
-        orientation=(volume.world_from_index[:3, :3] / np.asarray(spacing)).tolist(),
+        # A sum with 0 has no negative zero.
+        origin_mm=(origin[0] + 0.0, origin[1] + 0.0, origin[2] + 0.0),
+        orientation=(volume.world_from_index[:3, :3] / np.asarray(spacing) + 0.0).tolist(),
         directions=_directions(volume),
         range=(low, high),
         mean=float(present.mean(dtype=np.float64)),

@@ -280,7 +280,10 @@ class Extent:
         components *= more[0] if len(more) > 1 else 1
         if len(size) < 3 or len(more) > 2:
             raise VolumeError(
-                f"{query.path}: is {len(size)}-D ({'x'.join(map(str, size))}); a volume is 3-D",
+                f"{query.path}: is {len(size)}-D ({'x'.join(map(str, size))})",
+                "a volume is 3-D: give a file of all slices, or a folder of TIFF or PNG slices"
+                if len(size) < 3
+                else "save a 3-D or 4-D part of it, such as with nibabel: image.slicer[..., 0]",
                 code="shape",
             )
         times = [] if step_s is None else [f"{k * step_s:g} s" for k in range(steps)]
