@@ -17,6 +17,7 @@ from benchmarks import (
     palette,
     picture,
     reading,
+    rooms,
     session,
     viewer,
     webpage,
@@ -28,7 +29,7 @@ from volspec._gpu.opencl import Compute
 FIGURES = (
     *(memory.figures, reading.figures, cast.channel_figures, cast.edit_figures),
     *(cast.shadow_figures, palette.figures, limits.figures, models.figures, picture.figures),
-    *(export.figures, cast.figures, cast.vtk_gpu_figures, cast.light_figures),
+    *(rooms.figures, export.figures, cast.figures, cast.vtk_gpu_figures, cast.light_figures),
     *(viewer.figures, webpage.figures, session.figures),
 )
 

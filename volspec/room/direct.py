@@ -26,7 +26,7 @@ from volspec.room.model import PointLamp, Room, SunBeam
 
 Array = NDArray[np.float64]
 # Shadow rays from a point to a triangle, at most, and of all points and triangles at once.
-_SHADOW_RAYS, _MOST_RAYS = 16, 1 << 23
+_SHADOW_RAYS, _MOST_RAYS = 1 << 10, 1 << 22
 
 
 def direct_irradiance(room: Room, rays: Rays, points: Array, normals: Array) -> Array:

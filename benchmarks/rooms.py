@@ -1,0 +1,343 @@
+"""Rooms: time and memory of the radiosity, the brick against triangles, Mitsuba, section 5.
+
+    python -m benchmarks.rooms          also prints the table of section 5 [1]
+
+The peer is Mitsuba 3, an independent path tracer; without it (``pip install
+mitsuba``) its row says so.
+
+References
+----------
+[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity".
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.measure import Figure
+from volspec.room import (
+    Brick,
+    Room,
+    RoomMesh,
+    box,
+    cube_radiosity,
+    irradiance_from_lux,
+    load_room,
+    panel,
+    rectangle,
+    solve_room,
+    surface_appearance,
+)
+from volspec.room.brick import PATCHES
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    light,
+    reflectance,
+    reflectance_from_colour,
+)
+
+ROOMS = Path(__file__).resolve().parent.parent / "data" / "rooms"
+# Width, depth, height, window, furnished fraction of the height.
+BRICKS = (
+    Brick(4.0, 5.0, 2.7, (1.0, 0.9, 2.0, 1.4), 0.3),
+    Brick(3.0, 3.0, 3.0, (0.5, 0.5, 2.0, 2.0), 0.5),
+    Brick(8.0, 6.0, 3.2, (1.0, 0.8, 6.0, 2.0), 0.25),
+    Brick(2.5, 7.0, 2.4, (0.7, 1.0, 1.0, 1.2), 0.4),
+    Brick(5.0, 2.0, 2.6, (0.2, 0.2, 4.6, 2.2), 0.1),
+)
+# Reflectances of floor, ceiling, window wall, upper and lower walls.
+GREYS = (0.3, 0.85, 0.7, *(0.75,) * 3, *(0.4,) * 3)
+
+
+def figures() -> Iterator[Figure]:
+    """Yield all figures of rooms."""
+    yield from _speed()
+    wide = SpectralGrid(360.0, 830.0, 1.0)
+    paint = np.full((6, wide.size), 0.7)
+    emission = np.full((6, wide.size), 1.0)
+    took = min(_seconds(lambda: cube_radiosity(paint, emission, wide)) for _ in range(20))
+    yield Figure("room/cube, 471 bands, another paint", 1e3 * took, 2, at_most=True, unit="ms")
+    off = [brick_against_triangles(each) for each in BRICKS]
+    factors, means = (100.0 * max(each[i] for each in off) for i in range(2))
+    yield Figure("room/brick, form factors by rays", factors, 1, at_most=True, unit="%")
+    yield Figure("room/brick, against 4000 triangles", means, at_most=True, unit="%")
+    yield mitsuba()
+
+
+def _seconds(call: Any) -> float:
+    started = time.perf_counter()
+    call()
+    return time.perf_counter() - started
+
+
+def _speed() -> Iterator[Figure]:
+    """Yield time and memory of 5000 patches in a process of its own, and the ratio of 10,000."""
+    found = {}
+    for patches in (5000, 10000):
+        done = subprocess.run(
+            [sys.executable, "-m", "benchmarks.rooms", str(patches)],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        found[patches] = json.loads(done.stdout.splitlines()[-1])
+    once, twice = found[5000], found[10000]
+    yield Figure("room/5000 patches, 31 bands", once["s"], 60, at_most=True, unit="s")
+    yield Figure("room/5000 patches, memory", once["GiB"], 4, at_most=True, unit="GiB")
+    ratio = twice["s"] / once["s"] / (twice["patches"] / once["patches"] / 2.0)
+    yield Figure("room/twice the patches", ratio, 2.6, at_most=True)
+
+
+def measured(patches: int) -> dict[str, float]:
+    """Return seconds and GiB of the study's solution, without imports."""
+    import resource
+
+    room = load_room(ROOMS / "study.toml")
+    started = time.perf_counter()
+    solved = solve_room(room, patches)
+    took = time.perf_counter() - started
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    return {"s": took, "GiB": peak, "patches": len(solved.mesh.surface)}
+
+
+def brick_mesh(brick: Brick) -> RoomMesh:
+    """Return a brick's patches as triangles, fronts inside, in the order of `PATCHES`."""
+    w, d, h = brick.width_m, brick.depth_m, brick.height_m
+    low = brick.furnished * h
+    assert brick.window_m is not None
+    parts = [
+        rectangle((0, 0, 0), (w, 0, 0), (0, d, 0), "floor"),
+        rectangle((0, 0, h), (0, d, 0), (w, 0, 0), "ceiling"),
+        _flipped(
+            panel((0, 0, 0), (w, 0, 0), (0, 0, h), "window wall", [("window", brick.window_m)])
+        ),
+    ]
+    for part, z0, z1 in (("upper", low, h), ("lower", 0.0, low)):
+        up = (0, 0, z1 - z0)
+        parts += [
+            rectangle((0, 0, z0), (0, d, 0), up, f"left {part}"),
+            rectangle((w, 0, z0), up, (0, d, 0), f"right {part}"),
+            rectangle((0, d, z0), (w, 0, 0), up, f"back {part}"),
+        ]
+    mesh = parts[0]
+    for each in parts[1:]:
+        mesh = mesh + each
+    return mesh
+
+
+def _flipped(mesh: RoomMesh) -> RoomMesh:
+    return RoomMesh(mesh.corners_m[:, ::-1], mesh.surface, mesh.names)
+
+
+def brick_against_triangles(brick: Brick) -> tuple[float, float]:
+    """Return the largest relative difference of irradiances: of patches, and of their means.
+
+    The first is between patches of the brick, with its own form factors and with those that rays
+    find between triangles, summed; the second is against the solution with 4000 triangles, whose
+    radiosity varies over a patch.
+    """
+    mesh = brick_mesh(brick)
+    rho = np.repeat(np.array(GREYS)[:, None], DEFAULT_GRID.size, axis=1)
+    emission = brick.window_emission(light("D65"), 1000.0)
+    closed = brick.irradiance(brick.radiosity(rho, emission))
+    by_name = {**dict(zip(PATCHES, rho, strict=False)), "window": 0.0 * rho[0]}
+    order = [mesh.names.index(name) for name in PATCHES]
+    room = Room(mesh, np.array([by_name[name] for name in mesh.names]), {"window": emission[-1]})
+    fine = solve_room(room, 4000)
+    means = np.array([fine.mean_irradiance(name) for name in PATCHES])
+    # Sums of the triangles' exchange areas.
+    flow = fine.factors.factors.multiply(fine.mesh.areas_m2[:, None]).tocoo()
+    i, j = fine.mesh.surface[flow.coords[0]], fine.mesh.surface[flow.coords[1]]
+    sums = np.zeros((len(order), len(order)))
+    np.add.at(sums, (i, j), flow.data)
+    sums = sums[np.ix_(order, order)] / brick.areas_m2[:, None]
+    count = len(order) - 1
+    system = np.eye(count) - np.array(GREYS)[:, None] * sums[:count, :count]
+    reflected = np.linalg.solve(system, rho * np.outer(sums[:count, count], emission[-1]))
+    coarse = sums[:, :count] @ reflected + np.outer(sums[:, count], emission[-1])
+    band = DEFAULT_GRID.size // 2
+    return (
+        float(np.abs(coarse[:, band] / closed[:, band] - 1.0).max()),
+        float(np.abs(means[:, band] / closed[:, band] - 1.0).max()),
+    )
+
+
+# Mitsuba.
+
+_NM = (450.0, 500.0, 550.0, 600.0, 650.0)
+_SAMPLES = 1 << 16
+
+
+def cornell() -> Room:
+    """Return a room like Cornell's: a lamp in the ceiling, a red and a green wall, a box."""
+    size = 2.0
+    mesh = panel(
+        (0, 0, size), (0, size, 0), (size, 0, 0), "ceiling", [("lamp", (0.7, 0.7, 0.6, 0.6))]
+    )
+    walls = box(
+        (0, 0, 0), (size,) * 3, ("red", "green", "front", "back", "floor", "-"), inside=True
+    )
+    mesh = mesh + walls.part(walls.surface != walls.names.index("-"))
+    mesh = mesh + box((0.5, 0.6, 0.01), (1.1, 1.2, 0.9), "block")
+    paints = {
+        "red": "ColorChecker/red",
+        "green": "ColorChecker/green",
+        "lamp": "black",
+        "-": "black",
+    }
+    rho = [reflectance(paints.get(name, "grey:0.7")).values for name in mesh.names]
+    return Room(mesh, np.array(rho), {"lamp": irradiance_from_lux(light("A"), 5000.0)})
+
+
+def places() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return 20 points of the room's surfaces, slightly in front, and their normals."""
+    rng = np.random.default_rng(7)
+    points, normals = [], []
+    for axis, end in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0)):
+        for _ in range(4):
+            point = rng.uniform(0.2, 1.8, 3)
+            point[axis] = 2.0 * end + (1 - 2 * end) * 1e-3
+            if axis == 2 and 0.45 < point[0] < 1.15 and 0.55 < point[1] < 1.25:
+                point[0] += 0.75  # not below the block
+            points.append(point)
+            normals.append(np.eye(3)[axis] * (1 - 2 * end))
+    return np.array(points), np.array(normals)
+
+
+def mitsuba() -> Figure:
+    """Compare irradiances at 20 points and 5 wavelengths with Mitsuba's path tracer."""
+    name = "room/irradiance, against Mitsuba"
+    try:
+        import mitsuba as mi  # type: ignore[import-not-found]
+    except ImportError:
+        return Figure(name, None, 3, at_most=True, note="no mitsuba: pip install mitsuba")
+    room = cornell()
+    solved = solve_room(room, 5000)
+    points, normals = places()
+    ours = solved.irradiance_at(points, normals)
+    # Three bands at a time: a picture's channels do not mix.
+    mi.set_variant("scalar_rgb")
+    bands = [int(np.flatnonzero(room.grid.wavelengths_nm == nm)[0]) for nm in _NM]
+    parts = [
+        _mitsuba_irradiance(mi, room, chosen, points, normals)
+        for chosen in (bands[:3], [*bands[3:], bands[-1]])
+    ]
+    peer = np.concatenate(parts, axis=1)[:, : len(bands)]
+    off = np.abs(ours[:, bands] / peer - 1.0)
+    print(f"{name}: mean {100 * off.mean():.2g} %, worst {100 * off.max():.2g} %")
+    return Figure(name, 100.0 * float(off.max()), 3, at_most=True, unit="%")
+
+
+def _mitsuba_irradiance(
+    mi: Any,
+    room: Room,
+    bands: Sequence[int],
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Return the irradiance (P, 3) in three bands, as the channels of one picture."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene = _mitsuba_scene(room, bands, Path(folder))
+        film = {"type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}}
+        film |= {"pixel_format": "rgb", "component_format": "float32"}
+        integrator = mi.load_dict({"type": "path", "max_depth": 200, "rr_depth": 50})
+        found = []
+        for number, (point, normal) in enumerate(zip(points, normals, strict=True)):
+            place = mi.ScalarTransform4f().look_at(
+                list(point), list(point + normal), [0.3, 0.5, 0.8]
+            ) @ mi.ScalarTransform4f().scale(1e-3)
+            meter = {
+                "type": "rectangle",
+                "to_world": place,
+                "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}},
+                "sensor": {
+                    "type": "irradiancemeter",
+                    "film": film,
+                    "sampler": {"type": "multijitter", "sample_count": _SAMPLES},
+                },
+            }
+            loaded = mi.load_dict({**scene, "meter": meter})
+            picture = mi.render(loaded, integrator=integrator, seed=number)
+            found.append(np.asarray(picture).ravel()[:3])
+    return np.array(found)
+
+
+def _mitsuba_scene(room: Room, bands: Sequence[int], folder: Path) -> dict[str, Any]:
+    """Return a room as Mitsuba's shapes."""
+    scene: dict[str, Any] = {"type": "scene"}
+    for number, name in enumerate(room.mesh.names):
+        corners = room.mesh.corners_m[room.mesh.surface == number]
+        if not len(corners):
+            continue
+        path = folder / f"{number}.obj"
+        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.reshape(-1, 3).tolist()]
+        lines += [f"f {n + 1} {n + 2} {n + 3}" for n in range(0, 3 * len(corners), 3)]
+        path.write_text("\n".join(lines), encoding="utf-8")
+        shade = {"type": "rgb", "value": room.reflectances[number, bands].tolist()}
+        shape: dict[str, Any] = {
+            "type": "obj",
+            "filename": str(path),
+            "face_normals": True,
+            "bsdf": {"type": "diffuse", "reflectance": shade},
+        }
+        if name in room.exitances:
+            radiance = (room.exitances[name][bands] / np.pi).tolist()
+            shape["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": radiance}}
+        scene[f"shape{number}"] = shape
+    return scene
+
+
+# Section 5.
+
+PAINTS = {"salmon": "#f4b8a0", "beige": "#f0d9b5", "yellowish green": "#dfe3a8"}
+# Lumens per m² of a lamp of 1 m².
+LIGHTS = {"daylight": ("D65", 40000.0), "tungsten": ("lamp:tungsten-2850", 40000.0)}
+
+
+def section_5() -> Iterator[str]:
+    """Yield a row for each paint and light: xy and J C h as chosen, and in the room."""
+    yield f"{'paint':16} {'light':9} {'x':>6} {'y':>6} {'J':>6} {'C':>6} {'h':>6} {'H':>6}"
+    for paint, code in PAINTS.items():
+        rho = reflectance_from_colour(code).values
+        for number, (name, (spectrum, lux)) in enumerate(LIGHTS.items()):
+            mesh = panel(
+                (0, 0, 2.7), (0, 5, 0), (4, 0, 0), "ceiling", [("lamp", (2.0, 1.5, 1.0, 1.0))]
+            )
+            sides = ("wall", "wall", "wall", "wall", "floor", "-")
+            rest = box((0, 0, 0), (4, 5, 2.7), sides, inside=True)
+            mesh = mesh + rest.part(rest.surface != rest.names.index("-"))
+            paints = {"floor": 0.4 * np.ones_like(rho), "lamp": 0.0 * rho, "-": 0.0 * rho}
+            room = Room(
+                mesh,
+                np.array([paints.get(each, rho) for each in mesh.names]),
+                {"lamp": irradiance_from_lux(light(spectrum), lux)},
+            )
+            seen = surface_appearance(solve_room(room, 1500), "wall")
+            if not number:
+                yield _row(paint, "chosen", seen.chosen_xy, seen.chosen)
+            yield _row("", name, seen.seen_xy, seen.seen)
+
+
+def _row(paint: str, name: str, xy: tuple[float, float], look: Any) -> str:
+    J, C, h, H = (float(each) for each in (look.J, look.C, look.h, look.H))
+    return f"{paint:16} {name:9} {xy[0]:6.4f} {xy[1]:6.4f} {J:6.1f} {C:6.1f} {h:6.1f} {H:6.1f}"
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        print(json.dumps(measured(int(sys.argv[1]))))
+    else:
+        for figure in figures():
+            print(figure)
+        print("\n".join(section_5()))
