@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec._files import captured_output, write_whole
+from volspec._files import captured_output, nearest_file, write_whole
 from volspec.errors import InputError
 
 Channels = dict[str, NDArray[Any]]
@@ -109,6 +109,8 @@ def _require_file(name: str, error: type[InputError], missing: str) -> None:
     try:
         Path(name).open("rb").close()
     except FileNotFoundError:
+        if guess := nearest_file(Path(name)):
+            missing = f"no such file; {guess}check the path"
         raise error(f"{name}: {missing}", code="not-found") from None
     except IsADirectoryError:
         raise error(f"{name}: is a folder; give an .exr file", code="type") from None

@@ -16,17 +16,21 @@ import warnings
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from difflib import get_close_matches
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from secrets import token_hex
 from typing import IO
 
-from volspec.errors import ImageError, InputError, VolspecWarning
+from volspec.errors import ImageError, InputError, VolspecWarning, nearest
 
 # An unfinished file is next to its target, with a file that is locked while the writer runs:
 # .volspec-MACHINE-BOOT-RANDOM.part.SUFFIX and .lock, with the same name before the suffixes.
 _UNFINISHED = re.compile(r"(\.volspec-[0-9a-f]{8}-[0-9a-f]{8}-[0-9a-f]{8})\.(lock|part.*)")
 _TRIES = 9
+# Most files of a folder that are compared with a misspelt name.
+_MOST_COMPARED = 5000
 # Without locks, the writer of a file unchanged for this time counts as dead.
 _DEAD_S = 86400.0
 # Endings that belong together.
@@ -324,6 +328,24 @@ def require_writable(path: str | os.PathLike[str]) -> None:
     _require_room(_output(path).parent, path)
 
 
+def nearest_file(path: Path, never: tuple[str, ...] = ()) -> str:
+    """Return "did you mean …? " for a missing file with a similar one next to it; else ``""``.
+
+    The names must be similar even without their suffixes; ``never`` are suffixes to leave out.
+    """
+
+    def stem(name: str) -> str:
+        return name.partition(".")[0].casefold()
+
+    try:
+        names = [each.name for each in islice(path.parent.iterdir(), _MOST_COMPARED)]
+    except OSError:
+        return ""
+    names = [name for name in names if not name.lower().endswith(never)]
+    alike = get_close_matches(stem(path.name), {stem(name) for name in names})
+    return nearest(path.name, [name for name in names if stem(name) in alike], count=1)
+
+
 def plain_stem(name: str) -> str:
     """Return a file's name without its ending, or endings that belong together.
 
@@ -341,7 +363,7 @@ def require_suffix(
     target = Path(path)
     if target.suffix.lower() not in suffixes:
         problem = f"{target}: {what} are {', '.join(suffixes)} files"
-        raise error(problem, f"name it {suffixes[0]}", code="unsupported")
+        raise error(problem, f"use {suffixes[0]}", code="unsupported")
     return target
 
 

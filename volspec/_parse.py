@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+from volspec._files import nearest_file
 from volspec.errors import InputError, quoted
 
 MOST_LEVELS = 64
@@ -72,7 +73,8 @@ def read_text(path: str | os.PathLike[str], error: type[InputError], what: str) 
     try:
         return Path(path).read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        raise error(f"{name}: no such file; check the path", code="not-found") from None
+        guess = nearest_file(Path(path))
+        raise error(f"{name}: no such file; {guess}check the path", code="not-found") from None
     except IsADirectoryError:
         raise error(f"{name}: is a folder; give {what}", code="type") from None
     except UnicodeDecodeError as fault:

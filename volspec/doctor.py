@@ -110,7 +110,9 @@ def examine() -> Examination:
         problems.append(str(error))
     blocked = bool(problems)
     gl = None
-    no_sharing: str | None = "no OpenCL device, or no OpenGL context"
+    no_sharing: str | None = "no OpenGL context"
+    if casts_on is None:
+        no_sharing = "no device for casts" if devices else "no OpenCL device"
     try:
         from volspec._gpu.opengl import describe, headless_context
         from volspec._gpu.sharing import sharing_fault

@@ -239,6 +239,8 @@ _TEXTS = {
     "must.toml": PALETTE.replace('"day"\ncolour = "steelblue"', _TWICE),
     "unlit.toml": PALETTE.replace('spectrum = "D65"', f"values = {[0.0] * 31}"),
     "empty.csv": "",
+    "empty.exr": "",
+    "gone.toml": SCENE.replace("ball", "gone"),
     "names.csv": "a,b\n1,2\n",
     "letter.csv": "X,Y,Z\n1,2,x\n",
     "short.csv": "1,2\n",

@@ -139,8 +139,9 @@ def choose_device(name: str | None = None) -> int:
         known = [n for device in found for n in (device.name, device.platform)]
         there = ", ".join(f"{i}: {d.name} ({d.platform})" for i, d in enumerate(found))
         raise OpenCLError(
-            f"no OpenCL device named {quoted(wanted)}{source}; {nearest(wanted[:99], known)}there "
-            f"is {there}",
+            f"no OpenCL device is named {quoted(wanted)}{source}; known: {there}",
+            f"{nearest(wanted[:99], known)}give part of a name or a number, such as 0"
+            + ("" if name else f", or unset {DEVICE_VARIABLE}"),
             code="unknown",
         )
     # If none works, the cache may be out of date.

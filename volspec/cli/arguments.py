@@ -42,6 +42,8 @@ def require_scene(path: Path, instead: str = RELIGHT, wanted: str = "a scene") -
     ``instead`` is the remedy, with ``{file}`` for the image's name.
     """
     if path.suffix.lower() == ".exr" and path.is_file():
+        if path.stat().st_size == 0:
+            raise SceneError(f"{path}: the file is empty; render it again", code="damaged")
         remedy = instead.format(file=shlex.quote(str(path)))
         raise SceneError(f"{path}: is a coefficient image, not {wanted}; {remedy}")
 
@@ -68,7 +70,7 @@ def sides(size: str) -> tuple[int, int]:
     width, by, height = size.lower().partition("x")
     if not (by and width.isdecimal() and height.isdecimal() and int(width) and int(height)):
         if re.fullmatch(r"\d+x\d+", size.lower()):
-            raise ValueError(f"{size!r} has a side of 0; give 1x1 or more")
+            raise ValueError(f"{size!r} has a side of 0; width and height must be at least 1")
         raise ValueError(f"{size!r} is not WIDTHxHEIGHT, such as 1024x768")
     return int(width), int(height)
 

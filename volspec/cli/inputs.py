@@ -83,8 +83,8 @@ def open_scene(
     scene = Scene.load(address)
     if preset is not None:
         raise InputError(
-            f"--preset {preset}: {address} is a scene with a [transfer] of its own; leave it out, "
-            "or give its volume",
+            f"--preset {preset}: {address} is a scene with a [transfer] of its own; leave out "
+            "--preset, or give its volume",
             code="conflict",
         )
     if orbit is not None:

@@ -144,6 +144,8 @@ def relight(
             write_frame(path, frame, notes, spec.viewing.display.space)
             blanks.add(str(path), text, frame, stored.alpha)
             say(path)
+            if text.isalpha() and (name := getattr(lamp, "name", text)) != text:
+                note(f"{text} is {name}")  # an everyday word, such as LED
             # For the warning alone, some of a large picture's pixels are enough.
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
             off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)

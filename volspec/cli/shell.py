@@ -13,6 +13,7 @@ import io
 import json
 import math
 import os
+import re
 import sys
 import threading
 import warnings
@@ -200,9 +201,27 @@ def _miscounted(error: CycloptsError) -> str:
         return f"{command}: unexpected argument {error.unused_tokens[0]!r}"
     if not isinstance(error, MissingArgumentError) or error.argument is None:
         return ""
+    names = error.argument.names
     if error.keyword is not None:
-        return f"{command}: {error.keyword} has no value; give one"
-    return f"{command}: {' or '.join(error.argument.names)} is missing"
+        return f"{command}: {error.keyword} has no value; give one{_example(command, names)}"
+    return f"{command}: {' or '.join(names)} is missing{_example(command, names)}"
+
+
+def _example(command: str, options: Sequence[str]) -> str:
+    """Return an option's value in the examples of a command's help, such as ", as in -o a.png"."""
+    if not options[0].startswith("-"):
+        return ""
+    names = "|".join(map(re.escape, options))
+    found = re.search(rf"Example: .*?((?:{names}) (?!-)[^\s`]+)", _help(command.split()))
+    return f", as in {found[1]}" if found else ""
+
+
+def _help(words: Sequence[str]) -> str:
+    """Return the docstring of a command."""
+    command = app
+    for word in words:
+        command = command[word]
+    return command.default_command.__doc__ or "" if command.default_command else ""
 
 
 def _refused(error: CoercionError | ValidationError) -> str:
@@ -288,6 +307,7 @@ def _run(words: list[str]) -> None:
     except CycloptsError as error:
         # Cyclopts cuts a long list of commands short: "info, ...".
         said = _miscounted(error) or one_line(error).replace(", ...", " and more").rstrip(".")
+        said = said[:1].lower() + said[1:]
         command = " ".join(("volspec", *(error.command_chain or ())))
         mark = "" if said.endswith("?") else ";"
         raise _failure(f"{said}{mark} see {command} --help", 2) from error

@@ -196,9 +196,12 @@ def _require_folder_name(target: Path) -> None:
     ):
         return
     what = "is a file" if target.is_file() else f"frames cannot be written as {suffix}"
+    if suffix in (".png", ".exr"):
+        what = f"an export's {suffix[1:].upper()} frames are many files"
+    folder = f"a folder for the frames, such as {target.with_suffix('')}"
     raise InputError(
         f"{target}: {what}",
-        f"name a film {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}, or a folder for frames",
+        f"name {folder}, or a film {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}",
         code="type",
     )
 

@@ -19,7 +19,7 @@ import numpy as np
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, load_basis
 from volspec.basis.display import visible_white
-from volspec.errors import InputError, SceneError, SpectrumError, VolspecWarning
+from volspec.errors import InputError, SceneError, SpectrumError, VolspecWarning, VolumeError
 from volspec.raycast import RaycastSpec
 from volspec.scene.basis import LARGEST_ERROR, SceneSpectra, grid_of, use_of
 from volspec.scene.file import SceneFaults, SceneFile
@@ -198,7 +198,13 @@ class Resolver:
         """
         table = self.file.volume
         with Resolver(self.file, self.path).at("volume"):
-            volume = load_volume(locate_volume(table.file, self.path.parent))
+            try:
+                volume = load_volume(locate_volume(table.file, self.path.parent))
+            except VolumeError as error:
+                if error.code != "not-found":
+                    raise
+                remedy = f"{error.remedy}, or edit `file` in [volume] of {self.path}"
+                raise VolumeError(error.problem, remedy, code=error.code) from error
             if table.spacing_mm:
                 self._warn_of_spacing(volume, table.spacing_mm)
                 volume = volume.with_spacing(table.spacing_mm)

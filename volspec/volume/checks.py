@@ -85,8 +85,8 @@ def _real_array(given: ArrayLike, name: str) -> NDArray[Any]:
         )
     if min(values.shape) < 2:
         raise VolumeError(
-            f"{name}: the array has shape {values.shape}; a volume has at least two voxels along "
-            "each axis, was a single slice given?",
+            f"{name}: is {' × '.join(map(str, values.shape[::-1]))} voxels (x × y × z); a volume "
+            "has at least two along each axis, was a single slice given?",
             code="shape",
         )
     return values

@@ -14,11 +14,10 @@ import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from difflib import get_close_matches
-from itertools import islice
 from pathlib import Path
 
-from volspec.errors import VolspecWarning, VolumeError, nearest, quoted
+from volspec._files import nearest_file
+from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume.bundled import locate_volume
 from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
@@ -76,8 +75,8 @@ WHOLE_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, ".npy")
 VOLUME_SUFFIXES = (*WHOLE_SUFFIXES, ".raw", *TIFF_SUFFIXES, *DICOM_SUFFIXES)
 # Most numbers of a table of labels that an error lists.
 _MOST_NUMBERS = 4
-# Most files of a folder that are compared with a misspelt name.
-_MOST_COMPARED = 5000
+# Endings of files that a missing volume is never a misspelling of.
+_NEVER_VOLUMES = (".toml", ".exr", ".html", ".py")
 _KNOWN = (
     "NRRD, MHD/MHA, NIfTI, VTI/VTR/VTK, TIFF, DICOM, OME-Zarr, .npy, a folder of DICOM, TIFF or "
     "PNG slices, or 'FILE.raw?shape=256x256x110&dtype=uint8'"
@@ -305,7 +304,7 @@ def _require_readable(path: Path) -> None:
     except PermissionError:  # of a folder on the way
         exists, readable = True, False
     if not exists:
-        guess = nearest(path.name, _similar_names(path), count=1)
+        guess = nearest_file(path, _NEVER_VOLUMES)
         raise VolumeError(f"{path}: no such file", f"{guess}check the path", code="not-found")
     if not readable:
         raise VolumeError(
@@ -313,20 +312,6 @@ def _require_readable(path: Path) -> None:
             "its owner",
             code="unreadable",
         )
-
-
-def _similar_names(path: Path) -> list[str]:
-    """Return the names in a file's folder that are similar even without their suffixes."""
-
-    def stem(name: str) -> str:
-        return name.partition(".")[0].casefold()
-
-    try:
-        names = [each.name for each in islice(path.parent.iterdir(), _MOST_COMPARED)]
-    except OSError:
-        return []
-    alike = get_close_matches(stem(path.name), {stem(name) for name in names})
-    return [name for name in names if stem(name) in alike]
 
 
 def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
@@ -352,6 +337,8 @@ def _folder_reader(folder: Path) -> Callable[[Query], Reading]:
         raise VolumeError(
             f"{folder}: holds {held}; name one, such as {folder / volumes[0]}", code="missing"
         )
+    if not any(folder.iterdir()):
+        raise VolumeError(f"{folder}: is an empty folder; check the path", code="not-found")
     raise VolumeError(
         f"{folder}: is a folder without slices (DICOM, TIFF or PNG); give the folder that holds "
         f"them, or a file ({_KNOWN})",

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from volspec._files import captured_output
 from volspec.errors import VolumeError, one_line
 from volspec.volume.files.headers import (
+    TRUNCATED,
     HeaderFields,
     check_itk_header,
     component_axes,
@@ -317,7 +318,9 @@ def _one_line_for(path: Path) -> Iterator[None]:
     """Turn the error of a damaged stream or an invalid path into a one-line error."""
     try:
         yield
-    except (OSError, EOFError, zlib.error) as error:
+    except EOFError as error:
+        raise VolumeError(f"{path}: {TRUNCATED}", code="damaged") from error
+    except (OSError, zlib.error) as error:
         cause = getattr(error, "strerror", None) or one_line(error)
         raise VolumeError(
             f"{path}: cannot be read ({cause}); is the file complete?", code="damaged"
@@ -346,7 +349,7 @@ def read_itk(query: Query) -> Reading:
             extent = Extent.of(query, size, components, layout.step_s if layout else None)
             query.end_choices()
             beside = 1 if layout is not None and layout.planar else components
-            query.reserve((*extent.size, beside), dtype.itemsize)
+            query.reserve((*extent.size, *((beside,) if beside > 1 else ())), dtype.itemsize)
             if layout is not None:
                 values = layout.voxels(extent, dtype, query, remarks)
             else:
