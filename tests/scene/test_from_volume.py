@@ -17,7 +17,7 @@ from volspec.errors import InputError, SceneError, VolumeError
 from volspec.pipeline import raycast, relight
 from volspec.raycast.camera import Orbit
 from volspec.scene import Scene
-from volspec.spectra import light
+from volspec.spectra import light, write_spectrum
 from volspec.volume import phantom
 
 LAYOUT = "?shape=16x16x16&dtype=float32&spacing=1,1,4"
@@ -49,6 +49,19 @@ def test_a_volume_s_scene_has_the_given_preset_lights_and_camera(ball: Path) -> 
     assert scene.file.transfer.kind == "surfaces"
     assert [light.name for light in scene.lights] == ["A", "planck:3000"]
     assert scene.file.camera.azimuth_deg == 90 and scene.file.camera.orthographic
+
+
+def test_files_of_lights_are_relative_to_the_current_folder(
+    ball: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_spectrum(light("A"), tmp_path / "lamp.csv")
+    monkeypatch.chdir(tmp_path)
+    scene = Scene.from_volume("scans/ball.npy", lights=["lamp.csv", "lamp.csv*0.5+D65*0.5"])
+    assert [each.name for each in scene.lights] == ["lamp.csv", "lamp.csv*0.5+D65*0.5"]
+    assert scene.file.light[0].spectrum == "../lamp.csv"
+    assert scene.lights[0].spectrum.values == pytest.approx(light("A").values)
+    again = Scene.load(scene.save(tmp_path / "saved" / "scene.toml"))
+    assert again.lights[1].spectrum.values == pytest.approx(scene.lights[1].spectrum.values)
 
 
 def test_a_steep_preset_shows_no_rings(tmp_path: Path) -> None:

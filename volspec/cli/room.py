@@ -12,6 +12,7 @@ from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import Sized, sides
 from volspec.cli.shell import Json, Row, app, as_written, bar, say, show_rows
 from volspec.cli.viewing import in_options
+from volspec.errors import InputError
 
 if TYPE_CHECKING:
     from volspec.room.eye import SurfaceAppearance
@@ -26,6 +27,8 @@ def room(
     size: Annotated[str, Sized] = "960x720",
     model: str = "CIECAM02",
     white: str | None = None,
+    at: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
+    light: Path | None = None,
     patches: Annotated[int, Parameter(converter=as_written)] = 5000,
     json: Json = False,
 ) -> None:
@@ -37,6 +40,8 @@ def room(
     Example: `volspec room data/rooms/beige-tungsten.toml`
 
     Example: `volspec room data/rooms/beige-tungsten.toml --picture room.png`
+
+    Example: `volspec room data/rooms/study.toml --at 2,2.5,1.2 --light study.csv`
 
     Parameters
     ----------
@@ -50,6 +55,11 @@ def room(
         Appearance model of the picture; none is a camera for daylight, as without an adapted eye.
     white
         A surface that the eye takes for white; default: a perfect diffuser.
+    at
+        Place of a specimen, X,Y,Z in metres.
+    light
+        Write the light there as a spectrum, FILE.csv, which other commands take as `--light`: the
+        mean over the faces of a small cube, W/(m² nm).
     patches
         Triangles, about: more give finer shadows.
     """
@@ -62,10 +72,17 @@ def room(
         solve_room,
         surface_appearance,
     )
+    from volspec.spectra import illuminance_lux, write_spectrum
 
     if picture is not None:
         require_suffix(picture, "pictures", ".png")
         require_writable(picture)
+    place = None if at is None else _place(at)
+    if light is not None:
+        require_suffix(light, "spectra", ".csv")
+        require_writable(light)
+    if (at is None) is not (light is None):
+        raise InputError("--at and --light belong together", "give both", code="missing")
     with in_options():
         viewing = Viewing(model=model)  # type: ignore[arg-type]  # the constructor checks it
     found = load_room(room)
@@ -80,6 +97,9 @@ def room(
 
             codes = room_picture(solved, eye, conditions, sides(size), progress=tell)
             write_frame(picture, np.rint(255.0 * codes).astype(np.uint8), {"title": name})
+        if place is not None and light is not None:
+            shone = solved.light_at(place)
+            write_spectrum(shone, light)
     rows = [
         _row(surface_appearance(solved, each))
         for each in found.mesh.names
@@ -92,8 +112,23 @@ def room(
         f"surround {seen.surround:.2g}"
     )
     show_rows(title, rows, json)
-    if picture is not None and not json:
+    if json:
+        return
+    if picture is not None:
         say(picture)
+    if light is not None:
+        say(f"{light}: {illuminance_lux(shone):.4g} lx at ({at}) m")
+
+
+def _place(at: str) -> tuple[float, float, float]:
+    """Return a place's coordinates."""
+    try:
+        x, y, z = map(float, at.split(","))
+    except ValueError:
+        raise InputError.refused(
+            "--at", at, "give X,Y,Z in metres, as 2,2.5,1.2", "syntax"
+        ) from None
+    return x, y, z
 
 
 def _row(each: SurfaceAppearance) -> Row:

@@ -75,7 +75,7 @@ def default_eye(room: Room) -> Eye:
 
 
 def look(
-    light_: RoomLight,
+    solved: RoomLight,
     eye: Eye,
     viewing: Viewing | None = None,
     white: str | None = None,
@@ -88,8 +88,8 @@ def look(
     position = np.array(eye.position_m)
     forward = np.array(eye.target_m) - position
     forward /= np.linalg.norm(forward)
-    hit = int(light_.rays.first(position[None], forward[None])[0])
-    if hit < 0 or light_.mesh.normals[hit] @ forward > 0:
+    hit = int(solved.rays.first(position[None], forward[None])[0])
+    if hit < 0 or solved.mesh.normals[hit] @ forward > 0:
         at = ", ".join(f"{x:g}" for x in position)
         raise RoomError(
             f"the eye at ({at}) m sees no surface's front",
@@ -97,16 +97,16 @@ def look(
             code="range",
             field="eye",
         )
-    grid = light_.room.grid
-    irradiance = light_.irradiance[hit]
+    grid = solved.room.grid
+    irradiance = solved.irradiance[hit]
     lux = float(lux_from_irradiance(irradiance, grid))
-    luminances = lux_from_irradiance(light_.radiosity, grid) / np.pi
+    luminances = lux_from_irradiance(solved.radiosity, grid) / np.pi
     luminances = np.minimum(luminances, _BRIGHTEST * lux / np.pi)
     Y_b, L_A = (
-        float(_cone_mean(light_, luminances, position, forward, cone))
+        float(_cone_mean(solved, luminances, position, forward, cone))
         for cone in (_BACKGROUND_DEG, _SURROUND_DEG)
     )
-    own = np.ones(grid.size) if white is None else light_.room.reflectance(white)
+    own = np.ones(grid.size) if white is None else solved.room.reflectance(white)
     L_Aw = float(lux_from_irradiance(irradiance * own, grid)) / np.pi
     if not L_Aw > 0:
         raise RoomError("no light falls on what the eye looks at", "turn it", code="impossible")
@@ -117,12 +117,12 @@ def look(
         Y_b=100.0 * Y_b * np.pi / lux,
         surround=min(L_A / L_Aw, 1.0),
     )
-    name = light_.mesh.names[light_.mesh.surface[hit]]
+    name = solved.mesh.names[solved.mesh.surface[hit]]
     return EyeConditions(measured, XYZ_from_spectra(shade, own), irradiance, name, L_Aw)
 
 
 def _cone_mean(
-    light_: RoomLight, luminances: Array, eye: Array, forward: Array, cone_deg: tuple[float, float]
+    solved: RoomLight, luminances: Array, eye: Array, forward: Array, cone_deg: tuple[float, float]
 ) -> float:
     """Return the mean luminance between two cones, by solid angle."""
     shares = sobol(_CONE_RAYS, 2, seed=0)
@@ -131,7 +131,7 @@ def _cone_mean(
     sine, turn = np.sqrt(1.0 - cosine**2), 2.0 * np.pi * shares[:, 1:]
     first, second = frames(forward)
     directions = cosine * forward + sine * (np.cos(turn) * first + np.sin(turn) * second)
-    hit = light_.rays.first(np.broadcast_to(eye, directions.shape), directions)
+    hit = solved.rays.first(np.broadcast_to(eye, directions.shape), directions)
     return float(np.where(hit >= 0, luminances[hit], 0.0).mean())
 
 
@@ -152,28 +152,28 @@ class SurfaceAppearance:
         return float(appearance_distance(self.seen, self.chosen))
 
 
-def surface_appearance(light_: RoomLight, name: str) -> SurfaceAppearance:
+def surface_appearance(solved: RoomLight, name: str) -> SurfaceAppearance:
     """Return how a surface appears in the room, and how its colour was chosen from an atlas.
 
     The eye is in front of the surface's lit middle, 2 m away or half way to the next surface.
     """
-    mesh, room = light_.mesh, light_.room
+    mesh, room = solved.mesh, solved.room
     rows = np.flatnonzero(mesh.surface == mesh.names.index(name))
     areas, centres = mesh.areas_m2[rows], mesh.centres_m[rows]
     middle = areas @ centres / areas.sum()
     patch = rows[int(np.linalg.norm(centres - middle, axis=1).argmin())]
     normal, centre = mesh.normals[patch], mesh.centres_m[patch]
-    start = centre + light_.rays.offset_m * normal
-    hit = int(light_.rays.first(start[None], normal[None])[0])
+    start = centre + solved.rays.offset_m * normal
+    hit = int(solved.rays.first(start[None], normal[None])[0])
     room_m = _AWAY_M if hit < 0 else abs(float((mesh.centres_m[hit] - centre) @ mesh.normals[hit]))
     away = min(_AWAY_M, room_m / 2.0)
     place = tuple((centre + away * normal).tolist())
-    conditions = look(light_, Eye(position_m=place, target_m=tuple(centre.tolist())))
+    conditions = look(solved, Eye(position_m=place, target_m=tuple(centre.tolist())))
     grid, reflectance = room.grid, room.reflectance(name)
     daylight = light("D65", grid)
     chosen = XYZ_from_spectra(daylight, reflectance)
     seen = XYZ_from_spectra(Spectrum(grid.wavelengths_nm, conditions.irradiance), reflectance)
-    lux = float(lux_from_irradiance(areas @ light_.irradiance[rows] / areas.sum(), grid))
+    lux = float(lux_from_irradiance(areas @ solved.irradiance[rows] / areas.sum(), grid))
     return SurfaceAppearance(
         name,
         lux,
@@ -190,7 +190,7 @@ def _xy(XYZ: Array) -> tuple[float, float]:
 
 
 def room_picture(
-    light_: RoomLight,
+    solved: RoomLight,
     eye: Eye,
     conditions: EyeConditions,
     size: tuple[int, int],
@@ -198,14 +198,14 @@ def room_picture(
     progress: Progress = no_progress,
 ) -> Array:
     """Return the codes (H, W, 3), 0 to 1, of a picture for the display of the eye's viewing."""
-    XYZ = picture_XYZ(light_, eye, size, conditions.irradiance, samples, progress)
+    XYZ = picture_XYZ(solved, eye, size, conditions.irradiance, samples, progress)
     viewing = conditions.viewing
     seen = view_transform(viewing, conditions.white_XYZ).apply(viewing.exposure * XYZ)
     return screen_for_viewing(viewing).codes(seen)
 
 
 def picture_XYZ(
-    light_: RoomLight,
+    solved: RoomLight,
     eye: Eye,
     size: tuple[int, int],
     irradiance: Array,
@@ -217,14 +217,14 @@ def picture_XYZ(
     Direct light is computed at each point that is seen; indirect light is interpolated between
     patches. ``size`` is width and height, ``samples``² rays are cast for each pixel.
     """
-    grid = light_.room.grid
+    grid = solved.room.grid
     Q = colour_matching_functions(grid)
     scale = Q.T * (100.0 / float(irradiance @ Q[1]))
-    exitance = light_.room.emission @ scale
-    indirect = light_.irradiance - light_.direct
+    exitance = solved.room.emission @ scale
+    indirect = solved.irradiance - solved.direct
     # Neighbours are patches on the same plane: normals count more than any distance.
-    span = float(np.ptp(light_.mesh.centres_m, axis=0).max())
-    place = np.concatenate([light_.mesh.centres_m, 4.0 * span * light_.mesh.normals], axis=1)
+    span = float(np.ptp(solved.mesh.centres_m, axis=0).max())
+    place = np.concatenate([solved.mesh.centres_m, 4.0 * span * solved.mesh.normals], axis=1)
     tree = cKDTree(place)
     directions = _pixel_rays(eye, size, samples)
     found = np.zeros((len(directions), 3))
@@ -232,23 +232,23 @@ def picture_XYZ(
     for start in range(0, len(directions), _PIXELS):
         progress("picture", start / len(directions))
         part = directions[start : start + _PIXELS]
-        hit = light_.rays.first(np.broadcast_to(origin, part.shape), part)
-        normals = light_.mesh.normals[hit]
+        hit = solved.rays.first(np.broadcast_to(origin, part.shape), part)
+        normals = solved.mesh.normals[hit]
         slope = np.einsum("kc,kc->k", part, normals)
         seen = np.flatnonzero((hit >= 0) & (slope < 0))
         hit, normals, slope = hit[seen], normals[seen], slope[seen]
-        corners = light_.mesh.corners_m[hit, 0]
+        corners = solved.mesh.corners_m[hit, 0]
         along = np.einsum("kc,kc->k", corners - origin, normals) / slope
         points = origin + along[:, None] * part[seen]
-        fallen = direct_irradiance(light_.room, light_.rays, points, normals)
+        fallen = direct_irradiance(solved.room, solved.rays, points, normals)
         count = min(_NEIGHBOURS, len(place))
         distance, near = tree.query(np.concatenate([points, 4.0 * span * normals], axis=1), count)
         distance, near = distance.reshape(len(points), -1), near.reshape(len(points), -1)
         weight = np.maximum(1.0 - (distance / np.maximum(distance[:, -1:], 1e-30)) ** 2, 1e-6) ** 2
         weight /= weight.sum(axis=1, keepdims=True)
         fallen += np.einsum("kn,knb->kb", weight, indirect[near])
-        left = (light_.reflectances[hit] * fallen) @ scale
-        found[start + seen] = left + exitance[light_.mesh.surface[hit]]
+        left = (solved.reflectances[hit] * fallen) @ scale
+        found[start + seen] = left + exitance[solved.mesh.surface[hit]]
     progress("picture", 1.0)
     width, height = size
     cells = found.reshape(height, samples, width, samples, 3)

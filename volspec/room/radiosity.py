@@ -10,6 +10,7 @@ windows. The rest is solved by conjugate gradients in y = √(ρ A) E, where the
 References
 ----------
 [1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity".
+[2] Cuttle (1997), "Cubic Illumination", Lighting Research and Technology 29(1).
 """
 
 from __future__ import annotations
@@ -95,6 +96,18 @@ class RoomLight:
         rows = self.mesh.surface == self.mesh.names.index(name)
         weights = self.mesh.areas_m2[rows]
         return weights @ self.irradiance[rows] / weights.sum()
+
+    def light_at(self, point_m: ArrayLike) -> Spectrum:
+        """Return the light on a small specimen, W/(m² nm): the mean over the faces of a cube [2].
+
+        Raises RoomError if the point is not in the room.
+        """
+        require_inside(self.room, self.rays, point_m, "the specimen")
+        faces = np.concatenate([np.eye(3), -np.eye(3)])
+        point = np.broadcast_to(np.asarray(point_m, np.float64), faces.shape)
+        grid = self.room.grid
+        mean = self.irradiance_at(point, faces).mean(axis=0) / grid.step_nm
+        return Spectrum(grid.wavelengths_nm, mean, name=self.room.title or "room")
 
     def painted(self, paints: Mapping[str, Spectrum | ArrayLike]) -> RoomLight:
         """Return the light of the room with other reflectances (B,) of some of its surfaces.
@@ -226,18 +239,22 @@ def look_around(room: Room) -> None:
             field=mesh.names[int(backs.argmax())],
         )
     for lamp in room.lamps:
-        up = np.array([0.0, 0.0, 1.0])
-        directions = np.concatenate([cosine_directions(s * up, shares[:, :2]) for s in (1, -1)])
-        hit = rays.first(np.broadcast_to(lamp.position_m, directions.shape), directions)
-        back = (np.einsum("kc,kc->k", directions, mesh.normals[hit]) > 0) & (hit >= 0)
-        if back.mean() > _LOST or ((hit < 0).any() and not room.open):
-            at = ", ".join(f"{x:g}" for x in lamp.position_m)
-            raise RoomError(
-                f"the lamp at ({at}) m is inside a wall, or outside of the room",
-                "move it",
-                code="range",
-                field="lamps",
-            )
+        require_inside(room, rays, lamp.position_m, "the lamp")
+
+
+def require_inside(room: Room, rays: Rays, point_m: ArrayLike, what: str) -> None:
+    """Raise RoomError if a point is inside furniture or a wall, or outside of a closed room."""
+    shares, up = sobol(_LOOKS, 2, seed=0), np.array([0.0, 0.0, 1.0])
+    directions = np.concatenate([cosine_directions(sign * up, shares) for sign in (1, -1)])
+    hit = rays.first(np.broadcast_to(point_m, directions.shape), directions)
+    back = (np.einsum("kc,kc->k", directions, rays.mesh.normals[hit]) > 0) & (hit >= 0)
+    if back.mean() > _LOST or ((hit < 0).any() and not room.open):
+        at = ", ".join(f"{x:g}" for x in np.asarray(point_m))
+        raise RoomError(
+            f"{what} at ({at}) m is inside a wall or furniture, or outside of the room",
+            "move it",
+            code="range",
+        )
 
 
 def _looks(rays: Rays, shares: Array) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ from volspec.scene.specs import CameraSpec
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import plain, read_table
 from volspec.spectra import DEFAULT_GRID
+from volspec.spectra.lights import rebase_light
 from volspec.transfer import Transfer
 from volspec.transfer.label_look import label_function
 from volspec.transfer.presets import Preset, fit_preset, histogram
@@ -65,8 +66,8 @@ def volume_file(
     preset : Preset, optional
         Materials and transfer function; default: the volume's labels.
     lights : sequence of str, optional
-        In `volspec.light`'s notation; default: daylight, tungsten, fluorescent, sodium, and two
-        whites of LEDs.
+        In `volspec.light`'s notation, with files relative to the current folder; default: daylight,
+        tungsten, fluorescent, sodium, and two whites of LEDs.
     camera : Orbit, optional
         Direction, field of view and projection; default: the default of scenes.
     """
@@ -76,8 +77,10 @@ def volume_file(
     else:
         transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
         materials = preset.materials
-    rows = {name: (name, "") for name in lights} or LIGHTS
     path = volume_path(address)
+    # Files of lights are relative to the current folder, the scene's paths to the volume's.
+    given = {name: (rebase_light(name, Path.cwd(), path.parent), "") for name in lights}
+    rows = given or LIGHTS
     details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
     document: dict[str, Any] = {
         "title": path.name,
