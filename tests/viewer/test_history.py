@@ -363,7 +363,10 @@ def test_a_complaint_goes_when_the_lights_are_edited(state: ViewState) -> None:
 
 
 def test_without_a_session_a_file_is_opened(
-    state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    state: ViewState,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.setenv("VOLSPEC_STATE", str(tmp_path))
     begun: list[str | None] = []
@@ -390,6 +393,7 @@ def test_without_a_session_a_file_is_opened(
     # Nothing is left to open: the window says why.
     assert made.problem == "" and made.finish_open(broken, first=True) is None
     assert made.problem == "broken" and notice.shown is not None and notice.shown.kind == "error"
+    assert capsys.readouterr().err == "volspec: broken\n" * 2
     # What was named comes before what was opened last; what is gone is no file.
     resumed("named")
     assert begun == ["named"]

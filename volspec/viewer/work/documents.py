@@ -8,6 +8,7 @@ Of several requests, only the last is opened. The previous state is saved as a s
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -169,6 +170,8 @@ class DocumentService:
             self.problem = ""
             return opened
         if first:
+            # In the terminal, too, where the command was typed.
+            print(f"volspec: {one_line(outcome.error)}", file=sys.stderr)
             self._open_fallback(outcome.error)
         else:
             self._notice.show_error(outcome.error)
