@@ -73,7 +73,7 @@ class LampSpec:
     name: Annotated[Name, Field(examples=["window"])]
     """Its name; of a window or panel, the name of its surface, too."""
     spectrum: Annotated[str, Field(examples=["D65"])]
-    """As of a scene's light: D65, A, tungsten, planck:3000, FILE.csv, …"""
+    """As of a scene's light: D65, A, tungsten, planck:3000, FILE.csv and others."""
     on: Literal["left", "right", "front", "back", "floor", "ceiling"] | None = None
     """The side that a window or panel is part of."""
     place_m: Place | None = None
