@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.support.commands import call, refusal
+from volspec.cli.inputs import open_scene
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
 from volspec.volume import phantom
@@ -37,6 +38,21 @@ def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
     scene = Scene.load("other/a.toml")
     assert scene.file.volume.file == "../scans/a.npy"
     assert scene.file.camera.azimuth_deg == -90 and [each.name for each in scene.lights] == ["A"]
+
+
+def test_left_is_the_patients_left(scans: Path) -> None:
+    """Of a volume with an orientation in LPS; +x is there, at an azimuth of 90 degrees."""
+    import SimpleITK as sitk
+
+    image = sitk.GetImageFromArray(phantom.ball(8).values)
+    image.SetDirection((-1, 0, 0, 0, -1, 0, 0, 0, 1))
+    sitk.WriteImage(image, "head.nrrd")
+    for side, azimuth in (("left", 90), ("right", -90), ("back", 180)):
+        path = f"{side}.toml"
+        assert call("scene", "new", "head.nrrd", "-o", path, "--camera", side) == 0
+        assert Scene.load(path).file.camera.azimuth_deg == azimuth
+        scene, _ = open_scene("left.toml", camera=side)
+        assert scene.file.camera.azimuth_deg == azimuth
 
 
 def test_a_scene_takes_a_camera_too(scans: Path) -> None:

@@ -20,6 +20,7 @@ from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
 from volspec.pipeline import Raycaster
 from volspec.raycast import CoefficientImage
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
@@ -32,6 +33,7 @@ from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
+from volspec.volume import Choice
 
 
 class Slow(LatestWorker[str, str]):
@@ -160,6 +162,40 @@ def test_only_the_opening_s_message_ends_with_it(
     notice.show("later")
     each.begin(Opened(state), state)
     assert notice.text == "later"
+
+
+def test_time_steps_pressed_while_one_is_read_are_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
+    values = tuple(map(str, range(65)))
+    state = opened(tmp_path)
+    document = replace(state.document, choices=(Choice("time", values, values, "2"),))
+    state, go_on, read = replace(state, document=document), threading.Event(), list[str]()
+
+    def slow(path: str, _: object, choices: tuple[Choice, ...]) -> Document:
+        read.append(path.partition("time=")[2])
+        assert go_on.wait(20)
+        return replace(document, choices=choices)
+
+    monkeypatch.setattr(documents, "open_document", slow)
+    tasks, notice = Tasks(lambda: None), Notice()
+    each = DocumentService(tasks, notice, None)
+    for _ in range(3):
+        each.step(state, 1)
+    assert "step 6 of 65 (?time=5)" in notice.text
+    go_on.set()
+    shown = state
+    for _ in range(2):
+        wait_until(lambda: tasks.busy)
+        (outcome,) = take_until(tasks.take, bool)
+        found = each.finish_open(outcome, first=False)
+        assert found is not None
+        shown = found.after(shown).state
+        each.begin(found, None)
+    assert shown.document.choices[0].chosen == "5" and read == ["3", "5"] and not tasks.busy
+    each.step(shown, -1)
+    assert "step 5 of 65" in notice.text
 
 
 @pytest.mark.parametrize("written", [True, False])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tests.support.viewer import run_command
 from volspec.raycast import Camera, ClipPlane
 from volspec.raycast.framing import fit_view, shown_mm
-from volspec.raycast.projection import Projection, cube_faces, length_mm
+from volspec.raycast.projection import Projection, cube_faces, cube_label, length_mm
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import camera, cuts, slices, transfer_edits
 from volspec.viewer.model.commands import BY_KEY
@@ -356,3 +356,15 @@ def test_front_right_and_top_look_along_the_axes(state: ViewState) -> None:
         view = run_command(state, f"view-{side}").state.view
         forward = view.camera(state.document.volume).frame()[2]
         np.testing.assert_allclose(forward, towards, atol=1e-9)
+
+
+def test_sides_of_a_patient_are_named_as_on_the_cube(state: ViewState) -> None:
+    letters = {"left": "L", "right": "R", "front": "A", "back": "P", "top": "S", "bottom": "I"}
+    patient = cuts.with_overlays(state, patient=True)
+    for side, letter in letters.items():
+        there = run_command(patient, f"view-{side}").state.view.camera(state.document.volume)
+        nearest, _, _ = max(cube_faces(there), key=lambda face: face[2])
+        assert cube_label(nearest, True) == letter, side
+    # Without a patient, right is at +x.
+    plain = run_command(state, "view-right").state.view.camera(state.document.volume)
+    assert cube_label(max(cube_faces(plain), key=lambda face: face[2])[0], False) == "+x"

@@ -44,7 +44,7 @@ CameraOption = Annotated[
         name="--camera",
         allow_leading_hyphen=True,
         help="Side (front, back, left, right, top, bottom, isometric), or AZIMUTH,ELEVATION in "
-        "degrees.",
+        "degrees. Left and right are the patient's if the volume has an orientation.",
     ),
 ]
 # Endings of a single output.
@@ -70,11 +70,12 @@ def open_scene(
     from volspec.volume import load_volume
 
     require_scene(Path(address), image)
-    orbit = None if camera is None else _orbit(camera)
+    wanted = None if camera is None else _camera(camera)
     if Path(address).suffix.lower() != ".toml":
         for text in lights or ():
             light(text, DEFAULT_GRID)  # refused before the volume is read
         volume = load_volume(address)
+        orbit = None if wanted is None else _orbit(wanted, lambda: volume)
         with in_options({"preset": "--preset"}):
             scene = Scene.from_volume(
                 address, preset=preset, lights=lights or (), camera=orbit, volume=volume
@@ -87,7 +88,8 @@ def open_scene(
             "--preset, or give its volume",
             code="conflict",
         )
-    if orbit is not None:
+    if wanted is not None:
+        orbit = _orbit(wanted, scene.volume)
         turned = replace(
             scene.file.camera,
             azimuth_deg=orbit.azimuth_deg,
@@ -99,12 +101,14 @@ def open_scene(
     return scene, None
 
 
-def _orbit(camera: str) -> Orbit:
-    """Return a side, or azimuth and elevation, as an orbit."""
+def _camera(camera: str) -> str | Orbit:
+    """Return the name of a side, or the orbit of azimuth and elevation."""
     from volspec.raycast.camera import SIDES, Orbit
 
+    if camera.lower() in SIDES:
+        return camera.lower()
     try:
-        azimuth, elevation = SIDES.get(camera.lower()) or map(float, camera.split(","))
+        azimuth, elevation = map(float, camera.split(","))
         if not abs(elevation) <= 90:
             raise ValueError
         return Orbit(azimuth, elevation)
@@ -112,6 +116,14 @@ def _orbit(camera: str) -> Orbit:
         sides = ", ".join(SIDES)
         remedy = f"give a side ({sides}) or AZIMUTH,ELEVATION, as 45,20; elevation -90 to 90"
         raise InputError.refused("--camera", camera, remedy, "syntax") from None
+
+
+def _orbit(camera: str | Orbit, read: Callable[[], Volume]) -> Orbit:
+    """Return the orbit of a side, for which the volume is read; an orbit stays."""
+    from volspec.raycast.camera import Orbit
+    from volspec.raycast.projection import side_deg
+
+    return Orbit(*side_deg(camera, read())) if isinstance(camera, str) else camera
 
 
 @dataclass(frozen=True, slots=True)

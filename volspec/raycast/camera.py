@@ -22,7 +22,8 @@ from volspec.volume import Volume
 _ASKEW = 1e-15
 
 
-# Azimuth and elevation by name, in degrees.
+# Azimuth and elevation by name, in degrees, along the world's axes; `projection.side_deg` knows
+# where a patient's left and right are.
 SIDES = {
     "front": (0.0, 0.0),
     "right": (90.0, 0.0),

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.raycast.camera import Camera
+from volspec.raycast.camera import SIDES, Camera
 from volspec.volume import Volume
 
 Place = tuple[float, float]
@@ -137,6 +137,21 @@ def is_patient(volume: Volume, chosen: bool | None) -> bool:
     # Without an orientation, the first voxel is at the origin and the axes are the world's.
     matrix = volume.world_from_index
     return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
+
+
+def side_deg(side: str, volume: Volume, chosen: bool | None = None) -> tuple[float, float]:
+    """Return azimuth and elevation of the camera at a side; a patient's left is their own.
+
+    ``chosen`` is as for `is_patient`.
+
+    >>> volume = Volume(np.zeros((3, 3, 3)))
+    >>> side_deg("left", volume), side_deg("left", volume, True)
+    ((-90.0, 0.0), (90.0, 0.0))
+    """
+    azimuth, elevation = SIDES[side]
+    # In LPS, +x is the patient's left.
+    mirrored = side in ("left", "right") and is_patient(volume, chosen)
+    return -azimuth if mirrored else azimuth, elevation
 
 
 def cube_label(face: int, patient: bool) -> str:

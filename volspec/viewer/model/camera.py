@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from volspec.raycast.camera import SIDES, radius_mm
+from volspec.raycast.camera import radius_mm
 from volspec.raycast.framing import ZOOMS, fit_view
-from volspec.raycast.projection import face_normal
+from volspec.raycast.projection import face_normal, side_deg
 from volspec.viewer.model.cuts import overlay_command
 from volspec.viewer.model.edit import Change, Command, bind, edit
 from volspec.viewer.model.state import ViewState
@@ -125,12 +125,16 @@ def _fit(state: ViewState) -> ViewState:
     return replace(state, view=view)
 
 
+def _look_from(state: ViewState, side: str) -> ViewState:
+    patient = state.interface.overlays.patient
+    azimuth, elevation = side_deg(side, state.document.volume, patient)
+    return _with_view(state, azimuth_deg=azimuth, elevation_deg=elevation, roll_deg=0.0)
+
+
 def _side(title: str, key: str) -> Command:
     """Return the command that looks from a side; its key is F3D's, or Ctrl and the opposite's."""
-    azimuth_deg, elevation_deg = SIDES[title.lower()]
-    angles = {"azimuth_deg": azimuth_deg, "elevation_deg": elevation_deg, "roll_deg": 0.0}
-    change = bind(_with_view, **angles)
-    return Command(f"view-{title.lower()}", "View", title, (key,), change, words="camera view")
+    side = title.lower()
+    return Command(f"view-{side}", "View", title, (key,), bind(_look_from, side), words="camera view")
 
 
 COMMANDS = (
@@ -154,10 +158,10 @@ COMMANDS = (
     Command(
         "reset-view",
         "View",
-        "The scene's own view",
+        "Reset the view",
         ("enter",),
         lambda state: replace(state, view=state.document.view),
-        words="camera home reset default",
+        words="camera home default scene's own view",
     ),
     Command("roll-left", "View", "Roll 90° to the left", ("4",), bind(roll, -90.0)),
     Command("roll-right", "View", "Roll 90° to the right", ("6",), bind(roll, 90.0)),

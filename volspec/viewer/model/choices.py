@@ -45,10 +45,10 @@ def value_text(choice: Choice, number: int) -> str:
     >>> value_text(Choice("channel", ("0", "1"), ("DAPI", "GFP")), 1)
     'GFP'
     >>> value_text(Choice("time", ("0", "1"), ("0", "1")), 1)
-    '2 / 2'
+    '2 of 2'
     """
     name = choice.names[number]
-    return f"{number + 1} / {len(choice.names)}" if name == choice.values[number] else name
+    return f"{number + 1} of {len(choice.names)}" if name == choice.values[number] else name
 
 
 ORDERS = ("little", "big")

@@ -7,15 +7,16 @@ import math
 from imgui_bundle import imgui
 
 from volspec.palette import Cell
-from volspec.palette.model import hexadecimal
+from volspec.palette.model import Place, hexadecimal
 from volspec.spectra import light_names
 from volspec.viewer.model import lights, palette_edits
-from volspec.viewer.model.palette_table import Table
+from volspec.viewer.model.light_rows import brightest_row
+from volspec.viewer.model.palette_table import Table, colour_table
 from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clip_codes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.palette_cells import CELL_POPUP, COLUMN_POPUP, ROW_POPUP, column_note
-from volspec.viewer.ui.widgets import pick
+from volspec.viewer.ui.widgets import as_one_line, pick
 
 # Kinds of targets by their titles: the kind, and the tip.
 _KINDS = {
@@ -69,13 +70,7 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     if chosen is not None:
         new = palette_edits.set_target_kind(new, number, _KINDS[chosen][0])
     if kind in ("", "colour"):
-        # With no target yet, picking a colour makes one.
-        codes = own.colour if own and own.colour else clip_codes(report.obtained)
-        moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
-        ui.note("picker")
-        if moved:
-            key = " ".join(f"{code:.5f}" for code in clip_codes((picked[0], picked[1], picked[2])))
-            new = palette_edits.set_target(new, number, key)
+        new = _picker(new, table, place, ui)
     elif own is not None:
         new = _other(new, table, number, own, ui)
     # Always shown, so that the first target does not move items under the mouse.
@@ -85,6 +80,33 @@ def _cell(state: ViewState, table: Table, ui: UiContext) -> ViewState:
     imgui.pop_item_width()
     far = "" if report.delta_E_2000 is None else f", ΔE {report.delta_E_2000:.1f}"
     imgui.text_disabled(f"Reached {hexadecimal(report.obtained)}{far}")
+    return new
+
+
+def _picker(state: ViewState, table: Table, place: Place, ui: UiContext) -> ViewState:
+    """Draw the picker of a cell's target; with no target yet, picking a colour makes one."""
+    own = state.palette.targets.cells.get(place)
+    codes = own.colour if own and own.colour else clip_codes(table.cells[place].obtained)
+    moved, picked = imgui.color_picker3("##colour", list(codes), _PICKER)
+    ui.note("picker")
+    if not moved:
+        return state
+    key = " ".join(f"{code:.5f}" for code in clip_codes((picked[0], picked[1], picked[2])))
+    return palette_edits.set_target(state, table.index(place), key)
+
+
+def draw_material_colour(state: ViewState, ui: UiContext, name: str) -> ViewState:
+    """Draw the picker of a material's colour under the brightest light, in a popup of its own."""
+    table = colour_table(state)
+    place = name, table.columns[brightest_row(state.lights)]
+    imgui.text(f"{as_one_line(name)} under {as_one_line(place[1])}")
+    if place not in table.cells:
+        imgui.text_wrapped(table.complaint)
+        return state
+    imgui.push_item_width(ui.px(_WIDTH))
+    new = _picker(state, table, place, ui)
+    imgui.pop_item_width()
+    imgui.text_disabled("A target of the Palette panel")
     return new
 
 

@@ -17,8 +17,16 @@ from volspec.viewer.model.commands import rank_matches
 from volspec.viewer.model.materials import uses_of_material
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
+from volspec.viewer.ui import palette_editor
 from volspec.viewer.ui.context import UiContext, tip
-from volspec.viewer.ui.transfer_plot import material_colours, part_colours, spectrum_colour, swatch
+from volspec.viewer.ui.light_look import Colour
+from volspec.viewer.ui.transfer_plot import (
+    LIT,
+    material_colours,
+    part_colours,
+    spectrum_colour,
+    swatch,
+)
 from volspec.viewer.ui.widgets import (
     as_one_line,
     search_field,
@@ -247,17 +255,38 @@ def _cross(ui: UiContext) -> bool:
 
 
 def draw_material(state: ViewState, ui: UiContext, index: int) -> ViewState:
-    """Draw the search for a material, and the list: a click picks one alone, sliders mix."""
+    """Draw the search for a material, and the list: a click picks one alone, sliders mix.
+
+    A click on a colour picks another one for its material; of a mix, the one with most weight.
+    """
     mix = list_parts(state.transfer)[index].mix
-    swatch(ui, part_colours(state)[index])
+    new = _colour_button(state, ui, max(mix, key=mix.__getitem__), part_colours(state)[index])
     imgui.same_line(0, ui.px(4))
     imgui.set_next_item_width(-1.0)
     imgui.set_next_window_size_constraints((ui.px(300), 0), (ui.px(420), ui.px(420)))
     if not imgui.begin_combo("##material", mix_text(mix), imgui.ComboFlags_.height_largest):
         ui.note("material", "Material: one, a mix, or another one from the library")
-        return state
-    new = _material_list(state, ui, index)
+        return new
+    new = _material_list(new, ui, index)
     imgui.end_combo()
+    return new
+
+
+def _colour_button(state: ViewState, ui: UiContext, name: str, colour: Colour) -> ViewState:
+    """Draw a colour that a click changes: of a material, under the light."""
+    x, y = imgui.get_cursor_screen_pos()
+    swatch(ui, colour)
+    imgui.set_cursor_screen_pos((x, y))
+    side = imgui.get_frame_height()
+    imgui.push_id(f"colour of {name}")
+    if imgui.invisible_button("##pick", (side, side)):
+        imgui.open_popup("picker")
+    ui.note(f"swatch {name}", f"{LIT}\nClick to give {as_one_line(name)} another colour")
+    new = state
+    if imgui.begin_popup("picker"):
+        new = palette_editor.draw_material_colour(state, ui, name)
+        imgui.end_popup()
+    imgui.pop_id()
     return new
 
 
@@ -287,7 +316,7 @@ def _material_list(state: ViewState, ui: UiContext, index: int) -> ViewState:
         lone = sum(weight > 0 for weight in mix.values()) < 2
         for name, colour in material_colours(state).items():
             imgui.push_id(name)
-            swatch(ui, colour)
+            new = _colour_button(new, ui, name, colour)
             new = _material_row(new, ui, index, name, mix.get(name, 0.0), lone)
             imgui.pop_id()
     return new

@@ -25,6 +25,7 @@ from volspec.viewer.ui.light_look import Colour, adapting_transform, as_colour, 
 from volspec.viewer.ui.widgets import ACCENT, pack_colour
 
 Array = NDArray[np.float64]
+LIT = "Under the lights that are on, to an eye adapted to them"
 FLAGS = implot.Flags_.canvas_only
 # Padding left and right of a plot, and above and below it.
 _PADDING = 10, 4
@@ -40,7 +41,7 @@ def swatch(ui: UiContext, colour: Colour) -> None:
     fill_box((*start, side - 2 * inset, side - 2 * inset), colour, inset)
     border = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7)
     imgui.get_window_draw_list().add_rect(start, end, border, inset)
-    tip("Under the lights that are on, to an eye adapted to them")
+    tip(LIT)
 
 
 def part_colours(state: ViewState) -> tuple[Colour, ...]:

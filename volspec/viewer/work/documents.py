@@ -113,6 +113,20 @@ def open_path(path: str | None, device: str | None) -> Opened | Undecided:
 _SAME_VALUES = ("time", "level")
 
 
+def _time_step(document: Document) -> str | None:
+    """Return the time step of a document, as in its address; None if it has none."""
+    return next((each.chosen for each in document.choices if each.key == "time"), None)
+
+
+def _opening_text(document: Document, key: str, value: str, path: str) -> str:
+    """Return the message while another choice of a document's volume is read."""
+    for choice in document.choices:
+        if key == "time" and choice.key == key and value in choice.values:
+            number = choice.values.index(value) + 1
+            return f"Opening step {number} of {len(choice.values)} (?time={value}) …"
+    return f"Opening {path} …"
+
+
 class DocumentService:
     """Opens files in the background, and saves sessions."""
 
@@ -126,6 +140,8 @@ class DocumentService:
         self.recent = self._recent.rows()
         self.undecided: Undecided | None = None  # an address of which to choose what to open
         self.problem = ""  # why nothing is open yet
+        # The document shown while another of its time steps is read, and the step wanted last.
+        self._stepping: tuple[Document, str] | None = None
 
     def open(self, path: str | None, notify: bool = True) -> None:
         """Start reading a scene, a volume or a session; None for the bundled demo.
@@ -135,6 +151,7 @@ class DocumentService:
         if path is not None and path.lower().endswith(SUFFIX):
             self.resume(Path(path))
             return
+        self._stepping = None
         if notify:
             self._show_opening(f"Opening {path or 'the demo'} …")
         self._tasks.start("open", lambda: open_path(path, self._device))
@@ -169,6 +186,7 @@ class DocumentService:
             opened: Opened = outcome.result
             self.problem = ""
             return opened
+        self._stepping = None
         if first:
             # In the terminal, too, where the command was typed.
             print(f"volspec: {one_line(outcome.error)}", file=sys.stderr)
@@ -194,6 +212,9 @@ class DocumentService:
         elif opened.path is not None:
             self._recent.add(opened.path)
             self.recent = self._recent.rows()
+        stepping, self._stepping = self._stepping, None
+        if stepping is not None and stepping[1] != _time_step(opened.state.document):
+            self.choose(opened.state, "time", stepping[1])
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
         """Save the session if it is due and nothing is moving that this could disturb."""
@@ -225,6 +246,7 @@ class DocumentService:
 
     def reload(self, state: ViewState) -> None:
         """Read the open file again; only the view and the window stay."""
+        self._stepping = None
         path = state.document.source
         self._show_opening("Reading the file again; only the view stays …")
 
@@ -235,16 +257,23 @@ class DocumentService:
         self._tasks.start("open", again)
 
     def choose(self, state: ViewState, key: str, value: str) -> None:
-        """Open another channel, time step, … of the open volume, under the same lights and view."""
+        """Open another channel, time step, … of the open volume, under the same lights and view.
+
+        While a time step is being read, the one wanted last is next.
+        """
         source = state.document.source
         if source is None:
             return
         path = address_with(source, {key: value})
+        reads = self._stepping is not None and self._stepping[0] is state.document
+        self._stepping = (state.document, value) if key == "time" else None
+        self._show_opening(_opening_text(state.document, key, value, path))
+        if reads and self._stepping is not None:
+            return
         choices = tuple(
             replace(choice, chosen=value) if choice.key == key else choice
             for choice in state.document.choices
         )
-        self._show_opening(f"Opening {path} …")
 
         def chosen() -> Opened:
             # The steps of a series may differ from another's.
@@ -261,12 +290,14 @@ class DocumentService:
 
     def step(self, state: ViewState, by: int) -> None:
         """Open a later or an earlier time step; the first follows the last."""
-        for choice in state.document.choices:
-            if choice.key == "time" and choice.chosen is not None:
-                at = (choice.values.index(choice.chosen) + by) % len(choice.values)
-                self.choose(state, "time", choice.values[at])
-                return
-        self._notice.show_warning("This volume has no time steps")
+        now = _time_step(state.document)
+        if now is None:
+            self._notice.show_warning("This volume has no time steps")
+            return
+        if self._stepping is not None and self._stepping[0] is state.document:
+            now = self._stepping[1]
+        values = next(each.values for each in state.document.choices if each.key == "time")
+        self.choose(state, "time", values[(values.index(now) + by) % len(values)])
 
     def clear_recent(self) -> None:
         """Clear the list of recent files."""
@@ -275,6 +306,7 @@ class DocumentService:
 
     def resume(self, path: Path) -> None:
         """Start restoring the session in a file."""
+        self._stepping = None
 
         def restored() -> Opened:
             check_name(path)
