@@ -376,13 +376,13 @@ def _require_room(folder: Path, path: str | os.PathLike[str]) -> None:
     try:
         while not folder.exists():
             folder = folder.parent
-        writable = folder.is_dir() and os.access(folder, os.W_OK)
+        # A trial, as permissions do not tell of /proc, or of file systems mounted read-only.
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError:
-        writable = False
-    if not writable:
         raise InputError(
             f"{Path(path)}: cannot write there; choose another folder", code="unwritable"
-        )
+        ) from None
 
 
 def _output(path: str | os.PathLike[str]) -> Path:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.viewer import SCENES, opened
+from tests.support.viewer import SCENES, opened, run_command
 from volspec.errors import (
     CastCancelled,
     InputError,
@@ -194,6 +194,18 @@ def test_a_path_is_completed_as_far_as_its_neighbours_agree(tmp_path: Path) -> N
     assert names(list_paths(start, base="/nosuch")) == names(list_paths(start))
 
 
+def test_slices_are_listed_by_their_content_if_they_have_no_ending(tmp_path: Path) -> None:
+    head = bytes(128) + b"DICM"
+    files = {"IM0001": head, "1.2.840": head, "a.dcm": b"", "README": b"text", "a.txt": b"text"}
+    for name, content in files.items():
+        (tmp_path / name).write_bytes(content)
+    plain = list_paths(f"{tmp_path}/", (".dcm", ".toml"))
+    assert names(plain) == ["a.dcm"] and plain.others == 4
+    found = list_paths(f"{tmp_path}/", (".dcm", ".toml"), slices=True)
+    assert names(found) == ["1.2.840", "a.dcm", "IM0001", "README"]
+    assert (found.others, found.dicom) == (1, 3)
+
+
 def names(listing: Listing) -> list[str]:
     return [row.name for row in listing.rows]
 
@@ -296,7 +308,7 @@ def test_pictures_have_even_sides_or_the_size_that_was_asked_for() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "stems"), [("", ("volspec-ball-1", "volspec-ball-2")), ("a b.png", ("a-b", "a-b-1"))]
+    ("name", "stems"), [("", ("ball", "ball-1")), ("a b.png", ("a-b", "a-b-1"))]
 )
 def test_files_get_free_names_next_to_what_was_opened(
     tmp_path: Path, name: str, stems: tuple[str, ...]
@@ -349,8 +361,33 @@ def test_a_picture_that_is_given_up_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(CastCancelled):
         save_picture(opened(tmp_path), Shot(to=Destination(str(tmp_path))), progress)
     assert not list(tmp_path.glob("*.png"))
-    with raises(InputError, "not-found"):
-        save_picture(opened(tmp_path), Shot(to=Destination(str(tmp_path / "no"))), Progress(""))
+
+
+def test_a_folder_that_is_missing_is_made_and_one_that_cannot_be_is_refused(
+    tmp_path: Path,
+) -> None:
+    state = replace(opened(tmp_path), size=(40, 30))
+    folder = tmp_path / "new" / "deeper"
+    assert save_picture(state, Shot(to=Destination(str(folder))), Progress("")).parent == folder
+    for below in (tmp_path / "ball.toml", Path("/proc/new")):
+        with raises(InputError, "unwritable"):
+            Destination(str(below)).new_path(state.document, ".png")
+
+
+def test_files_are_named_after_the_volume_without_its_endings(tmp_path: Path) -> None:
+    """Of a volume, and of a scene that was saved of it, whose title is the file name."""
+    document = opened(tmp_path).document
+    assert document.file is not None
+    volume = replace(document.file.volume, file="head.nii.gz?time=2")
+    scene = replace(document, title="head.nii.gz", file=replace(document.file, volume=volume))
+    assert Destination().new_path(scene, ".gif").name == "head.gif"
+
+
+def test_a_picture_has_the_scale_bar_of_the_screen(tmp_path: Path) -> None:
+    state = opened(tmp_path)
+    assert Shot().marks_for(state) == ("scale",)
+    hidden = run_command(state, "scale")
+    assert Shot().marks_for(hidden.state) == () == Shot(marks=()).marks_for(state)
 
 
 @pytest.fixture

@@ -18,7 +18,15 @@ from volspec.errors import CastCancelled, ViewingError
 from volspec.scene import Scene
 from volspec.scene.export import MARKS
 from volspec.viewer.model import light_rows, light_states
-from volspec.viewer.model.film import LIGHTS, SIDES, STATES, Film, frame_state, light_changes
+from volspec.viewer.model.film import (
+    LIGHTS,
+    SIDES,
+    STATES,
+    Film,
+    frame_state,
+    light_changes,
+    with_frames,
+)
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import commands
@@ -187,6 +195,12 @@ def test_from_a_volume_to_a_film_and_a_page_by_mouse_in_few_actions(
         page = robot.wait_for(lambda row: row["event"] in ("page", "error"), before)
         assert Path(page["path"]).parent == tmp_path
         assert '<script type="text/plain" id="view-0">' in Path(page["path"]).read_text("utf-8")
+
+
+def test_a_turntable_of_36_frames_is_typed() -> None:
+    for fps in (25.0, 24.0, 30.0, 7.0):
+        assert with_frames(Film(fps=fps), 36).frames == 36
+    assert with_frames(Film(), 0).frames == 1
 
 
 def test_pictures_and_films_have_the_same_marks(tmp_path: Path) -> None:

@@ -134,7 +134,9 @@ def _look_from(state: ViewState, side: str) -> ViewState:
 def _side(title: str, key: str) -> Command:
     """Return the command that looks from a side; its key is F3D's, or Ctrl and the opposite's."""
     side = title.lower()
-    return Command(f"view-{side}", "View", title, (key,), bind(_look_from, side), words="camera view")
+    return Command(
+        f"view-{side}", "View", title, (key,), bind(_look_from, side), words="camera view"
+    )
 
 
 COMMANDS = (

@@ -359,7 +359,11 @@ def _on_chosen_plane(change: Callable[[ViewState, int], ViewState]) -> Change:
 COMMANDS = (
     overlay_command("crop", "Cut", "Crop box", ("c",)),
     Command(
-        "reset-crop", "Cut", "Remove the crop", ("ctrl+shift+x",), bind(_with_cuts, crop_voxels=None)
+        "reset-crop",
+        "Cut",
+        "Remove the crop",
+        ("ctrl+shift+x",),
+        bind(_with_cuts, crop_voxels=None),
     ),
     Command("plane-facing", "Cut", "Add a clip plane facing you", ("p",), _add_facing),
     *(

@@ -36,6 +36,12 @@ class Film:
         return max(round(self.seconds * self.fps), 1)
 
 
+def with_frames(film: Film, frames: int) -> Film:
+    """Return a film of a number of frames, at the same rate."""
+    most = int(SECONDS[1] * film.fps)
+    return replace(film, seconds=min(max(frames, 1), most) / film.fps)
+
+
 def light_changes(state: ViewState) -> tuple[str, ...]:
     """Return what the lights of a state can do in a film."""
     possible = (

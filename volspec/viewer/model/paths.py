@@ -8,10 +8,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import takewhile
+from pathlib import Path
 
 from volspec.errors import InputError
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
+from volspec.volume.files.dicom_headers import is_dicom
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 
 # Slices: one DICOM file means its series, pictures mean their folder.
@@ -81,19 +84,23 @@ class Listing:
     rows: tuple[PathRow, ...]
     common: str  # the path, completed as far as all names agree
     others: int = 0  # number of files with other endings
+    dicom: int = 0  # number of DICOM files among the rows
 
 
-def list_paths(text: str, suffixes: Sequence[str] = (), base: str = "") -> Listing:
+def list_paths(
+    text: str, suffixes: Sequence[str] = (), base: str = "", slices: bool = False
+) -> Listing:
     """List folders, and files with one of the endings, that complete a path.
 
     The path starts from the folder ``base``, the current one if empty; ``~`` is the user's home
-    folder. ``suffixes`` are in lower case; none lists all files. Names that are not UTF-8 are left
+    folder. ``suffixes`` are in lower case; none lists all files. With ``slices``, files without an
+    ending and DICOM files with any are listed and counted, too. Names that are not UTF-8 are left
     out, as `check_name` refuses them.
     """
     start = max(text.rfind("/"), text.rfind(os.sep)) + 1  # Windows accepts both
     folder, typed = text[:start], text[start:]
     rows: list[tuple[str, os.DirEntry[str]]] = []
-    others = 0
+    others = dicom = 0
     try:
         with os.scandir(os.path.join(base, os.path.expanduser(folder)) or ".") as entries:
             for entry in entries:
@@ -104,7 +111,11 @@ def list_paths(text: str, suffixes: Sequence[str] = (), base: str = "") -> Listi
                     continue
                 if entry.is_dir():
                     rows.append((name + "/", entry))
-                elif not suffixes or name.lower().endswith(tuple(suffixes)):
+                    continue
+                is_slice = slices and _is_slice(entry)
+                dicom += is_slice
+                bare = slices and not os.path.splitext(name)[1]
+                if not suffixes or is_slice or bare or name.lower().endswith(tuple(suffixes)):
                     rows.append((name, entry))
                 else:
                     others += 1
@@ -115,7 +126,24 @@ def list_paths(text: str, suffixes: Sequence[str] = (), base: str = "") -> Listi
     shared = sum(1 for _ in takewhile(lambda each: len(set(each)) == 1, letters))
     common = rows[0][0][:shared] if rows else typed
     listed = tuple(_path_row(*row) for row in rows[:MOST_ROWS])
-    return Listing(folder, listed, folder + common, others)
+    return Listing(folder, listed, folder + common, others, dicom)
+
+
+def _is_slice(entry: os.DirEntry[str]) -> bool:
+    """Return True for a DICOM file, by its ending or else by its first bytes."""
+    if entry.name.lower().endswith(DICOM_SUFFIXES):
+        return True
+    try:
+        found = entry.stat()
+        return entry.is_file() and _begins_as_dicom(entry.path, found.st_size, found.st_mtime)
+    except OSError:
+        return False
+
+
+# A dialog lists its folder once a second.
+@lru_cache(maxsize=4 * MOST_ROWS)
+def _begins_as_dicom(path: str, _size: int, _changed_s: float) -> bool:
+    return is_dicom(Path(path))
 
 
 def _path_row(name: str, entry: os.DirEntry[str]) -> PathRow:

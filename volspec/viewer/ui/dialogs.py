@@ -14,8 +14,9 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from volspec._files import plain_stem
+from volspec._files import plain_stem, require_writable
 from volspec._gpu.sources import asset
+from volspec.errors import InputError, one_line
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.paths import (
     FolderPlace,
@@ -99,6 +100,7 @@ class PathDialog:
         self._follow = False  # scroll to the chosen row
         self._all = False  # list files with any ending
         self._replaces = ""  # the file that the next Enter replaces
+        self._problem = "", ""  # a path, and why it cannot be written
 
     def draw(self, ui: UiContext) -> str | None:
         """Draw the dialog; return the path, empty if none was entered, None while it is open."""
@@ -115,30 +117,32 @@ class PathDialog:
 
     def _body(self, ui: UiContext) -> str | None:
         request = self.request
-        found = _list_paths(self._typed, self._suffixes, self._folder, int(imgui.get_time()))
+        slices = request.folders and not self._all
+        second = int(imgui.get_time())
+        found = _list_paths(self._typed, self._suffixes, self._folder, slices, second)
         self._bar(ui)
         tall = self._list_height()
         if self._places:
             self._list_places(tall, ui)
             imgui.same_line()
-        chosen = self._list(found, tall, ui)
+        chosen, whole = self._list(found, tall, ui)
+        if whole:
+            return self._folder
         done = self._field(found, ui)
         path = self._path()
         there = bool(path) and request.save and os.path.isfile(path)
         sure = there and path == self._replaces
+        if self._problem[1] and self._problem[0] == path:
+            wrap_text(self._problem[1], imgui.Col_.check_mark)
+            ui.note("path problem")
         if there:
             warning = f"{os.path.basename(path)} exists{'; Enter again replaces it' * sure}"
             wrap_text(warning, imgui.Col_.check_mark)
         if request.suffixes:
             self._filter(found, ui)
         left = buttons_left(ui)
-        if request.folders:
-            if imgui.button("Open this folder"):
-                return self._folder
-            ui.note("path folder", "As a series of DICOM, TIFF or PNG slices, or an OME-Zarr")
-        else:
-            imgui.align_text_to_frame_padding()
-            imgui.text_disabled("Tab completes")
+        imgui.align_text_to_frame_padding()
+        imgui.text_disabled("Tab completes")
         imgui.same_line(left)
         label = "Replace" if there else "Save" if request.save else "Open"
         accepted, cancelled = dialog_buttons(label, "path ok", ui)
@@ -152,6 +156,12 @@ class PathDialog:
         if there and not sure:
             self._replaces, self._focus = path, True
             return None
+        if request.save:
+            try:
+                require_writable(path)
+            except InputError as error:
+                self._problem, self._focus = (path, one_line(error)), True
+                return None
         return path
 
     @property
@@ -217,12 +227,12 @@ class PathDialog:
                 ui.note(f"place {place.name}", place.folder)
         imgui.end_child()
 
-    def _list(self, found: Listing, tall: float, ui: UiContext) -> bool:
-        """Draw the table of files; return True if a file was double-clicked."""
+    def _list(self, found: Listing, tall: float, ui: UiContext) -> tuple[bool, bool]:
+        """Draw the table; return if a file was double-clicked, and if the folder was clicked."""
         T = imgui.TableFlags_
         flags = T.scroll_y | T.row_bg | T.sizing_fixed_fit | T.pad_outer_x
         if not imgui.begin_table("files", 3, flags, (0, tall)):
-            return False
+            return False, False
         imgui.table_setup_scroll_freeze(0, 1)
         for name, each in (
             ("Name", imgui.TableColumnFlags_.width_stretch),
@@ -231,15 +241,30 @@ class PathDialog:
         ):
             imgui.table_setup_column(name, each)
         imgui.table_headers_row()
+        whole = self.request.folders and self._folder_row(found.dicom, ui)
         opened = False
         for number in shown_rows(len(found.rows), always=self._at if self._at >= 0 else None):
             opened |= self._row(number, found, ui)
         if not found.rows:
             imgui.table_next_row()
             imgui.table_next_column()
-            imgui.text_disabled("No matching files")
+            files = (self.request.files or "files").lower()
+            imgui.text_disabled(f"No {files} in this folder")
         imgui.end_table()
-        return opened
+        return opened, whole
+
+    def _folder_row(self, dicom: int, ui: UiContext) -> bool:
+        """Draw the row that opens the folder itself; return True if it was clicked."""
+        imgui.table_next_row()
+        imgui.table_next_column()
+        what = f"{dicom} DICOM file{'s' * (dicom > 1)}" if dicom else "slices or OME-Zarr"
+        colour = imgui.Col_.check_mark if dicom else imgui.Col_.text
+        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
+        flags = _STAYS | _SELECT.span_all_columns
+        pressed = bool(imgui.selectable(f"Open this folder ({what})###folder", False, flags)[0])
+        imgui.pop_style_color()
+        ui.note("path folder", "As a series of DICOM, TIFF or PNG slices, or an OME-Zarr")
+        return pressed
 
     def _row(self, number: int, found: Listing, ui: UiContext) -> bool:
         row = found.rows[number]
@@ -284,7 +309,8 @@ class PathDialog:
 
         def change(data: Any) -> int:
             # Of the whole text: the list may hold other names, too.
-            text = list_paths(self._text, self._suffixes, self._folder).common
+            slices = request.folders and not self._all
+            text = list_paths(self._text, self._suffixes, self._folder, slices).common
             if data.event_flag == _INPUT.callback_history:
                 if not found.rows:
                     return 0
@@ -324,9 +350,11 @@ class PathDialog:
 
 
 @lru_cache(maxsize=8)
-def _list_paths(text: str, suffixes: tuple[str, ...], folder: str, _second: int) -> Listing:
+def _list_paths(
+    text: str, suffixes: tuple[str, ...], folder: str, slices: bool, _second: int
+) -> Listing:
     """List paths once a second, not once a frame."""
-    return list_paths(text, suffixes, folder)
+    return list_paths(text, suffixes, folder, slices)
 
 
 _PROGRAMS = ("zenity", "kdialog", "matedialog", "qarma")

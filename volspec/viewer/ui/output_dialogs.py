@@ -8,11 +8,20 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
+from volspec.errors import InputError, one_line
 from volspec.export.page import MOST_VIEWS
 from volspec.raycast.checks import MAX_SIDE
 from volspec.scene.export import Mark
 from volspec.viewer.model.document import Document
-from volspec.viewer.model.film import AS_SHOWN, RATES, SECONDS, Film, frame_state, light_changes
+from volspec.viewer.model.film import (
+    AS_SHOWN,
+    RATES,
+    SECONDS,
+    Film,
+    frame_state,
+    light_changes,
+    with_frames,
+)
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.dialogs import DIALOG_FLAGS, begin_dialog, buttons_left, dialog_buttons
@@ -36,16 +45,49 @@ _LABELS = 72
 _MOST_SLIDER_VIEWS, _PAGE_BYTES = 72, 0.5
 
 
-class PictureDialog:
-    """The dialog for a picture's size, name and folder, which it keeps for the next time."""
+class _OutputDialog:
+    """A dialog that stays open, and says why, while its file cannot be written."""
 
-    def __init__(self, shot: Shot) -> None:
-        self.shot = shot
+    def __init__(self) -> None:
         self._opens = False
+        self._problem: tuple[Destination, str] | None = None
 
     def ask(self) -> None:
         """Open the dialog."""
-        self._opens = True
+        self._opens, self._problem = True, None
+
+    def _end(
+        self, name: str, state: ViewState, to: Destination, suffix: str, ui: UiContext
+    ) -> tuple[bool, bool]:
+        """Draw the buttons and end it; return whether its file is wanted, and if it closed."""
+        if self._problem is not None and self._problem[0] == to:
+            wrap_text(self._problem[1], imgui.Col_.check_mark)
+            ui.note("file problem")
+        imgui.spacing()
+        imgui.set_cursor_pos_x(buttons_left(ui))
+        accepted, cancelled = dialog_buttons("Save", name, ui)
+        # A list that is open over the dialog has the focus, and takes both keys.
+        child = imgui.FocusedFlags_.child_windows | imgui.FocusedFlags_.no_popup_hierarchy
+        keyed = imgui.is_window_focused(child)
+        saved = accepted or (keyed and imgui.is_key_pressed(imgui.Key.enter, False))
+        if saved:
+            try:
+                to.new_path(state.document, suffix)
+            except InputError as error:
+                self._problem, saved = (to, one_line(error)), False
+        closed = cancelled or saved or (keyed and imgui.is_key_pressed(imgui.Key.escape, False))
+        if closed:
+            imgui.close_current_popup()
+        imgui.end_popup()
+        return saved, closed
+
+
+class PictureDialog(_OutputDialog):
+    """The dialog for a picture's size, name and folder, which it keeps for the next time."""
+
+    def __init__(self, shot: Shot) -> None:
+        super().__init__()
+        self.shot = shot
 
     def draw(self, state: ViewState, ui: UiContext) -> bool:
         """Draw the dialog; return True if the picture is to be saved now."""
@@ -58,19 +100,20 @@ class PictureDialog:
         channels = state.transfer.basis.size * len(state.shading.groups)
         room = megabytes(size.pixels(state.size), channels)
         imgui.text_disabled(f"Up to {MAX_SIDE} a side; this takes about {room:,.0f} MB")
-        marks, title = _mark_fields(shot.marks, shot.title, state.document, ui)
+        shown = shot.marks_for(state)
+        marks, title = _mark_fields(shown, shot.title, state.document, ui)
         to = _destination_fields(shot.to, state.document, ".png", ui)
         imgui.pop_item_width()
-        self.shot = Shot(size, to, marks, title)
-        return _end_dialog("picture ok", ui)[0]
+        self.shot = Shot(size, to, shot.marks if marks == shown else marks, title)
+        return self._end("picture ok", state, to, ".png", ui)[0]
 
 
-class FilmDialog:
+class FilmDialog(_OutputDialog):
     """The dialog for a film, previewed in the picture; it keeps its settings."""
 
     def __init__(self, size: PictureSize) -> None:
+        super().__init__()
         self.file = FilmFile(size=size)
-        self._opens = False
         self._at = 0.0  # position of the preview, in seconds
         self._plays = False
         self._kinds: tuple[str, ...] = ()
@@ -78,7 +121,8 @@ class FilmDialog:
 
     def ask(self) -> None:
         """Open the dialog."""
-        self._opens, self._at, self._plays = True, 0.0, False
+        super().ask()
+        self._at, self._plays = 0.0, False
         self._kinds = possible_kinds()
         if self.file.kind not in self._kinds:
             self.file = replace(self.file, kind=self._kinds[0])
@@ -103,7 +147,7 @@ class FilmDialog:
         imgui.pop_item_width()
         if len(self._kinds) < len(FILM_KINDS):
             wrap_text(".mp4 and .webm need ffmpeg: pip install 'volspec[video]'", _DIM)
-        saved, closed = _end_dialog("film ok", ui)
+        saved, closed = self._end("film ok", state, to, self.file.suffix, ui)
         if not closed:
             ui.preview, ui.plays = self._preview, self._plays
             _shade_outside(self.file.size.pixels(state.size), ui)
@@ -129,11 +173,16 @@ class FilmDialog:
             _, loops = imgui.checkbox("The last fades back to the first", loops)
             ui.note("film loops")
         logarithmic = imgui.SliderFlags_.logarithmic
-        _, seconds = imgui.slider_float("Length", film.seconds, *SECONDS, "%.1f s", logarithmic)
+        moved, seconds = imgui.slider_float("Length", film.seconds, *SECONDS, "%.2f s", logarithmic)
         ui.note("film length")
+        seconds = round(seconds, 1) if moved else film.seconds
         _, fps = imgui.slider_float("Rate", film.fps, *RATES, "%.0f fps")
         ui.note("film rate")
-        film = Film(float(round(degrees)), lights, loops, round(seconds, 1), float(round(fps)))
+        film = Film(float(round(degrees)), lights, loops, seconds, float(round(fps)))
+        typed, frames = imgui.input_int("Frames", film.frames, 0)
+        ui.note("film frames", "Length times rate; a turntable of 36 turns by 10° each")
+        if typed:
+            film = with_frames(film, frames)
         if imgui.button("Stop" if self._plays else "Play", (ui.px(56), 0)):
             self._plays = not self._plays
         ui.note("film play")
@@ -146,7 +195,6 @@ class FilmDialog:
         ui.note("film preview")
         if moved:
             self._at, self._plays = at, False
-        imgui.text_disabled(f"{film.frames} frames")
         return film
 
 
@@ -162,16 +210,12 @@ def _shade_outside(size: tuple[int, int], ui: UiContext) -> None:
             draw_list.add_rect_filled((left, y), (left + side, y + height), shade)
 
 
-class PageDialog:
+class PageDialog(_OutputDialog):
     """The dialog for a web page; it keeps its settings."""
 
     def __init__(self, size: PictureSize) -> None:
+        super().__init__()
         self.file = PageFile(size=size)
-        self._opens = False
-
-    def ask(self) -> None:
-        """Open the dialog."""
-        self._opens = True
 
     def draw(self, state: ViewState, ui: UiContext) -> bool:
         """Draw the dialog; return True if the page is to be saved now."""
@@ -192,7 +236,7 @@ class PageDialog:
         to = _destination_fields(file.to, state.document, ".html", ui)
         imgui.pop_item_width()
         self.file = PageFile(min(max(views, 1), MOST_VIEWS), title, size, to)
-        return _end_dialog("page ok", ui)[0]
+        return self._end("page ok", state, to, ".html", ui)[0]
 
 
 def _size_fields(size: PictureSize, state: ViewState, ui: UiContext) -> PictureSize:
@@ -253,22 +297,6 @@ def _destination_fields(
 def _path(to: Destination, title: str, usual: Path, suffix: str, _second: int) -> Path:
     """Look for a free name once a second, not once a frame."""
     return to.path(title, usual, suffix)
-
-
-def _end_dialog(name: str, ui: UiContext) -> tuple[bool, bool]:
-    """Draw the buttons and end a dialog; return whether its file is wanted, and if it closed."""
-    imgui.spacing()
-    imgui.set_cursor_pos_x(buttons_left(ui))
-    accepted, cancelled = dialog_buttons("Save", name, ui)
-    # A list that is open over the dialog has the focus, and takes both keys.
-    child = imgui.FocusedFlags_.child_windows | imgui.FocusedFlags_.no_popup_hierarchy
-    keyed = imgui.is_window_focused(child)
-    saved = accepted or (keyed and imgui.is_key_pressed(imgui.Key.enter, False))
-    closed = cancelled or saved or (keyed and imgui.is_key_pressed(imgui.Key.escape, False))
-    if closed:
-        imgui.close_current_popup()
-    imgui.end_popup()
-    return saved, closed
 
 
 def draw_progress(progress: Progress, ui: UiContext) -> bool:

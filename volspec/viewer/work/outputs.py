@@ -13,8 +13,8 @@ from itertools import chain, count
 from pathlib import Path
 from typing import TypeVar
 
-from volspec._files import plain_stem
-from volspec.errors import CastCancelled, InputError, OpenCLError
+from volspec._files import plain_stem, require_writable
+from volspec.errors import CastCancelled, OpenCLError
 from volspec.export.exporter import even_size
 from volspec.export.frames import file_stem
 from volspec.pipeline import Raycaster
@@ -58,32 +58,31 @@ class Destination:
     name: str = ""  # with or without the suffix; empty for the scene's title
 
     def path(self, title: str, usual: Path, suffix: str) -> Path:
-        """Return the first free path; names made from the title always have a number.
+        """Return the first free path, with a number if the name is taken.
 
         ``usual`` is the folder unless another is given.
         """
-        named = bool(self.name.strip())
-        stem = file_stem(self.name.strip().removesuffix(suffix)) if named else ""
-        stem = stem or f"volspec-{file_stem(title)}"
-        names = chain([stem] * named, (f"{stem}-{number}" for number in count(1)))
+        stem = file_stem(self.name.strip().removesuffix(suffix) or title)
+        names = chain([stem], (f"{stem}-{number}" for number in count(1)))
         folder = Path(os.path.expanduser(self.folder)) if self.folder.strip() else usual
         folder = folder.absolute()
         return next(path for name in names if not (path := folder / f"{name}{suffix}").exists())
 
     def new_path(self, document: Document, suffix: str) -> Path:
-        """Return the path of a document's file; InputError if its folder is missing."""
+        """Return the path of a document's file, whose folder is made when it is written.
+
+        Raises InputError if it cannot be.
+        """
         path = self.path(short_title(document), output_folder(document), suffix)
-        if not path.parent.is_dir():
-            raise InputError(f"{path.parent}: no such folder; choose another", code="not-found")
+        require_writable(path)
         return path
 
 
 def short_title(document: Document) -> str:
-    """Return the title; a volume's file name without its endings."""
-    source = document.source or ""
-    if document.title != os.path.basename(source.partition("?")[0]):
-        return document.title
-    return plain_stem(document.title)
+    """Return the title; without endings if it is the file name of the volume."""
+    file = document.file
+    name = "" if file is None else os.path.basename(file.volume.file.partition("?")[0])
+    return plain_stem(document.title) if document.title == name else document.title
 
 
 def output_folder(document: Document) -> Path:

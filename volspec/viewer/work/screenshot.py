@@ -50,8 +50,14 @@ class Shot:
 
     size: PictureSize = field(default_factory=PictureSize)
     to: Destination = field(default_factory=Destination)
-    marks: tuple[Mark, ...] = ()
+    marks: tuple[Mark, ...] | None = None  # None: the scale bar, if it is on the screen
     title: str = ""  # in the picture; empty for the document's
+
+    def marks_for(self, state: ViewState) -> tuple[Mark, ...]:
+        """Return the marks of a state's picture."""
+        if self.marks is not None:
+            return self.marks
+        return ("scale",) if state.interface.overlays.scale else ()
 
 
 def megabytes(size: tuple[int, int], channels: int) -> float:
@@ -75,7 +81,8 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
     """Return the marks of a picture; their colours are those on the left of a divide."""
     rig, volume, image = light_rig(state.lights), state.document.volume, state.document.image
     # The rest would be that of a volume and a view, which a cast image does not have.
-    marks = [each for each in shot.marks if image is None or each in ("title", "light")]
+    given = shot.marks_for(state)
+    marks = [each for each in given if image is None or each in ("title", "light")]
     annotations = state.annotations if image is None else ()
     if rig is None or not (marks or annotations):
         return []
