@@ -37,7 +37,13 @@ def test_every_preset_fits_every_volume(name: str) -> None:
         assert made.bake(1.0).opacity.max() > 0
         values = [value for value, *_ in getattr(made, "points", None) or made.surfaces]
         assert low <= values[0] and values[-1] <= high and values == sorted(values)
-        assert presets.preset_title(made) == preset.title
+        assert presets.preset_of(made) is preset
+        unchanged = [
+            each.name
+            for each in presets.PRESETS
+            if presets.is_preset(made, each, volume, histogram(volume))
+        ]
+        assert unchanged == [preset.name]
 
 
 def test_presets_take_hounsfield_units_as_they_are() -> None:

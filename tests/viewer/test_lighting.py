@@ -255,7 +255,10 @@ def test_sources_and_quality_are_saved_in_scenes(tmp_path: Path) -> None:
 def test_projections_leave_out_what_they_cannot(state: ViewState) -> None:
     fine = quality.toggle_preintegration(state).state
     assert fine.shading.preintegrated
-    mip = run_command(fine, "projection-maximum").state
+    mip, _, hint = run_command(fine, "projection-maximum")
+    assert hint and quality.wants_greys(mip)
+    grey = run_command(run_command(fine, "preset-grey").state, "projection-maximum")
+    assert not grey.hint and not quality.wants_greys(grey.state)
     assert mip.shading.mode == "maximum" and not mip.shading.preintegrated
     back = quality.toggle_preintegration(mip).state
     assert back.shading.mode == "composite" and back.shading.preintegrated

@@ -48,7 +48,7 @@ def test_the_library_says_what_a_notation_is_or_what_is_wrong_with_it() -> None:
 
 def test_a_notation_that_is_no_light_changes_nothing_and_says_why(state: ViewState) -> None:
     for edit in (lights.add, partial(light_parts.respell, index=0, part=0)):
-        new, refusal = edit(state, text="D65*0.7+Q*0.3")
+        new, refusal, _ = edit(state, text="D65*0.7+Q*0.3")
         assert new is state and "'Q'" in refusal and "\n" not in refusal
         assert "nosuch" in edit(state, text="nosuch.csv").message
         assert edit(state, text="FL11").message == ""

@@ -80,7 +80,7 @@ def _refusals(state: ViewState) -> Iterator[str]:
         *((replace(state, saved_lights=saved), "save-state"), (state, "palette-restart")),
         *((state, "transfer-labels"), (cut, "plane-facing")),
     ):
-        new, message = run_command(given, name)
+        new, message, _ = run_command(given, name)
         assert new is given
         yield f"{name}: {message}"
 

@@ -343,8 +343,10 @@ def test_the_probe_finds_the_hit_of_a_ball(
     camera, image, rig = shot(state)
     volume = document.volume
     rows = dict(read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
-    assert {"Value", "mm", "RGB", "XYZ", "J  C  h", "Q  M  s", "H", "ΔE00"} == set(rows)
+    assert {"Value", "mm", "RGB", "XYZ", "J  C  h", "Q  M  s", "H", "Colour error"} == set(rows)
     assert rows["RGB"] == "1  2  3"
+    head = read(image, camera, volume, rig, state.relight, MIDDLE, (1, 2, 3), patient=True)
+    assert dict(head.rows)["mm LPS"] == rows["mm"]
     place = place_mm(image, camera, MIDDLE)
     assert place is not None
     centre = volume.corners_mm.mean(axis=0)
@@ -386,10 +388,10 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     camera, image, rig = shot(state)
     reading = read(image, camera, state.document.volume, rig, state.relight, MIDDLE, (0, 0, 0))
     whole = error_map(image, rig, state.relight.mode, state.relight.backdrop)
-    assert f"{whole.delta_e[16, 16]:.2f}" in dict(reading.rows)["ΔE00"]
+    assert f"{whole.delta_e[16, 16]:.2f}" in dict(reading.rows)["Colour error"]
     exact = replace(state.relight, mode="exact")
     rows = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
-    assert "ΔE00" not in dict(rows)
+    assert "Colour error" not in dict(rows)
 
 
 def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,6 +20,7 @@ from volspec.transfer import (
     TransferFunction,
 )
 from volspec.viewer.model import camera, lights, slice_table, slices
+from volspec.viewer.model.cuts import with_overlays
 from volspec.viewer.model.slices import (
     PLANES,
     direction_letters,
@@ -112,7 +113,9 @@ def test_a_click_in_a_slice_moves_the_other_two(state: ViewState) -> None:
         (0.25, 0.9)
     )
     assert slices.point_at(moved, 0, 0.25, 0.9).interface.slices.at == pytest.approx(at)
-    assert crossing_text(moved).startswith("244  at  -4.0  4.0  4.0")
+    assert crossing_text(moved) == "244  at  -4.0  4.0  4.0 mm LPS"
+    world = with_overlays(moved, patient=False)
+    assert crossing_text(world) == "244  at  -4.0  4.0  4.0 mm"
 
 
 def test_what_a_crop_leaves_is_seen_in_the_slices() -> None:

@@ -109,6 +109,16 @@ def test_thickening_is_undone_of_shifted_and_edited_values(state: ViewState) -> 
     np.testing.assert_allclose(opacities_of(same), opacities_of(edited), rtol=1e-12)
 
 
+def test_menus_tick_the_preset_in_use_until_it_is_changed(state: ViewState) -> None:
+    def ticked(state: ViewState) -> list[str]:
+        rows = (each for each in COMMANDS if each.name.startswith("preset-"))
+        return [each.name for each in rows if each.on is not None and each.on(state)]
+
+    bone = run_command(state, "preset-bone").state
+    assert ticked(state) == [] and ticked(bone) == ["preset-bone"]
+    assert ticked(transfer_edits.set_opacity(bone, 1, 0.3)) == []
+
+
 def opacities_of(state: ViewState) -> list[float]:
     return [part.opacity for part in list_parts(state.transfer)]
 
@@ -270,7 +280,7 @@ def test_kinds_change_by_name_as_one_step(state: ViewState) -> None:
         assert history.undo().present.transfer is state.transfer
         state = history.present
     # The ball's values are not whole numbers.
-    new, message = run_command(state, "transfer-labels")
+    new, message, _ = run_command(state, "transfer-labels")
     assert new is state and message
 
 

@@ -150,7 +150,7 @@ def test_a_crop_leaves_a_voxel_and_a_whole_volume_is_no_crop(state: ViewState) -
 
 def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state: ViewState) -> None:
     once = run_command(state, "p").state
-    twice, refusal = run_command(once, "p")
+    twice, refusal, _ = run_command(once, "p")
     assert twice is once and refusal
     # One that was moved away, or that cuts the other side, is another.
     for other in (cuts.shift_plane(once, 0, 1.0), cuts.flip_plane(once, 0)):

@@ -139,6 +139,11 @@ def is_patient(volume: Volume, chosen: bool | None) -> bool:
     return not np.array_equal(matrix[:3], np.diag([*volume.spacing_mm, 1.0])[:3])
 
 
+def place_unit(volume: Volume, chosen: bool | None) -> str:
+    """Return the unit of coordinates; a patient's are in the frame LPS."""
+    return "mm LPS" if is_patient(volume, chosen) else "mm"
+
+
 def side_deg(side: str, volume: Volume, chosen: bool | None = None) -> tuple[float, float]:
     """Return azimuth and elevation of the camera at a side; a patient's left is their own.
 

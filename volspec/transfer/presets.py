@@ -6,7 +6,7 @@ Volume, histogram -> [presets] -> Transfer
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated
 
 import numpy as np
@@ -40,6 +40,7 @@ class Preset:
     # To show only boundaries: the fraction of the volume's contrast per voxel at which they are at
     # full opacity.
     edges: float | None = None
+    words: str = ""  # other names by which it is found
 
     @property
     def materials(self) -> dict[str, str]:
@@ -162,6 +163,22 @@ def fit_preset(
     return TransferFunction(points, materials, own, step_mm(volume), gradients)
 
 
+def is_preset(
+    transfer: Transfer, preset: Preset, volume: Volume, counts: NDArray[np.float64]
+) -> bool:
+    """Return True if a transfer function is a preset's for a volume, in any basis, unchanged."""
+    if set(transfer.materials) != set(preset.parts):
+        return False
+    made = fit_preset(preset, volume, counts, transfer.basis.grid, transfer.basis.observer_deg)
+    if type(transfer) is not type(made):
+        return False
+    own = {each.name for each in fields(made)} - {"materials", "basis"}
+    return all(getattr(transfer, name) == getattr(made, name) for name in own) and all(
+        np.array_equal(transfer.materials[name].values, each.values)
+        for name, each in made.materials.items()
+    )
+
+
 def preset_points(
     preset: Preset, volume: Volume, counts: NDArray[np.float64]
 ) -> list[tuple[float, float, str]]:
@@ -194,8 +211,7 @@ def step_mm(volume: Volume) -> float:
     return float(f"{np.linalg.norm(corners[-1] - corners[0]) / _STEPS:.4g}")
 
 
-def preset_title(transfer: Transfer) -> str:
-    """Return the title of the preset that made a transfer function; empty if none did."""
+def preset_of(transfer: Transfer) -> Preset | None:
+    """Return the preset that a transfer function began as; None if it was none."""
     name = transfer.basis.name
-    preset = BY_NAME.get(name.removeprefix(_NAME)) if name.startswith(_NAME) else None
-    return preset.title if preset else ""
+    return BY_NAME.get(name.removeprefix(_NAME)) if name.startswith(_NAME) else None

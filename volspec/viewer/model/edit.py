@@ -21,10 +21,14 @@ P = ParamSpec("P")
 
 
 class Edited(NamedTuple):
-    """Result of an edit, with a message if it was refused or left something out."""
+    """Result of an edit, with a message if it was refused or left something out.
+
+    The ``hint`` names a next step.
+    """
 
     state: ViewState
     message: str = ""
+    hint: str = ""
 
 
 Change = Callable[[ViewState], ViewState | Edited]

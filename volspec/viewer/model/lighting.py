@@ -301,7 +301,7 @@ def set_spectrum(state: ViewState, group: int, text: str) -> ViewState:
         state = light_parts.add_part(state, index, name)
     rig = state.lights[index].rig
     part = rig.groups.index(name if name in rig.groups else "")
-    new, problem = light_parts.respell(state, index, part, text)
+    new, problem, _ = light_parts.respell(state, index, part, text)
     if problem:
         raise InputError(problem)
     row = new.lights[index]

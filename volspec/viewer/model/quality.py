@@ -11,8 +11,8 @@ from typing import Any
 from volspec.errors import InputError
 from volspec.raycast import RaycastSpec
 from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
-from volspec.transfer import Isosurfaces, TransferFunction
-from volspec.viewer.model.edit import Command, bind, edit, refusable
+from volspec.transfer import Isosurfaces, TransferFunction, presets
+from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -102,6 +102,22 @@ def set_projection(state: ViewState, mode: str) -> ViewState:
     # Pre-integration has no meaning with the others; it comes back with composite.
     own = known == "composite" and state.document.shading.preintegrated
     return _change(state, mode=known, preintegrated=own and can_project(state))
+
+
+def project(state: ViewState, mode: str) -> Edited:
+    """Set the projection; hint at the grey ramp, as a curve that steps shows flat areas."""
+    edited = set_projection(state, mode)
+    if edited.state is state or not wants_greys(edited.state):
+        return edited
+    return edited._replace(hint="For greys by value: Transfer › Preset: Grey ramp")
+
+
+def wants_greys(state: ViewState) -> bool:
+    """Return True if values are projected without the grey ramp."""
+    if state.shading.mode == "composite":
+        return False
+    document, grey = state.document, presets.BY_NAME["grey"]
+    return not presets.is_preset(state.transfer, grey, document.volume, document.histogram)
 
 
 @refusable
@@ -213,7 +229,7 @@ def _projection(mode: str, title: str, words: str) -> Command:
         "Render",
         f"Projection: {title}",
         (),
-        bind(set_projection, mode),
+        bind(project, mode),
         lambda state: state.shading.mode == mode,
         words,
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction, presets
@@ -310,6 +311,11 @@ def _preset(preset: presets.Preset) -> Change:
     return lambda state: _with_new(state, _fitted(state, preset))
 
 
+def _is_preset(state: ViewState, preset: presets.Preset) -> bool:
+    document = state.document
+    return presets.is_preset(state.transfer, preset, document.volume, document.histogram)
+
+
 def _fitted(state: ViewState, preset: presets.Preset) -> Transfer:
     document = state.document
     basis = document.transfer.basis
@@ -344,7 +350,7 @@ def _convert_to(kind: transfer_parts.Kind) -> Change:
         return with_interface(replace(state, transfer=new), part=0)
 
     def with_message(state: ViewState) -> Edited:
-        new, message = change(state)
+        new, message, _ = change(state)
         lost = transfer_convert.conversion_losses(state.transfer, kind, _span(state))
         return Edited(new, message or lost)
 
@@ -369,7 +375,15 @@ _KIND_WORDS = {
 }
 COMMANDS = (
     *(
-        Command(f"preset-{preset.name}", "Transfer", f"Preset: {preset.title}", (), _preset(preset))
+        Command(
+            f"preset-{preset.name}",
+            "Transfer",
+            f"Preset: {preset.title}",
+            (),
+            _preset(preset),
+            partial(_is_preset, preset=preset),
+            preset.words,
+        )
         for preset in presets.PRESETS
     ),
     *(

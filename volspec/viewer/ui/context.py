@@ -163,10 +163,11 @@ class UiContext:
             self.request("message", message)
 
     def edited(self, state: ViewState, change: Change) -> ViewState:
-        """Return an edited state; show the edit's message, if it has one."""
-        new, message = after(change, state)
+        """Return an edited state; show the edit's message and hint, if it has one."""
+        new, message, hint = after(change, state)
         if message:
             self.request("warning", message)
+        self.notify(hint)
         return new
 
     def run(self, state: ViewState, command: Command | str) -> ViewState:

@@ -148,7 +148,7 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     if not entered:
         return state
     panel.text_of = ("", 0)
-    new, refusal = light_parts.respell(state, index, part, text)
+    new, refusal, _ = light_parts.respell(state, index, part, text)
     if refusal:
         panel.complain(refusal, (index, part), state.lights)
     return new

@@ -40,7 +40,7 @@ def draw(state: ViewState, ui: UiContext, take: Callable[..., Edited] = lights.a
     imgui.separator()
     wanted = _temperatures(ui) or wanted
     if wanted:
-        new, panel.complaint = take(state, text=wanted)
+        new, panel.complaint, _ = take(state, text=wanted)
         if new is not state:
             imgui.close_current_popup()
     if panel.complaint:

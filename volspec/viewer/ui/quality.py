@@ -61,7 +61,12 @@ def _projection(state: ViewState, ui: UiContext) -> ViewState:
     picked, at = imgui.combo("Projection", now, names)
     imgui.end_disabled()
     ui.note("projection", _about("mode"), greyed=True)
-    return ui.edited(state, partial(quality.set_projection, mode=MODES[at])) if picked else state
+    new = ui.edited(state, partial(quality.project, mode=MODES[at])) if picked else state
+    if quality.wants_greys(new):
+        if imgui.button("Grey ramp"):
+            new = ui.run(new, "preset-grey")
+        ui.note("grey ramp", "Opacity and grey by value, instead of the transfer function in use")
+    return new
 
 
 def _presets(state: ViewState, ui: UiContext) -> ViewState:

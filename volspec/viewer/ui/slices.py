@@ -6,7 +6,7 @@ import numpy as np
 from imgui_bundle import imgui
 
 from volspec.raycast.framing import crop_bounds, world_mm
-from volspec.raycast.projection import is_patient
+from volspec.raycast.projection import is_patient, place_unit
 from volspec.viewer.model import slices
 from volspec.viewer.model.slices import PLANES, Layout, voxel_number
 from volspec.viewer.model.state import ViewState
@@ -43,7 +43,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         ui.px(_FLATTEST),
     )
     lasts = [volume.shape_xyz[layout.normal] - 1 for layout in layouts]
-    widest = max(text_width(_slice_text(_title(state, i), n, n)) for i, n in enumerate(lasts))
+    widest = max(text_width(slice_text(_title(state, i), n, n)) for i, n in enumerate(lasts))
     label_width = widest + imgui.get_style().item_inner_spacing.x
     for index, (layout, size) in enumerate(zip(layouts, sizes, strict=True)):
         new = _slider(new, ui, index, layout, (wide - label_width, wide))
@@ -73,7 +73,8 @@ def crossing_text(state: ViewState) -> str:
     i, j, k = (voxel_number(volume, axis, at[axis]) for axis in range(3))
     x, y, z = world_mm(volume, np.array([i, j, k], dtype=np.float64))
     value = float(volume.nan_if_missing(volume.values[k, j, i]))
-    return f"{value:.5g}  at  {x:.1f}  {y:.1f}  {z:.1f} mm"
+    unit = place_unit(volume, state.interface.overlays.patient)
+    return f"{value:.5g}  at  {x:.1f}  {y:.1f}  {z:.1f} {unit}"
 
 
 def _steady_width() -> float:
@@ -88,8 +89,13 @@ def _title(state: ViewState, index: int) -> str:
     return plane.name if patient else f"Across {'xyz'[plane.normal]}"
 
 
-def _slice_text(title: str, number: int, last: int) -> str:
-    return f"{title} {number}/{last}".lstrip()
+def slice_text(title: str, number: int, last: int) -> str:
+    """Return a slice's title and number, for people who count from 1.
+
+    >>> slice_text("Axial", 188, 188)
+    'Axial 189 of 189'
+    """
+    return f"{title} {number + 1} of {last + 1}".lstrip()
 
 
 def _slider(
@@ -102,14 +108,14 @@ def _slider(
     title, (room, wide) = _title(state, index), widths
     fits = room >= ui.px(_SHORTEST)
     if not fits:
-        short = wide < text_width(_slice_text(title, last, last))
-        imgui.text(_slice_text("" if short else title, number, last))
+        short = wide < text_width(slice_text(title, last, last))
+        imgui.text(slice_text("" if short else title, number, last))
     imgui.set_next_item_width(room if fits else wide)
     moved, new = imgui.slider_int(f"##{plane.name}", number, 0, last, "")
     ui.note(f"slider {plane.name}")
     if fits:
         imgui.same_line(0, imgui.get_style().item_inner_spacing.x)
-        imgui.text(_slice_text(title, number, last))
+        imgui.text(slice_text(title, number, last))
     return slices.move_slice(state, index, new / last) if moved else state
 
 

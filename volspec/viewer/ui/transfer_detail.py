@@ -187,7 +187,7 @@ def add_picked_material(state: ViewState, ui: UiContext, index: int, wanted: str
         panel.search, panel.complaint = wanted, _COMPUTING
         ui.notify(_COMPUTING)
         return state
-    new, panel.complaint = materials.add_material(state, index, wanted)
+    new, panel.complaint, _ = materials.add_material(state, index, wanted)
     if not panel.complaint:
         panel.search = ""
     ui.notify(materials.material_message(state.transfer, new.transfer))

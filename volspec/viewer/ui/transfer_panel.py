@@ -51,7 +51,8 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     room = imgui.get_content_region_avail().x - ui.px(70)
     imgui.set_next_item_width(room * 0.5)
     offered = presets.sorted_presets(state.document.volume)
-    title = presets.preset_title(state.transfer) or "Presets"
+    preset = presets.preset_of(state.transfer)
+    title = preset.title if preset else "Presets"
     new = _pick(state, ui, "preset", title, {each.title: f"preset-{each.name}" for each in offered})
     ui.note("presets", "Start from a preset and its materials; Ctrl+Z restores yours")
     imgui.same_line()

@@ -15,6 +15,7 @@ from volspec.appearance.models import APPEARANCE_MODELS
 from volspec.appearance.scene_to_display import forward_for
 from volspec.errors import VolspecError
 from volspec.raycast import Camera, CoefficientImage
+from volspec.raycast.projection import place_unit
 from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
@@ -46,10 +47,11 @@ def read(
     spec: RelightSpec,
     pixel: tuple[int, int],
     code: tuple[int, int, int],
+    patient: bool | None = None,
 ) -> Reading:
     """Read the values of a pixel (x, y), displayed with an 8-bit ``code`` (R, G, B).
 
-    Without a volume there are no voxel and place.
+    Without a volume there are no voxel and place; for ``patient`` see `is_patient`.
 
     Raises ViewingError or SpectrumError if the light has no power.
     """
@@ -57,7 +59,7 @@ def read(
     lit = Illumination.of(image.basis, rig, spec, image.groups)
     XYZ = lit.scene_XYZ(image.coefficients[y, x], image.alpha[y, x])
     rows = [
-        *(() if volume is None else _hit_rows(image, camera, volume, pixel)),
+        *(() if volume is None else _hit_rows(image, camera, volume, pixel, patient)),
         ("RGB", "  ".join(map(str, code))),
         ("XYZ", _format(XYZ)),
         *_appearance_rows(XYZ, lit),
@@ -153,7 +155,11 @@ def value_at(volume: Volume, place: Array) -> float | None:
 
 
 def _hit_rows(
-    image: CoefficientImage, camera: Camera, volume: Volume, pixel: tuple[int, int]
+    image: CoefficientImage,
+    camera: Camera,
+    volume: Volume,
+    pixel: tuple[int, int],
+    patient: bool | None,
 ) -> Iterator[tuple[str, str]]:
     if (place := place_mm(image, camera, pixel)) is None:
         return
@@ -161,7 +167,7 @@ def _hit_rows(
         yield "Label", _label_at(volume, camera, place)
     elif (value := value_at(volume, place)) is not None:
         yield "Value", f"{value:.6g}"
-    yield "mm", _format(place)
+    yield place_unit(volume, patient), _format(place)
 
 
 def _label_at(volume: Volume, camera: Camera, place: Array) -> str:
@@ -186,7 +192,7 @@ def _error_row(
         found = error_map(alone, rig, spec.mode, spec.backdrop)
     except VolspecError:
         return
-    yield "ΔE00", f"{float(found.delta_e[0, 0]):.2f} to exact"
+    yield "Colour error", f"ΔE00 {float(found.delta_e[0, 0]):.2f}"
 
 
 def _format(values: Array) -> str:

@@ -366,14 +366,17 @@ class Screen:
             return
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
-        key = image, lights, state.relight, pixel
+        patient = state.interface.overlays.patient
+        key = image, lights, state.relight, pixel, patient
         if key != self._read_of:
             self._read_of = key
             code = self.pictures.code(*pixel)
             camera, document = cast.job.camera, cast.job.document
             volume = document.volume if document.image is None else None
             try:
-                self._reading = read(image, camera, volume, rig, state.relight, pixel, code)
+                self._reading = read(
+                    image, camera, volume, rig, state.relight, pixel, code, patient
+                )
             except VolspecError:  # reported when it was relit
                 self._reading = None
         self.under_mouse = self._reading
