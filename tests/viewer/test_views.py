@@ -157,7 +157,7 @@ def test_six_planes_are_the_most_none_twice_and_flipping_twice_is_nothing(state:
         assert run_command(other, "p").message == ""
     for azimuth in range(8):
         state = replace(state, view=View(azimuth_deg=10.0 * azimuth))
-        state, refusal = run_command(state, "p")
+        state, refusal, _ = run_command(state, "p")
         assert bool(refusal) == (azimuth > 5)
     assert len(state.shading.clip_planes) == 6 and state.interface.overlays.plane == 5
     flipped = cuts.flip_plane(cuts.flip_plane(state, 2), 2)
