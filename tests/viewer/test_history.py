@@ -444,6 +444,8 @@ _WORDS_DRAWN = ("", "no such", "gold", "A", "#804020", "CAM16", "dim", "free", "
 _CHANGES = st.sampled_from([each.change for each in COMMANDS if each.change is not None])
 
 
+# Points drawn at random may be too close for a table, which a warning says.
+@pytest.mark.filterwarnings("ignore:.*too close for the span")
 @settings(max_examples=60, suppress_health_check=list(HealthCheck))
 @given(
     edits=st.lists(drawn(_WORDS_DRAWN, *MODULES) | _CHANGES, min_size=50, max_size=60),
