@@ -376,7 +376,7 @@ def _require_room(folder: Path, path: str | os.PathLike[str]) -> None:
     try:
         while not folder.exists():
             folder = folder.parent
-        # A trial, as permissions do not tell of /proc, or of file systems mounted read-only.
+        # A trial: permissions of /proc, or of a file system mounted read-only, look writable.
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError:

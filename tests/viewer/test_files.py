@@ -375,7 +375,7 @@ def test_a_folder_that_is_missing_is_made_and_one_that_cannot_be_is_refused(
 
 
 def test_files_are_named_after_the_volume_without_its_endings(tmp_path: Path) -> None:
-    """Of a volume, and of a scene that was saved of it, whose title is the file name."""
+    """A volume, and a scene that was saved of it, whose title is the file name."""
     document = opened(tmp_path).document
     assert document.file is not None
     volume = replace(document.file.volume, file="head.nii.gz?time=2")
