@@ -41,7 +41,7 @@ def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
 
 
 def test_left_is_the_patients_left(scans: Path) -> None:
-    """In LPS +x is there, at an azimuth of 90 degrees."""
+    """The patient's left is at +x in LPS, an azimuth of 90 degrees."""
     import SimpleITK as sitk
 
     image = sitk.GetImageFromArray(phantom.ball(8).values)

@@ -371,6 +371,10 @@ def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(tmp_path: Path
 def test_a_first_start_offers_demonstrations(tmp_path: Path) -> None:
     with Robot(tmp_path, [], (1000, 640)) as robot:
         robot.whole()
+        # At once, before the scene behind it is read.
+        rows = robot.rows()
+        first = next(row for row in rows if "open your own" in row.get("areas", ()))
+        assert first["t"] < next(row["t"] for row in rows if row["event"] == "open")
         robot.rest()
         assert {f"demonstration {name}" for name in ("head", "engine", "frog")} <= areas(robot)
         before = robot.rest()

@@ -209,7 +209,8 @@ def _gif_ticks(path: Path, fps: float) -> int:
     rate = _GIF_TICKS / ticks
     if abs(rate - fps) > 1e-6 * fps:
         warnings.warn(
-            f"{path}: GIF counts in hundredths of a second; {fps:g} fps become {rate:.4g}",
+            f"{path}: plays at {rate:.4g} frames a second instead of {fps:g}, the nearest "
+            "that a GIF can have; give .mp4 for others",
             VolspecWarning,
             stacklevel=5,
         )

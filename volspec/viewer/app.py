@@ -24,7 +24,7 @@ from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import menus, messages
+from volspec.viewer.ui import menus, messages, start
 from volspec.viewer.ui.context import Results, UiContext
 from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.ui.inputs import Input
@@ -276,7 +276,8 @@ class _App:
             self._wait_for_file(inputs)
         painted = self._screen.painted_picture(area, self._shown)
         problem = "" if state is not None else self._file_commands.documents.problem
-        if text := problem or self._screen.missing_message(self._shown, painted):
+        text = problem or self._screen.missing_message(self._shown, painted)
+        if text and (state is not None or problem or not self._ui.start):
             fault = bool(problem or self._screen.fault)
             messages.draw_centred(text, fault, bool(problem), self._ui)
         toast = self._notice.shown
@@ -300,14 +301,15 @@ class _App:
         return possible
 
     def _wait_for_file(self, inputs: list[Input]) -> None:
-        """Use inputs while nothing is open: once that has failed, another file can be chosen."""
+        """Use inputs while nothing is open: the start screen's, and the keys once that failed."""
         drops = [given for given in inputs if given.name == "drop" and given.paths]
-        if not self._file_commands.documents.problem:
+        start.draw(None, self._ui)
+        failed = bool(self._file_commands.documents.problem)
+        if not failed:
             self._early += drops
-            return
-        for given in drops:
+        for given in drops if failed else ():
             self._file_commands.documents.drop(given.paths)
-        for given in inputs:
+        for given in inputs if failed else ():
             command = BY_KEY.get(given.key) if given.name == "key" else None
             if command is not None and command.name in ("open", "quit"):
                 self._ui.request(command.name)

@@ -302,8 +302,8 @@ def lux_note(rows: Rows, shares: Mapping[str, float], spec: RelightSpec) -> str:
         return f"Level “absolute” needs lux, and {without[0]} has none"
     if len(without) < len(lit):
         names = without[0] + (" …" if len(without) > 1 else "")
-        return f"{names} has no lux, so Viewing's {viewing_lux:.4g} lx apply to all lights"
-    return f"No light has lux, so Viewing's {viewing_lux:.4g} lx apply"
+        return f"{names} has no brightness in lux; all lights use Viewing's {viewing_lux:.4g} lx"
+    return f"No brightness set; using {viewing_lux:.4g} lx (Viewing panel)"
 
 
 def draw_stroke(values: NDArray[np.float64], start: Place, end: Place) -> NDArray[np.float64]:

@@ -135,7 +135,9 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     if complaint := panel.complaint_at((index, part), state.lights):
         _complaint(complaint, ui, name)
     else:
+        # A long one is cut in the field.
         tip(
+            f"{as_one_line(shown or row.name)}\n\n"
             "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
             "FILE.csv, D65*0.7+A*0.3; Enter applies it"
         )

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 from imgui_bundle import imgui
 
+from volspec.spectra.library import describe_light, library_names
 from volspec.viewer.model import light_rows, light_states, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import light_rig
@@ -16,10 +17,19 @@ from volspec.viewer.ui import effects, lights_detail, lights_dial, lights_librar
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import adapted_colour, fill_box, raw_colour, spark
 from volspec.viewer.ui.lights_spectrum import draw_mix, draw_pen
-from volspec.viewer.ui.widgets import as_one_line, key_text, lit_button, shorten, shown_rows
+from volspec.viewer.ui.widgets import (
+    as_one_line,
+    key_text,
+    lit_button,
+    shorten,
+    shown_rows,
+    text_width,
+)
 
 Rename = Callable[[ViewState, int, str], ViewState]
 _ROW_SWATCH, _ROW_SPARK, _BOTH = 30.0, 46.0, 48.0
+# The least room for the words after a name.
+_LEAST_WORDS = 36.0
 _T = imgui.TableFlags_
 _FLAGS = _T.sizing_fixed_fit | _T.no_pad_outer_x | _T.scroll_y
 # Commands in a row's context menu.
@@ -95,19 +105,37 @@ def _row_name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool
     colour = imgui.Col_.text if lit else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
     imgui.align_text_to_frame_padding()
-    label = f"{shorten(row.name, imgui.get_content_region_avail().x)}##name"
-    if imgui.selectable(label, state.interface.light == i)[0]:
+    room = imgui.get_content_region_avail().x
+    (x, y), shown = imgui.get_cursor_screen_pos(), shorten(row.name, room)
+    if imgui.selectable(f"{shown}##name", state.interface.light == i)[0]:
         new = lights.choose(new, i)
         if panel.tab != "Spectrum":
             panel.to_tab = "Light"
     imgui.pop_style_color()
     ui.note(f"name {i}")
+    left = text_width(shown) + ui.px(8)
+    if (words := plain_words(row)) and room - left > ui.px(_LEAST_WORDS):
+        place = x + left, y + imgui.get_style().frame_padding.y
+        dim = imgui.get_color_u32(imgui.Col_.text_disabled)
+        imgui.get_window_draw_list().add_text(place, dim, shorten(words, room - left))
     lux = row.rig.total_lux
     level = f"\n{lux:.4g} lx at weight 1" if lux else ""
     tip(f"{row_tip(row)}{level}\nDouble-click: this light alone; F2: rename")
     if imgui.is_item_hovered() and imgui.is_mouse_double_clicked(0):
         new = lights.only(new, i)
     return _context_menu(new, ui, i)
+
+
+def plain_words(row: light_rows.LightRow) -> str:
+    """Return what a light of the library is, if its name is only the library's code.
+
+    >>> from volspec.relight import LightRig
+    >>> from volspec.spectra import light
+    >>> plain_words(light_rows.LightRow("A", "", LightRig((light("A"),)), texts=("A",)))
+    'tungsten lamp'
+    """
+    is_code = row.texts == (row.name,) and row.name in library_names()
+    return describe_light(row.name).partition(",")[0] if is_code else ""
 
 
 def name_field(state: ViewState, ui: UiContext, label: str, rename: Rename, i: int) -> ViewState:

@@ -175,7 +175,10 @@ _MARKS = (
     "Small ones: keep the colour if possible.\n"
     "~ one colour with others   = as another cell   ≠ different from another   ! out of gamut"
 )
-_MISSED = "Below 1 is not visible. No choice of the ticked spectra meets all targets."
+_MISSED = (
+    "The number is the ΔE; below 1 is not visible.\n"
+    "No choice of the ticked spectra meets all targets."
+)
 _MOST_LINES = 3
 # Commands of the menu, in three parts.
 _MENU = (
@@ -248,8 +251,8 @@ def summary(table: Table) -> str:
     if missed := sum(error > VISIBLE for error in errors):
         return f"{missed} of {len(errors)} missed: ΔE up to {worst:.1f}"
     drift = max(table.drifts, default=0.0)
-    others = f", others drift by {drift:.0f}" if drift > VISIBLE else ""
-    return f"All met, ΔE ≤ {worst:.1f}{others}"
+    others = f"; other colours changed by ΔE {drift:.0f}" if drift > VISIBLE else ""
+    return f"All targets met (ΔE {worst:.1f} or less){others}"
 
 
 def _legend(state: ViewState, ui: UiContext) -> None:
@@ -271,7 +274,7 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     draw_list.add_rect((x, y), (x + side, y + side), accent, ui.px(2), ui.px(2))
     imgui.dummy((side, side))
     imgui.same_line(0, ui.px(6))
-    imgui.text_disabled("missed, by ΔE")
+    imgui.text_disabled("missed, and how far")
     tip(_MISSED, greyed=True)
 
 

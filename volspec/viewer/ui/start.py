@@ -25,8 +25,11 @@ _FLAGS = (
 )
 
 
-def draw(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw the screen in the middle of the window while it is open; Esc closes it."""
+def draw(_: ViewState | None, ui: UiContext) -> ViewState | None:
+    """Draw the screen in the middle of the window while it is open; Esc closes it.
+
+    It needs no state: it is there before the first file is read.
+    """
     if not ui.start:
         for name in _AREAS:
             ui.areas.pop(name, None)
@@ -38,7 +41,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.window_padding, (ui.px(_PAD), ui.px(_PAD * 0.8)))
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(8))
     imgui.push_style_var(imgui.StyleVar_.window_border_size, 1)
-    _, stays = imgui.begin("Welcome to volspec###start", True, _FLAGS)
+    stays = imgui.begin("Welcome to volspec###start", True, _FLAGS)[1]
     ui.start = bool(stays) and not imgui.is_key_pressed(imgui.Key.escape)
     imgui.text("Render once, then change the light. Move the mouse across a picture to try.")
     imgui.dummy((0, ui.px(4)))

@@ -29,6 +29,7 @@ _WHITE = (1.0, 4000.0)
 _LABELS = 92
 _LOG = imgui.SliderFlags_.logarithmic
 _OWN = "own numbers"
+_ADAPTING = {"given": "as set below", "picture": "by the picture", "pixel": "by each pixel"}
 SETTINGS = (
     "Illuminance",
     "Background",
@@ -89,9 +90,10 @@ def _eye(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("model")
     viewing = new.relight.viewing
     measurable = ADAPTING if viewing.model in PER_PIXEL else ADAPTING[:2]
-    new = _combo(new, ui, edits.set_adapting, "Adapting", viewing.adapting, measurable)
-    tip("given: the numbers below; picture, pixel: measured in the picture, or at each pixel")
-    return new
+    titles = {_ADAPTING[each]: each for each in measurable}
+    picked = pick("Adapting", _ADAPTING[viewing.adapting], titles)
+    tip("What the eye adapts to is set below, or measured in the picture or around each pixel")
+    return new if picked is None else edits.set_adapting(new, titles[picked])
 
 
 def _level(state: ViewState, ui: UiContext) -> ViewState:
@@ -104,32 +106,37 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     )
     ui.note("illuminance")
     tip("The lights' own lux are used" if lux else "For lights without lux of their own")
-    now, text = edits.luminance(rig, new.relight.viewing), "L_A %.4g cd/m²"
+    now, text = edits.luminance(rig, new.relight.viewing), "adapts to %.4g cd/m²"
     new = _slider(new, ui, edits.set_luminance, "##L_A", now, _LUMINANCE, text, _LOG, not own)
     imgui.same_line()
-    pressed, _ = imgui.checkbox("own L_A", own)
-    tip("Set the adapting luminance; otherwise it follows from light and background")
+    pressed, _ = imgui.checkbox("set", own)
+    tip("Set the adapting luminance L_A; otherwise it follows from light and background")
     if pressed:
         new = edits.toggle_own_luminance(new)
     limits = 1.0, 100.0
-    new = _slider(new, ui, edits.set_background, "Background", viewing.Y_b, limits, "Y_b %.0f %%")
+    new = _slider(new, ui, edits.set_background, "Background", viewing.Y_b, limits, "%.0f %%")
+    tip("Luminance factor Y_b of the background, in per cent of white")
     surround = _surround_text(viewing.surround)
     new = _combo(new, ui, edits.set_surround, "Surround", surround, edits.SCENE_SURROUNDS)
     tip("measured: by the light of what is 11 to 90 degrees from the picture's centre")
     white = viewing.adopted_white
     shown = white if isinstance(white, str) else "X {:.4g}  Y {:.4g}  Z {:.4g}".format(*white)
-    new = _combo(new, ui, edits.set_adopted_white, "White of", shown, edits.ADOPTED_WHITES)
-    tip("light: on a surface that faces every source; scene: on what the picture shows")
+    new = _combo(new, ui, edits.set_adopted_white, "Adapts to", shown, edits.ADOPTED_WHITES)
+    tip(
+        "The adopted white. light: of a surface that faces every source;\n"
+        "scene: of what the picture shows"
+    )
     return new
 
 
 def _adaptation(state: ViewState, ui: UiContext) -> ViewState:
     viewing = state.relight.viewing
     D, limits = 1.0 if viewing.discount else viewing.D, (-0.01, 1.0)
-    now, text = (-0.01, "model's D") if D is None else (D, "D %.2f")
+    now, text = (-0.01, "automatic") if D is None else (D, "%.2f")
     new = _slider(
         state, ui, edits.set_adaptation, "Adaptation", now, limits, text, disabled=viewing.discount
     )
+    tip("Degree of adaptation D, 0 to 1; automatic: the model's own, at the slider's left end")
     pressed, _ = imgui.checkbox("Discount the light's colour", viewing.discount)
     return edits.toggle_discount(new) if pressed else new
 
