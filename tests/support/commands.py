@@ -192,6 +192,9 @@ lumen = 1000
 _TEXTS = {
     "s.toml": SCENE,
     "room.toml": _ROOM.replace("white", "grey:0.9"),
+    "coloured-room.toml": _ROOM.replace("white", "grey:0.9").replace(
+        "surface = [", 'surface = [{ name = "left", reflectance = "grey:0.1" },'
+    ),
     "empty-room.toml": _ROOM[: _ROOM.index("surface")] + "surface = []\n",
     "wrong-room.toml": _ROOM.replace("size_m", "sise_m").replace("lumen", "lux"),
     "bright-room.toml": _ROOM,
@@ -238,6 +241,8 @@ _TEXTS = {
     "palette.toml": PALETTE,
     "must.toml": PALETTE.replace('"day"\ncolour = "steelblue"', _TWICE),
     "unlit.toml": PALETTE.replace('spectrum = "D65"', f"values = {[0.0] * 31}"),
+    "atlas.csv": "nm,warm,cold\n400,0.4,0.8\n700,0.8,0.4\n",
+    "bright.csv": "nm,warm,bright\n400,0.4,1\n700,0.8,1\n",
     "empty.csv": "",
     "empty.exr": "",
     "gone.toml": SCENE.replace("ball", "gone"),

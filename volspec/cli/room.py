@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,12 +11,37 @@ from cyclopts import Parameter
 
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import Sized, sides
-from volspec.cli.shell import Json, Row, app, as_written, bar, say, show_rows
+from volspec.cli.shell import Json, Row, app, as_written, bar, print_json, say, show_rows
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError
 
 if TYPE_CHECKING:
-    from volspec.room.eye import SurfaceAppearance
+    from volspec.appearance.models import Appearance
+    from volspec.room import PaintRanking, Room, SurfaceAppearance
+    from volspec.room.paints import MixingLaw
+    from volspec.spectra import Spectrum
+
+# Paints are compared in rooms of fewer patches: each of the best takes a solution.
+_PATCHES, _PATCHES_OF_PAINTS = 5000, 1500
+_OPTIONS = {
+    "paint_set": "--paint-set",
+    "paints": "--paint-set",
+    "reflectance": "--paint-set",
+    "surface": "--paint-surface",
+    "wanted": "--wanted",
+    "step": "--mix",
+    "law": "--mix",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class _Paints:
+    """Paints to rank, and what is wanted of them."""
+
+    candidates: tuple[Spectrum, ...]
+    surface: str
+    wanted: Appearance
+    top: int
 
 
 @app.command
@@ -29,7 +55,12 @@ def room(
     white: str | None = None,
     at: Annotated[str | None, Parameter(allow_leading_hyphen=True)] = None,
     light: Path | None = None,
-    patches: Annotated[int, Parameter(converter=as_written)] = 5000,
+    patches: Annotated[int | None, Parameter(converter=as_written)] = None,
+    paint_set: Annotated[list[str] | None, Parameter(negative="")] = None,
+    paint_surface: str | None = None,
+    wanted: str | None = None,
+    mix: str | None = None,
+    top: Annotated[int | None, Parameter(converter=as_written)] = None,
     json: Json = False,
 ) -> None:
     """Compute the light in a room, and the colours that an adapted eye sees there.
@@ -39,9 +70,14 @@ def room(
 
     Example: `volspec room data/rooms/beige-tungsten.toml`
 
+    With `--paint-set`, ranks paints by how far the surface will look in the room from what is
+    wanted; a picture and a light are those of the best.
+
     Example: `volspec room data/rooms/beige-tungsten.toml --picture room.png`
 
     Example: `volspec room data/rooms/study.toml --at 2,2.5,1.2 --light study.csv`
+
+    Example: `volspec room data/rooms/study.toml --paint-set natural --wanted "#f0d9b5"`
 
     Parameters
     ----------
@@ -61,13 +97,27 @@ def room(
         Write the light there as a spectrum, FILE.csv, which other commands take as `--light`: the
         mean over the faces of a small cube, W/(m² nm).
     patches
-        Triangles, about: more give finer shadows.
+        Triangles, about: more give finer shadows; default: 5000, or 1500 to rank paints.
+    paint_set
+        Paints to rank: a set (training, test, natural, patches), a part of the library, such as
+        ColorChecker, an atlas FILE.csv with a paint in each column, or one reflectance. Repeatable.
+    paint_surface
+        The surface that is painted; default: walls, the four.
+    wanted
+        The colour that it shall have in the room: #rrggbb, a CSS name, X Y Z or a reflectance, as
+        seen in an atlas; default: the present paint.
+    mix
+        STEP, such as 0.25, or STEP,additive: rank all mixtures of the paints in such shares; of
+        stirred paints (Kubelka-Munk), or of small areas (additive).
+    top
+        Number of paints to print; default: 10.
     """
     from volspec.appearance.spec import Viewing
     from volspec.room import (
         default_eye,
         load_room,
         look,
+        rank_paints,
         room_picture,
         solve_room,
         surface_appearance,
@@ -88,9 +138,25 @@ def room(
     found = load_room(room)
     if white is not None:
         found.reflectance(white)
+    paints = None
+    if paint_set:
+        with in_options(_OPTIONS):
+            paints = _paints(found, paint_set, paint_surface, wanted, mix, top)
+    else:
+        given = {"paint-surface": paint_surface, "wanted": wanted, "mix": mix, "top": top}
+        if alone := [option for option, value in given.items() if value is not None]:
+            raise InputError(f"--{alone[0]} is for ranking paints; give --paint-set, too")
+    if patches is None:
+        patches = _PATCHES if paints is None else _PATCHES_OF_PAINTS
     eye, name = default_eye(found), found.title or room.stem
     with bar(quiet=json) as tell:
         solved = solve_room(found, patches, tell)
+        ranking = None
+        if paints is not None:
+            wants = paints.surface, paints.wanted, paints.top
+            ranking = rank_paints(solved, paints.candidates, *wants, tell)
+            best = ranking.best[0].reflectance
+            solved = solved.painted(dict.fromkeys(ranking.surfaces, best))
         conditions = look(solved, eye, viewing, white)
         if picture is not None:
             from volspec.export.frames import write_frame
@@ -100,18 +166,21 @@ def room(
         if place is not None and light is not None:
             shone = solved.light_at(place)
             write_spectrum(shone, light)
-    rows = [
-        _row(surface_appearance(solved, each))
-        for each in found.mesh.names
-        if found.reflectance(each).any()
-    ]
-    seen = conditions.viewing
-    title = (
-        f"{name}: {len(solved.mesh.surface)} patches, error {100 * solved.sampling_error:.2g} %; "
-        f"the eye looks at {conditions.surface}: L_A {seen.L_A:.3g} cd/m², Y_b {seen.Y_b:.3g}, "
-        f"surround {seen.surround:.2g}"
-    )
-    show_rows(title, rows, json)
+    if ranking is not None and paints is not None:
+        _show_ranking(f"{name}: {paints.surface}", ranking, json)
+    else:
+        rows = [
+            _row(surface_appearance(solved, each))
+            for each in found.mesh.names
+            if found.reflectance(each).any()
+        ]
+        seen = conditions.viewing
+        title = (
+            f"{name}: {len(solved.mesh.surface)} patches, error {100 * solved.sampling_error:.2g} "
+            f"%; the eye looks at {conditions.surface}: L_A {seen.L_A:.3g} cd/m², "
+            f"Y_b {seen.Y_b:.3g}, surround {seen.surround:.2g}"
+        )
+        show_rows(title, rows, json)
     if json:
         return
     if picture is not None:
@@ -129,6 +198,89 @@ def _place(at: str) -> tuple[float, float, float]:
             "--at", at, "give X,Y,Z in metres, as 2,2.5,1.2", "syntax"
         ) from None
     return x, y, z
+
+
+def _paints(
+    room: Room,
+    names: list[str],
+    surface: str | None,
+    wanted: str | None,
+    mix: str | None,
+    top: int | None,
+) -> _Paints:
+    """Return the paints of the options; refuse wrong ones before the room is solved."""
+    from volspec.room import (
+        mix_paints,
+        paint_set,
+        painted_surfaces,
+        present_appearance,
+        wanted_appearance,
+    )
+    from volspec.room.quantities import require_reflectance
+
+    surface = "walls" if surface is None else surface
+    painted_surfaces(room, surface)
+    if wanted is None:
+        seen = present_appearance(room, surface)
+    else:
+        seen = wanted_appearance(wanted, room.grid)
+    candidates = paint_set(names, room.grid)
+    if mix is not None:
+        step, law = _mixing(mix)
+        candidates = mix_paints(candidates, step, law, room.grid)
+    require_reflectance(candidates, [each.name for each in candidates], room.grid)
+    top = 10 if top is None else top
+    if top < 1:
+        raise InputError.refused("--top", top, "give 1 or more", "range")
+    return _Paints(candidates, surface, seen, top)
+
+
+def _mixing(text: str) -> tuple[float, MixingLaw]:
+    """Return the step and the law of ``STEP`` or ``STEP,LAW``."""
+    from volspec.room.paints import MIXING_LAWS
+
+    step, comma, law = (part.strip() for part in text.partition(","))
+    laws: dict[str, MixingLaw] = {each: each for each in MIXING_LAWS}
+    try:
+        return float(step), laws[law] if comma else MIXING_LAWS[0]
+    except (ValueError, KeyError):
+        remedy = f"write STEP or STEP,LAW, as 0.25,additive; laws: {', '.join(MIXING_LAWS)}"
+        raise InputError.refused("--mix", text, remedy, "syntax") from None
+
+
+def _show_ranking(title: str, ranking: PaintRanking, as_json: bool) -> None:
+    wanted = dict(zip("JCh", _J_C_h(ranking.wanted), strict=True))
+    rows: list[Row] = []
+    for each in ranking.best:
+        seen, chosen = _J_C_h(each.seen), _J_C_h(each.chosen)
+        rows.append(
+            {
+                "paint": each.name,
+                "distance": each.distance,
+                "lux": each.lux,
+                **dict(zip("JCh", seen, strict=True)),
+                **{f"chosen {key}": value for key, value in zip("JCh", chosen, strict=True)},
+            }
+        )
+    if as_json:
+        print_json(
+            {
+                "surfaces": list(ranking.surfaces),
+                "wanted": wanted,
+                "candidates": ranking.candidates,
+                "solved": ranking.solved,
+                "greys": ranking.greys,
+                "paints": rows,
+            }
+        )
+        return
+    looks = ", ".join(f"{key} {value:.1f}" for key, value in wanted.items())
+    counts = f"{ranking.candidates} paints, {ranking.solved} of them solved"
+    show_rows(f"{title}; {counts}; wanted: {looks}", rows, as_json=False)
+
+
+def _J_C_h(appearance: Appearance) -> tuple[float, float, float]:
+    return float(appearance.J), float(appearance.C), float(appearance.h)
 
 
 def _row(each: SurfaceAppearance) -> Row:

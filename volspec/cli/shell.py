@@ -363,7 +363,9 @@ def show_rows(title: str, rows: list[Row], as_json: bool) -> None:
     table = Table(box=None, pad_edge=False)
     shown = [name for name in names if name not in hidden]
     for name in shown:
-        table.add_column(name, justify="left" if name == "model" else "right", no_wrap=True)
+        words = name in ("model", "paint")
+        # A long name is folded, so that digits of other columns are not cut.
+        table.add_column(name, justify="left" if words else "right", no_wrap=name != "paint")
     for row in rows:
         table.add_row(*(_cell(row.get(name, "")) for name in shown))
     # On a narrow screen lines wrap, but digits are never cut.

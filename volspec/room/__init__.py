@@ -13,6 +13,15 @@ from volspec.room.eye import (
 from volspec.room.file import load_room
 from volspec.room.mesh import RoomMesh, box, panel, rectangle
 from volspec.room.model import Eye, PointLamp, Room, SunBeam
+from volspec.room.paint_ranking import (
+    PaintRanking,
+    RankedPaint,
+    painted_surfaces,
+    present_appearance,
+    rank_paints,
+    wanted_appearance,
+)
+from volspec.room.paints import mix_paints, paint_set
 from volspec.room.quantities import irradiance_from_lux, lux_from_irradiance, with_paint
 from volspec.room.radiosity import RoomLight, solve_room
 from volspec.room.wall_paint import (
@@ -28,7 +37,9 @@ __all__ = [
     "Brick",
     "Eye",
     "EyeConditions",
+    "PaintRanking",
     "PointLamp",
+    "RankedPaint",
     "Room",
     "RoomLight",
     "RoomMesh",
@@ -46,12 +57,18 @@ __all__ = [
     "load_room",
     "look",
     "lux_from_irradiance",
+    "mix_paints",
     "paint_for_appearance",
+    "paint_set",
+    "painted_surfaces",
     "panel",
+    "present_appearance",
+    "rank_paints",
     "rectangle",
     "room_picture",
     "solve_room",
     "surface_appearance",
     "wall_appearance",
+    "wanted_appearance",
     "with_paint",
 ]

@@ -91,9 +91,9 @@ class RoomLight:
         """(N, B) light that leaves each patch, W/m² per band."""
         return self.room.emission[self.mesh.surface] + self.reflectances * self.irradiance
 
-    def mean_irradiance(self, name: str) -> Array:
-        """Return the irradiance (B,) of a surface, mean over its area."""
-        rows = self.mesh.surface == self.mesh.names.index(name)
+    def mean_irradiance(self, *names: str) -> Array:
+        """Return the irradiance (B,) of one or more surfaces, mean over their area."""
+        rows = np.isin(self.mesh.surface, [self.mesh.names.index(name) for name in names])
         weights = self.mesh.areas_m2[rows]
         return weights @ self.irradiance[rows] / weights.sum()
 

@@ -163,6 +163,16 @@ def wall_appearance(
     return _appearance(_wall_and_white(paint, E, grid), Y_b)
 
 
+def irradiance_slopes(paint: Array, irradiance: Array, grid: SpectralGrid = DEFAULT_GRID) -> Array:
+    """Return the derivatives (3, B) of `wall_appearance`'s J, a_C and b_C by the irradiance (B,).
+
+    The paint (B,) and the irradiance are as there; a wall is its own background.
+    """
+    Q = LUMINOUS_EFFICACY * colour_matching_functions(grid)
+    slopes = _colour_slopes(_wall_and_white(paint, irradiance, grid), None)
+    return slopes @ np.vstack([Q * paint, Q])
+
+
 def atlas_appearance(
     colour: Spectrum | str | ArrayLike, grid: SpectralGrid = DEFAULT_GRID
 ) -> Appearance:
@@ -348,6 +358,8 @@ def _colour_slopes(wall_and_white: Array, Y_b: float | None) -> Array:
     # A red light may have no Z at all.
     sizes = np.maximum(wall_and_white, _LEAST_XYZ * wall_and_white[4])
     for step in np.diag(_COLOUR_STEP * sizes):
-        ends = [_coordinates(_appearance(wall_and_white + way * step, Y_b)) for way in (1, -1)]
+        # A black wall is at the end of the range.
+        ends = [np.maximum(wall_and_white + way * step, 0.0) for way in (1, -1)]
+        ends = [_coordinates(_appearance(each, Y_b)) for each in ends]
         columns.append((ends[0] - ends[1]) / (2.0 * step.sum()))
     return np.stack(columns, axis=1)

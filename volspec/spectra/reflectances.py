@@ -190,6 +190,11 @@ _SETS = {
 _ACES_DROPPED = {66, 104, 106, 129, 142, 145, 175, 177, 2, 3, 11, 131, 114, 125, 128}
 
 
+def reflectance_sets() -> tuple[str, ...]:
+    """Return the names of the sets that `reflectance_set_names` lists."""
+    return tuple(_SETS)
+
+
 def reflectance_set_names(name: str) -> tuple[str, ...]:
     """Return the names of a set of reflectances.
 

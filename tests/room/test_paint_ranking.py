@@ -1,0 +1,170 @@
+"""Ranking of paints: the same best as with every paint solved, in rooms of several kinds."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.errors import RoomError, SpectrumError
+from volspec.room import (
+    PointLamp,
+    Room,
+    RoomLight,
+    appearance_distance,
+    atlas_appearance,
+    box,
+    irradiance_from_lux,
+    mix_paints,
+    paint_set,
+    painted_surfaces,
+    rank_paints,
+    solve_room,
+    wall_appearance,
+    wanted_appearance,
+)
+from volspec.room.mesh import SIDES
+from volspec.room.paint_ranking import interpolated_irradiance
+from volspec.spectra import DEFAULT_GRID, Spectrum, light, reflectance, reflectance_from_colour
+
+CUBE = box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True)
+CHEST = box((1, 2, 0.1), (2, 4, 1), "chest")
+MIXED = ("grey:0.9", "ColorChecker/yellow", "ColorChecker/red", "ColorChecker/blue")
+
+
+def solved(reflectances: dict[str, str], lamp: str, name: str | None) -> RoomLight:
+    """Return a room with a luminous surface, or a small lamp."""
+    mesh = CUBE + CHEST
+    rho = [reflectance(reflectances.get(each, "grey:0.5")).values for each in mesh.names]
+    if name is None:
+        lamps = (PointLamp((2.0, 1.0, 2.0), irradiance_from_lux(light(lamp), 80.0)),)
+        room = Room(mesh, np.array(rho), lamps=lamps)
+    else:
+        rho[mesh.names.index(name)] = np.zeros(DEFAULT_GRID.size)
+        exitance = irradiance_from_lux(light(lamp), 500.0)
+        room = Room(mesh, np.array(rho), {name: exitance})
+    return solve_room(room, 150, rays=1 << 17)
+
+
+@cache
+def room(number: int) -> RoomLight:
+    """A bright room by day, a brown one by tungsten, and a coloured one under a small lamp."""
+    bright = dict.fromkeys(SIDES, "grey:0.9")
+    brown = dict.fromkeys(SIDES, "ColorChecker/dark skin") | {"floor": "ColorChecker/red"}
+    coloured = {"floor": "ColorChecker/blue", "ceiling": "PMC/Banana", "chest": "ColorChecker/red"}
+    kinds = (bright, "D65", "ceiling"), (brown, "A", "front"), (coloured, "FL2", None)
+    return solved(*kinds[number])
+
+
+CANDIDATES = {
+    "library": lambda: paint_set(["training"]),
+    "mixtures": lambda: mix_paints([reflectance(name) for name in MIXED], 1 / 7),
+}
+
+
+@pytest.mark.parametrize(
+    ("number", "candidates"), [(0, "library"), (1, "mixtures"), (2, "library")]
+)
+def test_the_best_are_those_of_a_ranking_that_solves_every_paint(
+    number: int, candidates: str
+) -> None:
+    paints = CANDIDATES[candidates]()
+    assert len(paints) > 100
+    surface = ("walls", "floor", "walls")[number]
+    names = painted_surfaces(room(number).room, surface)
+    lights = []
+    for paint in paints:
+        painted = room(number).painted(dict.fromkeys(names, paint))
+        lights.append(painted.mean_irradiance(*names))
+    seen = [wall_appearance(each, E) for each, E in zip(paints, lights, strict=True)]
+    for colour in ("#f0d9b5", "#c04030", "ColorChecker/blue sky"):
+        wanted = wanted_appearance(colour)
+        found = rank_paints(room(number), paints, surface, wanted, top=5)
+        distances = np.array([float(appearance_distance(each, wanted)) for each in seen])
+        order = np.argsort(distances, kind="stable")[:5]
+        assert [each.name for each in found.best] == [paints[i].name for i in order]
+        assert [each.distance for each in found.best] == pytest.approx(distances[order], abs=1e-6)
+        assert found.candidates == len(paints) and found.solved < 20
+
+
+def test_the_light_of_a_paint_is_within_its_bounds() -> None:
+    """Bounds of the light hold for each paint and band, in a room as bright as they come."""
+    paints = np.array([each.values for each in paint_set(["patches"])[::10]])
+    greys = np.linspace(0.0, 0.99, 4)
+
+    def E(paint: np.ndarray) -> np.ndarray:
+        return room(0).painted(dict.fromkeys(SIDES[:5], paint)).mean_irradiance("left")
+
+    found, error = interpolated_irradiance(
+        greys, np.array([E(np.full(DEFAULT_GRID.size, grey)) for grey in greys]), paints
+    )
+    exact = np.array([E(paint) for paint in paints])
+    # Of the difference, the solver's rounding may be left.
+    assert (np.abs(exact - found) <= error + 1e-6 * exact).all()
+    assert np.abs(exact - found).max() > 1e-4 * exact.max()
+
+
+def test_interpolation_is_exact_for_polynomials() -> None:
+    greys = np.array([0.1, 0.3, 0.6, 0.9])
+    paints = np.array([[0.2, 0.1], [0.85, 0.9]])
+    found, error = interpolated_irradiance(greys, np.stack([greys**3, 2 * greys], 1), paints)
+    assert found == pytest.approx(np.stack([paints[:, 0] ** 3, 2 * paints[:, 1]], 1))
+    assert error[:, 1] == pytest.approx(0.0, abs=1e-12) and (error[:, 0] > 0).all()
+
+
+def test_alike_greys_need_one_solution() -> None:
+    grey = reflectance("grey:0.5")
+    found = rank_paints(room(1), [grey, grey], "floor", wanted_appearance("grey"))
+    assert found.greys == 1 and found.solved == 2
+    assert found.best[0].distance == found.best[1].distance
+
+
+def test_the_present_paint_is_what_is_wanted_unless_another_is() -> None:
+    paints = [reflectance("grey:0.2"), reflectance("grey:0.9")]
+    found = rank_paints(room(0), paints)
+    own = atlas_appearance(reflectance("grey:0.9"))
+    assert float(found.wanted.J) == pytest.approx(float(own.J))
+    assert found.best[0].name == "grey:0.9"
+    assert float(found.best[0].chosen.J) == pytest.approx(float(own.J))
+    assert found.best[0].lux > found.best[1].lux > 0
+    mixed = room(0).painted({"left": reflectance("grey:0.3")})
+    with raises(RoomError, "missing", "wanted"):
+        rank_paints(mixed, paints)
+
+
+def test_walls_are_the_four_and_other_surfaces_have_names() -> None:
+    assert painted_surfaces(room(0).room, "walls") == ("left", "right", "front", "back")
+    assert painted_surfaces(room(1).room, "walls") == ("left", "right", "back")  # front gives light
+    assert painted_surfaces(room(1).room, "chest") == ("chest",)
+    with raises(RoomError, "unknown", "surface"):
+        painted_surfaces(room(0).room, "wall")
+    with raises(RoomError, "conflict", "surface"):
+        painted_surfaces(room(1).room, "front")
+
+
+def test_impossible_rankings_are_refused() -> None:
+    with raises(RoomError, "missing", "paints"):
+        rank_paints(room(0), [])
+    with raises(RoomError, "range", "top"):
+        rank_paints(room(0), [reflectance("grey:0.5")], top=0)
+    with raises(RoomError, "range", "reflectance"):
+        rank_paints(room(0), [reflectance("white")])
+
+
+@pytest.mark.parametrize("word", ["#f0d9b5", "ColorChecker/blue", "grey:0.5", "41 35 12"])
+def test_what_is_wanted_is_a_colour_or_a_reflectance(word: str) -> None:
+    own: Spectrum | str = word if word[0] in "#4" else reflectance(word)
+    assert float(wanted_appearance(word).J) == float(atlas_appearance(own).J)
+
+
+def test_an_unknown_colour_is_refused() -> None:
+    with raises(SpectrumError, "unknown"):
+        wanted_appearance("beigee")
+
+
+def test_a_black_paint_has_an_appearance() -> None:
+    paints = [reflectance("black"), reflectance_from_colour("#f0d9b5")]
+    found = rank_paints(room(2), paints, wanted=wanted_appearance("black"))
+    assert found.best[0].name == "black" and float(found.best[0].seen.J) == pytest.approx(0, abs=1)
