@@ -251,3 +251,43 @@ def test_a_cast_image_is_relit_and_says_what_it_cannot(tmp_path: Path) -> None:
             assert saved.size == (64, 32)
         robot.key("ctrl+q")
         assert robot.viewer.wait(20) == 0
+
+
+def test_a_picture_dialog_stays_until_its_folder_can_be_made(tmp_path: Path) -> None:
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    with Robot(tmp_path, ["ball.npy"], (900, 600)) as robot:
+
+        def save_to(folder: str) -> None:
+            robot.click("file folder")
+            robot.key("ctrl+a")
+            robot.type(folder)
+            robot.rest()
+            robot.click("picture ok")
+            robot.rest()
+
+        robot.whole()
+        robot.key("ctrl+i")
+        robot.rest()
+        before = robot.rest()
+        save_to("/proc/none")
+        assert "file problem" in layout(robot)
+        save_to(f"{tmp_path}/new/deeper")
+        saved = event(robot, "screenshot", before)
+        assert saved["path"] == str(tmp_path / "new" / "deeper" / "ball.png")
+
+
+def test_a_click_on_a_swatch_picks_a_colour_for_its_material(tmp_path: Path) -> None:
+    np.save(tmp_path / "ball.npy", phantom.ball(16).values)
+    with Robot(tmp_path, ["ball.npy"], (1000, 800)) as robot:
+        robot.whole()
+        for _ in range(2):  # closed and opened, the panel comes to the front
+            robot.click("menu Window")
+            robot.rest()
+            robot.click("action panel-transfer")
+            robot.rest()
+        swatch = next(name for name in layout(robot) if name.startswith("swatch "))
+        robot.click(swatch)
+        before = robot.rest()
+        x, y, width, height = robot.area("picker")
+        robot.click((x + 0.3 * width, y + 0.3 * height))
+        assert event(robot, "design", before)

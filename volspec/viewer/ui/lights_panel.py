@@ -44,7 +44,7 @@ def draw_rows(state: ViewState, ui: UiContext, height: float) -> ViewState:
     imgui.table_setup_column("colour", fixed, ui.px(_ROW_SWATCH))
     imgui.table_setup_column("spectrum", fixed, ui.px(_ROW_SPARK))
     imgui.table_setup_column("name", stretch, 1.0)
-    imgui.table_setup_column("weight", stretch, 0.95)
+    imgui.table_setup_column("weight", stretch, 0.65)
     imgui.table_setup_column("solo", fixed, ui.px(_BOTH))
     weights, new = light_rows.effective_weights(state.lights), state
     _scroll(state, ui, height)
