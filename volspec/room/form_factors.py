@@ -17,6 +17,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -106,7 +107,12 @@ def sobol(count: int, dimensions: int, seed: int) -> Array:
     return np.asarray(engine.random_base2(count.bit_length() - 1))
 
 
-def form_factors(rays: Rays, per_patch: int, seed: int = 0) -> FormFactors:
+def form_factors(
+    rays: Rays,
+    per_patch: int,
+    seed: int = 0,
+    progress: Callable[[float], object] = lambda share: None,
+) -> FormFactors:
     """Estimate the form factors of a mesh's triangles from ``per_patch`` rays each, a power of two.
 
     A patch sees nothing of itself; rays that hit a back are lost.
@@ -120,6 +126,7 @@ def form_factors(rays: Rays, per_patch: int, seed: int = 0) -> FormFactors:
     numbers: list[list[NDArray[np.int64]]] = [[], []]
     step = max(_BLOCK // per_patch, 1)
     for start in range(0, count, step):
+        progress(start / count)
         rows = slice(start, min(start + step, count))
         shares = (pattern + shifts[rows]) % 1.0
         normal = normals[rows, None]
@@ -135,6 +142,7 @@ def form_factors(rays: Rays, per_patch: int, seed: int = 0) -> FormFactors:
             key, number = np.unique(pairs[:, columns][seen[:, columns]], return_counts=True)
             found[half].append(key)
             numbers[half].append(number)
+    progress(1.0)
     sums = areas * (1.0 - lost - backs)
     raw = [
         _raw(np.concatenate(keys), np.concatenate(each) * (2.0 / per_patch), count)
