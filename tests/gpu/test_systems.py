@@ -157,10 +157,10 @@ def test_a_file_that_is_flushed_to_the_disk_is_open_for_writing(
 @pytest.mark.parametrize(
     ("system", "machine", "expected"),
     [
-        ("linux", "x86_64", {"pocl-binary-distribution", "moderngl", "intel-opencl-rt"}),
+        ("linux", "x86_64", {"pocl-binary-distribution", "moderngl", "intel-opencl-rt", "embreex"}),
         ("linux", "aarch64", set()),
-        ("darwin", "arm64", {"moderngl"}),
-        ("win32", "AMD64", {"moderngl", "intel-opencl-rt"}),
+        ("darwin", "arm64", {"moderngl", "embreex"}),
+        ("win32", "AMD64", {"moderngl", "intel-opencl-rt", "embreex"}),
         ("win32", "ARM64", {"moderngl"}),
     ],
 )

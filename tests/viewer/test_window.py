@@ -363,6 +363,7 @@ def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(tmp_path: Path
     seen = np.asarray(Image.open(shot).convert("RGB"), np.int16)
     scene = Scene.load(saved)
     assert (scene.file.output.height, scene.file.output.width) == seen.shape[:2]
+    scene = scene.exporting(annotate=["scale"])  # as a picture has what the screen shows
     made = scene.export(tmp_path / "frames", lights=[scene.lights[0].name], sheet=False)
     frame = np.asarray(Image.open(made.output / made.files[0]).convert("RGB"), np.int16)
     assert seen.std() > 5 and np.abs(frame - seen).max() <= 1

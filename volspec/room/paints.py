@@ -154,7 +154,7 @@ def mix_paints(
     >>> for law in MIXING_LAWS:
     ...     each = mix_paints([white, black], 0.5, law)[1]
     ...     print(each.name, float(each.values[0].round(3)))
-    50 % grey:0.9 + 50 % grey:0.04 0.079
+    50 % grey:0.9 + 50 % grey:0.04 0.074
     50 % grey:0.9 + 50 % grey:0.04 0.47
     """
     if law not in MIXING_LAWS:
