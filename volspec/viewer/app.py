@@ -49,6 +49,8 @@ _SETTLE = 3
 # Frames per click or key, as imgui processes one step of them per frame.
 _FRAMES_EACH, _MOST = 3, 90
 _IDLE_S, _BUSY_S = 0.5, 0.02
+# imgui takes the parts of a click (move, press, release) one per frame.
+_CLICK_FRAMES = 4
 # A mouse that is still for this long gets a tooltip, for which imgui needs frames, too.
 _STILL_S = 0.6
 # The longest that another thread computes before this one may continue; each GL or glfw call
@@ -129,6 +131,7 @@ class _App:
         self._scheduler = CastScheduler(Window.wake)
         self._docks, self._mouse = Docks(), Mouse()
         self._focus = Focus()
+        self._text_wanted = "", 0  # the text to focus, and for how many more frames
         self._fade: Fade | None = None
         self._fade_began = 0.0
         self._fading = False  # more frames are needed
@@ -370,6 +373,7 @@ class _App:
         state = self._mouse.apply(state, inputs, area)
         if self._mouse.clicked is not None:
             state = self._click(state, *self._mouse.clicked)
+        self._focus_text()
         return self._docks.panels(state, self._ui)
 
     def _click(self, state: ViewState, button: str, place: tuple[float, float]) -> ViewState:
@@ -385,9 +389,15 @@ class _App:
         new = self._ui.edited(state, bind(measure.pick, point))
         if state.interface.tool == "label" and len(new.annotations) > len(state.annotations):
             # The next keys are the label's text, not commands.
-            self._ui.front = measure.PANEL
-            self._ui.item = f"annotation text {len(state.annotations)}"
+            self._text_wanted = f"annotation text {len(state.annotations)}", _CLICK_FRAMES
         return new
+
+    def _focus_text(self) -> None:
+        """Focus the text that a click made, also after imgui has seen the click."""
+        item, frames = self._text_wanted
+        if frames and not imgui.is_any_item_active():
+            self._ui.front, self._ui.item = measure.PANEL, item
+        self._text_wanted = item, max(frames - 1, 0)
 
     def _do_requests(self) -> None:
         """Run the commands that are not edits of the state."""
