@@ -219,7 +219,7 @@ def mitsuba() -> Figure:
     """Compare irradiances at 20 points and 5 wavelengths with Mitsuba's path tracer."""
     name = "room/irradiance, against Mitsuba"
     try:
-        import mitsuba as mi  # type: ignore[import-not-found]
+        import mitsuba as mi  # type: ignore[import-not-found]  # not installed by default
     except ImportError:
         return Figure(name, None, 3, at_most=True, note="no mitsuba: pip install mitsuba")
     room = cornell()

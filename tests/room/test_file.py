@@ -106,6 +106,22 @@ def test_rooms_with_a_fault_are_refused(tmp_path: Path, text: str, code: str | N
         load_room(room_file(tmp_path, text))
 
 
+def test_lights_of_one_side_add_up(tmp_path: Path) -> None:
+    side = 'on = "ceiling"\nlux = 100\n'
+    both = LAMP + side + LAMP.replace("lamp", "other") + side
+    room = load_room(room_file(tmp_path, both))
+    assert lux_from_irradiance(room.exitances["ceiling"]) == pytest.approx(200)
+    with raises(RoomError, "duplicate"):
+        load_room(room_file(tmp_path, LAMP + side + LAMP + side))
+
+
+def test_a_room_may_be_open(tmp_path: Path) -> None:
+    path = room_file(tmp_path, SMALL + "lumen = 3\n")
+    assert not load_room(path).open
+    path.write_text("open = true\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+    assert load_room(path).open
+
+
 def test_files_that_are_no_meshes_are_refused(tmp_path: Path) -> None:
     (tmp_path / "chair.ply").write_text("no mesh", encoding="utf-8")
     mesh = '[[mesh]]\nname = "chair"\nfile = "chair.ply"\n'

@@ -14,7 +14,10 @@ ROOM = box((0, 0, 0), (4, 5, 2.7), SIDES, inside=True)
 
 
 def test_a_room_is_closed_and_its_fronts_are_inside() -> None:
-    assert ROOM.open_edges() == 0 and ROOM.names == SIDES
+    numbers = ROOM.corner_numbers()
+    sides = np.sort(np.stack([numbers, np.roll(numbers, -1, axis=1)], axis=-1), axis=-1)
+    _, shared = np.unique(sides.reshape(-1, 2), axis=0, return_counts=True)
+    assert (shared == 2).all() and ROOM.names == SIDES
     assert ROOM.areas_m2.sum() == pytest.approx(2 * (20 + 13.5 + 10.8))
     towards = np.array([2, 2.5, 1.35]) - ROOM.centres_m
     assert (np.einsum("nc,nc->n", ROOM.normals, towards) > 0).all()

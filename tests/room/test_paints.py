@@ -103,4 +103,4 @@ def test_impossible_mixtures_are_refused() -> None:
     with raises(RoomError, "size", "step"):
         mix_paints(paints, 0.1)
     with raises(RoomError, "unknown", "law"):
-        mix_paints(paints, 0.5, "oil")  # type: ignore[arg-type]
+        mix_paints(paints, 0.5, "oil")  # type: ignore[arg-type]  # no law

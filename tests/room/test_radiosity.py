@@ -105,7 +105,7 @@ def test_another_paint_needs_no_other_rays() -> None:
 def lit(mesh: RoomMesh, **settings: object) -> Room:
     """Return a grey room whose last surface emits."""
     grey = np.full((len(mesh.names), BANDS), 0.5)
-    return Room(mesh, grey, {mesh.names[-1]: np.ones(BANDS)}, **settings)  # type: ignore[arg-type]
+    return Room(mesh, grey, {mesh.names[-1]: np.ones(BANDS)}, **settings)  # type: ignore[arg-type]  # of `Room`
 
 
 def test_rooms_that_cannot_be_solved_are_refused() -> None:

@@ -36,7 +36,7 @@ _OPTIONS = {
 
 @dataclass(frozen=True, slots=True)
 class _Paints:
-    """Paints to rank, and what is wanted of them."""
+    """Paints to rank, and the appearance to reach."""
 
     candidates: tuple[Spectrum, ...]
     surface: str
@@ -249,19 +249,17 @@ def _mixing(text: str) -> tuple[float, MixingLaw]:
 
 
 def _show_ranking(title: str, ranking: PaintRanking, as_json: bool) -> None:
-    wanted = dict(zip("JCh", _J_C_h(ranking.wanted), strict=True))
-    rows: list[Row] = []
-    for each in ranking.best:
-        seen, chosen = _J_C_h(each.seen), _J_C_h(each.chosen)
-        rows.append(
-            {
-                "paint": each.name,
-                "distance": each.distance,
-                "lux": each.lux,
-                **dict(zip("JCh", seen, strict=True)),
-                **{f"chosen {key}": value for key, value in zip("JCh", chosen, strict=True)},
-            }
-        )
+    wanted = _J_C_h(ranking.wanted)
+    rows: list[Row] = [
+        {
+            "paint": each.name,
+            "distance": each.distance,
+            "lux": each.lux,
+            **_J_C_h(each.seen),
+            **_J_C_h(each.chosen, "chosen "),
+        }
+        for each in ranking.best
+    ]
     if as_json:
         print_json(
             {
@@ -279,20 +277,16 @@ def _show_ranking(title: str, ranking: PaintRanking, as_json: bool) -> None:
     show_rows(f"{title}; {counts}; wanted: {looks}", rows, as_json=False)
 
 
-def _J_C_h(appearance: Appearance) -> tuple[float, float, float]:
-    return float(appearance.J), float(appearance.C), float(appearance.h)
+def _J_C_h(appearance: Appearance, prefix: str = "") -> dict[str, float]:
+    """Return lightness, chroma and hue by their columns' names."""
+    return {f"{prefix}{key}": float(getattr(appearance, key)) for key in "JCh"}
 
 
 def _row(each: SurfaceAppearance) -> Row:
-    chosen, seen = each.chosen, each.seen
     return {
         "surface": each.name,
         "lux": each.lux,
-        "chosen J": float(chosen.J),
-        "chosen C": float(chosen.C),
-        "chosen h": float(chosen.h),
-        "J": float(seen.J),
-        "C": float(seen.C),
-        "h": float(seen.h),
+        **_J_C_h(each.chosen, "chosen "),
+        **_J_C_h(each.seen),
         "difference": each.difference,
     }

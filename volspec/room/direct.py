@@ -78,14 +78,14 @@ def _edge(a: Array, b: Array, normals: Array) -> Array:
 
 
 def _from_surfaces(
-    rays: Rays, points: Array, normals: Array, emitters: RoomMesh, exitance: Array, seed: int = 0
+    rays: Rays, points: Array, normals: Array, emitters: RoomMesh, exitance: Array
 ) -> Array:
     """Return the irradiance (P, B) from triangles with an exitance (N, B), W/m² per band."""
     found = np.zeros((len(points), exitance.shape[1]))
     count = _MOST_RAYS // max(len(points) * len(emitters.surface), 1)
     count = 1 << int(np.clip(count, 1, _SHADOW_RAYS)).bit_length() - 1
-    pattern = sobol(count, 2, seed)
-    shifts = np.random.default_rng(seed + 1).random((len(points), 1, 2))
+    pattern = sobol(count, 2, seed=0)
+    shifts = np.random.default_rng(1).random((len(points), 1, 2))
     raised = points + rays.offset_m * normals
     for i, corners in enumerate(emitters.corners_m):
         part = seen_part(points, normals, corners)

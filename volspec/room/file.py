@@ -53,15 +53,15 @@ Place = Annotated[tuple[Finite, Finite, Positive, Positive], Field(strict=False)
 @settings(RoomError)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SurfaceSpec:
-    """``[[surface]]``: what a surface reflects."""
+    """``[[surface]]``: the reflectance of a surface."""
 
     row_keys: ClassVar = ("name",)
     name: Annotated[Name, Field(examples=["walls"])]
     """left, right, front, back (x, then y), floor, ceiling; walls are the first four; or the name
     of a box or a mesh."""
     reflectance: Annotated[str, Field(examples=["grey:0.5"])]
-    """As of a scene's material: a name (ColorChecker/dark skin, grey:0.5, …) or FILE.csv; or
-    a colour, #f0d9b5, under D65."""
+    """A name (ColorChecker/dark skin, grey:0.5, …) or FILE.csv, in the notation of a scene's
+    material; or a colour, #f0d9b5, under D65."""
 
 
 @settings(RoomError)
@@ -73,19 +73,19 @@ class LampSpec:
     name: Annotated[Name, Field(examples=["window"])]
     """Its name; of a window or panel, the name of its surface, too."""
     spectrum: Annotated[str, Field(examples=["D65"])]
-    """As of a scene's light: D65, A, tungsten, planck:3000, FILE.csv and others."""
+    """D65, A, tungsten, planck:3000, FILE.csv and others, in the notation of a scene's light."""
     on: Literal["left", "right", "front", "back", "floor", "ceiling"] | None = None
     """The side that a window or panel is part of."""
     place_m: Place | None = None
     """Its x, y (or the first two that the side has), width and height; default: the whole side."""
     position_m: Metres | None = None
-    """Where a small lamp is."""
+    """Place of a small lamp."""
     azimuth_deg: Annotated[Finite, Unit("degrees")] | None = None
-    """Where the sun is: 0 at −y, 90 at +x."""
+    """Direction of the sun: 0 at −y, 90 at +x."""
     elevation_deg: Annotated[float, Field(ge=-90, le=90), Unit("degrees")] = 45.0
     """Height of the sun."""
     lux: Annotated[Positive, Unit("lx")] | None = None
-    """Of a window or panel: lumens that leave each square metre; of the sun: lux across its beam,
+    """Lumens that leave each square metre of a window or panel; for the sun, lux across its beam,
     which enters through all windows."""
     lumen: Annotated[Positive, Unit("lm")] | None = None
     """All light of a lamp or panel."""
@@ -172,7 +172,7 @@ class RoomFile:
     """Width (x), depth (y) and height (z) of a rectangular room from the origin; without, meshes
     are the room."""
     surface: Annotated[tuple[SurfaceSpec, ...], Field(strict=False, min_length=1)]
-    """What surfaces reflect."""
+    """Reflectances of all surfaces."""
     light: Annotated[tuple[LampSpec, ...], Field(strict=False, min_length=1)]
     """Windows, lamps, the sun."""
     box: Annotated[tuple[BoxSpec, ...], Field(strict=False)] = ()
@@ -180,7 +180,9 @@ class RoomFile:
     mesh: Annotated[tuple[MeshSpec, ...], Field(strict=False)] = ()
     """Furniture, or the room itself."""
     eye: Eye | None = None
-    """Where the room is seen from; default: near the front, looking at the back."""
+    """Place to see the room from; default: near the front, looking at the back."""
+    open: bool = False
+    """Light may leave the room through gaps."""
 
     def __post_init__(self) -> None:
         if self.size_m is None and not self.mesh:
@@ -189,6 +191,11 @@ class RoomFile:
             )
         if self.size_m is not None and min(self.size_m) <= 0:
             raise RoomError.refused("size_m", self.size_m, "give three lengths above 0 m", "range")
+        for kind, rows in (("surface", self.surface), ("light", self.light)):
+            names = [row.name for row in rows]
+            if twice := next((name for name in names if names.count(name) > 1), None):
+                problem = f"two [[{kind}]] are named {twice!r}"
+                raise RoomError(problem, "rename one", code="duplicate", field=kind)
         if self.size_m is None and any(each.on is not None for each in self.light):
             raise RoomError("a panel needs size_m", "give it, or a small lamp", code="missing")
 
@@ -252,7 +259,7 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
             area = float(mesh.areas_m2[mesh.surface == mesh.names.index(surface)].sum())
             lux = row.lux if flux is None else flux / area
             assert lux is not None
-            exitances[surface] = per_lux * lux
+            exitances[surface] = exitances.get(surface, 0.0) + per_lux * lux
         elif row.position_m is not None:
             assert flux is not None
             intensity = per_lux * (flux / (4.0 * math.pi))
@@ -275,7 +282,8 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
         tuple(suns),
         file.eye,
         grid,
-        title=file.title,
+        file.open,
+        file.title,
     )
 
 

@@ -34,8 +34,6 @@ Array = NDArray[np.float64]
 _OFFSET = 1e-5
 # Rays that are shot at once: 20 to 30 MB of origins and directions.
 _BLOCK = 1 << 19
-# Rays of a patch, at least and at most.
-RAYS = 256, 1 << 17
 _ROUNDS, _CLOSE = 200, 1e-7
 
 
@@ -44,8 +42,8 @@ class Rays:
 
     def __init__(self, mesh: RoomMesh) -> None:
         try:
-            from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]
-            from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]
+            from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]  # has no types
+            from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]  # has no types
         except ImportError:
             raise DeviceError(
                 "rooms of triangles need embreex, which has no wheel for this system",

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import RoomError
+from volspec.errors import Code, RoomError
 
 Array = NDArray[np.float64]
 # A triangle is degenerate if its height is below this fraction of its longest side.
@@ -73,13 +73,13 @@ class RoomMesh:
             bad = int(first[count.argmax()])
             self._refuse(bad, "is there twice", "keep one of the coincident faces", "duplicate")
 
-    def _refuse(self, triangle: int, problem: str, remedy: str, code: str) -> None:
+    def _refuse(self, triangle: int, problem: str, remedy: str, code: Code) -> None:
         at = ", ".join(f"{x:.4g}" for x in self.corners_m[triangle].mean(axis=0))
         name = self.names[self.surface[triangle]]
         raise RoomError(
             f"{name}: its triangle {triangle} at ({at}) m {problem}",
             remedy,
-            code=code,  # type: ignore[arg-type]  # one of `Code`, above
+            code=code,
         )
 
     def corner_numbers(self) -> NDArray[np.intp]:
@@ -151,13 +151,6 @@ class RoomMesh:
             if not (long := sides > longest_m).any():
                 return mesh
             mesh = mesh.split(long)
-
-    def open_edges(self) -> int:
-        """Return the number of sides that no other triangle has, whole or in parts."""
-        numbers = self.corner_numbers()
-        pairs = np.sort(np.stack([numbers, np.roll(numbers, -1, axis=1)], axis=-1), axis=-1)
-        _, count = np.unique(pairs.reshape(-1, 2), axis=0, return_counts=True)
-        return int((count == 1).sum())
 
     def __add__(self, other: RoomMesh) -> RoomMesh:
         """Return the triangles of both; surfaces with the same name are one."""

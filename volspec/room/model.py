@@ -46,12 +46,12 @@ class SunBeam:
 @settings(RoomError)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Eye:
-    """``[eye]``: where the room is seen from."""
+    """``[eye]``: a place to see the room from."""
 
     position_m: Metres
-    """Where the eye is."""
+    """Place of the eye."""
     target_m: Metres
-    """What it looks at: the white of its conditions is there."""
+    """Point that it looks at; the white of its conditions is there."""
     fov_deg: Annotated[float, Field(gt=0, lt=180), Unit("degrees")] = 60.0
     """The picture's height."""
 
@@ -75,7 +75,7 @@ class Room:
     lamps : tuple of PointLamp
     suns : tuple of SunBeam
     eye : Eye or None
-        Where the room is seen from.
+        Place to see the room from.
     grid : SpectralGrid
         B bands.
     open : bool
@@ -104,9 +104,7 @@ class Room:
         found = require_reflectance(self.reflectances, names, self.grid)
         object.__setattr__(self, "reflectances", found)
         for name in self.exitances:
-            if name not in names:
-                remedy = f"there is {', '.join(names)}"
-                raise RoomError(f"no surface is named {name!r}", remedy, code="unknown")
+            self.reflectance(name)  # refuses unknown names
         if self.exitances:
             require_emission(list(self.exitances.values()), list(self.exitances), self.grid)
         if not (self.exitances or self.lamps or self.suns):

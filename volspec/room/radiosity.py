@@ -227,7 +227,7 @@ def look_around(room: Room) -> None:
         raise RoomError(
             f"the room is open: {100 * lost.sum():.2g} % of its light leaves through gaps, most "
             f"of it from {worst}",
-            "close them, or say that it is open",
+            "close them, or set open = true",
             code="conflict",
             field="open",
         )
