@@ -251,8 +251,9 @@ def summary(table: Table) -> str:
     if missed := sum(error > VISIBLE for error in errors):
         return f"{missed} of {len(errors)} missed: ΔE up to {worst:.1f}"
     drift = max(table.drifts, default=0.0)
-    others = f"; other colours changed by ΔE {drift:.0f}" if drift > VISIBLE else ""
-    return f"All targets met (ΔE {worst:.1f} or less){others}"
+    if drift > VISIBLE:
+        return f"Targets met; others changed by ΔE {drift:.0f}"
+    return f"Targets met (ΔE {worst:.1f} or less)"
 
 
 def _legend(state: ViewState, ui: UiContext) -> None:
