@@ -9,9 +9,12 @@ The demo, the command line, the exporters and the viewer all use these functions
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning, quoted
@@ -31,6 +34,7 @@ from volspec.transfer import (
 from volspec.volume import Volume
 
 LEAST_SIDE = 8
+Behind = Callable[[Camera, tuple[int, int]], NDArray[np.float32]]
 
 __all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "relight"]
 
@@ -48,6 +52,7 @@ def raycast(
     caster: Raycaster | None = None,
     into: Relighter | None = None,
     notes: Mapping[str, str] | None = None,
+    behind: Behind | None = None,
 ) -> CoefficientImage:
     """Cast a volume once, for every light to come.
 
@@ -74,6 +79,9 @@ def raycast(
         made with the Relighter's ``context`` updates it on the device.
     notes : {str: str}, optional
         Added to the image's notes.
+    behind : callable, optional
+        Returns, for a camera and a size, what is seen behind the volume: (H, W, K·M) channels of
+        the last K light groups. The picture is then opaque.
 
     Returns
     -------
@@ -122,7 +130,8 @@ def raycast(
     if into is not None:
         width, height = checked_size(size)
         shape = height, width, len(spec.groups) * table.size
-        slot = into.place(shape, spec.groups, caster.sharing)
+        # What is behind is added on the host.
+        slot = into.place(shape, spec.groups, None if behind else caster.sharing)
     cast = caster.cast(table, camera, size, spec, progress, cancel, slot)
     if not cast.alpha.any():
         warnings.warn(_empty_picture_warning(volume, table), VolspecWarning, stacklevel=2)
@@ -143,6 +152,8 @@ def raycast(
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
     )
+    if behind is not None:
+        image = image.before(behind(camera, size))
     if into is not None:
         into.update(image, slot)
     return image

@@ -282,7 +282,8 @@ class FrameMaker:
         if self._parts > 1 and not only_cast:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
-        caster = TileCaster(open_caster(), scene.raycast, notes)
+        opened = open_caster()
+        caster = TileCaster(opened, scene.raycast, notes, scene.behind(opened.volume))
         if only_cast:
             self._cast(casts, caster, meter)
         else:

@@ -334,7 +334,7 @@ def _unresolved(file: SceneFile, path: Path) -> tuple[list[str], Volume | None]:
     grid = names.grid(names.shipped_basis())
     names.reflectances("reflectance", grid)
     names.reflectances("filter", grid)
-    names.lights(grid, file.cast)
+    names.lights(grid, file.cast, names.room(grid))
     try:
         if file.volume.file != _NO_VOLUME:
             return errors, names.volume()

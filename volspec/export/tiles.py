@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolspecWarning
-from volspec.pipeline import Raycaster, raycast
+from volspec.pipeline import Behind, Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.camera import RayField
 from volspec.raycast.checks import MAX_SIDE
@@ -114,6 +114,7 @@ class TileCaster:
     caster: Raycaster
     spec: RaycastSpec
     notes: Mapping[str, str]  # metadata of the images
+    behind: Behind | None = None
 
     def strips(
         self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
@@ -212,6 +213,7 @@ class TileCaster:
             caster=self.caster,
             progress=progress,
             notes=self.notes,
+            behind=self.behind,
         )
 
 

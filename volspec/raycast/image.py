@@ -137,6 +137,23 @@ class CoefficientImage:
         first = list(self.groups).index(group) * size
         return self.coefficients[..., first : first + size]
 
+    def before(self, behind: ArrayLike) -> CoefficientImage:
+        """Return the image in front of an opaque one, (H, W, K·M), of the last K light groups.
+
+        Raises ShapeError if its size or its channels differ.
+        """
+        layers = np.asarray(behind, self.coefficients.dtype)
+        channels = self.coefficients.shape[2]
+        if layers.shape[:2] != self.alpha.shape or layers.shape[2] > channels:
+            raise ShapeError(
+                f"shape {layers.shape}",
+                f"expected {self.alpha.shape} and up to {channels} channels",
+                field="coefficient image: behind",
+            )
+        found = self.coefficients.copy()
+        found[..., channels - layers.shape[2] :] += (1.0 - self.alpha)[..., None] * layers
+        return replace(self, coefficients=found, alpha=np.ones_like(self.alpha))
+
     def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:
         """Return the same cast with other reflectances of some of its materials, {name: Spectrum}.
 

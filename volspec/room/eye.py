@@ -100,12 +100,7 @@ def look(
     grid = solved.room.grid
     irradiance = solved.irradiance[hit]
     lux = float(lux_from_irradiance(irradiance, grid))
-    luminances = lux_from_irradiance(solved.radiosity, grid) / np.pi
-    luminances = np.minimum(luminances, _BRIGHTEST * lux / np.pi)
-    Y_b, L_A = (
-        float(_cone_mean(solved, luminances, position, forward, cone))
-        for cone in (_BACKGROUND_DEG, _SURROUND_DEG)
-    )
+    background, L_A = cone_luminances(solved, eye, lux)
     own = np.ones(grid.size) if white is None else solved.room.reflectance(white)
     L_Aw = float(lux_from_irradiance(irradiance * own, grid)) / np.pi
     if not L_Aw > 0:
@@ -114,11 +109,25 @@ def look(
     measured = replace(
         viewing or Viewing(),
         L_A=L_A,
-        Y_b=100.0 * Y_b * np.pi / lux,
+        Y_b=100.0 * background * np.pi / lux,
         surround=min(L_A / L_Aw, 1.0),
     )
     name = solved.mesh.names[solved.mesh.surface[hit]]
     return EyeConditions(measured, XYZ_from_spectra(shade, own), irradiance, name, L_Aw)
+
+
+def cone_luminances(solved: RoomLight, eye: Eye, lux: float) -> tuple[float, float]:
+    """Return the luminances, cd/m², of background and surround; a white gets ``lux``."""
+    position = np.array(eye.position_m)
+    forward = np.array(eye.target_m) - position
+    forward /= np.linalg.norm(forward)
+    luminances = lux_from_irradiance(solved.radiosity, solved.room.grid) / np.pi
+    luminances = np.minimum(luminances, _BRIGHTEST * lux / np.pi)
+    background, surround = (
+        _cone_mean(solved, luminances, position, forward, cone)
+        for cone in (_BACKGROUND_DEG, _SURROUND_DEG)
+    )
+    return background, surround
 
 
 def _cone_mean(

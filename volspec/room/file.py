@@ -235,7 +235,7 @@ def load_room(path: str | os.PathLike[str], grid: SpectralGrid = DEFAULT_GRID) -
 def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) -> Room:
     """Return the room of a file's tables; ``folder`` is where its files are."""
     mesh = _mesh(file, folder)
-    rows = {row.name: _paint(row.reflectance, grid, folder) for row in file.surface}
+    rows = {row.name: paint_named(row.reflectance, grid, folder) for row in file.surface}
     if walls := rows.pop("walls", None):
         rows = {side: walls for side in WALLS if side in mesh.names} | rows
     panels = [each.name for each in file.light if each.on is not None]
@@ -263,7 +263,7 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
         elif row.position_m is not None:
             assert flux is not None
             intensity = per_lux * (flux / (4.0 * math.pi))
-            lamps.append(PointLamp(row.position_m, intensity))
+            lamps.append(PointLamp(row.position_m, intensity, row.name))
         else:
             assert row.lux is not None and row.azimuth_deg is not None
             turn, up = math.radians(row.azimuth_deg), math.radians(row.elevation_deg)
@@ -272,7 +272,7 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
                 -math.cos(up) * math.cos(turn),
                 math.sin(up),
             )
-            suns.append(SunBeam(direction, per_lux * row.lux, openings))
+            suns.append(SunBeam(direction, per_lux * row.lux, openings, row.name))
     dark = np.zeros(grid.size)
     return Room(
         mesh,
@@ -287,7 +287,7 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
     )
 
 
-def _paint(text: str, grid: SpectralGrid, folder: Path) -> Spectrum:
+def paint_named(text: str, grid: SpectralGrid, folder: Path) -> Spectrum:
     """Return a reflectance by name, or the one that a colour in sRGB has under D65."""
     if text.startswith("#"):
         return reflectance_from_colour(text, grid=grid)

@@ -7,7 +7,7 @@ Spectra are as in `quantities`: reflectances are band means, light is W/m² per 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -32,6 +32,7 @@ class PointLamp:
 
     position_m: tuple[float, float, float]
     intensity: Array  # (B,) W/sr per band
+    name: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,6 +42,7 @@ class SunBeam:
     direction: tuple[float, float, float]  # unit vector towards the sun
     irradiance: Array  # (B,) W/m² per band, across the beam
     through: frozenset[int] = frozenset()  # indices of surfaces that let it in
+    name: str = ""
 
 
 @settings(RoomError)
@@ -85,8 +87,8 @@ class Room:
     Raises
     ------
     RoomError
-        If a surface reflects 1 or more in a band or is unknown, emits less than 0, or no light
-        is given.
+        If a surface reflects 1 or more in a band or is unknown, emits less than 0, no light is
+        given, or two lights have one name.
     """
 
     mesh: RoomMesh
@@ -110,6 +112,9 @@ class Room:
         if not (self.exitances or self.lamps or self.suns):
             remedy = "give a surface that emits, a lamp or the sun"
             raise RoomError("the room has no light", remedy, code="missing")
+        named = (*self.exitances, *_named("lamp", self.lamps), *_named("sun", self.suns))
+        if twice := next((name for name in named if named.count(name) > 1), None):
+            raise RoomError(f"two lights are named {twice!r}", "rename one", code="duplicate")
 
     def reflectance(self, name: str) -> Array:
         """(B,) reflectance of a surface; raises RoomError if there is none of that name."""
@@ -127,7 +132,37 @@ class Room:
         return replace(self, reflectances=found)
 
     @property
+    def lights(self) -> dict[str, Array]:
+        """Spectra (B,) of all lights by name, in the units of their kinds, per band.
+
+        Panels are named as their surfaces; lamps and suns without a name are numbered.
+        """
+        lamps = zip(_named("lamp", self.lamps), self.lamps, strict=True)
+        suns = zip(_named("sun", self.suns), self.suns, strict=True)
+        return {
+            **self.exitances,
+            **{name: lamp.intensity for name, lamp in lamps},
+            **{name: sun.irradiance for name, sun in suns},
+        }
+
+    def with_lights(self, spectra: Mapping[str, Array]) -> Room:
+        """Return the room in which only the given lights shine, with these spectra (B,)."""
+        lamps = zip(_named("lamp", self.lamps), self.lamps, strict=True)
+        suns = zip(_named("sun", self.suns), self.suns, strict=True)
+        return replace(
+            self,
+            exitances={name: spectra[name] for name in self.exitances if name in spectra},
+            lamps=tuple(replace(e, intensity=spectra[n]) for n, e in lamps if n in spectra),
+            suns=tuple(replace(e, irradiance=spectra[n]) for n, e in suns if n in spectra),
+        )
+
+    @property
     def emission(self) -> Array:
         """(S, B) exitances of all surfaces, W/m² per band."""
         dark = np.zeros(self.grid.size)
         return np.array([self.exitances.get(name, dark) for name in self.mesh.names])
+
+
+def _named(kind: str, lights: Sequence[PointLamp | SunBeam]) -> tuple[str, ...]:
+    """Return the names of lamps or suns; those without one are numbered."""
+    return tuple(each.name or f"{kind} {number}" for number, each in enumerate(lights, 1))

@@ -204,7 +204,7 @@ def _solved(
 ) -> RoomLight:
     """Return the light of a room whose direct light and form factors are known."""
     reflectances = room.reflectances[mesh.surface]
-    irradiance = _solve(factors.factors, mesh.areas_m2, reflectances, direct)
+    irradiance = solve_irradiance(factors.factors, mesh.areas_m2, reflectances, direct)
     sampling = _sampling_error(room.grid, factors, mesh.areas_m2, reflectances, irradiance)
     return RoomLight(room, mesh, irradiance, direct, sampling, patch_error, rays, factors)
 
@@ -278,7 +278,7 @@ def _refined(room: Room, patches: int) -> tuple[RoomMesh, Array, float]:
     area = float(room.mesh.areas_m2.sum())
     mesh = room.mesh.with_edges(float(np.sqrt(4.0 * area / max(_COARSE * patches, 1))))
     rays = Rays(room.mesh)  # what is in the way: halves are where their parents are
-    direct, spread = _direct(room, rays, mesh)
+    direct, spread = direct_on_patches(room, rays, mesh)
     for _ in range(_ROUNDS):
         left = patches - len(direct)
         error = spread * mesh.areas_m2
@@ -291,14 +291,14 @@ def _refined(room: Room, patches: int) -> tuple[RoomMesh, Array, float]:
         kept = direct[~chosen], spread[~chosen]
         direct, spread = np.zeros((len(new), room.grid.size)), np.zeros(len(new))
         direct[~new], spread[~new] = kept
-        direct[new], spread[new] = _direct(room, rays, mesh.part(new))
+        direct[new], spread[new] = direct_on_patches(room, rays, mesh.part(new))
     areas = mesh.areas_m2
     mean = float(areas @ lux_from_irradiance(direct, room.grid) / areas.sum())
     uneven = np.sqrt(areas @ (spread / 4.0) ** 2 / areas.sum()) / max(mean, 1e-30)
     return mesh, direct, float(uneven)
 
 
-def _direct(room: Room, rays: Rays, mesh: RoomMesh) -> tuple[Array, Array]:
+def direct_on_patches(room: Room, rays: Rays, mesh: RoomMesh) -> tuple[Array, Array]:
     """Return the direct light on patches (N, B), and its range within each (N,), lux."""
     points = mesh.points(_POINTS)
     normals = np.repeat(mesh.normals, len(_POINTS), axis=0)
@@ -307,7 +307,7 @@ def _direct(room: Room, rays: Rays, mesh: RoomMesh) -> tuple[Array, Array]:
     return found.mean(axis=1), np.ptp(lux_from_irradiance(found, room.grid), axis=1)
 
 
-def _solve(factors: csr_array, areas: Array, reflectances: Array, direct: Array) -> Array:
+def solve_irradiance(factors: csr_array, areas: Array, reflectances: Array, direct: Array) -> Array:
     """Return the irradiance (N, B): conjugate gradients for every band, with one matrix."""
     root = np.sqrt(areas)
     symmetric = csr_array(diags_array(root) @ factors @ diags_array(1.0 / root))

@@ -27,6 +27,7 @@ from volspec.scene.specs import (
     CameraSpec,
     MaterialSpec,
     OutputSpec,
+    RoomSpec,
     VolumeSpec,
     fault,
 )
@@ -65,6 +66,8 @@ class SceneFile:
     """Settings of the cast."""
     group: Annotated[tuple[LightGroup, ...], Field(strict=False)] = ()
     """Light groups; default: a single group, light, of ambient light and a headlight."""
+    room: RoomSpec | None = None
+    """A room that the volume is in."""
     light: Annotated[tuple[LightSpec, ...], Field(strict=False, min_length=1)]
     """Lights, at least one."""
     viewing: RelightSpec = field(default_factory=RelightSpec)
@@ -90,7 +93,10 @@ class SceneFile:
             spec = self.cast
         except RaycastError as error:
             raise error.at("group") from None
-        self._check_lights([group.name for group in spec.groups])
+        if self.room is None:
+            self._check_lights([group.name for group in spec.groups])
+        elif self.group:
+            raise fault("group", "the light groups are those of [room]", "leave out one of them")
         for i, row in enumerate(self.material):
             if row.filter is not None and self.transfer.points is None:
                 problem = f"only [transfer] points absorb by wavelength, not {self.transfer.kind}"

@@ -40,6 +40,7 @@ from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
+    from volspec.scene.room import Backdrop
 
 
 def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
@@ -112,8 +113,9 @@ class Scene:
         grid = names.grid(shipped)
         self.materials = names.reflectances("reflectance", grid)
         filters = names.reflectances("filter", grid)
-        self.raycast = file.cast
-        self.lights = names.lights(grid, self.raycast)
+        self.room = names.room(grid)
+        self.raycast = file.cast if self.room is None else self.room.cast(file.cast)
+        self.lights = names.lights(grid, self.raycast, self.room)
         with names.at("basis"):
             if shipped:
                 chosen = ChosenBasis(shipped, "the scene names it")
@@ -133,6 +135,9 @@ class Scene:
         with names.at("transfer"):
             self.transfer = file.transfer.function(self.materials, filters, self.basis)
         self.relight = file.viewing
+        if self.room is not None:
+            viewing = self.room.viewing(file.viewing.viewing, file.camera)
+            self.relight = replace(file.viewing, viewing=viewing)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], basis: Mapping[str, object] | None = None) -> Scene:
@@ -284,8 +289,17 @@ class Scene:
                 progress=progress,
                 cancel=cancel,
                 caster=caster,
+                behind=self.behind(volume),
                 notes={"scene": self.file.title, "viewing": viewing_note(self.relight)},
             )
+
+    def behind(self, volume: Volume) -> Backdrop | None:
+        """Return the room as it is seen behind a volume; None without one.
+
+        Raises SceneError if the volume is not within the room, or the basis has no channels for it.
+        """
+        with self._names.at("room"):
+            return None if self.room is None else self.room.behind(volume, self.basis)
 
     def with_camera(self, camera: CameraSpec) -> Scene:
         """Return the scene with another ``[camera]``."""

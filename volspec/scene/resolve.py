@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -30,6 +30,9 @@ from volspec.spectra.files import palette_grid
 from volspec.spectra.lights import light_terms
 from volspec.volume import Volume, load_volume
 from volspec.volume.bundled import locate_volume
+
+if TYPE_CHECKING:
+    from volspec.scene.room import SceneRoom
 
 # Relative difference of two spacings that causes a warning.
 _SPACING_ERROR = 1e-4
@@ -136,7 +139,11 @@ class Resolver:
     ) -> tuple[float, str]:
         """Return the largest CIEDE2000 of a material between two grids, and its place."""
         there = self.reflectances("reflectance", own)
-        lights = (self.lights(each, self.file.cast) for each in (own, grid))
+        rooms = (self.room(each) for each in (own, grid))
+        lights = (
+            self.lights(each, self.file.cast, room)
+            for each, room in zip((own, grid), rooms, strict=True)
+        )
         worst = (0.0, "")
         for one, two in zip(*lights, strict=True):
             Lab = [
@@ -162,12 +169,28 @@ class Resolver:
                     )
         return found
 
-    def lights(self, grid: SpectralGrid, spec: RaycastSpec) -> list[NamedLight]:
+    def room(self, grid: SpectralGrid) -> SceneRoom | None:
+        """Return the room of ``[room]``, solved; None if there is none."""
+        found = None
+        if self.file.room is not None:
+            # Imported late: ray tracing and statistics take a second, and few scenes have rooms.
+            from volspec.scene.room import SceneRoom
+
+            with self.at("room"):
+                found = SceneRoom.of(self.file.room, self.path.parent, grid, self.file.camera.up)
+        return found
+
+    def lights(
+        self, grid: SpectralGrid, spec: RaycastSpec, room: SceneRoom | None
+    ) -> list[NamedLight]:
         """Return the light settings, in the order of the file."""
         found = []
         names = [row.name for row in self.file.light]
         for name, rows in rows_by_name(self.file.light).items():
             with self.at(f"light[{names.index(name)}]"):
+                if room is not None:
+                    found.append(room.light(rows, self.known))
+                    continue
                 shares = spec.shares()
                 found.append(named_light(rows, shares, grid, self.path.parent, self.known))
         return found

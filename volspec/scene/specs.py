@@ -18,7 +18,16 @@ from pydantic import Discriminator, Field, Tag
 
 from volspec.errors import Code, SceneError, SpectrumError
 from volspec.raycast.camera import Orbit
-from volspec.settings import Hint, Name, Unit, Vector, settings, value_or_table
+from volspec.settings import (
+    Finite,
+    Hint,
+    Name,
+    Positive,
+    Unit,
+    Vector,
+    settings,
+    value_or_table,
+)
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
 from volspec.spectra.lights import as_light
 from volspec.spectra.reflectances import as_reflectance
@@ -201,6 +210,36 @@ class CameraSpec(Orbit):
         if "position_mm" in table and (given := sorted(orbit & set(table))):
             raise fault("position_mm", f"given with {' and '.join(given)}", "give one of them")
         return table
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoomSpec:
+    """``[room]``: a room with the volume in it.
+
+    Its lights replace ``[[group]]``; ``[[light]]`` gives them spectra, and ``group`` names one of
+    them. Y_b, L_A and surround are those of an eye in the room, unless ``[viewing]`` gives them.
+    """
+
+    file: Annotated[str, Field(examples=["room.toml"])]
+    """A room (docs/rooms.md)."""
+    position_m: Annotated[Vector, Unit("m")]
+    """Place of the volume's middle in the room."""
+    scale: Positive = 1.0
+    """Size in the room over size in the file."""
+    turn_deg: Annotated[Finite, Unit("degrees")] = 0.0
+    """Turns the volume about the room's vertical, counter-clockwise from above; the camera's ``up``
+    is vertical, and azimuth 0 is at the room's front."""
+    paint: dict[str, str] = field(default_factory=dict)
+    """Other reflectances of surfaces, such as walls = "#f4b8a0"."""
+    directions: Annotated[int, Field(ge=1, le=5)] = 4
+    """Directional lights that replace the room's, at most, besides ambient light."""
+    shadows: bool = True
+    """The volume casts shadows into itself."""
+    walls: bool = True
+    """The room is seen behind the volume."""
+    patches: Annotated[int, Field(ge=100, le=100_000)] = 2000
+    """Triangles, about, that the room is divided into."""
 
 
 @settings(SceneError)

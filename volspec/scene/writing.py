@@ -139,7 +139,13 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
     volume, mark, query = file.volume.file.partition("?")
     if bundled_volume(volume) is None or (folder / volume).exists():
         volume = rebase_path(volume, folder, to)
-    basis = file.basis
+    basis, room = file.basis, file.room
+    if room is not None:
+        paint = {
+            name: text if text.startswith("#") else rebase_address(text, folder, to)
+            for name, text in room.paint.items()
+        }
+        room = replace(room, file=rebase_path(room.file, folder, to), paint=paint)
     if basis.file is not None:
         basis = replace(basis, name=rebase_path(basis.file, folder, to))
     return replace(
@@ -148,6 +154,7 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
         material=tuple(map(material, file.material)),
         light=tuple(map(light, file.light)),
         basis=basis,
+        room=room,
     )
 
 

@@ -216,7 +216,7 @@ def scene_views(
         As in `Scene.render`.
     """
     volume = caster.volume if caster else volume or scene.volume()
-    caster = caster or Raycaster(volume, device=device)
+    caster, behind = caster or Raycaster(volume, device=device), scene.behind(volume)
     pixels = size or (scene.file.output.width, scene.file.output.height)
     for i, camera in enumerate(turntable_cameras(scene, volume, Turntable(frames=count))):
         image = raycast(
@@ -227,6 +227,7 @@ def scene_views(
             scene.raycast,
             caster=caster,
             progress=progress and part_of(progress, i / count, 1 / count),
+            behind=behind,
         )
         marks = annotation_svg(scene.file.annotation, camera, pixels)
         yield PageView(image, 360.0 * i / count, marks)

@@ -1,0 +1,156 @@
+"""Response of a room to its lights: what stays if their spectra change.
+
+RoomLight -> [response] -> irradiance under any spectra, with any paints
+
+Light is linear, and bands are independent: under spectra S_l the irradiance of patch i is
+Σ_l R_li S_l, band by band, where R_li is its irradiance if light l alone shines with 1 in each
+band. New spectra are a product; new paints are a solution of the patches (`painted`), or one of
+whole surfaces (`estimated`), in closed form as the cube and the brick [1].
+
+References
+----------
+[1] Neumann, Castro, Neumann & Sbert (2004), "Color Appearance in Multispectral Radiosity",
+    section 4.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec.errors import RoomError, nearest
+from volspec.room.quantities import lux_from_irradiance
+from volspec.room.radiosity import RoomLight, direct_on_patches, solve_irradiance
+from volspec.spectra.spectrum import Spectrum, light_power
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RoomResponse:
+    """Irradiance of N patches by each of L lights alone, per unit of its spectrum.
+
+    Attributes
+    ----------
+    solved : RoomLight
+        The room under its own lights.
+    direct : (L, N) array
+        What comes from a light without any reflection; the same in all bands.
+    irradiance : (L, N, B) array
+        All light, after all reflections.
+    """
+
+    solved: RoomLight
+    direct: Array
+    irradiance: Array
+
+    @classmethod
+    def of(cls, solved: RoomLight) -> RoomResponse:
+        """Solve a room for each of its lights, with the rays of its solution."""
+        direct = []
+        for name in solved.room.lights:
+            alone = solved.room.with_lights({name: np.ones(solved.room.grid.size)})
+            direct.append(direct_on_patches(alone, solved.rays, solved.mesh)[0][:, 0])
+        return _solved(solved, np.array(direct))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the L lights."""
+        return tuple(self.solved.room.lights)
+
+    def spectra(self, lights: Mapping[str, Spectrum], weight: float = 1.0) -> Array:
+        """Return (L, B) spectra of lights, as bright as the room's own; of others, 0.
+
+        Raises
+        ------
+        RoomError
+            If the room has no light of a name.
+        SpectrumError
+            As `volspec.spectra.spectrum.light_power`.
+        """
+        grid, own = self.solved.room.grid, self.solved.room.lights
+        found = np.zeros((len(own), grid.size))
+        for name, spectrum in lights.items():
+            if name not in own:
+                raise RoomError(
+                    f"no light of the room is named {name!r}",
+                    f"{nearest(name, own)}there is {', '.join(own)}",
+                    code="unknown",
+                )
+            power = light_power(spectrum, grid)
+            lux = lux_from_irradiance(np.array([own[name], power]), grid)
+            found[self.names.index(name)] = power * (weight * lux[0] / lux[1])
+        return found
+
+    def under(self, spectra: ArrayLike) -> RoomLight:
+        """Return the light of the room under other spectra (L, B) of its lights."""
+        power = np.asarray(spectra, np.float64)
+        lit = {name: each for name, each in zip(self.names, power, strict=True) if each.any()}
+        return replace(
+            self.solved,
+            room=self.solved.room.with_lights(lit),
+            direct=self.direct.T @ power,
+            irradiance=np.einsum("lnb,lb->nb", self.irradiance, power),
+        )
+
+    def painted(self, paints: Mapping[str, Spectrum | ArrayLike]) -> RoomResponse:
+        """Return the response with other reflectances (B,) of some surfaces.
+
+        Raises RoomError as `Room` does.
+        """
+        room = self.solved.room.painted(paints)
+        return _solved(replace(self.solved, room=room), self.direct)
+
+    def estimated(self, paints: Mapping[str, Spectrum | ArrayLike]) -> RoomResponse:
+        """Return `painted` in closed form, at the speed of a slider.
+
+        Reflected light is scaled, surface by surface, as in a room whose surfaces each have one
+        irradiance: exact for the present paints, and near them. Raises RoomError as `Room` does.
+        """
+        room = self.solved.room.painted(paints)
+        both = self.solved.room.reflectances, room.reflectances
+        before, after = (self._reflected(each) for each in both)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            factor = np.where(before > 0.0, after / before, 1.0)
+        direct = self.direct[:, :, None]
+        indirect = (self.irradiance - direct) * factor[:, self.solved.mesh.surface]
+        solved = replace(self.solved, room=room)
+        return _of(solved, self.direct, direct + indirect)
+
+    def _reflected(self, reflectances: Array) -> Array:
+        """Return (L, S, B) reflected light on whole surfaces, F ρ E."""
+        factors, direct = self._surfaces()
+        system = np.eye(len(factors)) - factors * reflectances.T[:, None, :]  # (B, S, S)
+        whole = np.linalg.solve(system, np.broadcast_to(direct.T, (len(system), *direct.T.shape)))
+        return whole.transpose(2, 1, 0) - direct[:, :, None]
+
+    def _surfaces(self) -> tuple[Array, Array]:
+        """Return form factors (S, S) and direct light (L, S) of whole surfaces."""
+        mesh = self.solved.mesh
+        areas, count = mesh.areas_m2, len(mesh.names)
+        belongs = np.zeros((len(areas), count))
+        belongs[np.arange(len(areas)), mesh.surface] = 1.0
+        mean = belongs * areas[:, None]
+        mean /= np.maximum(mean.sum(axis=0), 1e-30)
+        return mean.T @ (self.solved.factors.factors @ belongs), self.direct @ mean
+
+
+def _solved(solved: RoomLight, direct: Array) -> RoomResponse:
+    """Return the response of a room whose direct light (L, N) is known."""
+    bands, count = solved.room.grid.size, len(direct)
+    irradiance = solve_irradiance(
+        solved.factors.factors,
+        solved.mesh.areas_m2,
+        np.tile(solved.reflectances, count),
+        np.repeat(direct.T, bands, axis=1),
+    )
+    return _of(solved, direct, irradiance.reshape(-1, count, bands).transpose(1, 0, 2))
+
+
+def _of(solved: RoomLight, direct: Array, irradiance: Array) -> RoomResponse:
+    """Return a response whose room is under its own lights."""
+    found = RoomResponse(solved, direct, irradiance)
+    return replace(found, solved=found.under([*solved.room.lights.values()]))

@@ -1,0 +1,332 @@
+"""``[room]``: the room that a volume is in, its light on the volume, and its walls behind it.
+
+    ROOM.toml, place -> [room] -> light groups, lights, viewing, backdrop
+
+The lights of the scene are the spectra of the room's lamps and windows. Each group of the cast is a
+part of the room's light (`volspec.room.specimen`); the room itself is seen in further groups, one
+for each of its lights, which shine on nothing of the volume.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from volspec.appearance.spec import Viewing
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.errors import SceneError
+from volspec.raycast import Camera, LightGroup, RaycastSpec
+from volspec.raycast.lights import Ambient, Directional, Headlight, Source
+from volspec.relight import LightRig
+from volspec.room.backdrop import corner_coefficients, corner_owners, seen_corners
+from volspec.room.eye import cone_luminances
+from volspec.room.file import load_room, paint_named
+from volspec.room.model import Eye, Room
+from volspec.room.paint_ranking import painted_surfaces
+from volspec.room.quantities import lux_from_irradiance
+from volspec.room.radiosity import require_inside, solve_room
+from volspec.room.response import RoomResponse
+from volspec.room.specimen import SpecimenLight
+from volspec.scene.lights import LightSpec, NamedLight
+from volspec.scene.specs import CameraSpec, RoomSpec, given_light
+from volspec.settings import Vector
+from volspec.spectra import SpectralGrid, Spectrum
+from volspec.volume import Volume
+
+Array = NDArray[np.float64]
+# Rays of all form factors: the volume's light needs fewer than a picture of the room.
+_RAYS = 1 << 22
+# The spectrum of a room's lights as its file gives it.
+OWN = "room"
+# Least background of the models, per cent.
+_LEAST_Y_B = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Directions and places of a volume's world in a room.
+
+    Rows of ``axes`` are the room's x, y and z in the volume's world.
+    """
+
+    axes: Array  # (3, 3)
+    position_m: Array  # (3,)
+    metres_per_mm: float
+
+    @classmethod
+    def of(cls, spec: RoomSpec, up: Vector) -> Placement:
+        """Return the placement of a volume whose ``up`` is vertical."""
+        axis = np.array(up)
+        # As of an orbit's azimuth: the front is −y made perpendicular to up, or −x if up is ±y.
+        front = np.array([0.0, -1.0, 0.0])
+        front -= front @ axis * axis
+        if np.linalg.norm(front) < 1e-6:
+            front = np.array([-1.0, 0.0, 0.0])
+        front /= np.linalg.norm(front)
+        level = np.stack([np.cross(axis, front), -front, axis])
+        turn = math.radians(spec.turn_deg)
+        rotation = np.array(
+            [
+                [math.cos(turn), -math.sin(turn), 0.0],
+                [math.sin(turn), math.cos(turn), 0.0],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        return cls(rotation @ level, np.array(spec.position_m), 1e-3 * spec.scale)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneRoom:
+    """A room with a volume in it, solved for all spectra of its lights."""
+
+    spec: RoomSpec
+    folder: Path  # paths in `spec` start from it
+    placement: Placement
+    response: RoomResponse
+    specimen: SpecimenLight
+
+    @classmethod
+    def of(cls, spec: RoomSpec, folder: Path, grid: SpectralGrid, up: Vector) -> SceneRoom:
+        """Read and solve a room; ``up`` is the vertical in the volume's world.
+
+        Raises RoomError if it cannot be read or solved, or the place is not in it.
+        """
+        room = load_room(folder / spec.file, grid)
+        room = room.painted(_paints(spec.paint, room, folder))
+        response = RoomResponse.of(solve_room(room, spec.patches, rays=_RAYS))
+        specimen = SpecimenLight.of(response, spec.position_m, spec.directions)
+        return cls(spec, folder, Placement.of(spec, up), response, specimen)
+
+    @property
+    def grid(self) -> SpectralGrid:
+        """Grid of all spectra."""
+        return self.response.solved.room.grid
+
+    # The cast.
+
+    @property
+    def _whiteness(self) -> float:
+        """Lux of a surface that would face all groups, over those of the brightest surface.
+
+        The brightest surface is where a perfect diffuser has Y = 100.
+        """
+        power = np.array([*self.response.solved.room.lights.values()])
+        facing = np.einsum("lgb,lb->b", self.specimen.irradiance, power)
+        return float(lux_from_irradiance(facing, self.grid)) / self.specimen.brightest_lux
+
+    def cast(self, spec: RaycastSpec) -> RaycastSpec:
+        """Return the settings of a cast with the groups of the room's light.
+
+        Each group lights a surface that faces it alike, and all spectra differ.
+        """
+        part = self._whiteness / len(self.specimen.names)
+        shadows = self.spec.shadows
+        world = self.specimen.directions @ self.placement.axes
+        sources: list[tuple[Source, ...]] = [
+            (Ambient(part, occlusion=shadows),),
+            *((Directional(_triple(way), "world", part, shadows),) for way in world),
+        ]
+        names = self._group_names()
+        groups = [LightGroup(*each) for each in zip(names, sources, strict=True)]
+        if self.spec.walls:
+            groups += [LightGroup(name, (Headlight(0.0),)) for name in self._wall_groups()]
+        return replace(spec, groups=tuple(groups), ambient=1.0, diffuse=1.0)
+
+    def _group_names(self) -> list[str]:
+        ambient, *others = self.specimen.names
+        return [ambient, *(f"from {name}" for name in others)]
+
+    def _wall_groups(self) -> list[str]:
+        return [f"walls: {name}" for name in self.response.names]
+
+    # Lights.
+
+    def light(self, rows: Sequence[LightSpec], known: Mapping[str, Spectrum]) -> NamedLight:
+        """Return the setting of the rows with one name: spectra of the room's lights.
+
+        ``known`` holds spectra that are not on disk yet. Raises SpectrumError if a spectrum is
+        unknown, RoomError if the room has no light of a group's name, SceneError if a row has lux.
+        """
+        power = np.zeros((len(self.response.names), self.grid.size))
+        for row in rows:
+            if row.has_lux:
+                raise SceneError(
+                    "the lights of a room have the lux of its file",
+                    "leave illuminance_lux and power_W out; weight scales",
+                    code="conflict",
+                    field="illuminance_lux",
+                )
+            power += self._power(row, known)
+        first, label = rows[0], next((row.label for row in rows if row.label), rows[0].name)
+        return NamedLight(first.name, label, *self.rig(power))
+
+    def _power(self, row: LightSpec, known: Mapping[str, Spectrum]) -> Array:
+        """Return the spectra (L, B) of a row."""
+        own = self.response.solved.room.lights
+        names = list(own) if row.group is None else [row.group]
+        if row.spectrum == OWN:
+            nm = self.grid.wavelengths_nm
+            spectra = {name: Spectrum(nm, own[name]) for name in names if name in own}
+            spectra |= {name: Spectrum(nm, np.ones_like(nm)) for name in names if name not in own}
+        else:
+            found = given_light(row.spectrum, row.name, self.grid, self.folder, known)
+            spectra = dict.fromkeys(names, found)
+        return self.response.spectra(spectra, row.weight)
+
+    def rig(self, power: Array) -> tuple[Spectrum, LightRig]:
+        """Return the light of spectra (L, B), W/m² per band: on the volume, and by group.
+
+        Raises RoomError if no light reaches the volume.
+        """
+        groups = np.einsum("lgb,lb->gb", self.specimen.irradiance, power)
+        lux = lux_from_irradiance(groups, self.grid) * (len(groups) / self._whiteness)
+        names = self._group_names()
+        if self.spec.walls:
+            groups = np.concatenate([groups, power])
+            lux = np.concatenate([lux, lux_from_irradiance(power, self.grid)])
+            names += self._wall_groups()
+        nm = self.grid.wavelengths_nm
+        lit = np.flatnonzero(lux > 0.0)
+        spectra = tuple(Spectrum(nm, groups[g] / self.grid.step_nm, names[g]) for g in lit)
+        rig = LightRig(spectra, (), tuple(lux[lit].tolist()), tuple(names[g] for g in lit))
+        shares = dict.fromkeys(self._group_names(), 1.0 / len(self.specimen.names))
+        return rig.facing(shares | dict.fromkeys(self._wall_groups(), 0.0)).mixed(self.grid), rig
+
+    # The eye.
+
+    def viewing(self, given: Viewing, camera: CameraSpec) -> Viewing:
+        """Return viewing conditions in the room, of an eye that looks past the volume [method §8].
+
+        Keys of ``given`` that differ from their defaults are kept.
+        """
+        place = np.array(self.spec.position_m)
+        target = _triple(place - self._towards(camera))
+        eye = Eye(position_m=self.spec.position_m, target_m=target)
+        lux, default = self.specimen.brightest_lux, Viewing()
+        background, L_A = cone_luminances(self.response.solved, eye, lux)
+        if given.surround == default.surround:
+            given = replace(given, surround=min(L_A * math.pi / lux, 1.0))
+        if given.adapting != "given":  # measured in each picture
+            return given
+        if given.Y_b == default.Y_b:
+            given = replace(given, Y_b=max(100.0 * background * math.pi / lux, _LEAST_Y_B))
+        return given if given.L_A is not None else replace(given, L_A=L_A)
+
+    def _towards(self, camera: CameraSpec) -> Array:
+        """Return the direction (3,) from the volume to the camera, in the room."""
+        if camera.position_mm is not None:
+            away = np.subtract(camera.position_mm, camera.target_mm or (0.0, 0.0, 0.0))
+            return np.asarray(self.placement.axes @ (away / np.linalg.norm(away)))
+        azimuth, elevation = math.radians(camera.azimuth_deg), math.radians(camera.elevation_deg)
+        level = np.array(
+            [
+                math.cos(elevation) * math.sin(azimuth),
+                -math.cos(elevation) * math.cos(azimuth),
+                math.sin(elevation),
+            ]
+        )
+        world = Placement.of(replace(self.spec, turn_deg=0.0), camera.up).axes.T @ level
+        return np.asarray(self.placement.axes @ world)
+
+    # What is behind the volume.
+
+    def behind(self, volume: Volume, basis: Basis) -> Backdrop | None:
+        """Return the room behind a volume; None if it is not to be seen.
+
+        Raises SceneError if the basis is of materials.
+        """
+        if not self.spec.walls:
+            return None
+        if isinstance(basis, MaterialBasis):
+            raise SceneError(
+                "walls have no channel in a basis of materials",
+                'set walls = false, or another [basis] method, such as "virtual-sensors"',
+                code="conflict",
+                field="walls",
+            )
+        corners = volume.corners_mm
+        middle = corners.mean(axis=0)
+        place = self.placement
+        rays = self.response.solved.rays
+        for corner in [middle, *corners]:
+            at = place.position_m + place.metres_per_mm * (place.axes @ (corner - middle))
+            require_inside(self.response.solved.room, rays, at, "the volume")
+        return Backdrop(self, basis, middle)
+
+    def with_paint(self, paint: Mapping[str, str], *, estimate: bool = False) -> SceneRoom:
+        """Return the room with other paints, which replace those of the same surfaces.
+
+        ``estimate`` takes the closed form (`RoomResponse.estimated`). Raises RoomError if there is
+        no such surface, SpectrumError if there is no such paint.
+        """
+        room = self.response.solved.room
+        paints = _paints(paint, room, self.folder)
+        change = self.response.estimated if estimate else self.response.painted
+        response = change(paints)
+        spec = replace(self.spec, paint={**self.spec.paint, **paint})
+        return replace(self, spec=spec, response=response, specimen=self.specimen.under(response))
+
+
+def _triple(vector: Array) -> Vector:
+    x, y, z = vector.tolist()
+    return x, y, z
+
+
+def _paints(paint: Mapping[str, str], room: Room, folder: Path) -> dict[str, Spectrum]:
+    """Return paints by surface; walls are four."""
+    found: dict[str, Spectrum] = {}
+    for name, text in paint.items():
+        reflectance = paint_named(text, room.grid, folder)
+        found |= dict.fromkeys(painted_surfaces(room, name), reflectance)
+    return found
+
+
+class Backdrop:
+    """The room's picture behind a volume, for any camera; caches what the last one sees."""
+
+    def __init__(self, room: SceneRoom, basis: SpectralBasis, middle_mm: Array) -> None:
+        self._room, self._basis, self._middle_mm = room, basis, middle_mm
+        self._owners = corner_owners(room.response.solved.mesh)
+        self._sent = corner_coefficients(room.response, basis, self._owners)
+        self._seen: tuple[object, csr_array] | None = None
+
+    def repainted(self, room: SceneRoom) -> Backdrop:
+        """Return the backdrop of the same room with other paints."""
+        made = copy(self)
+        made._room = room
+        made._sent = corner_coefficients(room.response, self._basis, self._owners)
+        return made
+
+    def __call__(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+        """Return (H, W, L·M): the layers of the room's lights, behind those of the volume."""
+        key = camera, size
+        if self._seen is None or self._seen[0] != key:
+            rays = self._room.response.solved.rays
+            self._seen = key, seen_corners(rays, *self._rays(camera, size))
+        width, height = size
+        return np.asarray(self._seen[1] @ self._sent).reshape(height, width, -1)
+
+    def _rays(self, camera: Camera, size: tuple[int, int]) -> tuple[Array, Array]:
+        """Return origins and directions of the pixels' rays, (H·W, 3), in the room."""
+        width, height = size
+        place, field = self._room.placement, camera.ray_field(width, height)
+        x = np.arange(width) - field.middle[0]
+        y = np.arange(height) - field.middle[1]
+        offset = (x[None, :, None] * field.across + y[:, None, None] * field.down).reshape(-1, 3)
+        if field.perspective:
+            eye = field.target - field.distance * field.forward
+            directions = field.distance * field.forward + offset
+            origins = np.broadcast_to(eye, directions.shape)
+        else:
+            directions = np.broadcast_to(field.forward, offset.shape)
+            origins = field.target + offset - field.distance * field.forward
+        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        origins = place.metres_per_mm * (origins - self._middle_mm) @ place.axes.T
+        return origins + place.position_m, directions @ place.axes.T
