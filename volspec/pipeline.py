@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,7 @@ from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.lights import HEADLIT
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
@@ -34,7 +35,35 @@ from volspec.transfer import (
 from volspec.volume import Volume
 
 LEAST_SIDE = 8
-Behind = Callable[[Camera, tuple[int, int]], NDArray[np.float32]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpacityCaster:
+    """Casts of a volume's opacity alone, such as from a light: its shadow."""
+
+    caster: Raycaster
+    table: TransferTable | SurfaceTable
+    spec: RaycastSpec
+
+    @classmethod
+    def of(
+        cls, caster: Raycaster, table: TransferTable | SurfaceTable, spec: RaycastSpec
+    ) -> OpacityCaster:
+        """Return the caster of the opacity that a cast with these settings has."""
+        flat = replace(spec, groups=HEADLIT, ambient=1.0, diffuse=0.0, specular=0.0, half=False)
+        return cls(caster, table, flat)
+
+    @property
+    def key(self) -> object:
+        """Value that is equal for equal opacities."""
+        return self.spec, self.caster.volume.name, self.table.opacity.tobytes()
+
+    def __call__(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+        """Return the opacity (H, W) that a camera sees."""
+        return self.caster.cast(self.table, camera, size, self.spec).alpha
+
+
+Behind = Callable[[Camera, tuple[int, int], OpacityCaster], NDArray[np.float32]]
 
 __all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "relight"]
 
@@ -80,8 +109,8 @@ def raycast(
     notes : {str: str}, optional
         Added to the image's notes.
     behind : callable, optional
-        Returns, for a camera and a size, what is seen behind the volume: (H, W, K·M) channels of
-        the last K light groups. The picture is then opaque.
+        Returns what is seen behind the volume, (H, W, K·M) channels of the last K light groups, for
+        a camera, a size and an `OpacityCaster`. The picture is then opaque.
 
     Returns
     -------
@@ -153,7 +182,8 @@ def raycast(
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
     )
     if behind is not None:
-        image = image.before(behind(camera, size))
+        opacity = OpacityCaster.of(caster, table, spec)
+        image = image.before(behind(camera, checked_size(size), opacity))
     if into is not None:
         into.update(image, slot)
     return image

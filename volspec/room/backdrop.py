@@ -9,6 +9,8 @@ change of the lights' spectra. Between the corners of a patch, light is interpol
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -86,18 +88,31 @@ def corner_owners(mesh: RoomMesh) -> csr_array:
     return csr_array(weights.multiply(1.0 / total[:, None]))
 
 
-def corner_coefficients(
-    response: RoomResponse, basis: SpectralBasis, owners: csr_array
-) -> NDArray[np.float32]:
-    """Return (3N, L·M): what the corners of all patches send, for each light, in a basis.
+@dataclass(frozen=True, slots=True, eq=False)
+class CornerColours:
+    """Coefficients of what the corners of all patches send to the eye, by light.
 
-    ``owners`` are the mesh's `corner_owners`.
+    Attributes
+    ----------
+    all, direct : (3N, L·M) float32
+        Everything; and the part of it that reflects light that comes directly from lights, which
+        what is in the way takes away.
     """
-    mesh, reflectances = response.solved.mesh, response.solved.reflectances
-    parts = []
-    for name, irradiance in zip(response.names, response.irradiance, strict=True):
-        sent = owners @ basis.analyse(reflectances * irradiance)
-        if name in response.solved.room.exitances:
-            sent[np.repeat(mesh.surface == mesh.names.index(name), 3)] += basis.white
-        parts.append(sent)
-    return np.concatenate(parts, axis=1).astype(np.float32)
+
+    all: NDArray[np.float32]
+    direct: NDArray[np.float32]
+
+    @classmethod
+    def of(cls, response: RoomResponse, basis: SpectralBasis, owners: csr_array) -> CornerColours:
+        """Compute them; ``owners`` are the mesh's `corner_owners`."""
+        mesh, reflectances = response.solved.mesh, response.solved.reflectances
+        own = basis.analyse(reflectances)
+        everything, direct = [], []
+        for number, name in enumerate(response.names):
+            sent = owners @ basis.analyse(reflectances * response.irradiance[number])
+            if name in response.solved.room.exitances:
+                sent[np.repeat(mesh.surface == mesh.names.index(name), 3)] += basis.white
+            everything.append(sent)
+            direct.append(owners @ (own * response.direct[number][:, None]))
+        parts = (np.concatenate(each, axis=1) for each in (everything, direct))
+        return cls(*(part.astype(np.float32) for part in parts))

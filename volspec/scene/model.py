@@ -40,7 +40,7 @@ from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
-    from volspec.scene.room import Backdrop
+    from volspec.scene.backdrop import Backdrop
 
 
 def stored_relight_spec(image: CoefficientImage) -> RelightSpec:

@@ -11,21 +11,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from volspec.appearance.spec import Viewing
-from volspec.basis import Basis, MaterialBasis, SpectralBasis
+from volspec.basis import Basis, MaterialBasis
 from volspec.errors import SceneError
-from volspec.raycast import Camera, LightGroup, RaycastSpec
+from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.lights import Ambient, Directional, Headlight, Source
 from volspec.relight import LightRig
-from volspec.room.backdrop import corner_coefficients, corner_owners, seen_corners
 from volspec.room.eye import cone_luminances
 from volspec.room.file import load_room, paint_named
 from volspec.room.model import Eye, Room
@@ -34,6 +31,7 @@ from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import require_inside, solve_room
 from volspec.room.response import RoomResponse
 from volspec.room.specimen import SpecimenLight
+from volspec.scene.backdrop import Backdrop, Placement
 from volspec.scene.lights import LightSpec, NamedLight
 from volspec.scene.specs import CameraSpec, RoomSpec, given_light
 from volspec.settings import Vector
@@ -47,39 +45,6 @@ _RAYS = 1 << 22
 OWN = "room"
 # Least background of the models, per cent.
 _LEAST_Y_B = 0.01
-
-
-@dataclass(frozen=True, slots=True)
-class Placement:
-    """Directions and places of a volume's world in a room.
-
-    Rows of ``axes`` are the room's x, y and z in the volume's world.
-    """
-
-    axes: Array  # (3, 3)
-    position_m: Array  # (3,)
-    metres_per_mm: float
-
-    @classmethod
-    def of(cls, spec: RoomSpec, up: Vector) -> Placement:
-        """Return the placement of a volume whose ``up`` is vertical."""
-        axis = np.array(up)
-        # As of an orbit's azimuth: the front is −y made perpendicular to up, or −x if up is ±y.
-        front = np.array([0.0, -1.0, 0.0])
-        front -= front @ axis * axis
-        if np.linalg.norm(front) < 1e-6:
-            front = np.array([-1.0, 0.0, 0.0])
-        front /= np.linalg.norm(front)
-        level = np.stack([np.cross(axis, front), -front, axis])
-        turn = math.radians(spec.turn_deg)
-        rotation = np.array(
-            [
-                [math.cos(turn), -math.sin(turn), 0.0],
-                [math.sin(turn), math.cos(turn), 0.0],
-                [0.0, 0.0, 1.0],
-            ]
-        )
-        return cls(rotation @ level, np.array(spec.position_m), 1e-3 * spec.scale)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -102,7 +67,13 @@ class SceneRoom:
         room = room.painted(_paints(spec.paint, room, folder))
         response = RoomResponse.of(solve_room(room, spec.patches, rays=_RAYS))
         specimen = SpecimenLight.of(response, spec.position_m, spec.directions)
-        return cls(spec, folder, Placement.of(spec, up), response, specimen)
+        return cls(
+            spec,
+            folder,
+            Placement.of(spec.position_m, spec.scale, spec.turn_deg, up),
+            response,
+            specimen,
+        )
 
     @property
     def grid(self) -> SpectralGrid:
@@ -232,7 +203,7 @@ class SceneRoom:
                 math.sin(elevation),
             ]
         )
-        world = Placement.of(replace(self.spec, turn_deg=0.0), camera.up).axes.T @ level
+        world = Placement.of(self.spec.position_m, 1.0, 0.0, camera.up).axes.T @ level
         return np.asarray(self.placement.axes @ world)
 
     # What is behind the volume.
@@ -258,7 +229,8 @@ class SceneRoom:
         for corner in [middle, *corners]:
             at = place.position_m + place.metres_per_mm * (place.axes @ (corner - middle))
             require_inside(self.response.solved.room, rays, at, "the volume")
-        return Backdrop(self, basis, middle)
+        radius = float(np.linalg.norm(corners - middle, axis=1).max())
+        return Backdrop(self.response, self.placement, basis, middle, radius)
 
     def with_paint(self, paint: Mapping[str, str], *, estimate: bool = False) -> SceneRoom:
         """Return the room with other paints, which replace those of the same surfaces.
@@ -286,47 +258,3 @@ def _paints(paint: Mapping[str, str], room: Room, folder: Path) -> dict[str, Spe
         reflectance = paint_named(text, room.grid, folder)
         found |= dict.fromkeys(painted_surfaces(room, name), reflectance)
     return found
-
-
-class Backdrop:
-    """The room's picture behind a volume, for any camera; caches what the last one sees."""
-
-    def __init__(self, room: SceneRoom, basis: SpectralBasis, middle_mm: Array) -> None:
-        self._room, self._basis, self._middle_mm = room, basis, middle_mm
-        self._owners = corner_owners(room.response.solved.mesh)
-        self._sent = corner_coefficients(room.response, basis, self._owners)
-        self._seen: tuple[object, csr_array] | None = None
-
-    def repainted(self, room: SceneRoom) -> Backdrop:
-        """Return the backdrop of the same room with other paints."""
-        made = copy(self)
-        made._room = room
-        made._sent = corner_coefficients(room.response, self._basis, self._owners)
-        return made
-
-    def __call__(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Return (H, W, L·M): the layers of the room's lights, behind those of the volume."""
-        key = camera, size
-        if self._seen is None or self._seen[0] != key:
-            rays = self._room.response.solved.rays
-            self._seen = key, seen_corners(rays, *self._rays(camera, size))
-        width, height = size
-        return np.asarray(self._seen[1] @ self._sent).reshape(height, width, -1)
-
-    def _rays(self, camera: Camera, size: tuple[int, int]) -> tuple[Array, Array]:
-        """Return origins and directions of the pixels' rays, (H·W, 3), in the room."""
-        width, height = size
-        place, field = self._room.placement, camera.ray_field(width, height)
-        x = np.arange(width) - field.middle[0]
-        y = np.arange(height) - field.middle[1]
-        offset = (x[None, :, None] * field.across + y[:, None, None] * field.down).reshape(-1, 3)
-        if field.perspective:
-            eye = field.target - field.distance * field.forward
-            directions = field.distance * field.forward + offset
-            origins = np.broadcast_to(eye, directions.shape)
-        else:
-            directions = np.broadcast_to(field.forward, offset.shape)
-            origins = field.target + offset - field.distance * field.forward
-        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        origins = place.metres_per_mm * (origins - self._middle_mm) @ place.axes.T
-        return origins + place.position_m, directions @ place.axes.T

@@ -1,0 +1,243 @@
+"""A room as it is seen behind a volume, with the volume's shadows on it.
+
+    RoomResponse, camera, opacity -> [backdrop] -> (H, W, L·M), layers of the room's lights
+
+A shadow is a mean over points of a light: of what a cast from there lets pass, which is looked up
+where a pixel's surface is seen from the light (shadow maps [1]). Only light that comes directly
+from a light is taken away.
+
+References
+----------
+[1] Williams (1978), "Casting curved shadows on curved surfaces", SIGGRAPH.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from volspec.basis import SpectralBasis
+from volspec.pipeline import OpacityCaster
+from volspec.raycast import Camera
+from volspec.raycast.projection import Projection
+from volspec.room.backdrop import CornerColours, corner_owners, seen_corners
+from volspec.room.form_factors import frames, sobol
+from volspec.room.response import RoomResponse
+from volspec.settings import Vector
+
+Array = NDArray[np.float64]
+# Points of a light from which shadows are cast, and the sides of a shadow map in pixels.
+_POINTS, _MAP = 16, 96
+# A shadow map's field of view is a little larger than the volume, and never larger than this.
+_MARGIN, _WIDEST_DEG = 1.05, 150.0
+
+
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Directions and places of a volume's world in a room.
+
+    Rows of ``axes`` are the room's x, y and z in the volume's world.
+    """
+
+    axes: Array  # (3, 3)
+    position_m: Array  # (3,), of the volume's middle
+    metres_per_mm: float
+
+    @classmethod
+    def of(cls, position_m: Vector, scale: float, turn_deg: float, up: Vector) -> Placement:
+        """Return the placement of a volume whose ``up`` is vertical."""
+        axis = np.array(up)
+        # As of an orbit's azimuth: the front is −y made perpendicular to up, or −x if up is ±y.
+        front = np.array([0.0, -1.0, 0.0])
+        front -= front @ axis * axis
+        if np.linalg.norm(front) < 1e-6:
+            front = np.array([-1.0, 0.0, 0.0])
+        front /= np.linalg.norm(front)
+        level = np.stack([np.cross(axis, front), -front, axis])
+        turn = math.radians(turn_deg)
+        rotation = np.array(
+            [
+                [math.cos(turn), -math.sin(turn), 0.0],
+                [math.sin(turn), math.cos(turn), 0.0],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        return cls(rotation @ level, np.array(position_m), 1e-3 * scale)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShadowMap:
+    """Opacity of the volume as a point of a light sees it."""
+
+    projection: Projection  # from the volume's world to the map's pixels
+    alpha: Array  # (_MAP + 1, _MAP + 1), its last row and column 0
+
+    @classmethod
+    def of(cls, camera: Camera, opacity: OpacityCaster) -> ShadowMap:
+        """Cast the opacity from a light."""
+        found = np.zeros((_MAP + 1, _MAP + 1))
+        found[:-1, :-1] = opacity(camera, (_MAP, _MAP))
+        return cls(Projection(camera, (0.0, 0.0, _MAP, _MAP)), found)
+
+    def shadow(self, points_mm: Array) -> Array:
+        """Return the part (K,) of the light that the volume takes from points behind it."""
+        x, y, depth = self.projection.to_window(points_mm).T
+        x, y = x - 0.5, y - 0.5
+        # Around the map, nothing is in the way.
+        inside = (x > -1) & (x < _MAP) & (y > -1) & (y < _MAP) & (depth > 0)
+        x, y = np.where(inside, x, -1.0), np.where(inside, y, -1.0)
+        column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+        right, down = x - column, y - row
+        alpha = self.alpha
+        above = (1.0 - right) * alpha[row, column] + right * alpha[row, column + 1]
+        below = (1.0 - right) * alpha[row + 1, column] + right * alpha[row + 1, column + 1]
+        return np.where(inside, (1.0 - down) * above + down * below, 0.0)
+
+
+class Backdrop:
+    """The room's picture behind a volume, for any camera.
+
+    Caches what the last camera sees, and the last shadows.
+    """
+
+    def __init__(
+        self,
+        response: RoomResponse,
+        placement: Placement,
+        basis: SpectralBasis,
+        middle_mm: Array,
+        radius_mm: float,
+    ) -> None:
+        self._response, self._placement, self._basis = response, placement, basis
+        self._middle_mm, self._radius_mm = middle_mm, radius_mm
+        self._owners = corner_owners(response.solved.mesh)
+        self._colours = CornerColours.of(response, basis, self._owners)
+        self._seen: tuple[object, csr_array, Array] | None = None
+        self._maps: tuple[object, list[list[ShadowMap]]] | None = None
+        self._shadows: tuple[object, NDArray[np.intp], Array] | None = None
+
+    def repainted(self, response: RoomResponse) -> Backdrop:
+        """Return the backdrop of the same room with other paints."""
+        made = copy(self)
+        made._response = response
+        made._colours = CornerColours.of(response, self._basis, self._owners)
+        return made
+
+    def __call__(
+        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster | None = None
+    ) -> NDArray[np.float32]:
+        """Return (H, W, L·M): the layers of the room's lights, behind those of the volume.
+
+        Without ``opacity``, shadows are those of the last call.
+        """
+        seen, points = self._look(camera, size)
+        found = np.asarray(seen @ self._colours.all)
+        if opacity is not None and (self._maps is None or self._maps[0] != opacity.key):
+            self._maps = opacity.key, self._cast_shadows(opacity)
+        rows, lost = self._shadows_on((camera, size), points)
+        direct = seen[rows] @ self._colours.direct
+        channels = direct.shape[1] // max(lost.shape[1], 1)
+        found[rows] -= np.repeat(lost, channels, axis=1) * direct
+        width, height = size
+        return found.reshape(height, width, -1)
+
+    def _look(self, camera: Camera, size: tuple[int, int]) -> tuple[csr_array, Array]:
+        """Return the weights of the corners, and the points that pixels see, mm of the volume."""
+        if self._seen is None or self._seen[0] != (camera, size):
+            rays = self._response.solved.rays
+            seen = seen_corners(rays, *self._rays(camera, size))
+            corners = rays.mesh.corners_m.reshape(-1, 3)
+            inside = (corners - self._placement.position_m) @ self._placement.axes
+            points = seen @ (inside / self._placement.metres_per_mm + self._middle_mm)
+            self._seen = (camera, size), seen, points
+        return self._seen[1:]
+
+    def _rays(self, camera: Camera, size: tuple[int, int]) -> tuple[Array, Array]:
+        """Return origins and directions of the pixels' rays, (H·W, 3), in the room."""
+        width, height = size
+        place, field = self._placement, camera.ray_field(width, height)
+        x = np.arange(width) - field.middle[0]
+        y = np.arange(height) - field.middle[1]
+        offset = (x[None, :, None] * field.across + y[:, None, None] * field.down).reshape(-1, 3)
+        if field.perspective:
+            eye = field.target - field.distance * field.forward
+            directions = field.distance * field.forward + offset
+            origins = np.broadcast_to(eye, directions.shape)
+        else:
+            directions = np.broadcast_to(field.forward, offset.shape)
+            origins = field.target + offset - field.distance * field.forward
+        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        origins = place.metres_per_mm * np.einsum(
+            "kc,dc->kd", origins - self._middle_mm, place.axes
+        )
+        return origins + place.position_m, np.einsum("kc,dc->kd", directions, place.axes)
+
+    def _cast_shadows(self, opacity: OpacityCaster) -> list[list[ShadowMap]]:
+        """Return the shadow maps of each of the room's lights."""
+        self._shadows = None
+        return [
+            [ShadowMap.of(camera, opacity) for camera in self._light_cameras(name)]
+            for name in self._response.names
+        ]
+
+    def _light_cameras(self, name: str) -> list[Camera]:
+        """Return cameras at points of a light that look at the volume."""
+        room, place = self._response.solved.room, self._placement
+        for sun in room.suns:
+            if sun.name == name:
+                away = np.array(sun.direction) @ place.axes * 4.0 * self._radius_mm
+                return [self._light_camera(self._middle_mm + away, 2.0 * self._radius_mm)]
+        lamps = [np.array(lamp.position_m) for lamp in room.lamps if lamp.name == name]
+        if name in room.exitances:
+            lamps = self._emitting_points(name)
+        at = (np.array(lamps) - place.position_m) @ place.axes / place.metres_per_mm
+        return [self._light_camera(each + self._middle_mm) for each in at]
+
+    def _emitting_points(self, name: str) -> list[Array]:
+        """Return points of a surface, evenly by area, m."""
+        mesh = self._response.solved.room.mesh
+        part = mesh.part(mesh.surface == mesh.names.index(name))
+        ends = np.cumsum(part.areas_m2) / part.areas_m2.sum()
+        shares = sobol(_POINTS, 3, seed=0)
+        triangles = np.minimum(np.searchsorted(ends, shares[:, 0]), len(ends) - 1)
+        return [
+            part.part(slice(k, k + 1)).points(share[None, 1:])[0, 0]
+            for k, share in zip(triangles.tolist(), shares, strict=True)
+        ]
+
+    def _light_camera(self, place_mm: Array, height_mm: float | None = None) -> Camera:
+        way = self._middle_mm - place_mm
+        distance = float(np.linalg.norm(way))
+        across, _ = frames(way / distance)
+        half = math.asin(min(self._radius_mm * _MARGIN / distance, 1.0))
+        fov_deg = min(2.0 * math.degrees(half), _WIDEST_DEG)
+        places = tuple(place_mm.tolist()), tuple(self._middle_mm.tolist())
+        return Camera(*places, tuple(across.tolist()), fov_deg, height_mm)
+
+    def _shadows_on(self, view: object, points: Array) -> tuple[NDArray[np.intp], Array]:
+        """Return the pixels on which shadows fall, and the part (K, L) of each light they lose."""
+        if self._maps is None:
+            return np.zeros(0, np.intp), np.zeros((0, len(self._response.names)))
+        if self._shadows is None or self._shadows[0] != view:
+            lost = np.zeros((len(points), len(self._response.names)))
+            for light, maps in enumerate(self._maps[1]):
+                near = self._near_shadow(points, maps)
+                lost[near, light] = np.mean([each.shadow(points[near]) for each in maps], axis=0)
+            rows = np.flatnonzero(lost.any(axis=1))
+            self._shadows = view, rows, lost[rows]
+        return self._shadows[1:]
+
+    def _near_shadow(self, points: Array, maps: list[ShadowMap]) -> NDArray[np.intp]:
+        """Return the points whose light may pass the sphere around the volume."""
+        lights = np.array([each.projection.camera.position_mm for each in maps])
+        light = lights.mean(axis=0)
+        reach = self._radius_mm * _MARGIN + np.linalg.norm(lights - light, axis=1).max()
+        way = points - light
+        along = (way @ (self._middle_mm - light)) / np.einsum("kc,kc->k", way, way)
+        passed = light + np.clip(along, 0.0, 1.0)[:, None] * way - self._middle_mm
+        return np.flatnonzero(np.einsum("kc,kc->k", passed, passed) < reach * reach)
