@@ -15,13 +15,14 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import RoomError, nearest
+from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import RoomLight, direct_on_patches, solve_irradiance
 from volspec.spectra.spectrum import Spectrum, light_power
@@ -41,11 +42,14 @@ class RoomResponse:
         What comes from a light without any reflection; the same in all bands.
     irradiance : (L, N, B) array
         All light, after all reflections.
+    surface_factors : (S, S) array
+        Form factors of whole surfaces.
     """
 
     solved: RoomLight
     direct: Array
     irradiance: Array
+    surface_factors: Array
 
     @classmethod
     def of(cls, solved: RoomLight) -> RoomResponse:
@@ -54,7 +58,11 @@ class RoomResponse:
         for name in solved.room.lights:
             alone = solved.room.with_lights({name: np.ones(solved.room.grid.size)})
             direct.append(direct_on_patches(alone, solved.rays, solved.mesh)[0][:, 0])
-        return _solved(solved, np.array(direct))
+        mesh = solved.mesh
+        belongs = np.zeros((len(mesh.surface), len(mesh.names)))
+        belongs[np.arange(len(belongs)), mesh.surface] = 1.0
+        between = _surface_means(mesh, solved.factors.factors @ belongs)
+        return _solved(solved, np.array(direct), between)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,11 +83,7 @@ class RoomResponse:
         found = np.zeros((len(own), grid.size))
         for name, spectrum in lights.items():
             if name not in own:
-                raise RoomError(
-                    f"no light of the room is named {name!r}",
-                    f"{nearest(name, own)}there is {', '.join(own)}",
-                    code="unknown",
-                )
+                raise unknown_light(name, own)
             power = light_power(spectrum, grid)
             lux = lux_from_irradiance(np.array([own[name], power]), grid)
             found[self.names.index(name)] = power * (weight * lux[0] / lux[1])
@@ -102,7 +106,7 @@ class RoomResponse:
         Raises RoomError as `Room` does.
         """
         room = self.solved.room.painted(paints)
-        return _solved(replace(self.solved, room=room), self.direct)
+        return _solved(replace(self.solved, room=room), self.direct, self.surface_factors)
 
     def estimated(self, paints: Mapping[str, Spectrum | ArrayLike]) -> RoomResponse:
         """Return `painted` in closed form, at the speed of a slider.
@@ -118,27 +122,35 @@ class RoomResponse:
         direct = self.direct[:, :, None]
         indirect = (self.irradiance - direct) * factor[:, self.solved.mesh.surface]
         solved = replace(self.solved, room=room)
-        return _of(solved, self.direct, direct + indirect)
+        return _of(solved, self.direct, direct + indirect, self.surface_factors)
 
     def _reflected(self, reflectances: Array) -> Array:
         """Return (L, S, B) reflected light on whole surfaces, F ρ E."""
-        factors, direct = self._surfaces()
+        direct = _surface_means(self.solved.mesh, self.direct.T).T  # (L, S)
+        factors = self.surface_factors
         system = np.eye(len(factors)) - factors * reflectances.T[:, None, :]  # (B, S, S)
         whole = np.linalg.solve(system, np.broadcast_to(direct.T, (len(system), *direct.T.shape)))
         return whole.transpose(2, 1, 0) - direct[:, :, None]
 
-    def _surfaces(self) -> tuple[Array, Array]:
-        """Return form factors (S, S) and direct light (L, S) of whole surfaces."""
-        mesh = self.solved.mesh
-        areas, count = mesh.areas_m2, len(mesh.names)
-        belongs = np.zeros((len(areas), count))
-        belongs[np.arange(len(areas)), mesh.surface] = 1.0
-        mean = belongs * areas[:, None]
-        mean /= np.maximum(mean.sum(axis=0), 1e-30)
-        return mean.T @ (self.solved.factors.factors @ belongs), self.direct @ mean
+
+def _surface_means(mesh: RoomMesh, values: Array) -> Array:
+    """Return means (S, K) by area of the patches' values (N, K)."""
+    areas, count = mesh.areas_m2, len(mesh.names)
+    sums = [np.bincount(mesh.surface, areas * each, count) for each in values.T]
+    whole = np.maximum(np.bincount(mesh.surface, areas, count), 1e-30)
+    return np.array(sums).T / whole[:, None]
 
 
-def _solved(solved: RoomLight, direct: Array) -> RoomResponse:
+def unknown_light(name: str, known: Collection[str]) -> RoomError:
+    """Return the error about a light that a room does not have."""
+    return RoomError(
+        f"no light of the room is named {name!r}",
+        f"{nearest(name, known)}there is {', '.join(known)}",
+        code="unknown",
+    )
+
+
+def _solved(solved: RoomLight, direct: Array, surface_factors: Array) -> RoomResponse:
     """Return the response of a room whose direct light (L, N) is known."""
     bands, count = solved.room.grid.size, len(direct)
     irradiance = solve_irradiance(
@@ -147,10 +159,13 @@ def _solved(solved: RoomLight, direct: Array) -> RoomResponse:
         np.tile(solved.reflectances, count),
         np.repeat(direct.T, bands, axis=1),
     )
-    return _of(solved, direct, irradiance.reshape(-1, count, bands).transpose(1, 0, 2))
+    shaped = irradiance.reshape(-1, count, bands).transpose(1, 0, 2)
+    return _of(solved, direct, shaped, surface_factors)
 
 
-def _of(solved: RoomLight, direct: Array, irradiance: Array) -> RoomResponse:
+def _of(
+    solved: RoomLight, direct: Array, irradiance: Array, surface_factors: Array
+) -> RoomResponse:
     """Return a response whose room is under its own lights."""
-    found = RoomResponse(solved, direct, irradiance)
+    found = RoomResponse(solved, direct, irradiance, surface_factors)
     return replace(found, solved=found.under([*solved.room.lights.values()]))

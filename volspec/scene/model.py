@@ -41,6 +41,7 @@ from volspec.volume.bundled import locate_volume
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
     from volspec.scene.backdrop import Backdrop
+    from volspec.scene.room import SceneRoom
 
 
 def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
@@ -88,6 +89,8 @@ class Scene:
         Newly designed spectra that the file names but that are not on disk yet.
     basis : SpectralBasis or MaterialBasis, optional
         Basis instead of the file's.
+    room : SceneRoom, optional
+        The file's room, if already solved.
 
     Raises
     ------
@@ -102,6 +105,7 @@ class Scene:
         path: str | os.PathLike[str] = "scene",
         known: Mapping[str, Spectrum] | None = None,
         basis: Basis | None = None,
+        room: SceneRoom | None = None,
     ) -> None:
         self.file = file
         self.path = Path(path)
@@ -113,7 +117,7 @@ class Scene:
         grid = names.grid(shipped)
         self.materials = names.reflectances("reflectance", grid)
         filters = names.reflectances("filter", grid)
-        self.room = names.room(grid)
+        self.room = names.room(grid) if room is None else room
         self.raycast = file.cast if self.room is None else self.room.cast(file.cast)
         self.lights = names.lights(grid, self.raycast, self.room)
         with names.at("basis"):

@@ -29,13 +29,13 @@ from volspec.room.model import Eye, Room
 from volspec.room.paint_ranking import painted_surfaces
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import require_inside, solve_room
-from volspec.room.response import RoomResponse
+from volspec.room.response import RoomResponse, unknown_light
 from volspec.room.specimen import SpecimenLight
 from volspec.scene.backdrop import Backdrop, Placement
 from volspec.scene.lights import LightSpec, NamedLight
 from volspec.scene.specs import CameraSpec, RoomSpec, given_light
 from volspec.settings import Vector
-from volspec.spectra import SpectralGrid, Spectrum
+from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -56,6 +56,8 @@ class SceneRoom:
     placement: Placement
     response: RoomResponse
     specimen: SpecimenLight
+    # Of an estimate: the room that was solved last.
+    estimated_from: SceneRoom | None = None
 
     @classmethod
     def of(cls, spec: RoomSpec, folder: Path, grid: SpectralGrid, up: Vector) -> SceneRoom:
@@ -125,7 +127,17 @@ class SceneRoom:
         ``known`` holds spectra that are not on disk yet. Raises SpectrumError if a spectrum is
         unknown, RoomError if the room has no light of a group's name, SceneError if a row has lux.
         """
-        power = np.zeros((len(self.response.names), self.grid.size))
+        first, label = rows[0], next((row.label for row in rows if row.label), rows[0].name)
+        return NamedLight(first.name, label, *self.rig(self.spectra(self.lamp_rig(rows, known))))
+
+    def lamp_rig(self, rows: Sequence[LightSpec], known: Mapping[str, Spectrum]) -> LightRig:
+        """Return the lamps' spectra in a setting; groups are lights of the room. Errors as `light`.
+
+        A spectrum without a group is that of all lights.
+        """
+        lights: list[Spectrum] = []
+        weights: list[float] = []
+        groups: list[str] = []
         for row in rows:
             if row.has_lux:
                 raise SceneError(
@@ -134,22 +146,45 @@ class SceneRoom:
                     code="conflict",
                     field="illuminance_lux",
                 )
-            power += self._power(row, known)
-        first, label = rows[0], next((row.label for row in rows if row.label), rows[0].name)
-        return NamedLight(first.name, label, *self.rig(power))
+            for group, spectrum in self._row_spectra(row, known).items():
+                lights.append(spectrum)
+                weights.append(row.weight)
+                groups.append(group)
+        return LightRig(tuple(lights), tuple(weights), groups=tuple(groups))
 
-    def _power(self, row: LightSpec, known: Mapping[str, Spectrum]) -> Array:
-        """Return the spectra (L, B) of a row."""
-        own = self.response.solved.room.lights
-        names = list(own) if row.group is None else [row.group]
+    def _row_spectra(self, row: LightSpec, known: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
+        """Return the spectra of a row by group."""
         if row.spectrum == OWN:
-            nm = self.grid.wavelengths_nm
-            spectra = {name: Spectrum(nm, own[name]) for name in names if name in own}
-            spectra |= {name: Spectrum(nm, np.ones_like(nm)) for name in names if name not in own}
-        else:
-            found = given_light(row.spectrum, row.name, self.grid, self.folder, known)
-            spectra = dict.fromkeys(names, found)
-        return self.response.spectra(spectra, row.weight)
+            return self.own_spectra(row.group or "")
+        found = given_light(row.spectrum, row.name, self.grid, self.folder, known)
+        return {row.group or "": found}
+
+    def own_spectra(self, group: str = "") -> dict[str, Spectrum]:
+        """Return the spectra of the room's lights as its file gives them, by group.
+
+        Their V-weighted mean is 1. Raises RoomError if no light has the group's name.
+        """
+        own = self.response.solved.room.lights
+        if group and group not in own:
+            raise unknown_light(group, own)
+        nm, V = self.grid.wavelengths_nm, colour_matching_functions(self.grid)[1]
+        names = [group] if group or len(own) == 1 else list(own)
+        found = {}
+        for name in names:
+            power = own[name or next(iter(own))]
+            found[name] = Spectrum(nm, power * (V.sum() / (V @ power)), OWN)
+        return found
+
+    def spectra(self, lamps: LightRig) -> Array:
+        """Return the spectra (L, B) of a setting of the room's lights.
+
+        Raises RoomError if the room has no light of a group's name.
+        """
+        power = np.zeros((len(self.response.names), self.grid.size))
+        for spectrum, weight, group in zip(lamps.lights, lamps.weights, lamps.groups, strict=True):
+            names = [group] if group else self.response.names
+            power += self.response.spectra(dict.fromkeys(names, spectrum), weight)
+        return power
 
     def rig(self, power: Array) -> tuple[Spectrum, LightRig]:
         """Return the light of spectra (L, B), W/m² per band: on the volume, and by group.
@@ -235,15 +270,34 @@ class SceneRoom:
     def with_paint(self, paint: Mapping[str, str], *, estimate: bool = False) -> SceneRoom:
         """Return the room with other paints, which replace those of the same surfaces.
 
-        ``estimate`` takes the closed form (`RoomResponse.estimated`). Raises RoomError if there is
-        no such surface, SpectrumError if there is no such paint.
+        ``estimate`` takes the closed form (`RoomResponse.estimated`), from the room that was solved
+        last. Raises RoomError if there is no such surface, SpectrumError if there is no such paint.
         """
+        solved = self.estimated_from or self
         room = self.response.solved.room
-        paints = _paints(paint, room, self.folder)
-        change = self.response.estimated if estimate else self.response.painted
+        new = {surface for name in paint for surface in painted_surfaces(room, name)}
+        before = {
+            name: text
+            for name, text in self.spec.paint.items()
+            if name not in paint and not new.issuperset(painted_surfaces(room, name))
+        }
+        spec = replace(self.spec, paint={**before, **paint})
+        # What was estimated meanwhile is part of the change, too.
+        changed = {n: t for n, t in spec.paint.items() if solved.spec.paint.get(n) != t}
+        paints = _paints(changed, room, self.folder)
+        change = solved.response.estimated if estimate else solved.response.painted
         response = change(paints)
-        spec = replace(self.spec, paint={**self.spec.paint, **paint})
-        return replace(self, spec=spec, response=response, specimen=self.specimen.under(response))
+        return replace(
+            self,
+            spec=spec,
+            response=response,
+            specimen=self.specimen.under(response),
+            estimated_from=solved if estimate else None,
+        )
+
+    def solved(self) -> SceneRoom:
+        """Return the room, solved if it is an estimate."""
+        return self if self.estimated_from is None else self.with_paint({})
 
 
 def _triple(vector: Array) -> Vector:
