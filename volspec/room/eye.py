@@ -235,7 +235,7 @@ def picture_XYZ(
     span = float(np.ptp(solved.mesh.centres_m, axis=0).max())
     place = np.concatenate([solved.mesh.centres_m, 4.0 * span * solved.mesh.normals], axis=1)
     tree = cKDTree(place)
-    directions = _pixel_rays(eye, size, samples)
+    directions = pixel_rays(eye, size, samples)
     found = np.zeros((len(directions), 3))
     origin = np.array(eye.position_m)
     for start in range(0, len(directions), _PIXELS):
@@ -264,7 +264,7 @@ def picture_XYZ(
     return cells.mean(axis=(1, 3))
 
 
-def _pixel_rays(eye: Eye, size: tuple[int, int], samples: int) -> Array:
+def pixel_rays(eye: Eye, size: tuple[int, int], samples: int) -> Array:
     """Return unit directions (H·s·W·s, 3) of the pixels' rays, rows from the top."""
     width, height = size
     forward = np.array(eye.target_m) - eye.position_m

@@ -39,8 +39,8 @@ from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
-# Rays of all form factors: the volume's light needs fewer than a picture of the room.
-_RAYS = 1 << 22
+# Rays of a patch: the volume's light needs fewer than a picture of the room.
+_RAYS = 1 << 11
 # The spectrum of a room's lights as its file gives it.
 OWN = "room"
 # Least background of the models, per cent.
@@ -67,7 +67,7 @@ class SceneRoom:
         """
         room = load_room(folder / spec.file, grid)
         room = room.painted(_paints(spec.paint, room, folder))
-        response = RoomResponse.of(solve_room(room, spec.patches, rays=_RAYS))
+        response = RoomResponse.of(solve_room(room, spec.patches, rays=_RAYS * spec.patches))
         specimen = SpecimenLight.of(response, spec.position_m, spec.directions)
         return cls(
             spec,

@@ -1,0 +1,119 @@
+"""Response of a room to its lights: other spectra, other paints, and the closed form of paints."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.errors import RoomError
+from volspec.room import (
+    PointLamp,
+    Room,
+    RoomMesh,
+    SunBeam,
+    box,
+    irradiance_from_lux,
+    lux_from_irradiance,
+    panel,
+    solve_room,
+)
+from volspec.room.mesh import SIDES
+from volspec.room.response import RoomResponse
+from volspec.spectra import DEFAULT_GRID, light, reflectance_from_colour
+
+CUBE = box((0, 0, 0), (3, 3, 3), SIDES, inside=True)
+GREY = np.full(DEFAULT_GRID.size, 0.5)
+SALMON = reflectance_from_colour("#f4b8a0").values
+PAINTED = dict.fromkeys(SIDES[:4], SALMON)
+
+
+@cache
+def two_lights() -> RoomResponse:
+    """A grey room with a tungsten panel, a small daylight lamp and a table."""
+    ceiling = panel((0, 0, 3), (0, 3, 0), (3, 0, 0), "ceiling", [("lamp", (1.2, 1.2, 0.6, 0.6))])
+    rest = CUBE.part(CUBE.surface != SIDES.index("ceiling"))
+    mesh = RoomMesh(rest.corners_m, rest.surface, SIDES) + ceiling
+    mesh = mesh + box((1, 1, 0.4), (2, 2, 0.5), "table")
+    reflectances = np.array([GREY * (name != "lamp") for name in mesh.names])
+    small = PointLamp((0.6, 0.6, 2.0), irradiance_from_lux(light("D65"), 50.0), "bulb")
+    exitances = {"lamp": irradiance_from_lux(light("A"), 2000.0)}
+    room = Room(mesh, reflectances, exitances, (small,))
+    return RoomResponse.of(solve_room(room, 500, rays=1 << 19))
+
+
+def test_the_lights_of_a_room_have_names() -> None:
+    assert two_lights().names == ("lamp", "bulb")
+    emission = irradiance_from_lux(light("A"), 1.0)
+    lamps, suns = (PointLamp((1, 1, 1), emission),), (SunBeam((0, 0, 1), emission),)
+    room = Room(CUBE, np.tile(GREY, (6, 1)), {"floor": emission}, lamps, suns)
+    assert list(room.lights) == ["floor", "lamp 1", "sun 1"]
+    twice = (PointLamp((1, 1, 1), emission, "floor"),)
+    with raises(RoomError, "duplicate"):
+        Room(CUBE, np.tile(GREY, (6, 1)), {"floor": emission}, twice)
+
+
+def test_its_own_spectra_give_the_solution_back() -> None:
+    """Both compute direct light by shadow rays of their own, which differ by a thousandth."""
+    solved = solve_room(two_lights().solved.room, 500, rays=1 << 19)
+    own = two_lights().under([*solved.room.lights.values()])
+    assert lux_from_irradiance(own.irradiance) == pytest.approx(
+        lux_from_irradiance(solved.irradiance), rel=0.03
+    )
+    assert own.irradiance.sum() == pytest.approx(solved.irradiance.sum(), rel=1e-3)
+
+
+def test_another_spectrum_is_as_bright() -> None:
+    """Lumens stay when the spectrum of a lamp is replaced."""
+    response = two_lights()
+    own, other = (response.spectra({"lamp": light(name)}) for name in ("A", "HP1"))
+    assert lux_from_irradiance(own[0]) == pytest.approx(lux_from_irradiance(other[0]))
+    assert not own[1].any()
+    with raises(RoomError, "unknown"):
+        response.spectra({"lamb": light("A")})
+
+
+def test_new_spectra_need_no_new_solution() -> None:
+    """A product equals a solution of the room with these lights, to rounding."""
+    response = two_lights()
+    power = response.spectra({"lamp": light("D65"), "bulb": light("HP1")})
+    relit = response.under(power)
+    again = RoomResponse.of(relit)
+    assert again.solved.irradiance == pytest.approx(relit.irradiance, rel=1e-6)
+    dark = response.under(response.spectra({"bulb": light("HP1")}))
+    assert list(dark.room.lights) == ["bulb"]
+
+
+def test_painted_is_the_solution_with_that_paint() -> None:
+    response = two_lights()
+    painted = response.painted(PAINTED)
+    assert painted.solved.irradiance == pytest.approx(
+        response.solved.painted(PAINTED).irradiance, rel=2e-3
+    )
+    with raises(RoomError, "unknown"):
+        response.painted({"roof": SALMON})
+
+
+def test_the_closed_form_is_close_where_light_is_even() -> None:
+    """Each wall's own light is uneven; all together are even."""
+    emission = irradiance_from_lux(light("D65"), 100.0)
+    room = Room(CUBE, np.tile(GREY, (6, 1)), dict.fromkeys(SIDES, emission))
+    response = RoomResponse.of(solve_room(room, 150, rays=1 << 18))
+    paints = dict.fromkeys(SIDES, SALMON)
+    exact, fast = response.painted(paints), response.estimated(paints)
+    assert fast.solved.irradiance == pytest.approx(exact.solved.irradiance, rel=0.02)
+
+
+def test_the_closed_form_is_near_the_solution_elsewhere() -> None:
+    """For present paints it is exact; for others it is near, and far nearer than no change."""
+    response = two_lights()
+    same = response.estimated(dict.fromkeys(SIDES[:4], GREY))
+    assert same.irradiance == pytest.approx(response.irradiance, rel=1e-9)
+    fast, exact, old = (
+        lux_from_irradiance(each.solved.irradiance)
+        for each in (response.estimated(PAINTED), response.painted(PAINTED), response)
+    )
+    error, change = np.abs(fast / exact - 1.0).mean(), np.abs(old / exact - 1.0).mean()
+    assert error < 0.02 < 5.0 * error < change

@@ -1,0 +1,75 @@
+"""Light of a room on a specimen, as an ambient light and a few directional ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.room.test_response import CUBE, GREY, PAINTED, two_lights
+from tests.support.errors import raises
+from volspec.errors import RoomError
+from volspec.room import PointLamp, Room, irradiance_from_lux, lux_from_irradiance, solve_room
+from volspec.room.mesh import SIDES
+from volspec.room.response import RoomResponse
+from volspec.room.specimen import SpecimenLight
+from volspec.spectra import DEFAULT_GRID, light
+
+BLACK = np.zeros((6, DEFAULT_GRID.size))
+POINT = (1.5, 1.5, 1.2)
+
+
+def solved(room: Room) -> RoomResponse:
+    return RoomResponse.of(solve_room(room, 150, rays=1 << 18))
+
+
+def test_even_light_is_ambient() -> None:
+    """White furnace: one group, with all of S / (1 − ρ)."""
+    emission = np.ones(DEFAULT_GRID.size)
+    response = solved(Room(CUBE, np.tile(GREY, (6, 1)), dict.fromkeys(SIDES, emission)))
+    found = SpecimenLight.of(response, POINT)
+    assert found.names == ("ambient",)
+    assert found.irradiance.sum(axis=0)[0] == pytest.approx(2.0, rel=0.01)
+    assert found.error < 0.01
+
+
+def test_a_single_lamp_is_a_single_direction() -> None:
+    """Black walls: the inverse square of the distance, from the lamp."""
+    lamp = PointLamp((1.5, 1.5, 2.7), irradiance_from_lux(light("A"), 100.0), "bulb")
+    response = solved(Room(CUBE, BLACK, {}, (lamp,)))
+    found = SpecimenLight.of(response, POINT)
+    assert found.names == ("ambient", "ceiling")
+    assert found.directions[0] == pytest.approx((0.0, 0.0, 1.0), abs=0.02)
+    assert found.irradiance[0, 1] == pytest.approx(1.0 / 1.5**2, rel=0.01)
+    assert found.irradiance[0, 0] == pytest.approx(0.0, abs=0.01)
+    assert found.brightest_lux == pytest.approx(100.0 / 1.5**2, rel=0.02)
+
+
+def test_the_groups_give_the_light_on_a_surface_of_any_direction() -> None:
+    """Against rays gathered at the point: 3 per cent of the mean, root mean square."""
+    response = two_lights()
+    found = SpecimenLight.of(response, POINT)
+    assert 2 <= len(found.directions) <= 5 and found.error < 0.05
+    normals = np.random.default_rng(3).normal(size=(40, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    true = lux_from_irradiance(
+        response.solved.irradiance_at(np.broadcast_to(POINT, (40, 3)), normals)
+    )
+    power = np.array([*response.solved.room.lights.values()])
+    groups = lux_from_irradiance(np.einsum("lgb,lb->gb", found.irradiance, power))
+    made = groups[0] + np.maximum(normals @ found.directions.T, 0.0) @ groups[1:]
+    assert np.sqrt(np.mean((made - true) ** 2)) < 0.06 * true.mean()
+
+
+def test_other_paints_keep_the_directions() -> None:
+    response = two_lights()
+    found, painted = SpecimenLight.of(response, POINT), response.painted(PAINTED)
+    there, new = found.under(painted), SpecimenLight.of(painted, POINT)
+    assert there.names == found.names
+    assert there.brightest_lux == pytest.approx(new.brightest_lux, rel=1e-6)
+    assert there.brightest_lux != pytest.approx(found.brightest_lux, rel=0.01)
+
+
+@pytest.mark.parametrize("point", [(1.5, 1.5, 0.45), (4.0, 1.5, 1.0)])
+def test_a_specimen_in_a_table_or_outside_is_refused(point: tuple[float, float, float]) -> None:
+    with raises(RoomError, "range"):
+        SpecimenLight.of(two_lights(), point)

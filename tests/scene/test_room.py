@@ -1,0 +1,231 @@
+"""``[room]``: its light on a volume, its lamps' spectra, its walls behind, shadows, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from tests.support.errors import raises
+from volspec.errors import SceneError
+from volspec.pipeline import OpacityCaster, Raycaster
+from volspec.relight.illumination import Illumination
+from volspec.scene import Scene
+from volspec.scene.backdrop import Placement
+from volspec.scene.file import scene_data, scene_file
+from volspec.scene.writing import rebased
+
+ROOM = """
+title = "A room"
+size_m = [3.0, 3.0, 2.5]
+[[surface]]
+name = "walls"
+reflectance = "{walls}"
+[[surface]]
+name = "floor"
+reflectance = "grey:0.5"
+[[surface]]
+name = "ceiling"
+reflectance = "grey:0.8"
+[[light]]
+name = "lamp"
+spectrum = "{lamp}"
+on = "ceiling"
+place_m = [1.2, 1.2, 0.6, 0.6]
+lux = 5000
+"""
+SCENE = """
+[volume]
+file = "block.npy"
+[[material]]
+name = "white"
+reflectance = "grey:1"
+[transfer]
+points = [
+    { value = 0, opacity = 0, material = "white" },
+    { value = 1, opacity = 1, material = "white" },
+]
+[basis]
+name = "general-7"
+[camera]
+azimuth_deg = 0
+elevation_deg = 10
+zoom = 0.3
+[output]
+width = 96
+height = 64
+[room]
+file = "room.toml"
+position_m = [1.5, 1.5, 0.5]
+scale = 10
+patches = 300
+[[light]]
+name = "own"
+spectrum = "room"
+[[light]]
+name = "sodium"
+spectrum = "HP1"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("room")
+    (folder / "room.toml").write_text(ROOM.format(walls="#f0d9b5", lamp="A"))
+    (folder / "scene.toml").write_text(SCENE)
+    block = np.zeros((40, 40, 40), np.float32)
+    block[8:-8, 8:-8, 8:-8] = 1.0
+    np.save(folder / "block.npy", block)
+    return folder
+
+
+@cache
+def opened(folder: Path) -> tuple[Scene, vs.CoefficientImage]:
+    scene = Scene.load(folder / "scene.toml")
+    return scene, scene.render()
+
+
+def edited(folder: Path, old: str, new: str, name: str = "edited.toml") -> Path:
+    assert old in SCENE
+    path = folder / name
+    path.write_text(SCENE.replace(old, new))
+    return path
+
+
+def frame(scene: Scene, image: vs.CoefficientImage, light: int = 0) -> np.ndarray:
+    return vs.relight(image, scene.lights[light].rig, scene.relight)
+
+
+def test_the_groups_of_the_cast_are_the_room_s_light(folder: Path) -> None:
+    scene, image = opened(folder)
+    assert scene.room is not None
+    first, *directed, walls = scene.raycast.groups
+    assert first.name == "ambient" and walls.name == "walls: lamp"
+    assert "from lamp" in [group.name for group in directed]
+    assert image.groups["walls: lamp"] == 0.0 and image.alpha.min() == 1.0
+
+
+def test_a_white_that_gets_most_light_has_a_luminance_factor_of_100(folder: Path) -> None:
+    """The top of the block faces the lamp; its sides get less."""
+    scene, _ = opened(folder)
+    volume = scene.volume()
+    above = replace(scene.file.camera, elevation_deg=90.0, zoom=1.0)
+    image = scene.with_camera(above).render(volume)
+    lit = Illumination.of(image.basis, scene.lights[0].rig, scene.relight, image.groups)
+    middle = image.coefficients[32, 48]
+    Y = lit.scene_XYZ(middle, np.float32(1.0))[1]
+    assert pytest.approx(100.0, rel=0.1) == Y
+
+
+def test_its_lamps_change_without_a_cast(folder: Path) -> None:
+    """A sodium spectrum for the lamp: as in a room whose file has that lamp, within 2 codes."""
+    scene, image = opened(folder)
+    swapped = frame(scene, image, light=1)
+    (folder / "sodium.toml").write_text(ROOM.format(walls="#f0d9b5", lamp="HP1"))
+    other = Scene.load(edited(folder, "room.toml", "sodium.toml", "other.toml"))
+    direct = frame(other, other.render())
+    assert np.abs(swapped.astype(int) - direct).max() <= 3
+    assert np.abs(swapped.astype(int) - frame(scene, image)).max() > 4
+
+
+def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path) -> None:
+    path = edited(folder, "patches = 300", 'patches = 300\npaint = { walls = "#4060c0" }')
+    blue, (beige, _) = Scene.load(path), opened(folder)
+    (folder / "blue.toml").write_text(ROOM.format(walls="#4060c0", lamp="A"))
+    same = Scene.load(edited(folder, "room.toml", "blue.toml", "same.toml"))
+    spectra = [each.lights[0].rig.lights[0].values for each in (blue, same, beige)]
+    assert spectra[0] == pytest.approx(spectra[1], rel=1e-3)
+    assert spectra[0] != pytest.approx(spectra[2], rel=0.05)
+
+
+def test_viewing_conditions_are_those_of_an_eye_in_the_room(folder: Path) -> None:
+    scene, _ = opened(folder)
+    seen = scene.relight.viewing
+    assert 1.0 < seen.Y_b < 100.0 and seen.L_A is not None and 0.0 < seen.surround < 1.0
+    own = Scene.load(edited(folder, "[output]", '[viewing]\nY_b = 33\nsurround = "dim"\n[output]'))
+    assert (own.relight.viewing.Y_b, own.relight.viewing.surround) == (33.0, "dim")
+
+
+def test_turning_the_volume_turns_its_light() -> None:
+    level = Placement.of((0, 0, 0), 1.0, 0.0, (0.0, 0.0, 1.0))
+    assert level.axes == pytest.approx(np.eye(3))
+    turned = Placement.of((0, 0, 0), 2.0, 90.0, (0.0, 0.0, 1.0))
+    assert turned.axes @ (1.0, 0.0, 0.0) == pytest.approx((0.0, 1.0, 0.0), abs=1e-12)
+    assert turned.metres_per_mm == 2e-3
+    lying = Placement.of((0, 0, 0), 1.0, 0.0, (0.0, 1.0, 0.0))
+    assert lying.axes @ (0.0, 1.0, 0.0) == pytest.approx((0.0, 0.0, 1.0))
+
+
+def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(folder: Path) -> None:
+    """Below the middle only light from walls is left; far from it, the floor is as bright."""
+    scene, _ = opened(folder)
+    volume = scene.volume()
+    behind = scene.behind(volume)
+    assert behind is not None
+    caster = Raycaster(volume)
+    opacity = OpacityCaster.of(caster, caster.bake(scene.transfer), scene.raycast)
+    middle = volume.corners_mm.mean(axis=0)
+    # From just below the block, down to the floor; and from beside it.
+    below = vs.Camera(tuple(middle - (0, 0, 30)), tuple(middle - (0, 0, 40)), (0, 1, 0), 10.0)
+    far = vs.Camera(tuple(middle + (120, 0, -30)), tuple(middle + (120, 0, -40)), (0, 1, 0), 10.0)
+    size, bands = (8, 8), scene.basis.size
+    plain = {camera: behind(camera, size).mean(axis=(0, 1)) for camera in (below, far)}
+    shaded = {camera: behind(camera, size, opacity).mean(axis=(0, 1)) for camera in (below, far)}
+    assert plain[below].shape == (bands,)
+    assert (shaded[below] < 0.6 * plain[below]).all()
+    assert shaded[far] == pytest.approx(plain[far], rel=0.05)
+    # Other paints keep the shadows.
+    again = behind.repainted(scene.room.response)(below, size).mean(axis=(0, 1))
+    assert again == pytest.approx(shaded[below])
+
+
+def test_its_paths_follow_the_scene_to_another_folder(folder: Path, tmp_path: Path) -> None:
+    path = edited(folder, "patches = 300", 'paint = { walls = "#4060c0", floor = "own.csv" }')
+    moved = rebased(scene_file(scene_data(path), path), folder, tmp_path / "scene.toml").room
+    assert moved is not None
+    assert (tmp_path / moved.file).resolve() == (folder / "room.toml").resolve()
+    assert moved.paint["walls"] == "#4060c0"
+    assert (tmp_path / moved.paint["floor"]).resolve() == (folder / "own.csv").resolve()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        (
+            "[room]",
+            '[[group]]\nname = "key"\nsources = [{ kind = "headlight" }]\n[room]',
+            "conflict",
+        ),
+        ('spectrum = "HP1"', 'spectrum = "HP1"\ngroup = "lamb"', "unknown"),
+        ('spectrum = "HP1"', 'spectrum = "HP1"\nilluminance_lux = 100', "conflict"),
+        ("position_m = [1.5, 1.5, 0.5]", "position_m = [1.5, 1.5, 5]", "range"),
+        ('file = "room.toml"', 'file = "rom.toml"', "not-found"),
+        ("scale = 10", 'paint = { wall = "grey:0.5" }', "unknown"),
+        ("scale = 10", 'paint = { walls = "puce" }', "unknown"),
+        ("scale = 10", "scale = 0", "range"),
+    ],
+)
+def test_a_wrong_room_is_refused(folder: Path, old: str, new: str, code: str) -> None:
+    with raises(SceneError, code):
+        Scene.load(edited(folder, old, new))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ("scale = 10", "scale = 60", "range"),  # the block is larger than the room
+        ('name = "general-7"', 'method = "materials"', "conflict"),
+    ],
+)
+def test_a_volume_that_does_not_fit_is_refused_at_the_cast(
+    folder: Path, old: str, new: str, code: str
+) -> None:
+    scene = Scene.load(edited(folder, old, new))
+    with raises(SceneError, code):
+        scene.render()
+    without = Scene.load(edited(folder, "scale = 10", "scale = 10\nwalls = false"))
+    assert without.behind(without.volume()) is None
