@@ -24,7 +24,7 @@ def test_it_is_the_picture_of_the_room() -> None:
     rays = response.solved.rays
     ways = pixel_rays(EYE, SIZE, 1)
     seen = seen_corners(rays, np.broadcast_to(EYE.position_m, ways.shape), ways)
-    colours = CornerColours.of(response, bands, corner_owners(rays.mesh))
+    colours = CornerColours.of(response, bands, np.ones(2), corner_owners(rays.mesh))
     power = np.array([*response.solved.room.lights.values()])
     spectra = np.einsum("klb,lb->kb", (seen @ colours.all).reshape(-1, 2, bands.size), power)
     irradiance = response.solved.irradiance[0]
@@ -38,12 +38,12 @@ def test_it_is_the_picture_of_the_room() -> None:
 def test_direct_light_is_a_part_of_all_light() -> None:
     response = two_lights()
     bands = SpectralBasis.bands(DEFAULT_GRID)
-    colours = CornerColours.of(response, bands, corner_owners(response.solved.mesh))
+    colours = CornerColours.of(response, bands, np.ones(2), corner_owners(response.solved.mesh))
     assert (colours.direct <= colours.all + 1e-6).all() and colours.direct.any()
 
 
 def test_backs_are_invisible() -> None:
-    """From outside of a room, its far side is seen."""
+    """An eye outside of a room sees its far side."""
     rays = Rays(CUBE)
     seen = seen_corners(rays, np.array([[-2.0, 1.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]))
     corners = CUBE.corners_m.reshape(-1, 3)

@@ -107,7 +107,7 @@ def test_the_closed_form_is_close_where_light_is_even() -> None:
 
 
 def test_the_closed_form_is_near_the_solution_elsewhere() -> None:
-    """For present paints it is exact; for others it is near, and far nearer than no change."""
+    """Present paints are exact; others are far nearer than without a change."""
     response = two_lights()
     same = response.estimated(dict.fromkeys(SIDES[:4], GREY))
     assert same.irradiance == pytest.approx(response.irradiance, rel=1e-9)

@@ -132,14 +132,24 @@ def test_its_lamps_change_without_a_cast(folder: Path) -> None:
     assert np.abs(swapped.astype(int) - frame(scene, image)).max() > 4
 
 
+def test_any_light_relights_the_picture_alone(folder: Path) -> None:
+    """Without the room, every group has the light's spectrum: as bright, less coloured."""
+    scene, image = opened(folder)
+    alone = vs.relight(image, scene.lights[0].spectrum, scene.relight)
+    assert alone.mean() == pytest.approx(frame(scene, image).mean(), rel=0.1)
+
+
 def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path) -> None:
     path = edited(folder, "patches = 300", 'patches = 300\npaint = { walls = "#4060c0" }')
     blue, (beige, _) = Scene.load(path), opened(folder)
     (folder / "blue.toml").write_text(ROOM.format(walls="#4060c0", lamp="A"))
     same = Scene.load(edited(folder, "room.toml", "blue.toml", "same.toml"))
-    spectra = [each.lights[0].rig.lights[0].values for each in (blue, same, beige)]
-    assert spectra[0] == pytest.approx(spectra[1], rel=1e-3)
-    assert spectra[0] != pytest.approx(spectra[2], rel=0.05)
+    rooms = [scene.room for scene in (blue, same, beige)]
+    light = [room.response.solved.irradiance.mean(axis=0) for room in rooms if room is not None]
+    assert light[0] == pytest.approx(light[1], rel=1e-2)
+    assert light[0] != pytest.approx(light[2], rel=0.05)
+    # A cast is the same for all paints.
+    assert blue.raycast == beige.raycast
 
 
 def test_viewing_conditions_are_those_of_an_eye_in_the_room(folder: Path) -> None:
@@ -169,7 +179,7 @@ def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(folder: Path) -
     caster = Raycaster(volume)
     opacity = OpacityCaster.of(caster, caster.bake(scene.transfer), scene.raycast)
     middle = volume.corners_mm.mean(axis=0)
-    # From just below the block, down to the floor; and from beside it.
+    # From just below the block, down to the floor; and from next to it.
     below = vs.Camera(tuple(middle - (0, 0, 30)), tuple(middle - (0, 0, 40)), (0, 1, 0), 10.0)
     far = vs.Camera(tuple(middle + (120, 0, -30)), tuple(middle + (120, 0, -40)), (0, 1, 0), 10.0)
     size, bands = (8, 8), scene.basis.size

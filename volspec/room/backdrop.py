@@ -103,8 +103,10 @@ class CornerColours:
     direct: NDArray[np.float32]
 
     @classmethod
-    def of(cls, response: RoomResponse, basis: SpectralBasis, owners: csr_array) -> CornerColours:
-        """Compute them; ``owners`` are the mesh's `corner_owners`."""
+    def of(
+        cls, response: RoomResponse, basis: SpectralBasis, parts: Array, owners: csr_array
+    ) -> CornerColours:
+        """Compute them, times (L,) ``parts``; ``owners`` are the mesh's `corner_owners`."""
         mesh, reflectances = response.solved.mesh, response.solved.reflectances
         own = basis.analyse(reflectances)
         everything, direct = [], []
@@ -112,7 +114,7 @@ class CornerColours:
             sent = owners @ basis.analyse(reflectances * response.irradiance[number])
             if name in response.solved.room.exitances:
                 sent[np.repeat(mesh.surface == mesh.names.index(name), 3)] += basis.white
-            everything.append(sent)
-            direct.append(owners @ (own * response.direct[number][:, None]))
-        parts = (np.concatenate(each, axis=1) for each in (everything, direct))
-        return cls(*(part.astype(np.float32) for part in parts))
+            everything.append(parts[number] * sent)
+            direct.append(parts[number] * (owners @ (own * response.direct[number][:, None])))
+        joined = (np.concatenate(each, axis=1) for each in (everything, direct))
+        return cls(*(each.astype(np.float32) for each in joined))

@@ -110,13 +110,15 @@ class Backdrop:
         response: RoomResponse,
         placement: Placement,
         basis: SpectralBasis,
+        parts: Array,
         middle_mm: Array,
         radius_mm: float,
     ) -> None:
         self._response, self._placement, self._basis = response, placement, basis
+        self._parts = parts  # (L,) factors of the layers
         self._middle_mm, self._radius_mm = middle_mm, radius_mm
         self._owners = corner_owners(response.solved.mesh)
-        self._colours = CornerColours.of(response, basis, self._owners)
+        self._colours = CornerColours.of(response, basis, parts, self._owners)
         self._seen: tuple[object, csr_array, Array] | None = None
         self._maps: tuple[object, list[list[ShadowMap]]] | None = None
         self._shadows: tuple[object, NDArray[np.intp], Array] | None = None
@@ -125,7 +127,7 @@ class Backdrop:
         """Return the backdrop of the same room with other paints."""
         made = copy(self)
         made._response = response
-        made._colours = CornerColours.of(response, self._basis, self._owners)
+        made._colours = CornerColours.of(response, self._basis, self._parts, self._owners)
         return made
 
     def __call__(

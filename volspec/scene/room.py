@@ -43,6 +43,8 @@ Array = NDArray[np.float64]
 _RAYS = 1 << 11
 # The spectrum of a room's lights as its file gives it.
 OWN = "room"
+# Least part of a group: none may be empty.
+_LEAST_PART = 1e-4
 # Least background of the models, per cent.
 _LEAST_Y_B = 0.01
 
@@ -56,6 +58,9 @@ class SceneRoom:
     placement: Placement
     response: RoomResponse
     specimen: SpecimenLight
+    # (G + L,) lux of the groups and of the room's lights over those of the brightest surface, with
+    # the paints of the room's file: they scale the layers of a cast, whatever the present paints.
+    parts: Array
     # Of an estimate: the room that was solved last.
     estimated_from: SceneRoom | None = None
 
@@ -66,16 +71,18 @@ class SceneRoom:
         Raises RoomError if it cannot be read or solved, or the place is not in it.
         """
         room = load_room(folder / spec.file, grid)
-        room = room.painted(_paints(spec.paint, room, folder))
+        paints = _paints(spec.paint, room, folder)
         response = RoomResponse.of(solve_room(room, spec.patches, rays=_RAYS * spec.patches))
         specimen = SpecimenLight.of(response, spec.position_m, spec.directions)
-        return cls(
-            spec,
-            folder,
-            Placement.of(spec.position_m, spec.scale, spec.turn_deg, up),
-            response,
-            specimen,
-        )
+        power = np.array([*room.lights.values()])
+        groups = np.einsum("lgb,lb->gb", specimen.irradiance, power)
+        lux = lux_from_irradiance(np.concatenate([groups, power]), grid)
+        parts = np.maximum(lux / specimen.brightest_lux, _LEAST_PART)
+        if paints:
+            response = response.painted(paints)
+            specimen = specimen.under(response)
+        place = Placement.of(spec.position_m, spec.scale, spec.turn_deg, up)
+        return cls(spec, folder, place, response, specimen, parts)
 
     @property
     def grid(self) -> SpectralGrid:
@@ -84,27 +91,20 @@ class SceneRoom:
 
     # The cast.
 
-    @property
-    def _whiteness(self) -> float:
-        """Lux of a surface that would face all groups, over those of the brightest surface.
-
-        The brightest surface is where a perfect diffuser has Y = 100.
-        """
-        power = np.array([*self.response.solved.room.lights.values()])
-        facing = np.einsum("lgb,lb->b", self.specimen.irradiance, power)
-        return float(lux_from_irradiance(facing, self.grid)) / self.specimen.brightest_lux
-
     def cast(self, spec: RaycastSpec) -> RaycastSpec:
         """Return the settings of a cast with the groups of the room's light.
 
-        Each group lights a surface that faces it alike, and all spectra differ.
+        A perfect diffuser in the light of the brightest surface has Y = 100. Under one spectrum for
+        all groups, the picture is that of the room with light of that spectrum everywhere.
         """
-        part = self._whiteness / len(self.specimen.names)
-        shadows = self.spec.shadows
+        shadows, (ambient, *parts) = self.spec.shadows, self.parts.tolist()
         world = self.specimen.directions @ self.placement.axes
         sources: list[tuple[Source, ...]] = [
-            (Ambient(part, occlusion=shadows),),
-            *((Directional(_triple(way), "world", part, shadows),) for way in world),
+            (Ambient(ambient, occlusion=shadows),),
+            *(
+                (Directional(_triple(way), "world", part, shadows),)
+                for way, part in zip(world, parts, strict=False)
+            ),
         ]
         names = self._group_names()
         groups = [LightGroup(*each) for each in zip(names, sources, strict=True)]
@@ -192,18 +192,23 @@ class SceneRoom:
         Raises RoomError if no light reaches the volume.
         """
         groups = np.einsum("lgb,lb->gb", self.specimen.irradiance, power)
-        lux = lux_from_irradiance(groups, self.grid) * (len(groups) / self._whiteness)
         names = self._group_names()
         if self.spec.walls:
             groups = np.concatenate([groups, power])
-            lux = np.concatenate([lux, lux_from_irradiance(power, self.grid)])
             names += self._wall_groups()
+        lux = lux_from_irradiance(groups, self.grid) / self.parts[: len(groups)]
         nm = self.grid.wavelengths_nm
         lit = np.flatnonzero(lux > 0.0)
         spectra = tuple(Spectrum(nm, groups[g] / self.grid.step_nm, names[g]) for g in lit)
         rig = LightRig(spectra, (), tuple(lux[lit].tolist()), tuple(names[g] for g in lit))
-        shares = dict.fromkeys(self._group_names(), 1.0 / len(self.specimen.names))
-        return rig.facing(shares | dict.fromkeys(self._wall_groups(), 0.0)).mixed(self.grid), rig
+        return rig.facing(self.shares()).mixed(self.grid), rig
+
+    def shares(self) -> dict[str, float]:
+        """Return each group's fraction of the light on a surface that faces all of them."""
+        names = self._group_names()
+        parts = self.parts[: len(names)]
+        shares = dict(zip(names, (parts / parts.sum()).tolist(), strict=True))
+        return shares | dict.fromkeys(self._wall_groups(), 0.0)
 
     # The eye.
 
@@ -265,7 +270,8 @@ class SceneRoom:
             at = place.position_m + place.metres_per_mm * (place.axes @ (corner - middle))
             require_inside(self.response.solved.room, rays, at, "the volume")
         radius = float(np.linalg.norm(corners - middle, axis=1).max())
-        return Backdrop(self.response, self.placement, basis, middle, radius)
+        parts = self.parts[len(self.specimen.names) :]
+        return Backdrop(self.response, self.placement, basis, parts, middle, radius)
 
     def with_paint(self, paint: Mapping[str, str], *, estimate: bool = False) -> SceneRoom:
         """Return the room with other paints, which replace those of the same surfaces.
