@@ -51,6 +51,7 @@ from volspec.scene.specs import (
     CameraSpec,
     MaterialSpec,
     OutputSpec,
+    RoomSpec,
     SpectrumNumbers,
     VolumeSpec,
 )
@@ -86,6 +87,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "[basis]": BasisSpec,
             "[camera]": CameraSpec,
             "[[light]]": LightSpec,
+            "[room]": RoomSpec,
             "[output]": OutputSpec,
         },
     ),

@@ -272,8 +272,12 @@ def page(
                 code="conflict",
             )
         for text in extra:
-            lamp = read_setting(text, shares, scene.basis.grid)
-            rig = lamp if isinstance(lamp, LightRig) else LightRig((lamp,))
+            if (room := scene.room) is not None:
+                names = dict.fromkeys(room.response.names, 1.0)
+                lamps = LightRig.of(read_setting(text, names, scene.basis.grid))
+                lights.append(NamedLight(text, text, *room.rig(room.spectra(lamps))))
+                continue
+            rig = LightRig.of(read_setting(text, shares, scene.basis.grid))
             shown = rig.facing(shares).mixed(scene.basis.grid)
             lights.append(NamedLight(text, text, shown, rig))
         cast = scene_views(

@@ -26,17 +26,20 @@ from volspec.room.model import PointLamp, Room, SunBeam
 
 Array = NDArray[np.float64]
 # Shadow rays from a point to a triangle, at most, and of all points and triangles at once.
-_SHADOW_RAYS, _MOST_RAYS = 1 << 10, 1 << 22
+_RAYS_OF_POINT, SHADOW_RAYS = 1 << 10, 1 << 22
 
 
-def direct_irradiance(room: Room, rays: Rays, points: Array, normals: Array) -> Array:
+def direct_irradiance(
+    room: Room, rays: Rays, points: Array, normals: Array, shadow_rays: int = SHADOW_RAYS
+) -> Array:
     """Return the irradiance (P, B), W/m² per band, that comes directly from a room's lights.
 
-    ``points`` and unit ``normals`` are (P, 3).
+    ``points`` and unit ``normals`` are (P, 3); ``shadow_rays`` are shot in all, about.
     """
     emission = room.emission
     emitters = room.mesh.part(np.asarray(emission.any(axis=1))[room.mesh.surface])
-    found = _from_surfaces(rays, points, normals, emitters, emission[emitters.surface])
+    exitance = emission[emitters.surface]
+    found = _from_surfaces(rays, points, normals, emitters, exitance, shadow_rays)
     found += _from_lamps(rays, points, normals, room.lamps, room.grid.size)
     return found + _from_sun(rays, points, normals, room.suns, room.grid.size)
 
@@ -78,12 +81,17 @@ def _edge(a: Array, b: Array, normals: Array) -> Array:
 
 
 def _from_surfaces(
-    rays: Rays, points: Array, normals: Array, emitters: RoomMesh, exitance: Array
+    rays: Rays,
+    points: Array,
+    normals: Array,
+    emitters: RoomMesh,
+    exitance: Array,
+    shadow_rays: int,
 ) -> Array:
     """Return the irradiance (P, B) from triangles with an exitance (N, B), W/m² per band."""
     found = np.zeros((len(points), exitance.shape[1]))
-    count = _MOST_RAYS // max(len(points) * len(emitters.surface), 1)
-    count = 1 << int(np.clip(count, 1, _SHADOW_RAYS)).bit_length() - 1
+    count = shadow_rays // max(len(points) * len(emitters.surface), 1)
+    count = 1 << int(np.clip(count, 1, _RAYS_OF_POINT)).bit_length() - 1
     pattern = sobol(count, 2, seed=0)
     shifts = np.random.default_rng(1).random((len(points), 1, 2))
     raised = points + rays.offset_m * normals

@@ -52,6 +52,8 @@ _COARSE, _ROUNDS, _A_ROUND = 0.5, 12, 3
 _MOST_STEPS, _CLOSE = 2000, 1e-8
 # Rays of a triangle that look for gaps and backs, and what part of them may be lost to rounding.
 _LOOKS, _LOST = 256, 5e-3
+# Rays of form factors for each shadow ray.
+_SHADOWS = 4
 # Rays of `RoomLight.irradiance_at`.
 _GATHERED = 1 << 14
 
@@ -157,7 +159,8 @@ def solve_room(
     progress : callable
         Called with a step and the part of it that is done.
     rays : int
-        Rays for all form factors, about; a patch has at least 1024.
+        Rays for all form factors, about; a patch has at least 1024. Each round of direct light
+        takes a quarter of them for shadows.
     seed : int
         Of the rays.
 
@@ -184,7 +187,7 @@ def solve_room(
             given=patches,
         )
     progress("direct light", 0.0)
-    mesh, direct, patch_error = _refined(room, patches)
+    mesh, direct, patch_error = _refined(room, patches, rays // _SHADOWS)
     progress("direct light", 1.0)
     shot = Rays(mesh)
     factors = form_factors(shot, per_patch, seed, lambda share: progress("form factors", share))
@@ -273,12 +276,12 @@ def _looks(rays: Rays, shares: Array) -> tuple[Array, Array]:
     )
 
 
-def _refined(room: Room, patches: int) -> tuple[RoomMesh, Array, float]:
+def _refined(room: Room, patches: int, shadow_rays: int) -> tuple[RoomMesh, Array, float]:
     """Return patches, the direct light (N, B) on them, and how uneven it is within them."""
     area = float(room.mesh.areas_m2.sum())
     mesh = room.mesh.with_edges(float(np.sqrt(4.0 * area / max(_COARSE * patches, 1))))
     rays = Rays(room.mesh)  # what is in the way: halves are where their parents are
-    direct, spread = direct_on_patches(room, rays, mesh)
+    direct, spread = direct_on_patches(room, rays, mesh, shadow_rays)
     for _ in range(_ROUNDS):
         left = patches - len(direct)
         error = spread * mesh.areas_m2
@@ -291,18 +294,20 @@ def _refined(room: Room, patches: int) -> tuple[RoomMesh, Array, float]:
         kept = direct[~chosen], spread[~chosen]
         direct, spread = np.zeros((len(new), room.grid.size)), np.zeros(len(new))
         direct[~new], spread[~new] = kept
-        direct[new], spread[new] = direct_on_patches(room, rays, mesh.part(new))
+        direct[new], spread[new] = direct_on_patches(room, rays, mesh.part(new), shadow_rays)
     areas = mesh.areas_m2
     mean = float(areas @ lux_from_irradiance(direct, room.grid) / areas.sum())
     uneven = np.sqrt(areas @ (spread / 4.0) ** 2 / areas.sum()) / max(mean, 1e-30)
     return mesh, direct, float(uneven)
 
 
-def direct_on_patches(room: Room, rays: Rays, mesh: RoomMesh) -> tuple[Array, Array]:
+def direct_on_patches(
+    room: Room, rays: Rays, mesh: RoomMesh, shadow_rays: int
+) -> tuple[Array, Array]:
     """Return the direct light on patches (N, B), and its range within each (N,), lux."""
     points = mesh.points(_POINTS)
     normals = np.repeat(mesh.normals, len(_POINTS), axis=0)
-    found = direct_irradiance(room, rays, points.reshape(-1, 3), normals)
+    found = direct_irradiance(room, rays, points.reshape(-1, 3), normals, shadow_rays)
     found = found.reshape(len(points), len(_POINTS), -1)
     return found.mean(axis=1), np.ptp(lux_from_irradiance(found, room.grid), axis=1)
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import RoomError, nearest
+from volspec.room.direct import SHADOW_RAYS
 from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import RoomLight, direct_on_patches, solve_irradiance
@@ -52,12 +53,12 @@ class RoomResponse:
     surface_factors: Array
 
     @classmethod
-    def of(cls, solved: RoomLight) -> RoomResponse:
-        """Solve a room for each of its lights, with the rays of its solution."""
+    def of(cls, solved: RoomLight, shadow_rays: int = SHADOW_RAYS) -> RoomResponse:
+        """Solve a room for each of its lights, with the form factors of its solution."""
         direct = []
         for name in solved.room.lights:
             alone = solved.room.with_lights({name: np.ones(solved.room.grid.size)})
-            direct.append(direct_on_patches(alone, solved.rays, solved.mesh)[0][:, 0])
+            direct.append(direct_on_patches(alone, solved.rays, solved.mesh, shadow_rays)[0][:, 0])
         mesh = solved.mesh
         belongs = np.zeros((len(mesh.surface), len(mesh.names)))
         belongs[np.arange(len(belongs)), mesh.surface] = 1.0

@@ -72,7 +72,8 @@ class SceneRoom:
         """
         room = load_room(folder / spec.file, grid)
         paints = _paints(spec.paint, room, folder)
-        response = RoomResponse.of(solve_room(room, spec.patches, rays=_RAYS * spec.patches))
+        rays = _RAYS * spec.patches
+        response = RoomResponse.of(solve_room(room, spec.patches, rays=rays), rays // 4)
         specimen = SpecimenLight.of(response, spec.position_m, spec.directions)
         power = np.array([*room.lights.values()])
         groups = np.einsum("lgb,lb->gb", specimen.irradiance, power)
