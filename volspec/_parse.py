@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -46,6 +47,36 @@ def parse_toml(text: str) -> dict[str, Any]:
     """Parse a TOML text; raises as `parse_json`."""
     tables: dict[str, Any] = _checked(tomllib.loads, text)
     return tables
+
+
+def toml_remedy(error: ValueError, text: str) -> str:
+    """Return the remedy for an error of `parse_toml`, from the line that it names.
+
+    >>> text = "zoom = 1,5"
+    >>> try:
+    ...     parse_toml(text)
+    ... except ValueError as error:
+    ...     toml_remedy(error, text)
+    'write decimals with a point: 1.5 instead of 1,5'
+    """
+    message = str(error)
+    place = re.search(r"at line (\d+)", message)
+    if place is None:
+        return "complete the end of the file" if "end of document" in message else "correct it"
+    line = text.split("\n")[int(place[1]) - 1].strip()
+    comma = re.search(r"=\s*([-+]?\d+),(\d+)", line)
+    if message.startswith("Cannot "):
+        name = re.match(r"\[+([^\[\]]+)", line)
+        if name is None:
+            return "give the key once"
+        return f"leave out one, or head each row of a list with [[{name[1].strip()}]]"
+    if comma:
+        whole, part = comma.groups()
+        return f"write decimals with a point: {whole}.{part} instead of {whole},{part}"
+    word = re.search(r"(\w+\s*=\s*)([A-Za-z#/.][^\"'{}\[\],=]*)$", line)
+    if word:
+        return f'put text in quotes: {word[1]}"{word[2].strip()}"'
+    return f"correct this line: {quoted(line, 60)}"
 
 
 class _NoEntities(ElementTree.TreeBuilder):

@@ -156,6 +156,7 @@ def write_files(folder: Path) -> None:
 def _write_open_volumes(folder: Path) -> None:
     """Write volumes whose addresses lack something."""
     (folder / "v_4x3x2_int16.raw").write_bytes(bytes(48))
+    (folder / "a.raw").write_bytes(bytes(64 * 64 * 20))
     (folder / "m.stl").write_bytes(b"solid")
     (folder / "empty").mkdir()
     values = np.arange(48, dtype=np.int16)
@@ -189,6 +190,10 @@ spectrum = "A"
 position_m = [2.0, 2.5, 2.0]
 lumen = 1000
 """
+# The ball, 15 mm wide, next to the lamp.
+_LIT_BY_ROOM = SCENE.replace("D65", "room") + (
+    '[room]\nfile = "room.toml"\nposition_m = [2.0, 2.5, 1.0]\npatches = 100\n'
+)
 _TEXTS = {
     "s.toml": SCENE,
     "room.toml": _ROOM.replace("white", "grey:0.9"),
@@ -200,6 +205,25 @@ _TEXTS = {
     "bright-room.toml": _ROOM,
     "lamp-in-wall.toml": _ROOM.replace("white", "grey:0.9").replace("[2.0,", "[9.0,"),
     "unpainted-room.toml": _ROOM.replace('"floor"', '"flor"'),
+    "large-room.toml": _ROOM.replace("[4.0, 5.0, 2.7]", "[4000, 5000, 2700]"),
+    "misnamed-room.toml": _ROOM.replace('"walls"', '"wall"'),
+    "spare-room.toml": _ROOM.replace(
+        "surface = [", 'surface = [{ name = "lefft", reflectance = "black" },'
+    ),
+    "grey-room.toml": _ROOM.replace("grey:0.7", "grey:70"),
+    "blind-room.toml": _ROOM.replace("white", "grey:0.9")
+    + "[eye]\nposition_m = [34.0, 4.0, 1.6]\ntarget_m = [35.0, 4.0, 1.6]\n",
+    "in-room.toml": _LIT_BY_ROOM,
+    "out-of-room.toml": _LIT_BY_ROOM.replace("[2.0,", "[2000.0,"),
+    "too-large.toml": _LIT_BY_ROOM + "scale = 900.0\n",
+    "room-basis.toml": _LIT_BY_ROOM + '[basis]\nmethod = "materials"\n',
+    "room-key.toml": _LIT_BY_ROOM.replace("position_m", "position"),
+    "room-lamp.toml": _LIT_BY_ROOM.replace('"room"', '"rom"'),
+    "roomless.toml": SCENE.replace("D65", "room"),
+    "comma.toml": SCENE.replace("= 0.4", "= 0,4"),
+    "single.toml": SCENE.replace("[[material]]", "[material]"),
+    "single-row.toml": SCENE.replace("[[material]]", "[material]", 1),
+    "unquoted.toml": SCENE.replace('"copper"', "copper"),
     "watts.toml": _ROOM.replace("lumen", "watt"),
     "wrong.toml": _WRONG,
     "camera.toml": _WRONG.replace("[volume]", "[camera]"),

@@ -198,13 +198,20 @@ def _miscounted(error: CycloptsError) -> str:
     """Return a message on a missing or extra argument; cyclopts would print a Python list."""
     command = " ".join(error.command_chain or ())
     if isinstance(error, UnusedCliTokensError) and error.unused_tokens:
-        return f"{command}: unexpected argument {error.unused_tokens[0]!r}"
+        return f"{command}: {_takes(command)}unexpected argument {error.unused_tokens[0]!r}"
     if not isinstance(error, MissingArgumentError) or error.argument is None:
         return ""
     names = error.argument.names
     if error.keyword is not None:
         return f"{command}: {error.keyword} has no value; give one{_example(command, names)}"
     return f"{command}: {' or '.join(names)} is missing{_example(command, names)}"
+
+
+def _takes(command: str) -> str:
+    """Return what a command takes without an option's name, such as "takes one VOLUME, "."""
+    arguments = _command(command.split()).assemble_argument_collection()
+    names = [each.names[0] for each in arguments if not each.names[0].startswith("-")]
+    return f"takes one {' and one '.join(names)}, " if names else "takes options only, "
 
 
 def _example(command: str, options: Sequence[str]) -> str:
@@ -218,10 +225,15 @@ def _example(command: str, options: Sequence[str]) -> str:
 
 def _help(words: Sequence[str]) -> str:
     """Return the docstring of a command."""
+    command = _command(words)
+    return command.default_command.__doc__ or "" if command.default_command else ""
+
+
+def _command(words: Sequence[str]) -> App:
     command = app
     for word in words:
         command = command[word]
-    return command.default_command.__doc__ or "" if command.default_command else ""
+    return command
 
 
 def _refused(error: CoercionError | ValidationError) -> str:

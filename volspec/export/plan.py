@@ -33,6 +33,7 @@ from volspec.scene.export import ExportSpec
 from volspec.scene.file import SceneFaults, SceneFile, scene_data, scene_file
 from volspec.scene.lights import require_lux
 from volspec.scene.resolve import Resolver
+from volspec.scene.specs import ROOM_LIGHT
 from volspec.settings import try_table
 from volspec.transfer import Transfer
 from volspec.volume import Volume
@@ -285,6 +286,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         try:
             scene = Scene(file, path)
             scene.camera(volume)
+            scene.behind(volume)
             require_lux(scene.lights, scene.relight, path)
             errors += map(str, animation.keyframe_faults(scene, volume))
             if not errors:
@@ -324,6 +326,12 @@ def _valid_part(data: Mapping[str, Any], error: SceneFaults, path: Path) -> Scen
             tables[key] = table
     point = {"value": 0, "opacity": 0, "material": tables["material"][0]["name"]}
     tables["transfer"] = {"points": [point]}
+    # A room's light is known only if all tables are valid.
+    tables["light"] = [
+        {**row, "spectrum": "D65"} if row.get("spectrum") == ROOM_LIGHT else row
+        for row in tables["light"]
+        if isinstance(row, dict)
+    ]
     return try_table(SceneFile, tables, SceneError, path.parent)[0]
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from volspec._parse import parse_toml, read_text
+from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.basis import SpectralBasis, load_basis
 from volspec.errors import InputError, PaletteError, nearest
 from volspec.palette.model import Cell, Palette, Place, parse_colour
@@ -86,9 +86,10 @@ def palette_file(path: FileName) -> PaletteFile:
         tables = parse_toml(text)
     except ValueError as error:
         problem = f"{name}: not valid TOML: {error}"
-        raise PaletteError(problem, "correct it there", code="syntax") from error
+        raise PaletteError(problem, toml_remedy(error, text), code="syntax") from error
     if "volume" in tables and "transfer" in tables:
-        problem, remedy = f"{name}: is a scene, not a palette", "give a palette (docs/palettes.md)"
+        problem = f"{name}: is a scene, not a palette"
+        remedy = "give a palette, a file with [[reflectance]], [[light]] and [[cell]]"
         raise PaletteError(problem, remedy, code="type")
     file, faults = try_table(PaletteFile, tables, PaletteError, Path(path).parent)
     if file is None:

@@ -92,8 +92,8 @@ def look(
     if hit < 0 or solved.mesh.normals[hit] @ forward > 0:
         at = ", ".join(f"{x:g}" for x in position)
         raise RoomError(
-            f"the eye at ({at}) m sees no surface's front",
-            "move it into the room",
+            f"the eye at ({at}) m sees no surface's front; the room is {solved.mesh.extent}",
+            "move its position_m",
             code="range",
             field="eye",
         )
@@ -104,7 +104,12 @@ def look(
     own = np.ones(grid.size) if white is None else solved.room.reflectance(white)
     L_Aw = float(lux_from_irradiance(irradiance * own, grid)) / np.pi
     if not L_Aw > 0:
-        raise RoomError("no light falls on what the eye looks at", "turn it", code="impossible")
+        raise RoomError(
+            "no light falls on what the eye looks at",
+            "move its target_m",
+            code="impossible",
+            field="eye",
+        )
     shade = Spectrum(grid.wavelengths_nm, irradiance)
     measured = replace(
         viewing or Viewing(),

@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 import os
 import warnings
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from volspec._files import captured_output
-from volspec._parse import parse_toml, read_text
+from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.errors import InputError, RoomError, SpectrumError, nearest
 from volspec.room.mesh import SIDES, RoomMesh, box, panel
 from volspec.room.model import Eye, Metres, PointLamp, Room, SunBeam
@@ -47,6 +47,8 @@ from volspec.spectra.lamps import lamp_for_light
 WALLS = ("left", "right", "front", "back")
 # Between pieces of furniture, as a fraction of the room: several times `form_factors`' offset.
 _GAP = 5e-5
+# Of a room, so that millimetres are refused.
+_LARGEST_M = 1000.0
 Place = Annotated[tuple[Finite, Finite, Positive, Positive], Field(strict=False), Unit("m")]
 
 
@@ -191,6 +193,9 @@ class RoomFile:
             )
         if self.size_m is not None and min(self.size_m) <= 0:
             raise RoomError.refused("size_m", self.size_m, "give three lengths above 0 m", "range")
+        if self.size_m is not None and max(self.size_m) > _LARGEST_M:
+            remedy = f"give metres, up to {_LARGEST_M:g}: 4000 mm are 4"
+            raise RoomError.refused("size_m", self.size_m, remedy, "range")
         for kind, rows in (("surface", self.surface), ("light", self.light)):
             names = [row.name for row in rows]
             if twice := next((name for name in names if names.count(name) > 1), None):
@@ -218,11 +223,10 @@ def load_room(path: str | os.PathLike[str], grid: SpectralGrid = DEFAULT_GRID) -
         tables = parse_toml(text)
     except ValueError as error:
         problem = f"{name}: not valid TOML: {error}"
-        raise RoomError(problem, "correct it there", code="syntax") from error
+        raise RoomError(problem, toml_remedy(error, text), code="syntax") from error
     if "volume" in tables:
-        raise RoomError(
-            f"{name}: is a scene, not a room", "give a room (docs/rooms.md)", code="type"
-        )
+        remedy = f"give a room, a file with size_m and [[surface]], or run volspec view {name}"
+        raise RoomError(f"{name}: is a scene, not a room", remedy, code="type")
     file, faults = try_table(RoomFile, tables, RoomError, Path(path).parent)
     if file is None:
         raise RoomFaults(path, faults, row_names(tables))
@@ -235,24 +239,38 @@ def load_room(path: str | os.PathLike[str], grid: SpectralGrid = DEFAULT_GRID) -
 def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) -> Room:
     """Return the room of a file's tables; ``folder`` is where its files are."""
     mesh = _mesh(file, folder)
-    rows = {row.name: paint_named(row.reflectance, grid, folder) for row in file.surface}
+    rows = {}
+    for each in file.surface:
+        with _in_row("surface", each.name):
+            rows[each.name] = paint_named(each.reflectance, grid, folder)
     if walls := rows.pop("walls", None):
         rows = {side: walls for side in WALLS if side in mesh.names} | rows
     panels = [each.name for each in file.light if each.on is not None]
+    spare = [name for name in rows if name not in mesh.names]
     for side in mesh.names:
         if side not in rows and side not in panels:
-            guess = nearest(side, list(rows))
+            names = [side, "walls"] if side in WALLS else [side]
+            guess = next((found for name in names if (found := nearest(name, spare))), "")
             raise RoomError(
-                f"no [[surface]] is named {side!r}",
+                f"no [[surface]] is named {' or '.join(map(repr, names))}",
                 f"{guess}say what it reflects",
                 code="missing",
                 field="surface",
+            )
+    for name in spare:  # may belong to furniture that was taken out, unless misspelt
+        if guess := nearest(name, mesh.names):
+            raise RoomError(
+                f"[[surface]] {name}: nothing has this name",
+                f"{guess}known: {', '.join(mesh.names)}",
+                code="unknown",
+                given=name,
             )
     exitances: dict[str, NDArray[np.float64]] = {}
     lamps, suns = [], []
     openings = frozenset(mesh.names.index(each) for each in panels if each in mesh.names)
     for row in file.light:
-        spectrum = light(row.spectrum, grid, folder=folder)
+        with _in_row("light", row.name):
+            spectrum = light(row.spectrum, grid, folder=folder)
         per_lux, flux = irradiance_from_lux(spectrum, 1.0, grid), row.flux_lumen()
         if row.on is not None:
             surface = row.name if row.place_m is not None else row.on
@@ -285,6 +303,15 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
         file.open,
         file.title,
     )
+
+
+@contextmanager
+def _in_row(key: str, name: str) -> Iterator[None]:
+    """Add a row's table and name to an error in the body."""
+    try:
+        yield
+    except InputError as error:
+        raise error.within(f"[[{key}]] {name}") from error
 
 
 def paint_named(text: str, grid: SpectralGrid, folder: Path) -> Spectrum:

@@ -90,6 +90,13 @@ class RoomMesh:
         return numbers.reshape(-1, 3)
 
     @property
+    def extent(self) -> str:
+        """The box around the mesh, for messages: ``x 0 to 4, y 0 to 5, z 0 to 2.7 m``."""
+        ends = (self.corners_m.min(axis=(0, 1)), self.corners_m.max(axis=(0, 1)))
+        axes = zip("xyz", *ends, strict=True)
+        return ", ".join(f"{axis} {low:g} to {high:g}" for axis, low, high in axes) + " m"
+
+    @property
     def cross_m2(self) -> Array:
         """(N, 3) normals with twice the area as their lengths."""
         a, b, c = self.corners_m.transpose(1, 0, 2)
@@ -221,7 +228,7 @@ def panel(
         inside = x >= 0 and y >= 0 and x + width <= lengths[0] and y + height <= lengths[1]
         if not (inside and width > 0 and height > 0):
             raise RoomError(
-                f"{other}: ({x:g}, {y:g}, {width:g}, {height:g}) m is not within the "
+                f"{other}: place_m ({x:g}, {y:g}, {width:g}, {height:g}) m is not within the "
                 f"{lengths[0]:g} m × {lengths[1]:g} m of {name}",
                 "move it or make it smaller",
                 code="range",

@@ -245,7 +245,9 @@ def look_around(room: Room) -> None:
         require_inside(room, rays, lamp.position_m, "the lamp")
 
 
-def require_inside(room: Room, rays: Rays, point_m: ArrayLike, what: str) -> None:
+def require_inside(
+    room: Room, rays: Rays, point_m: ArrayLike, what: str, remedy: str = "move it"
+) -> None:
     """Raise RoomError if a point is inside furniture or a wall, or outside of a closed room."""
     shares, up = sobol(_LOOKS, 2, seed=0), np.array([0.0, 0.0, 1.0])
     directions = np.concatenate([cosine_directions(sign * up, shares) for sign in (1, -1)])
@@ -254,8 +256,9 @@ def require_inside(room: Room, rays: Rays, point_m: ArrayLike, what: str) -> Non
     if back.mean() > _LOST or ((hit < 0).any() and not room.open):
         at = ", ".join(f"{x:g}" for x in np.asarray(point_m))
         raise RoomError(
-            f"{what} at ({at}) m is inside a wall or furniture, or outside of the room",
-            "move it",
+            f"{what} at ({at}) m is inside a wall or furniture, or outside of the room "
+            f"({rays.mesh.extent})",
+            remedy,
             code="range",
         )
 

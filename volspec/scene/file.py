@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from volspec._parse import parse_toml, read_text
+from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.errors import RaycastError, SceneError, nearest
 from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.lights import HEADLIT
@@ -159,11 +159,14 @@ def scene_data(path: str | os.PathLike[str]) -> dict[str, Any]:
     text = scene_text(path)
     try:
         data = parse_toml(text)
+        if "volume" not in data and ("size_m" in data or "surface" in data):
+            remedy = f"run volspec room {os.fspath(path)}, or name it as file in a scene's [room]"
+            raise SceneError("is a room, not a scene", remedy, code="type")
         migrate(data)
     except SceneError as error:
         raise SceneFaults(path, [error]) from None
     except ValueError as error:
-        fault = SceneError(f"not valid TOML: {error}", "correct it", code="syntax")
+        fault = SceneError(f"not valid TOML: {error}", toml_remedy(error, text), code="syntax")
         raise SceneFaults(path, [fault]) from error
     return data
 

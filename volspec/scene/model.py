@@ -284,7 +284,7 @@ class Scene:
         """
         volume = volume or self.volume()
         output = self.file.output
-        camera = self.camera(volume)
+        camera, behind = self.camera(volume), self.behind(volume)
         with self._names.at("raycast"):
             return raycast(
                 *(volume, self.transfer, camera, size or (output.width, output.height)),
@@ -293,7 +293,7 @@ class Scene:
                 progress=progress,
                 cancel=cancel,
                 caster=caster,
-                behind=self.behind(volume),
+                behind=behind,
                 notes={"scene": self.file.title, "viewing": viewing_note(self.relight)},
             )
 

@@ -24,7 +24,7 @@ from volspec.raycast import RaycastSpec
 from volspec.scene.basis import LARGEST_ERROR, SceneSpectra, grid_of, use_of
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
-from volspec.scene.specs import given_reflectance
+from volspec.scene.specs import ROOM_LIGHT, given_light, given_reflectance
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.files import palette_grid
 from volspec.spectra.lights import light_terms
@@ -190,6 +190,12 @@ class Resolver:
             with self.at(f"light[{names.index(name)}]"):
                 if room is not None:
                     found.append(room.light(rows, self.known))
+                    continue
+                if self.file.room is not None:  # which has a fault, reported before
+                    folder = self.path.parent
+                    for row in rows:
+                        if row.spectrum != ROOM_LIGHT:
+                            given_light(row.spectrum, row.name, grid, folder, self.known)
                     continue
                 shares = spec.shares()
                 found.append(named_light(rows, shares, grid, self.path.parent, self.known))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from volspec.appearance.spec import Viewing
 from volspec.basis import Basis, MaterialBasis
-from volspec.errors import SceneError
+from volspec.errors import InputError, SceneError, SpectrumError, nearest
 from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.lights import Ambient, Directional, Headlight, Source
 from volspec.relight import LightRig
@@ -33,7 +33,7 @@ from volspec.room.response import RoomResponse, unknown_light
 from volspec.room.specimen import SpecimenLight
 from volspec.scene.backdrop import Backdrop, Placement
 from volspec.scene.lights import LightSpec, NamedLight
-from volspec.scene.specs import CameraSpec, RoomSpec, given_light
+from volspec.scene.specs import ROOM_LIGHT, CameraSpec, RoomSpec, given_light
 from volspec.settings import Vector
 from volspec.spectra import SpectralGrid, Spectrum, colour_matching_functions
 from volspec.volume import Volume
@@ -41,8 +41,6 @@ from volspec.volume import Volume
 Array = NDArray[np.float64]
 # Rays of a patch: the volume's light needs fewer than a picture of the room.
 _RAYS = 1 << 11
-# The spectrum of a room's lights as its file gives it.
-OWN = "room"
 # Least part of a group: none may be empty.
 _LEAST_PART = 1e-4
 # Least background of the models, per cent.
@@ -74,6 +72,8 @@ class SceneRoom:
         paints = _paints(spec.paint, room, folder)
         rays = _RAYS * spec.patches
         response = RoomResponse.of(solve_room(room, spec.patches, rays=rays), rays // 4)
+        solved, remedy = response.solved, "change position_m"
+        require_inside(solved.room, solved.rays, spec.position_m, "the volume", remedy)
         specimen = SpecimenLight.of(response, spec.position_m, spec.directions)
         power = np.array([*room.lights.values()])
         groups = np.einsum("lgb,lb->gb", specimen.irradiance, power)
@@ -155,9 +155,16 @@ class SceneRoom:
 
     def _row_spectra(self, row: LightSpec, known: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
         """Return the spectra of a row by group."""
-        if row.spectrum == OWN:
+        if row.spectrum == ROOM_LIGHT:
             return self.own_spectra(row.group or "")
-        found = given_light(row.spectrum, row.name, self.grid, self.folder, known)
+        try:
+            found = given_light(row.spectrum, row.name, self.grid, self.folder, known)
+        except InputError as error:
+            if error.code != "unknown":
+                raise
+            guess = nearest(str(row.spectrum), [ROOM_LIGHT])
+            remedy = f"{guess}{error.remedy}, or {ROOM_LIGHT}: the light of its file"
+            raise SpectrumError(error.problem, remedy, code="unknown") from error
         return {row.group or "": found}
 
     def own_spectra(self, group: str = "") -> dict[str, Spectrum]:
@@ -173,7 +180,7 @@ class SceneRoom:
         found = {}
         for name in names:
             power = own[name or next(iter(own))]
-            found[name] = Spectrum(nm, power * (V.sum() / (V @ power)), OWN)
+            found[name] = Spectrum(nm, power * (V.sum() / (V @ power)), ROOM_LIGHT)
         return found
 
     def spectra(self, lamps: LightRig) -> Array:
@@ -269,7 +276,8 @@ class SceneRoom:
         rays = self.response.solved.rays
         for corner in [middle, *corners]:
             at = place.position_m + place.metres_per_mm * (place.axes @ (corner - middle))
-            require_inside(self.response.solved.room, rays, at, "the volume")
+            remedy = "change position_m or scale"
+            require_inside(self.response.solved.room, rays, at, "the volume", remedy)
         radius = float(np.linalg.norm(corners - middle, axis=1).max())
         parts = self.parts[len(self.specimen.names) :]
         return Backdrop(self.response, self.placement, basis, parts, middle, radius)

@@ -87,6 +87,10 @@ Given = Annotated[
 """A name as `volspec.light` or `volspec.reflectance` takes it, or numbers."""
 
 
+ROOM_LIGHT = "room"
+"""The spectrum of a room's lights, as its file gives it."""
+
+
 def given_light(
     given: str | SpectrumNumbers,
     name: str,
@@ -99,6 +103,12 @@ def given_light(
     ``known`` holds spectra that are not on disk yet. Raises SpectrumError if the name is unknown,
     or the numbers are not a light.
     """
+    if given == ROOM_LIGHT and given not in known:
+        raise SpectrumError(
+            f"spectrum = {ROOM_LIGHT!r} is the light of a room, and the scene has none",
+            "add [room], or give a light such as D65",
+            code="missing",
+        )
     if isinstance(given, SpectrumNumbers):
         return as_light(given.spectrum(name), grid, "spectrum.values")
     return known.get(given) or light(given, grid, folder=folder)

@@ -273,8 +273,10 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
     kelvin = peak_nm = _number(number)
     if prefix in ("planck", "daylight"):
         if kelvin is None:
+            digits = re.match(r"\d{3,5}(?=\s*k)", number)
+            example = f"{prefix}:{digits[0] if digits else 5000}"
             raise SpectrumError(
-                f"light {name!r}: {number!r} is not a temperature; write {prefix}:5000",
+                f"light {name!r}: {number!r} is not a temperature in kelvin; write {example}",
                 code="syntax",
             )
         low, high = (500, 100_000) if prefix == "planck" else (4000, 25_000)
@@ -341,6 +343,8 @@ def _unknown(name: str, context: str = "") -> SpectrumError:
         )
     kelvin = re.fullmatch(r"(\d{3,5}) ?[kK]", name.strip())
     meant = f"did you mean 'daylight:{kelvin[1]}' or 'planck:{kelvin[1]}'? " if kelvin else ""
+    if peak := re.fullmatch(r"([4-6]\d\d|700) ?nm", name.strip()):
+        meant = f"did you mean 'led:{peak[1]}'? "
     return SpectrumError(
         f"light {name!r}{context} is unknown; {meant or nearest_light(name)}"
         f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}",

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from volspec._parse import parse_toml
+from volspec._parse import parse_toml, toml_remedy
 from volspec.errors import SpectrumError, nearest
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.spectrum import Spectrum
@@ -120,9 +120,8 @@ def _content(path: str) -> dict[str, Any]:
     try:
         return parse_toml(content.decode("utf-8-sig"))
     except ValueError as error:  # not TOML, or not text
-        raise SpectrumError(
-            f"{path}: not valid TOML: {error}; correct it there", code="syntax"
-        ) from None
+        remedy = toml_remedy(error, content.decode("utf-8-sig", "replace"))
+        raise SpectrumError(f"{path}: not valid TOML: {error}", remedy, code="syntax") from None
 
 
 def _rows(data: dict[str, Any], role: str) -> list[dict[str, Any]]:

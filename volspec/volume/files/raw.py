@@ -72,12 +72,30 @@ def _example(query: Query) -> str:
     """Return an address with a layout for messages, the file's own if its name has one."""
     name = query.path.name.lower()
     size, dtype = _SIZE_IN_NAME.search(name), _DTYPE_IN_NAME.search(name)
-    shape = "x".join(size.groups()) if size else "256x256x110"
-    voxels = math.prod(map(int, shape.split("x")))
-    held = query.path.stat().st_size // voxels if size and voxels else 1
-    kind = dtype[0] if dtype else _DTYPE_BY_BYTES.get(held, "uint8")
+    held = query.path.stat().st_size
+    if size:
+        shape = "x".join(size.groups())
+        each = held // max(math.prod(map(int, size.groups())), 1)
+        kind = dtype[0] if dtype else _DTYPE_BY_BYTES.get(each, "uint8")
+    else:
+        kind = dtype[0] if dtype else query.options.get("dtype", "uint8")
+        shape = _likely_shape(held // np.dtype(kind).itemsize if kind in _DTYPES else held)
     given = {"shape": shape, "dtype": kind, "spacing": "1,1,1"}
     return query.example(**(given | query.options))
+
+
+def _likely_shape(voxels: int) -> str:
+    """Return a shape with as many voxels, of square slices if that is possible.
+
+    >>> _likely_shape(256 * 256 * 110), _likely_shape(60**3), _likely_shape(7 * 11)
+    ('256x256x110', '60x60x60', '77x1x1')
+    """
+    cube = round(voxels ** (1 / 3))
+    for side in (512, 256, cube, 128, 64):
+        slices, rest = divmod(voxels, max(side, 1) ** 2)
+        if not rest and side / 8 <= slices <= 4 * side:
+            return f"{side}x{side}x{slices}"
+    return f"{voxels}x1x1"
 
 
 def read_raw(query: Query) -> Reading:
@@ -89,7 +107,8 @@ def read_raw(query: Query) -> Reading:
             query.choices.append(Choice("shape", (), ()))
         query.end_choices()
         raise VolumeError(
-            f"{path}: raw bytes need a layout, {missing[0]} is missing; write {_example(query)}",
+            f"{path}: raw bytes need a layout, {missing[0]} is missing",
+            f"write {_example(query)} with the file's own numbers (order=big if big-endian)",
             code="missing",
         )
     try:
@@ -135,9 +154,16 @@ def read_raw(query: Query) -> Reading:
     expected = math.prod(shape) * dtype.itemsize
     held = path.stat().st_size - offset
     if held < expected:
+        width, height, _ = shape
+        slices, rest = divmod(max(held, 0), width * height * dtype.itemsize)
+        remedy = "compare shape, dtype and offset with the file's source, or copy the file again"
+        if slices and not rest:
+            address = query.example(shape=f"{width}x{height}x{slices}")
+            remedy = f"it has {slices} whole slices: write {address}, or copy the file again"
         raise VolumeError(
             f"{path}: holds {max(held, 0)} bytes after the offset, but shape {options['shape']} "
-            f"of {dtype} needs {expected}; truncated, or is the shape wrong?",
+            f"of {dtype} needs {expected}",
+            remedy,
             code="damaged",
         )
     query.end_choices()
