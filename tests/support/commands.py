@@ -213,7 +213,6 @@ _TEXTS = {
     "grey-room.toml": _ROOM.replace("grey:0.7", "grey:70"),
     "blind-room.toml": _ROOM.replace("white", "grey:0.9")
     + "[eye]\nposition_m = [34.0, 4.0, 1.6]\ntarget_m = [35.0, 4.0, 1.6]\n",
-    "in-room.toml": _LIT_BY_ROOM,
     "out-of-room.toml": _LIT_BY_ROOM.replace("[2.0,", "[2000.0,"),
     "too-large.toml": _LIT_BY_ROOM + "scale = 900.0\n",
     "room-basis.toml": _LIT_BY_ROOM + '[basis]\nmethod = "materials"\n',
