@@ -13,11 +13,13 @@ References
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.measure import Figure
+from volspec.relight.illumination import Illumination
 from volspec.room import (
     Brick,
     Room,
@@ -33,12 +36,14 @@ from volspec.room import (
     cube_radiosity,
     irradiance_from_lux,
     load_room,
+    lux_from_irradiance,
     panel,
     rectangle,
     solve_room,
     surface_appearance,
 )
 from volspec.room.brick import PATCHES
+from volspec.scene import Scene
 from volspec.spectra import (
     DEFAULT_GRID,
     SpectralGrid,
@@ -46,6 +51,7 @@ from volspec.spectra import (
     reflectance,
     reflectance_from_colour,
 )
+from volspec.volume import Volume
 
 ROOMS = Path(__file__).resolve().parent.parent / "data" / "rooms"
 # Width, depth, height, window, furnished fraction of the height.
@@ -72,6 +78,7 @@ def figures() -> Iterator[Figure]:
     factors, means = (100.0 * max(each[i] for each in off) for i in range(2))
     yield Figure("room/brick, form factors by rays", factors, 1, at_most=True, unit="%")
     yield Figure("room/brick, against 4000 triangles", means, at_most=True, unit="%")
+    yield from scenes()
     yield mitsuba()
 
 
@@ -109,6 +116,92 @@ def measured(patches: int) -> dict[str, float]:
     took = time.perf_counter() - started
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     return {"s": took, "GiB": peak, "patches": len(solved.mesh.surface)}
+
+
+def scenes() -> Iterator[Figure]:
+    """Yield figures of a volume in a room."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = _ball_in_room(Path(folder))
+        scene = Scene.load(path)
+        room, volume = scene.room, scene.volume()
+        assert room is not None
+        off = [_light_on_ball(scene, volume, azimuth) for azimuth in (0.0, 120.0, 240.0)]
+        rendered, true = np.concatenate(off, axis=1)
+        error = 100.0 * float(np.sqrt(np.mean((rendered - true) ** 2)) / true.mean())
+        yield Figure("room/light on an opaque ball, rms", error, 10, at_most=True, unit="%")
+        paint = {"walls": "#4060c0"}
+        took = min(_seconds(lambda: room.with_paint(paint, estimate=True)) for _ in range(5))
+        yield Figure("room/another paint, closed form", 1e3 * took, 33, at_most=True, unit="ms")
+        fast, exact = room.with_paint(paint, estimate=True), room.with_paint(paint)
+        light, other = (each.response.solved.irradiance.mean(axis=0) for each in (fast, exact))
+        error = 100.0 * float(np.abs(light / other - 1.0).mean())
+        yield Figure("room/closed form against the solution", error, at_most=True, unit="%")
+
+
+_BALL = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "white"
+reflectance = "grey:1"
+[transfer]
+points = [
+    { value = 0.45, opacity = 0, material = "white" },
+    { value = 0.55, opacity = 1, material = "white" },
+]
+[basis]
+name = "general-7"
+[raycast]
+step_mm = 0.25
+[camera]
+elevation_deg = 20
+[room]
+file = "room.toml"
+position_m = [2, 2.5, 1.2]
+[[light]]
+name = "own"
+spectrum = "room"
+"""
+# Voxels of the ball's volume and of its radius.
+_SIDE, _RADIUS = 96, 40.0
+
+
+def _ball_in_room(folder: Path) -> Path:
+    """Write a white ball of 8 cm in a study, and return its scene's file."""
+    offset = np.indices((_SIDE,) * 3) - (_SIDE - 1) / 2
+    away = np.linalg.norm(offset, axis=0)
+    np.save(folder / "ball.npy", np.clip(_RADIUS + 0.5 - away, 0, 1).astype(np.float32))
+    (folder / "room.toml").write_bytes((ROOMS / "study.toml").read_bytes())
+    path = folder / "scene.toml"
+    path.write_text(_BALL, encoding="utf-8")
+    return path
+
+
+def _light_on_ball(scene: Scene, volume: Volume, azimuth_deg: float) -> NDArray[np.float64]:
+    """Return the lux (2, K) on points of the ball: as rendered, and gathered by rays."""
+    seen = scene.with_camera(replace(scene.file.camera, azimuth_deg=azimuth_deg))
+    image, camera = seen.render(volume, size=(64, 64)), seen.camera(volume)
+    lit = Illumination.of(image.basis, scene.lights[0].rig, scene.relight, image.groups)
+    Y = lit.scene_XYZ(image.coefficients, image.alpha)[..., 1]
+    right, up, forward = camera.frame()
+    x, y = np.meshgrid(*(np.arange(64) - 31.5,) * 2)
+    slope = math.tan(math.radians(camera.fov_deg / 2.0)) / 32.0
+    ways = forward + slope * (x[..., None] * right - y[..., None] * up)
+    ways /= np.linalg.norm(ways, axis=-1, keepdims=True)
+    assert image.first_mm is not None
+    reach = np.where(np.isfinite(image.first_mm), image.first_mm, 0.0)
+    normals = camera.position_mm + reach[..., None] * ways - volume.corners_mm.mean(axis=0)
+    length = np.linalg.norm(normals, axis=-1)
+    normals /= np.maximum(length, 1e-9)[..., None]
+    # Facing the camera, so that a pixel sees a single place.
+    on = (np.abs(length - _RADIUS) < 1.0) & (np.einsum("yxc,yxc->yx", normals, -ways) > 0.4)
+    chosen = np.random.default_rng(0).choice(np.flatnonzero(on), 60, replace=False)
+    room = scene.room
+    assert room is not None
+    facing = normals.reshape(-1, 3)[chosen] @ room.placement.axes.T
+    place = np.broadcast_to(room.placement.position_m, facing.shape)
+    true = lux_from_irradiance(room.response.solved.irradiance_at(place, facing))
+    return np.stack([Y.ravel()[chosen] / 100.0 * room.specimen.brightest_lux, true])
 
 
 def brick_mesh(brick: Brick) -> RoomMesh:

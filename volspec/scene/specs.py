@@ -245,7 +245,8 @@ class RoomSpec:
     directions: Annotated[int, Field(ge=1, le=5)] = 4
     """Directional lights that replace the room's, at most, besides ambient light."""
     shadows: bool = True
-    """The volume casts shadows into itself."""
+    """The volume casts shadows into itself; without them, light also passes through it to the
+    other side."""
     walls: bool = True
     """The room is seen behind the volume."""
     patches: Annotated[int, Field(ge=100, le=100_000)] = 2000
