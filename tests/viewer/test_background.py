@@ -185,7 +185,7 @@ def test_time_steps_pressed_while_one_is_read_are_counted(
         each.step(state, 1)
     assert "step 6 of 65 (?time=5)" in notice.text
     go_on.set()
-    shown = state
+    shown = replace(state, relight=replace(state.relight, backdrop=0.7))
     for _ in range(2):
         wait_until(lambda: tasks.busy)
         (outcome,) = take_until(tasks.take, bool)
@@ -193,6 +193,7 @@ def test_time_steps_pressed_while_one_is_read_are_counted(
         assert found is not None
         shown = found.after(shown).state
         each.begin(found, None)
+    assert shown.relight.backdrop == 0.7  # edited while the steps were read
     assert shown.document.choices[0].chosen == "5" and read == ["3", "5"] and not tasks.busy
     each.step(shown, -1)
     assert "step 5 of 65" in notice.text

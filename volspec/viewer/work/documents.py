@@ -83,11 +83,15 @@ class Opened:
     state: ViewState
     path: str | None = None
     session: Path | None = None
+    # The document that this replaces if it is still open: edits made meanwhile stay.
+    instead_of: Document | None = None
 
     def after(self, before: ViewState | None) -> Opened:
         """Return this for the current window; a session keeps its interface and chosen light."""
         if before is None:
             return self
+        if before.document is self.instead_of:
+            return replace(self, state=replace(before, document=self.state.document))
         interface = self.state.interface
         if self.session is None:
             interface = replace(before.interface, light=brightest_row(self.state.lights))
@@ -280,7 +284,8 @@ class DocumentService:
             known = None if key == "series" else choices
             document = open_document(path, self._device, known)
             if key in _SAME_VALUES:
-                return Opened(replace(state, document=document))
+                found = replace(state, document=document)
+                return Opened(found, instead_of=state.document)
             found = ViewState.first(document, state.size)
             view = found.view if key == "series" else state.view
             lights = {name: getattr(state, name) for name in ("lights", "relight", "saved_lights")}
