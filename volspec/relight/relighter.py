@@ -182,7 +182,11 @@ class Relighter:
         return self._engine.place(sharing)
 
     def update(
-        self, image: CoefficientImage, place: SharedLayers | PackedLayers | None = None
+        self,
+        image: CoefficientImage,
+        place: SharedLayers | PackedLayers | None = None,
+        *,
+        changed_from: int = 0,
     ) -> None:
         """Replace the image with a cast of the same size, basis size and number of light groups.
 
@@ -195,6 +199,8 @@ class Relighter:
         place : SharedLayers or PackedLayers, optional
             From `place`, filled by the image's cast, so that nothing is uploaded here; or the image
             packed beforehand, so that it is only uploaded.
+        changed_from : int
+            Channels before this one are as they were, and not uploaded again.
 
         Raises
         ------
@@ -214,6 +220,8 @@ class Relighter:
         def put(engine: GLEngine | CpuEngine) -> None:
             if place is not None and isinstance(engine, GLEngine):
                 engine.take(place)
+            elif changed_from and isinstance(engine, GLEngine):
+                engine.upload_from(changed_from, *float32_arrays(image))
             else:
                 engine.upload(*float32_arrays(image))
 

@@ -147,13 +147,13 @@ class SceneRoom:
                     code="conflict",
                     field="illuminance_lux",
                 )
-            for group, spectrum in self._row_spectra(row, known).items():
+            for group, spectrum in self.row_spectra(row, known).items():
                 lights.append(spectrum)
                 weights.append(row.weight)
                 groups.append(group)
         return LightRig(tuple(lights), tuple(weights), groups=tuple(groups))
 
-    def _row_spectra(self, row: LightSpec, known: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
+    def row_spectra(self, row: LightSpec, known: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
         """Return the spectra of a row by group."""
         if row.spectrum == ROOM_LIGHT:
             return self.own_spectra(row.group or "")
@@ -310,9 +310,14 @@ class SceneRoom:
             estimated_from=solved if estimate else None,
         )
 
+    @property
+    def is_solved(self) -> bool:
+        """False for an estimate."""
+        return self.estimated_from is None
+
     def solved(self) -> SceneRoom:
         """Return the room, solved if it is an estimate."""
-        return self if self.estimated_from is None else self.with_paint({})
+        return self if self.is_solved else self.with_paint({})
 
 
 def _triple(vector: Array) -> Vector:

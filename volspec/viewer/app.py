@@ -177,6 +177,7 @@ class _App:
                 ended = time.perf_counter()
                 self._scheduler.tick(ended, self._mouse.held)
                 if self._history is not None:
+                    self._screen.tick(self._history.present, ended, self._mouse.held)
                     self._file_commands.documents.tick(self._history.present, ended, self._moves)
                 self._meter.note_wait(began - waited - patience, time.perf_counter() - began)
                 self._rest()
@@ -219,6 +220,10 @@ class _App:
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
+        if (room := self._screen.take_room(self._present)) is not None:
+            assert self._history is not None
+            self._history = self._history.amend(replace(self._history.present, room=room))
+            news = True
         warned = self._warned.take()
         for message in warned:
             self._notice.show_warning(message)

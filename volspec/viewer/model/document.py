@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from volspec.transfer import Transfer, presets
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
 from volspec.volume import Choice, Volume
+
+if TYPE_CHECKING:
+    from volspec.scene.room import SceneRoom
 
 _JOINT_BINS = 128, 64
 # Number of voxels sampled, which takes two milliseconds.
@@ -112,6 +115,7 @@ class Document:
     # Opened instead of a scene: one view of fixed materials. The volume then only takes the place
     # of the one that was cast.
     image: CoefficientImage | None = None
+    room: SceneRoom | None = None  # the volume is in it; its lamps are the lights
     joint: JointHistogram = field(init=False)
 
     def __post_init__(self) -> None:
@@ -167,12 +171,16 @@ class Document:
             view=_file_view(scene, volume),
             transfer=scene.transfer,
             shading=scene.raycast,
-            lights=rows_from_scene(scene.lights, rows_by_name(scene.file.light)),
-            relight=scene.relight,
+            lights=rows_from_scene(
+                scene.lights, rows_by_name(scene.file.light), scene.room, scene.known
+            ),
+            # Conditions in the room follow from the view.
+            relight=scene.file.viewing,
             histogram=presets.histogram(volume),
             file=scene.file,
             path=scene.path.absolute(),
             fault=fault,
+            room=scene.room,
         )
 
 

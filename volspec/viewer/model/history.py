@@ -26,6 +26,7 @@ STAGES: dict[str, Stage] = {
     "lights": "relight",
     "relight": "relight",
     "other": "relight",
+    "room": "relight",
     "divide": "relight",
     "interface": "frame",
     "saved_lights": "frame",
@@ -41,6 +42,7 @@ _ORDER: tuple[Stage, ...] = ("cast", "relight", "frame")
 _WORDS = (
     ("palette", ("palette",)),  # before the spectra that the palette has designed
     ("view", ("view",)),
+    ("paint", ("room",)),
     ("lights", ("lights", "other", "divide")),
     ("light states", ("saved_lights",)),
     ("transfer function", ("transfer", "shift", "thickness")),

@@ -7,16 +7,18 @@ An edit that would leave a rig without any light leaves the row unchanged.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from volspec.relight import LightRig
 from volspec.spectra import Spectrum, colour_matching_functions
 from volspec.spectra.library import describe_light, library_names
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.edit import edit, refusable
+from volspec.viewer.model.room import light_names
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -46,7 +48,7 @@ def other_names(state: ViewState, index: int) -> set[str]:
 def set_lux(state: ViewState, index: int, lux: float, part: int = 0) -> ViewState:
     """Set the illuminance of one of a light's spectra; 0 or less removes lux from all of them."""
     row = light_rows.row_at(state.lights, index, part)
-    if row is None:
+    if row is None or state.room is not None:  # the room's lamps have the lux of its file
         return state
     if not lux > 0:
         return _change_rig(state, index, illuminance_lux=None)
@@ -107,7 +109,7 @@ def remove_part(state: ViewState, index: int, part: int) -> ViewState:
 def split_part(state: ViewState, index: int) -> ViewState:
     """Replace a light's spectrum for all light groups with one for each."""
     row = light_rows.row_at(state.lights, index)
-    groups = [group.name for group in state.shading.groups]
+    groups = light_names(state)
     if row is None or "" not in row.rig.groups or len(groups) < 2:
         return state
     at, parts = row.rig.groups.index(""), light_rows.parts_of(row)
@@ -159,6 +161,9 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
     row = light_rows.row_at(state.lights, index, part)
     if row is None or text.strip() == (row.texts[part] or ""):
         return state
+    if state.room is not None and text.strip() == light_rows.OWN:
+        own = state.room.own_spectra(row.rig.groups[part])
+        return _with_own_spectra(state, index, part, own)
     spectrum, text = light_rows.light_from_text(text, state.document.grid, state.document.folder)
     rig = replace(row.rig, lights=light_rows.with_item(row.rig.lights, part, spectrum))
     texts = light_rows.with_item(row.texts, part, text)
@@ -167,6 +172,25 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
     name, label, kelvin = titles_from_text(text)
     new = replace(row, label=label, rig=rig, kelvin=kelvin, texts=texts, before=None)
     return put_row(state, index, new, name)
+
+
+def _with_own_spectra(
+    state: ViewState, index: int, part: int, own: Mapping[str, Spectrum]
+) -> ViewState:
+    """Replace a part of a light by spectra of the room's lamps, by group."""
+    row = state.lights[index]
+    parts = [
+        (spectrum, row.texts[j], group, weight)
+        for (j, group, weight), spectrum in zip(
+            light_rows.parts_of(row), row.rig.lights, strict=True
+        )
+    ]
+    weight = row.rig.weights[part]
+    found = [(spectrum, light_rows.OWN, group, weight) for group, spectrum in own.items()]
+    lights, texts, groups, weights = zip(*parts[:part], *found, *parts[part + 1 :], strict=True)
+    rig = LightRig(lights, weights, groups=groups)
+    new = replace(row, rig=rig, texts=texts, kelvin=None, before=None)
+    return put_row(state, index, new, light_rows.OWN if len(parts) == 1 else row.name)
 
 
 def titles_from_text(text: str) -> tuple[str, str, float | None]:

@@ -8,8 +8,10 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +22,16 @@ from volspec.relight.spec import mixed_rig
 from volspec.scene.lights import LightSpec, NamedLight
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
+from volspec.spectra.photometry import illuminance_lux
 from volspec.viewer.model.view import clamp
 
+if TYPE_CHECKING:
+    from volspec.scene.room import SceneRoom
+
 KELVIN = (1000.0, 20000.0)
+# Notation of the spectra that a room's lights have in its file: `volspec.scene.room.OWN`, whose
+# import takes a second.
+OWN = "room"
 MOST_ROWS = 99
 LUX = (0.01, 200_000.0)
 # The greatest weight of one spectrum of a row.
@@ -36,7 +45,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class LightRow:
-    """One light of the list.
+    """One light of the list; in a room, a setting of the room's lamps, which are its groups.
 
     Raises ViewingError unless there is one text per light of the rig.
     """
@@ -85,18 +94,27 @@ class Fade:
 
 
 def rows_from_scene(
-    lights: Sequence[NamedLight], tables: Mapping[str, Sequence[LightSpec]]
+    lights: Sequence[NamedLight],
+    tables: Mapping[str, Sequence[LightSpec]],
+    room: SceneRoom | None = None,
+    known: Mapping[str, Spectrum] = MappingProxyType({}),
 ) -> Rows:
-    """Return a scene's lights, with the file's `rows_by_name`, as rows; the first is on."""
+    """Return a scene's lights, with the file's `rows_by_name`, as rows; the first is on.
+
+    ``known`` holds spectra that are not on disk yet.
+    """
     rows = []
     for i, named in enumerate(lights):
-        given = [table.spectrum for table in tables.get(named.name, ())]
-        texts = tuple(each if isinstance(each, str) else None for each in given)
+        given, rig = tables.get(named.name, ()), named.rig
+        specs = [table.spectrum for table in given]
+        if room is not None:
+            rig = room.lamp_rig(given, known)
+            counts = [len(room.row_spectra(table, known)) for table in given]
+            specs = [spec for spec, n in zip(specs, counts, strict=True) for _ in range(n)]
+        texts = tuple(each if isinstance(each, str) else None for each in specs)
         kelvin = kelvin_from_text(texts[0]) if len(texts) == 1 else None
         weight = 1.0 if i == 0 else 0.0
-        rows.append(
-            LightRow(named.name, named.label, named.rig, weight, kelvin=kelvin, texts=texts)
-        )
+        rows.append(LightRow(named.name, named.label, rig, weight, kelvin=kelvin, texts=texts))
     return tuple(rows)
 
 
@@ -127,13 +145,50 @@ def effective_weights(rows: Rows) -> tuple[float, ...]:
     return tuple(0.0 if row.muted or (solo and not row.solo) else row.weight for row in rows)
 
 
-def light_rig(rows: Rows) -> LightRig | None:
+def light_rig(rows: Rows, room: SceneRoom | None = None) -> LightRig | None:
     """Return the mix that lights the picture; None if every light is off.
 
-    The mix has lux if every light that shines has lux.
+    The mix has lux if every light that shines has lux. In a room it is what the room makes of its
+    lamps' light.
     """
+    if room is not None:
+        return _rigs_in_room(rows, room)[0]
     weights = effective_weights(rows)
     return mixed_rig([row.rig for row in rows], weights) if any(weights) else None
+
+
+def facing_light(rows: Rows, room: SceneRoom | None = None) -> LightRig | None:
+    """Return the mix on paper in the picture, for colours of the panels.
+
+    In a room it faces all groups. Always the same object, as caches compare rigs by identity.
+    """
+    return _mixed_rows(rows) if room is None else _rigs_in_room(rows, room)[1]
+
+
+@lru_cache(maxsize=64)
+def _mixed_rows(rows: Rows) -> LightRig | None:
+    return light_rig(rows)
+
+
+# Few, as each keeps a room.
+@lru_cache(maxsize=8)
+def _rigs_in_room(rows: Rows, room: SceneRoom) -> tuple[LightRig | None, LightRig | None]:
+    """Return the rigs of the picture and of a surface that faces every group."""
+    lamps = light_rig(rows)
+    if lamps is None:
+        return None, None
+    try:
+        spectrum, rig = room.rig(room.spectra(lamps))
+    except VolspecError:  # none of the lamps that are on reaches the volume
+        return None, None
+    return rig, LightRig((spectrum,), (), (float(illuminance_lux(spectrum)),))
+
+
+def own_light(room: SceneRoom) -> LightRow:
+    """Return the row of the spectra that a room's lights have in its file."""
+    own = room.own_spectra()
+    rig = LightRig(tuple(own.values()), groups=tuple(own))
+    return LightRow(OWN, "the room's own light", rig, texts=(OWN,) * len(own))
 
 
 def lit_names(rows: Rows) -> str:

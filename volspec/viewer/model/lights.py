@@ -19,6 +19,7 @@ from volspec.viewer.model import light_parts, light_states
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.light_rows import (
     MOST_ROWS,
+    OWN,
     LightRow,
     Rows,
     at_kelvin,
@@ -28,6 +29,7 @@ from volspec.viewer.model.light_rows import (
     light_rig,
     merge_groups,
     only_row,
+    own_light,
     row_at,
     unused_name,
     with_changes,
@@ -180,6 +182,8 @@ def add(state: ViewState, text: str) -> ViewState:
 
     It gets the current total lux if all other lights have lux.
     """
+    if state.room is not None and text.strip() == OWN:
+        return _add_row(state, own_light(state.room))
     spectrum, text = light_from_text(text, state.document.grid, state.document.folder)
     name, label, kelvin = light_parts.titles_from_text(text)
     if split_address(text) is not None:

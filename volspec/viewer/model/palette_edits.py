@@ -24,6 +24,7 @@ from volspec.viewer.model.palette_table import (
     colour_table,
     column_names,
     initial_spectrum,
+    may_design,
     new_name,
     with_designed_light,
     with_free_spectrum,
@@ -151,7 +152,7 @@ def toggle_free(state: ViewState, kind: str, index: int) -> ViewState:
     own = names.get(kind, ())
     if not 0 <= index < len(own):
         return state
-    if kind == palette_targets.LIGHT and len(state.lights[index].rig.lights) > 1:
+    if kind == palette_targets.LIGHT and not may_design(state, index):
         return state
     member, targets = (kind, own[index]), state.palette.targets
     if member in targets.free:

@@ -36,6 +36,7 @@ from volspec.viewer.model.palette_targets import (
     PaletteState,
     clip_codes,
 )
+from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.viewing import with_model
 from volspec.wizard import Redesigned, hide, keep, merge, reveal
@@ -150,7 +151,7 @@ def wizard_scene(state: ViewState) -> Scene:
                 "observer_deg": transfer.basis.observer_deg,
             },
             "light": lights,
-            "viewing": replace(state.relight, backdrop=0.0),
+            "viewing": replace(shown_spec(state), backdrop=0.0),
         },
         SceneError,
     )

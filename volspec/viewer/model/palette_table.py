@@ -34,6 +34,7 @@ from volspec.viewer.model.palette_targets import (
     PaletteState,
     clip_codes,
 )
+from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import MOST_PARTS
 
@@ -160,22 +161,27 @@ class Table:
 
 def colour_table(state: ViewState) -> Table:
     """Return the table of a state, cached while spectra, viewing and targets stay the same."""
-    return _table(state.transfer, lit_columns(state), state.relight, state.palette.targets)
+    return _table(state.transfer, lit_columns(state), shown_spec(state), state.palette.targets)
 
 
 def lit_columns(state: ViewState) -> Columns:
     """Return each light's name, and its spectrum on a surface that faces every source."""
     grid, shares = state.document.grid, tuple(state.shading.shares().items())
     names = column_names(state.lights)
-    return tuple(
-        (
-            name,
-            row.rig.lights[0]
-            if len(row.rig.lights) == 1
-            else _mixed_spectrum(row.rig, shares, grid),
-        )
-        for name, row in zip(names, state.lights, strict=True)
-    )
+    spectra = []
+    for row in state.lights:
+        facing = None
+        if state.room is not None:
+            facing = light_rows.facing_light((replace(row, weight=1.0, muted=False),), state.room)
+        rig = facing or row.rig
+        one = len(rig.lights) == 1
+        spectra.append(rig.lights[0] if one else _mixed_spectrum(rig, shares, grid))
+    return tuple(zip(names, spectra, strict=True))
+
+
+def may_design(state: ViewState, index: int) -> bool:
+    """Return True if a light's spectrum may be designed: it is one, and no room changes it."""
+    return state.room is None and len(state.lights[index].rig.lights) == 1
 
 
 @lru_cache(maxsize=64)
@@ -239,9 +245,9 @@ def palette_from_state(state: ViewState) -> Palette:
         begin = None if is_open and board.from_scratch else spectrum
         constant = is_open and name in targets.constant
         reflectances.append(PaletteSpectrum(name, begin, is_open, upper=1.0, constant=constant))
-    for (name, spectrum), row in zip(lit_columns(state), state.lights, strict=True):
+    for index, (name, spectrum) in enumerate(lit_columns(state)):
         begin = None if board.from_scratch else spectrum
-        if len(row.rig.lights) > 1 or (LIGHT, name) not in targets.free:
+        if not may_design(state, index) or (LIGHT, name) not in targets.free:
             member = PaletteSpectrum(name, spectrum)
         elif lamps := targets.lamps.get(name):
             mixture = tuple(find_light(lamp, grid) for lamp in lamps)
@@ -250,7 +256,7 @@ def palette_from_state(state: ViewState) -> Palette:
             member = PaletteSpectrum(name, begin, True, upper=_MOST_POWER, band_nm=_BAND_NM)
         lights.append(member)
     cells = _existing_cells(targets.cells, tuple(transfer.materials), column_names(state.lights))
-    viewing = state.relight.viewing.unmeasured()
+    viewing = shown_spec(state).viewing.unmeasured()
     return Palette(tuple(reflectances), tuple(lights), cells, viewing, grid, targets.criteria)
 
 

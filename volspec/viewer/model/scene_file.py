@@ -52,6 +52,8 @@ _MIX = "mix"
 def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
     """Return the current mix first, then each light alone."""
     rows = state.lights
+    if state.room is not None:
+        rows = tuple(_with_unit_power(row, state.document.lights) for row in rows)
     weights = light_rows.effective_weights(rows)
     lit = [index for index, weight in enumerate(weights) if weight > 0]
     settings: list[tuple[light_rows.LightRow, float]] = [(row, 1.0) for row in rows]
@@ -76,10 +78,26 @@ def _light_tables(state: ViewState, file: SceneFile) -> list[LightSpec]:
     return [table for setting in tables.values() for table in setting]
 
 
+def _with_unit_power(row: light_rows.LightRow, opened: light_rows.Rows) -> light_rows.LightRow:
+    """Return a row with spectra whose V-weighted mean is 1, unless it is as it was opened.
+
+    In a room only their shapes and weights count.
+    """
+    if any(row.rig is other.rig for other in opened):
+        return row
+    lights = tuple(
+        each if math.isclose(_power(each), 1.0) else each * (1.0 / _power(each))
+        for each in row.rig.lights
+    )
+    return replace(row, rig=replace(row.rig, lights=lights))
+
+
 def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -> LightSpec:
     """Return the table of one of a light's spectra."""
     rig, spectrum = row.rig, row.rig.lights[part]
-    given = _library_name(row.texts[part], spectrum) or SpectrumNumbers.of(spectrum)
+    text = row.texts[part]
+    own = text == light_rows.OWN and spectrum.name == text
+    given = (text if own else _library_name(text, spectrum)) or SpectrumNumbers.of(spectrum)
     # A file's numbers are normalised when they are read; with lux only their shape counts.
     scaled = isinstance(given, SpectrumNumbers) and rig.illuminance_lux is None
     return LightSpec(
@@ -149,7 +167,7 @@ def export_scene(state: ViewState, path: str | os.PathLike[str]) -> Path:
     target = require_suffix(path, "scenes", ".toml", error=SceneError)
     file, (_, opened) = scene_from_state(state), state.document.saved()
     # The basis itself is saved unless the file's numbers lead to the same one.
-    like = Scene(file, opened)
+    like = Scene(file, opened, room=state.room)
     basis = state.transfer.basis
     if like.basis.fingerprint != basis.fingerprint:
         basis_path = target.with_suffix(".basis.json")
@@ -188,7 +206,12 @@ def scene_from_state(state: ViewState) -> SceneFile:
             field="viewing.backdrop",
         )
     shading = cast_spec(state)
-    own = (file.group or HEADLIT) == shading.groups
+    groups, room = file.group, file.room
+    if state.room is not None:
+        exact = isinstance(state.transfer.basis, MaterialBasis)  # without channels for walls
+        room = replace(state.room.spec, walls=state.room.spec.walls and not exact)
+    elif (file.group or HEADLIT) != shading.groups:
+        groups = () if shading.groups == HEADLIT else as_typed(shading.groups)
     width, height = even_size(state.size)
     same_transfer, same_view = state.transfer is document.transfer, state.view == document.view
     same_cast, same_viewing = shading == document.shading, state.relight == document.relight
@@ -199,7 +222,8 @@ def scene_from_state(state: ViewState) -> SceneFile:
         basis=_basis(state, file.basis),
         camera=file.camera if same_view else as_typed(CameraSpec(**asdict(state.view))),
         raycast=file.raycast if same_cast else as_typed(replace(shading, groups=HEADLIT)),
-        group=file.group if own else () if shading.groups == HEADLIT else as_typed(shading.groups),
+        group=groups,
+        room=room,
         light=tuple(_light_tables(state, file)),
         viewing=file.viewing if same_viewing else as_typed(state.relight),
         output=OutputSpec(width, height),

@@ -6,6 +6,7 @@ inputs, panels -> [state] -> cast, relight, frame
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
@@ -16,6 +17,9 @@ from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import Fade, LightState, Rows
 from volspec.viewer.model.palette_targets import PaletteState, Pick
 from volspec.viewer.model.view import View
+
+if TYPE_CHECKING:
+    from volspec.scene.room import SceneRoom
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +95,7 @@ class ViewState:
     # The transfer function before it was thickened, its thickness, and the result: valid while the
     # result is `transfer`. Opacities that were rounded to 1 are restored from it.
     unthickened: tuple[Transfer, float, Transfer] | None = None
+    room: SceneRoom | None = None  # around the volume, in its present paints; may be an estimate
 
     def __post_init__(self) -> None:
         chosen = min(max(self.interface.light, 0), max(len(self.lights) - 1, 0))
@@ -109,4 +114,5 @@ class ViewState:
             document.relight,
             size=size,
             annotations=document.file.annotation if document.file else (),
+            room=document.room,
         )

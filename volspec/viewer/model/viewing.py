@@ -20,7 +20,8 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model.edit import Command, edit
-from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.light_rows import facing_light
+from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -122,8 +123,9 @@ def set_illuminance(state: ViewState, lux: float) -> ViewState:
 @edit
 def toggle_own_luminance(state: ViewState) -> ViewState:
     """Set L_A independently, or let it follow from the light again."""
-    viewing = state.relight.viewing
-    own = luminance(light_rig(state.lights), viewing) if viewing.L_A is None else None
+    rig = facing_light(state.lights, state.room)
+    given = state.relight.viewing.L_A is not None
+    own = None if given else luminance(rig, shown_spec(state).viewing)
     return _set(state, L_A=own)
 
 

@@ -30,10 +30,15 @@ from volspec.viewer.ui.widgets import (
     pack_colour,
     setting_slider,
     shorten,
+    wrap_text,
 )
 
 _ADD = "add a light source"
 _LABELS = 92
+_IN_ROOM = (
+    "The room lights the volume: its lamps are in Lights, its paints in Room. "
+    "Directions and shadows follow from the room."
+)
 _LOG = imgui.SliderFlags_.logarithmic
 SETTINGS = ("Ambient", "Diffuse", "Specular", "Shininess", "Flat gradient")
 """Labels of the items that `UiContext.item` can focus."""
@@ -52,6 +57,11 @@ _DISC, _RAYS = 6.0, (8.5, 12.0)
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(4)))
+    if state.room is not None:
+        wrap_text(_IN_ROOM, imgui.Col_.text_disabled)
+        new = _surface_of_room(state, ui)
+        imgui.pop_style_var()
+        return None if new is state else new
     new = _buttons(state, ui)
     index = 0
     for at, group in enumerate(state.shading.groups):
@@ -224,6 +234,20 @@ def _surface(state: ViewState, ui: UiContext) -> ViewState:
     spec, weights = state.shading, (0.0, 2.0)
     new = setting_slider(state, ui, quality.set_ambient, "Ambient", spec, weights)
     new = setting_slider(new, ui, quality.set_diffuse, "Diffuse", spec, weights)
+    return _gloss(new, ui)
+
+
+def _surface_of_room(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw what the room leaves to choose."""
+    imgui.separator_text("Surface")
+    imgui.push_item_width(-ui.px(_LABELS))
+    new = _gloss(state, ui)
+    imgui.pop_item_width()
+    return new
+
+
+def _gloss(state: ViewState, ui: UiContext) -> ViewState:
+    new, spec, weights = state, state.shading, (0.0, 2.0)
     new = setting_slider(new, ui, quality.set_specular, "Specular", spec, weights)
     limits = 1.0, 256.0
     new = setting_slider(new, ui, quality.set_shininess, "Shininess", spec, limits, "%.0f", _LOG)

@@ -9,6 +9,7 @@ from imgui_bundle import imgui, imgui_knobs
 from volspec.relight import LightRig
 from volspec.spectra import Spectrum
 from volspec.viewer.model import light_parts, light_rows, lights
+from volspec.viewer.model.room import light_names
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
@@ -27,6 +28,9 @@ _LUX_TIP = (
     "count, and the eye adapts to the Viewing panel's illuminance."
 )
 
+_IN_ROOM = "The room’s lamps shine with this spectrum, as bright as in the room’s file"
+_ROOM_TIP = "Weights scale it. “room”: the spectrum in the room’s file"
+
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the tab of the chosen light."""
@@ -39,7 +43,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     new = _knob(state, ui, index)
     imgui.same_line(0, ui.px(12))
     imgui.begin_group()
-    groups = tuple(group.name for group in state.shading.groups)
+    groups = light_names(state)
     plain = len(groups) < 2 and len(row.rig.lights) == 1
     if plain:
         new = _text(new, ui, index, 0, -ui.px(_LABELS))
@@ -49,8 +53,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         imgui.align_text_to_frame_padding()
         imgui.text(as_one_line(row.name))
         imgui.same_line()
-        imgui.text_disabled("by light group, below")
-    new = _lux(new, ui, index, plain)
+        imgui.text_disabled("by light group, below" if state.room is None else "by lamp, below")
+    if state.room is None:
+        new = _lux(new, ui, index, plain)
     if row.kelvin is not None:
         imgui.set_next_item_width(-ui.px(_LABELS))
         moved, kelvin = kelvin_slider("Temperature", row.kelvin)
@@ -60,10 +65,13 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
     imgui.end_group()
     if not plain:
         new = _parts(new, ui, index, groups)
-    note = light_rows.lux_note(state.lights, state.shading.shares(), state.relight)
+    note, words = _IN_ROOM, _ROOM_TIP
+    if state.room is None:
+        note = light_rows.lux_note(state.lights, state.shading.shares(), state.relight)
+        words = _LUX_TIP
     wrap_text(as_one_line(note), imgui.Col_.text_disabled)
     imgui.pop_style_var()
-    tip(_LUX_TIP)
+    tip(words)
     return new
 
 

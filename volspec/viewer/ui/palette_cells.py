@@ -13,7 +13,7 @@ from volspec.palette.advice import VISIBLE
 from volspec.spectra import Spectrum
 from volspec.viewer.model import palette_edits
 from volspec.viewer.model.light_rows import LightRow, effective_weights
-from volspec.viewer.model.palette_table import Table
+from volspec.viewer.model.palette_table import Table, may_design
 from volspec.viewer.model.palette_targets import LIGHT, REFLECTANCE, Member, clip_codes, stays
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
@@ -44,7 +44,7 @@ def draw_spectrum(
     note = column_note(state.lights[index]) if is_light else ""
     words = "\n".join(filter(None, (shown, note, "Click for more")))
     tip(words, greyed=True)
-    single = not is_light or len(state.lights[index].rig.lights) == 1
+    single = not is_light or may_design(state, index)
     imgui.begin_disabled(not single)
     pressed, _ = imgui.checkbox("##open", which in state.palette.targets.free)
     imgui.end_disabled()

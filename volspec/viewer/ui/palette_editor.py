@@ -11,7 +11,7 @@ from volspec.palette.model import Place, hexadecimal
 from volspec.spectra import light_names
 from volspec.viewer.model import lights, palette_edits
 from volspec.viewer.model.light_rows import brightest_row
-from volspec.viewer.model.palette_table import Table, colour_table
+from volspec.viewer.model.palette_table import Table, colour_table, may_design
 from volspec.viewer.model.palette_targets import DISTANCES, LIGHT, REFLECTANCE, WEIGHTS, clip_codes
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
@@ -163,7 +163,7 @@ def _light(state: ViewState, table: Table, ui: UiContext) -> ViewState:
         new = lights.show_alone(new, index)
     ui.note("show light")
     opened = (LIGHT, name) in state.palette.targets.free
-    single = len(state.lights[index].rig.lights) == 1
+    single = may_design(state, index)
     if imgui.menu_item("May change", "", opened, single)[0]:
         new = palette_edits.toggle_free(new, LIGHT, index)
     if imgui.begin_menu("A sum of real lamps", single):

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import Basis
-from volspec.relight import RelightSpec
+from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.transfer import Transfer, presets
 from volspec.transfer.mixes import weight_matrix
-from volspec.viewer.model.light_rows import Rows, light_rig
+from volspec.viewer.model.light_rows import facing_light
+from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui.context import UiContext, tip
@@ -46,32 +47,39 @@ def swatch(ui: UiContext, colour: Colour) -> None:
 
 def part_colours(state: ViewState) -> tuple[Colour, ...]:
     """Return the colour of every part's mix under the lights."""
-    return _colours(state.transfer, state.lights, state.relight)[0]
+    return _colours(state.transfer, _facing(state), shown_spec(state))[0]
 
 
 def material_colours(state: ViewState) -> dict[str, Colour]:
     """Return the colour of every material under the lights, by name."""
-    return _colours(state.transfer, state.lights, state.relight)[1]
+    return _colours(state.transfer, _facing(state), shown_spec(state))[1]
 
 
 def spectrum_colour(state: ViewState, spectrum: Spectrum) -> Colour:
     """Return the colour of a reflectance that is not a material yet."""
-    return _spectrum_colour(spectrum, state.transfer.basis, state.lights, state.relight)
+    basis = state.transfer.basis
+    return _spectrum_colour(spectrum, basis, _facing(state), shown_spec(state))
+
+
+def _facing(state: ViewState) -> LightRig | None:
+    return facing_light(state.lights, state.room)
 
 
 @lru_cache(maxsize=512)
-def _spectrum_colour(spectrum: Spectrum, basis: Basis, lights: Rows, spec: RelightSpec) -> Colour:
-    XYZ_of_all, codes = _colour_functions(lights, spec, basis)
+def _spectrum_colour(
+    spectrum: Spectrum, basis: Basis, rig: LightRig | None, spec: RelightSpec
+) -> Colour:
+    XYZ_of_all, codes = _colour_functions(rig, spec, basis)
     return as_colour(codes(XYZ_of_all([spectrum]))[0])
 
 
 @lru_cache(maxsize=64)
 def _colours(
-    transfer: Transfer, lights: Rows, spec: RelightSpec
+    transfer: Transfer, rig: LightRig | None, spec: RelightSpec
 ) -> tuple[tuple[Colour, ...], dict[str, Colour]]:
     """Return the colours of the parts and of the materials."""
     names = list(transfer.materials)
-    XYZ_of_all, codes = _colour_functions(lights, spec, transfer.basis)
+    XYZ_of_all, codes = _colour_functions(rig, spec, transfer.basis)
     XYZ = XYZ_of_all(list(transfer.materials.values()))
     weights = weight_matrix([part.mix for part in list_parts(transfer)], names)
     parts = tuple(as_colour(each) for each in codes(weights @ XYZ))
@@ -80,14 +88,13 @@ def _colours(
 
 @lru_cache(maxsize=64)
 def _colour_functions(
-    lights: Rows, spec: RelightSpec, basis: Basis
+    rig: LightRig | None, spec: RelightSpec, basis: Basis
 ) -> tuple[Callable[[list[Spectrum]], Array], Callable[[Array], Array]]:
     """Return functions from reflectances to (P, 3) XYZ under the lights, and on to sRGB codes."""
 
     def codes(XYZ: Array) -> Array:
         return encode_sRGB(linear_sRGB_from_XYZ(XYZ))
 
-    rig = light_rig(lights)
     if rig is None:
         return lambda spectra: np.zeros((len(spectra), 3)), codes
     light, observer_deg = rig.mixed(basis.grid), basis.observer_deg

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
@@ -15,11 +16,15 @@ from volspec.basis import MODES
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
 from volspec.viewer.model import viewing as edits
-from volspec.viewer.model.light_rows import Rows, light_rig
+from volspec.viewer.model.light_rows import Rows, facing_light
+from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import white_from_rig
 from volspec.viewer.ui.widgets import focus_if_wanted, pick
+
+if TYPE_CHECKING:
+    from volspec.scene.room import SceneRoom
 
 SetText = Callable[[ViewState, str], ViewState]
 SetNumber = Callable[[ViewState, float], ViewState]
@@ -52,7 +57,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     new = _eye(state, ui)
     new = _level(new, ui)
     new = _adaptation(new, ui)
-    imgui.text_disabled(white_text(state.lights))
+    imgui.text_disabled(white_text(state.lights, state.room))
     tip("White of a perfect diffuser in this light")
     imgui.separator_text("Display")
     new = _display(new, ui)
@@ -71,13 +76,13 @@ def matching_preset(display: Display) -> str:
     return _OWN
 
 
-def white_text(lights: Rows) -> str:
+def white_text(lights: Rows, room: SceneRoom | None = None) -> str:
     """Return the adopted white as text.
 
     >>> white_text(())
     'Adopted white: none'
     """
-    rig = light_rig(lights)
+    rig = facing_light(lights, room)
     if rig is None:
         return "Adopted white: none"
     X, Y, Z = white_from_rig(rig).tolist()
@@ -98,15 +103,16 @@ def _eye(state: ViewState, ui: UiContext) -> ViewState:
 
 def _level(state: ViewState, ui: UiContext) -> ViewState:
     """Draw L_A, either given or from the light, and the background and surround."""
-    viewing, rig = state.relight.viewing, light_rig(state.lights)
-    lux, own = rig.total_lux if rig is not None else None, viewing.L_A is not None
+    viewing, rig = shown_spec(state).viewing, facing_light(state.lights, state.room)
+    lux = rig.total_lux if rig is not None else None
+    own = state.relight.viewing.L_A is not None
     now, greyed = lux or viewing.illuminance_lux, lux is not None or own
     new = _slider(
         state, ui, edits.set_illuminance, "Illuminance", now, _LUX, "%.4g lx", _LOG, greyed
     )
     ui.note("illuminance")
     tip("The lights' own lux are used" if lux else "For lights without lux of their own")
-    now, text = edits.luminance(rig, new.relight.viewing), "adapts to %.4g cd/m²"
+    now, text = edits.luminance(rig, shown_spec(new).viewing), "adapts to %.4g cd/m²"
     new = _slider(new, ui, edits.set_luminance, "##L_A", now, _LUMINANCE, text, _LOG, not own)
     imgui.same_line()
     pressed, _ = imgui.checkbox("set", own)

@@ -14,18 +14,27 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+from volspec.basis import Basis
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
-from volspec.pipeline import Raycaster, raycast
+from volspec.pipeline import OpacityCaster, Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.relight.layers import PackedLayers
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.quality import cast_spec
+from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
+from volspec.viewer.work.room import Walls
 from volspec.volume import Volume
+
+if TYPE_CHECKING:
+    from volspec.scene.backdrop import Backdrop
+    from volspec.scene.room import SceneRoom
 
 # Nice value: a cast that shares a core with the window's thread gets a tenth of it.
 _NICE = 10
@@ -62,6 +71,7 @@ class CastJob:
     shading: RaycastSpec
     size: tuple[int, int]  # width and height of the whole picture
     divisors: tuple[int, ...]  # its sides are divided by these, one pass for each
+    room: SceneRoom | None = None  # to be seen behind the volume
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,6 +84,7 @@ class CastDone:
     image: CoefficientImage | None = None
     error: str = ""
     packed: PackedLayers | None = None
+    walls: Walls | None = None  # of a room behind the volume
 
 
 class CastWorker(LatestWorker[CastJob, CastDone]):
@@ -84,6 +95,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
     """
 
     _name = "volspec-cast"
+    # The document and the basis of a room's picture, which caches what the last camera sees.
+    _behind: tuple[Document, Basis, Backdrop] | None = None
 
     def _results(self, job: CastJob) -> Iterator[CastDone]:
         if (image := job.document.image) is not None:
@@ -112,6 +125,9 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 cancel=(lambda: self._closed) if spared else self._is_superseded,
                 caster=job.document.caster,
             )
+            if job.room is not None and not (self._is_superseded() and not spared):
+                walls = self._look(job, job.room, image, divisor)
+                image, done = walls.behind(image), replace(done, walls=walls)
             # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
         except CastCancelled:
@@ -124,6 +140,26 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             message = f"the cast failed: {one_line(failed)}"
             done = replace(done, error=f"{message}; open the file again, or see volspec doctor")
         return replace(done, ms=1e3 * (time.perf_counter() - started))
+
+    def _look(self, job: CastJob, room: SceneRoom, image: CoefficientImage, divisor: int) -> Walls:
+        """Return what is seen of a room behind the volume; shadows follow with the whole picture.
+
+        Raises SceneError if the volume is not in the room.
+        """
+        document, basis = job.document, job.transfer.basis
+        if self._behind is None or self._behind[:2] != (document, basis):
+            backdrop = room.behind(document.volume, basis)
+            assert backdrop is not None
+        else:
+            backdrop = self._behind[2].repainted(room.response)
+        self._behind = document, basis, backdrop
+        height, width = image.alpha.shape
+        opacity = None
+        if document.caster is not None and divisor == 1:
+            table = document.caster.bake(job.transfer)
+            opacity = OpacityCaster.of(document.caster, table, job.shading)
+        layers = backdrop(job.camera, (width, height), opacity)
+        return Walls(room, copy(backdrop), job.camera, 1.0 - image.alpha, layers)
 
 
 # Few sizes, as each has textures of its own on the GPU.
@@ -221,5 +257,13 @@ class CastScheduler:
     def _request(self, state: ViewState, divisors: tuple[int, ...]) -> None:
         camera = state.view.camera(state.document.volume)
         self._worker.request(
-            CastJob(state.document, state.transfer, camera, cast_spec(state), state.size, divisors)
+            CastJob(
+                state.document,
+                state.transfer,
+                camera,
+                cast_spec(state),
+                state.size,
+                divisors,
+                state.room if has_walls(state) else None,
+            )
         )

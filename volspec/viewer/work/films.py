@@ -20,6 +20,7 @@ from volspec.scene import Scene
 from volspec.scene.export import ExportSpec, Mark
 from volspec.viewer.model.film import Film, frame_state
 from volspec.viewer.model.light_rows import light_rig, lit_names
+from volspec.viewer.model.room import shown_spec, solved
 from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
@@ -72,7 +73,7 @@ def possible_kinds() -> tuple[str, ...]:
 
 def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
     """Cast, relight and encode a film, off the window's thread; return its path."""
-    path = file.to.new_path(state.document, file.suffix)
+    path, state = file.to.new_path(state.document, file.suffix), solved(state)
     plan, size = film_plan(state, file.film), file.size.pixels(state.size)
     table = ExportSpec(fps=file.film.fps, sheet=False, annotate=file.marks)
     scene = _scene(state, table, file.title)
@@ -94,19 +95,18 @@ def film_plan(state: ViewState, film: Film) -> Plan:
     volume, shots = state.document.volume, []
     for i in range(film.frames):
         now = frame_state(state, film, i)
-        rig = light_rig(now.lights)
+        rig = light_rig(now.lights, now.room)
         if rig is None:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
         camera = now.view.camera(volume)
-        shots.append(
-            Shot(f"{i:04d}", i, camera, now.transfer, lit_names(now.lights), rig, now.relight)
-        )
+        names, spec = lit_names(now.lights), shown_spec(now)
+        shots.append(Shot(f"{i:04d}", i, camera, now.transfer, names, rig, spec))
     return Plan(tuple(shots), ())
 
 
 def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
     """Cast a state's views and write them as a web page; return its path."""
-    path = file.to.new_path(state.document, ".html")
+    path, state = file.to.new_path(state.document, ".html"), solved(state)
     scene, size = _scene(state, ExportSpec(), file.title), file.size.pixels(state.size)
 
     def report(share: float) -> None:
@@ -125,4 +125,5 @@ def _scene(state: ViewState, table: ExportSpec, title: str) -> Scene:
     """Return the scene of a state as it would be saved, with the state's own basis."""
     title = title.strip() or short_title(state.document)
     file = replace(scene_from_state(state), export=table, keyframe=(), title=title)
-    return Scene(file, state.document.saved()[1], basis=state.transfer.basis)
+    _, path = state.document.saved()
+    return Scene(file, path, basis=state.transfer.basis, room=state.room)

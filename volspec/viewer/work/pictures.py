@@ -22,6 +22,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.layers import PackedLayers
 from volspec.viewer.model.materials import same_channels
+from volspec.viewer.work.room import Walls
 
 # mallopt(3): blocks of this size or more get their own mapping.
 _M_MMAP_THRESHOLD = -3
@@ -80,6 +81,7 @@ class Pictures:
         self._relighters: dict[tuple[int, ...], Relighter] = {}
         self._shown: Relighter | None = None
         self._half: Relighter | None = None
+        self._half_image: CoefficientImage | None = None
         self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
         self._frame_of: Relighter | None = None
@@ -102,13 +104,31 @@ class Pictures:
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
         """Take a picture, with its packed layers if any; the previous one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
-        self._half, self.current = None, False
+        self._half = self._half_image = None
+        self.current = False
 
     def repaint(self, basis: Basis) -> None:
         """Replace the reflectances of the picture's materials, if they are its channels."""
         image = self.image
         if image is not None and image.basis is not basis and same_channels(image.basis, basis):
             self.image = replace(image, basis=basis)
+
+    def show_walls(self, walls: Walls) -> None:
+        """Show a room in other paints at half the resolution, until `show`."""
+        if self.image is None:
+            return
+        first = self.image.coefficients.shape[2] - walls.layers.shape[2]
+        self._half = self._half or self._half_relighter(self.image)
+        assert self._half_image is not None
+        walls.put(self._half_image.coefficients, 2)
+        self._half.update(self._half_image, changed_from=first)
+        self.current = False
+
+    def _half_relighter(self, image: CoefficientImage) -> Relighter:
+        """Return a relighter of every second row and column."""
+        second = slice(None, None, 2)
+        self._half_image = crop(image, second, second)
+        return self._relighter_of(self._half_image)
 
     def _relighter_of(
         self, image: CoefficientImage, packed: PackedLayers | None = None
@@ -169,8 +189,7 @@ class Pictures:
         started = time.perf_counter()
         shown = self._shown
         if coarse and self.image is not None:
-            second = slice(None, None, 2)
-            self._half = self._half or self._relighter_of(crop(self.image, second, second))
+            self._half = self._half or self._half_relighter(self.image)
             shown = self._half
         self._paint(shown)
         self._queries.reverse()

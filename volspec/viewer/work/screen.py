@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,8 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.settings import Vector
-from volspec.viewer.model.light_rows import Rows, light_rig
+from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.room import has_walls, shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import vector
 from volspec.viewer.work.background import LatestWorker, Tasks
@@ -30,7 +31,11 @@ from volspec.viewer.work.casts import CastDone
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Painted, Pictures, Relit
 from volspec.viewer.work.probe import Reading, place_mm, read
+from volspec.viewer.work.room import RoomJob, RoomWorker, Walls
 from volspec.viewer.work.slice_pictures import SlicePictures
+
+if TYPE_CHECKING:
+    from volspec.scene.room import SceneRoom
 
 # Frames further apart do not count as movement.
 _APART_S = 0.25
@@ -116,9 +121,10 @@ class ErrorMapTexture:
         """True while a map is in progress."""
         return self._tasks.busy
 
-    def want(self, image: CoefficientImage, lights: Rows, spec: RelightSpec) -> None:
+    def want(self, image: CoefficientImage, rig: LightRig | None, state: ViewState) -> None:
         """Start a picture's map, unless it was the last one started."""
-        key, rig = (image, lights, spec.mode, spec.backdrop), light_rig(lights)
+        spec = state.relight
+        key = image, state.lights, state.room, spec.mode, spec.backdrop
         if key == self._of:
             return
         self._of = key
@@ -217,13 +223,17 @@ class Screen:
         self._band = 0  # the next one to draw
         self._table_notice = ""
         self._error_map = ErrorMapTexture(context, wake)
+        self._painting = RoomWorker(wake)
+        self._walls: Walls | None = None  # in the picture
+        self._wanted: tuple[SceneRoom, float] | None = None  # a new room, and since when
+        self._asked: tuple[SceneRoom, Walls | None] | None = None  # of the worker
         self._read_of: tuple[Any, ...] | None = None
         self._reading: Reading | None = None
 
     @property
     def busy(self) -> bool:
-        """True while tables or an error map are computed."""
-        return self._tabling.busy or self._error_map.busy
+        """True while tables, an error map or a room are computed."""
+        return self._tabling.busy or self._error_map.busy or self._painting.busy
 
     @property
     def ready(self) -> bool:
@@ -251,6 +261,7 @@ class Screen:
             return
         # The packed layers are in a texture now.
         self._cast, self.fault = replace(done, packed=None), ""
+        self._walls, self._wanted = done.walls, None
         self.mark_stale()
         self.image, self.whole = done.image, done.divisor == 1
         self._blank = not done.image.alpha.any()
@@ -258,7 +269,7 @@ class Screen:
 
     def forget(self) -> None:
         """Stop showing the picture, which belongs to another document."""
-        self._cast = self.image = None
+        self._cast = self.image = self._walls = None
         self.whole, self.fault = False, ""
 
     def mark_stale(self) -> None:
@@ -275,7 +286,8 @@ class Screen:
         pixels while a mouse button is held. Return True if the next frame has something to show.
         """
         self._drawing = False
-        if self._coarse and not held:
+        painted = self._repaint(state)
+        if self._coarse and not held and not painted:
             self.mark_stale()
         if self._relit or self.pictures.image is None or self._awaits_groups(state):
             return False
@@ -286,18 +298,17 @@ class Screen:
         few = (
             self.whole and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
         )
-        self._coarse = held and few
+        self._coarse = (held and few) or painted
         whole = self.whole and not self._coarse
         bands = 1 if held or self._hurries or not whole else self._meter.bands
         first, self._band = self._band % bands, 0
-        rig, other = light_rig(state.lights), light_rig(state.other) if state.other else None
+        rig, spec = light_rig(state.lights, state.room), shown_spec(state)
+        other = light_rig(state.other, state.room) if state.other else None
         try:
-            if self._tables_missing(rig, state.relight, other):
+            if self._tables_missing(rig, spec, other):
                 return False
             band = first / bands, (first + 1) / bands
-            relit = self.pictures.relight(
-                rig, state.relight, other, state.divide, self._coarse, band
-            )
+            relit = self.pictures.relight(rig, spec, other, state.divide, self._coarse, band)
         except VolspecError as error:
             self._notice.show(one_line(error), kind="error")
             return False
@@ -311,9 +322,47 @@ class Screen:
         self._meter.note_relight(relit, first == 0, self._relit, whole)
         return True
 
+    def _repaint(self, state: ViewState) -> bool:
+        """Show a room in other paints than the picture's; return True if it has others.
+
+        The whole picture follows from `tick`.
+        """
+        room, walls = state.room, self._walls
+        if room is None or walls is None or walls.room is room or not has_walls(state):
+            return False
+        if self._wanted is None or self._wanted[0] is not room:
+            self.pictures.show_walls(walls.repainted(room))
+            self._wanted = room, time.perf_counter()
+            self.mark_stale()
+        return True
+
+    def tick(self, state: ViewState, now: float, held: bool) -> None:
+        """Solve the room, and paint the whole picture, once it rests."""
+        room, walls = state.room, self._walls
+        if room is None or ((walls is None or walls.room is room) and room.is_solved):
+            return
+        rests = not held or self._wanted is None or now - self._wanted[1] >= _REST_S
+        if rests and self._asked != (room, walls):
+            self._asked = room, walls
+            self._painting.request(RoomJob(room, self.image, walls))
+
+    def take_room(self, state: ViewState | None) -> SceneRoom | None:
+        """Take the state's room once it is solved, with its picture."""
+        found = None
+        for done in self._painting.take():
+            if done.error:
+                self._notice.show(done.error, kind="error")
+            elif state is not None and state.room is done.job.room:
+                found = done.room
+                if done.image is not None and done.job.walls is self._walls:
+                    self.pictures.show(done.image, done.packed)
+                    self.image, self._walls = done.image, done.walls
+                    self.mark_stale()
+        return found
+
     def _awaits_groups(self, state: ViewState) -> bool:
         """Return True if the lights shine from groups that the next cast will bring."""
-        rigs = (light_rig(state.lights), light_rig(state.other or ()))
+        rigs = (light_rig(rows, state.room) for rows in (state.lights, state.other or ()))
         lit = {group for rig in rigs if rig is not None for group in rig.groups if group}
         image, cast = self.pictures.image, {group.name for group in state.shading.groups}
         awaits = image is not None and not lit <= {*image.groups} and lit <= cast
@@ -357,7 +406,7 @@ class Screen:
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
             return
         lights = state.other if state.other and place[0] > state.divide else state.lights
-        rig = light_rig(lights)
+        rig, spec = light_rig(lights, state.room), shown_spec(state)
         if rig is None:
             return
         if self._drawing:
@@ -367,16 +416,14 @@ class Screen:
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
         patient = state.interface.overlays.patient
-        key = image, lights, state.relight, pixel, patient
+        key = image, lights, spec, pixel, patient
         if key != self._read_of:
             self._read_of = key
             code = self.pictures.code(*pixel)
             camera, document = cast.job.camera, cast.job.document
             volume = document.volume if document.image is None else None
             try:
-                self._reading = read(
-                    image, camera, volume, rig, state.relight, pixel, code, patient
-                )
+                self._reading = read(image, camera, volume, rig, spec, pixel, code, patient)
             except VolspecError:  # reported when it was relit
                 self._reading = None
         self.under_mouse = self._reading
@@ -396,7 +443,7 @@ class Screen:
         image = self.pictures.image
         if state.interface.error_map and not held and self.whole and image is not None:
             self.error_map = self._error_map
-            self._error_map.want(image, state.lights, state.relight)
+            self._error_map.want(image, light_rig(state.lights, state.room), state)
         return self._error_map.take()
 
     def painted_picture(self, area: Area, shown: ViewState | None) -> Painted | None:
@@ -424,6 +471,7 @@ class Screen:
     def close(self) -> None:
         """Release everything, without waiting for tables."""
         self._tabling.close(0.0)
+        self._painting.close(0.0)
         self._error_map.close()
         self.pictures.close()
         self.slices.close()

@@ -29,6 +29,7 @@ from volspec.raycast import CoefficientImage
 from volspec.scene.export import Mark
 from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.quality import cast_spec
+from volspec.viewer.model.room import has_walls, shown_spec, solved
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.outputs import (
     Destination,
@@ -69,7 +70,7 @@ def megabytes(size: tuple[int, int], channels: int) -> float:
 
 def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
     """Cast, relight and write a picture, off the window's thread; return its path."""
-    path = shot.to.new_path(state.document, ".png")
+    path, state = shot.to.new_path(state.document, ".png"), solved(state)
     frame = render_frame(state, shot.size.pixels(state.size), progress)
     frame = paint(frame, _marks(state, shot))
     notes = {"scene": state.document.title, "Software": f"volspec {__version__}"}
@@ -79,7 +80,8 @@ def save_picture(state: ViewState, shot: Shot, progress: Progress) -> Path:
 
 def _marks(state: ViewState, shot: Shot) -> list[Patch]:
     """Return the marks of a picture; their colours are those on the left of a divide."""
-    rig, volume, image = light_rig(state.lights), state.document.volume, state.document.image
+    rig, spec = light_rig(state.lights, state.room), shown_spec(state)
+    volume, image = state.document.volume, state.document.image
     # The rest would be that of a volume and a view, which a cast image does not have.
     given = shot.marks_for(state)
     marks = [each for each in given if image is None or each in ("title", "light")]
@@ -94,7 +96,7 @@ def _marks(state: ViewState, shot: Shot) -> list[Patch]:
         volume,
         shot.title.strip() or short_title(state.document),
         lit_names(state.lights),
-        material_colours(materials, transfer.basis, rig, state.relight, shares),
+        material_colours(materials, transfer.basis, rig, spec, shares),
         state.interface.overlays.patient,
         annotations,
     )
@@ -106,21 +108,21 @@ def render_frame(state: ViewState, size: tuple[int, int], progress: Progress) ->
 
     A cast image has a size of its own.
     """
-    rig = light_rig(state.lights)
+    rig, spec = light_rig(state.lights, state.room), shown_spec(state)
     if rig is None:
         raise ViewingError("No light is on, so there is no picture to save", code="missing")
     image = state.document.image
     if image is None:
         image = with_own_caster(state.document, partial(_cast, state, size, progress))
     progress.check()
-    other = light_rig(state.other) if state.other else None
+    other = light_rig(state.other, state.room) if state.other else None
     # In a context of this thread's own: many pixels take longer than the window may wait.
     with Relighter(image) as relighter:
-        frame: NDArray[np.uint8] = relighter.frame(rig, state.relight)
+        frame: NDArray[np.uint8] = relighter.frame(rig, spec)
         if other is not None:
             left = round(state.divide * frame.shape[1])
             frame = frame.copy()
-            frame[:, left:] = relighter.frame(other, state.relight)[:, left:]
+            frame[:, left:] = relighter.frame(other, spec)[:, left:]
     return frame
 
 
@@ -130,9 +132,16 @@ def _cast(
     volume = state.document.volume
     camera = state.view.camera(volume)
     what = volume, state.transfer, camera, size, cast_spec(state)
+    room = state.room
+    seen = room is not None and has_walls(state)
+    behind = room.behind(volume, state.transfer.basis) if room and seen else None
     try:
         return raycast(
-            *what, progress=progress.report, cancel=lambda: progress.ended, caster=caster
+            *what,
+            progress=progress.report,
+            cancel=lambda: progress.ended,
+            caster=caster,
+            behind=behind,
         )
     except CastCancelled:
         progress.check()

@@ -47,9 +47,9 @@ _FIELDS = {
 }
 _CLASSES = {1: {"Board": "PaletteState", "Wishes": "DesignTargets"}, 2: {"Aids": "Overlays"}}
 # Fields of a document that are read, made or measured again.
-_REMADE = ("volume", "caster", "fault", "histogram", "file", "path", "choices", "image")
+_REMADE = ("volume", "caster", "fault", "histogram", "file", "path", "choices", "image", "room")
 # Fields of a state that are made again or not saved: a fade must not run a second time.
-_PASSING = ("document", "fade")
+_PASSING = ("document", "fade", "room")
 
 
 class SessionError(InputError):
@@ -89,6 +89,7 @@ def session_from_state(state: ViewState) -> Session:
         "version": VERSION,
         "path": os.fspath(path),
         "file": plain(file),
+        "paint": {} if state.room is None else state.room.spec.paint,
         **parts,
         "objects": writer.objects,
     }
@@ -187,7 +188,11 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     if name == data["path"]:  # of a bare volume, which may have been moved with its session
         moved = replace(file.volume, file=f"{session.path}{mark}{query}")
         file = replace(file, volume=moved)
-    volume = Resolver(file, session.path).volume()
+    names = Resolver(file, session.path)
+    volume = names.volume()
+    room = painted = names.room(of_document["transfer"].basis.grid)
+    if room is not None:
+        painted = room.with_paint(_paint(data))
     caster, fault = make_caster(volume, device) if cast else (None, "")
     document = Document(
         **of_document,
@@ -197,13 +202,22 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         histogram=histogram(volume),
         file=file,
         path=session.path,
+        room=room,
     )
-    state = ViewState(document, **of_state)
+    state = ViewState(document, **of_state, room=painted)
     try:
         state.view.camera(volume)
     except InputError as error:
         raise _broken_by(error, "view") from error
     return state
+
+
+def _paint(data: Mapping[str, Any]) -> dict[str, str]:
+    """Return the paints of a session's room, by surface."""
+    paint = data.get("paint", {})
+    if not isinstance(paint, dict) or not all(isinstance(text, str) for text in paint.values()):
+        raise _broken_by(ValueFault("expected names of paints", code="type", field="paint"))
+    return paint
 
 
 def _broken_by(error: Exception, field: str = "") -> BrokenSession:

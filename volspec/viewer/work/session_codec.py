@@ -211,4 +211,7 @@ def _require(fits: bool, data: Any, wanted: str, where: str) -> None:
         raise ValueFault.refused(where, data, f"expected {wanted}", "type")
 
 
-_hints = cache(get_type_hints)
+@cache
+def _hints(kind: type) -> dict[str, Any]:
+    # Rooms are not stored but made again; their module is only imported then.
+    return get_type_hints(kind, localns={"SceneRoom": Any})

@@ -15,6 +15,7 @@ from volspec.errors import VolspecError
 from volspec.pipeline import Relighter
 from volspec.transfer import LabelFunction
 from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.slice_table import Entries, greys, table_entries, table_image
 from volspec.viewer.model.slices import Layout, grey_window, slice_values, voxel_number
 from volspec.viewer.model.state import ViewState
@@ -75,7 +76,7 @@ class SlicePictures:
         window = grey_window(slices, state.document.histogram)
         of: tuple[Any, ...] = state.document, entries, window
         if slices.lit:
-            of = (*of, state.transfer, state.shading.groups, state.lights, state.relight)
+            of = (*of, state.transfer, state.shading.groups, state.lights, shown_spec(state))
         if of == self._of_colours:
             return
         self._of_colours = of
@@ -95,7 +96,7 @@ class SlicePictures:
 
 def _relight_table(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | None:
     """Return the codes of all values under the state's lights, (count, 3); None if that fails."""
-    rig, spec = light_rig(state.lights), state.relight
+    rig, spec = light_rig(state.lights, state.room), shown_spec(state)
     if rig is None:
         return None
     # A table of values is not a picture in which to measure adaptation.
