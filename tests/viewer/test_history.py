@@ -69,6 +69,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "lights": state.lights[:-1],
         "relight": RelightSpec(backdrop=0.5),
         "other": state.lights,
+        "room": object(),
         "divide": 0.25,
         "interface": Interface(dark=False),
         "saved_lights": (LightState("State 1", state.lights, state.relight),),
@@ -180,6 +181,8 @@ _ODD |= dict.fromkeys(("transfer-labels", "labels-show", "labels-hide", "labels-
 _ODD |= {"projection-composite": None, "quality-standard": None, "measure-remove": None}
 _ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
+# There is no room.
+_ODD |= dict.fromkeys(("panel-room", "reset-paints"))
 
 
 def test_actions_cost_what_their_menus_say(cut: ViewState) -> None:

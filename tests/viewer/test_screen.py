@@ -402,7 +402,7 @@ def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.Monkey
     monkeypatch.setattr(heat.Tasks, "start", lambda self, kind, task: begun.append(task))
     overlay: Any = heat.ErrorMapTexture(None, lambda: None)
     for lights in (state.lights, state.lights, state.lights[1:], state.lights[1:]):
-        overlay.want(image, lights, state.relight)
+        overlay.want(image, replace(state, lights=lights))
     shining, dark = begun
     assert shining()[0].delta_e.shape == (33, 33) and shining()[1] is image
     with raises(RelightError, "missing"):

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import TypeVar
 
+from volspec.errors import InputError
 from volspec.viewer.model import (
     camera,
     cuts,
@@ -18,11 +19,12 @@ from volspec.viewer.model import (
     measure,
     palette_edits,
     quality,
+    room,
     slices,
     transfer_edits,
     viewing,
 )
-from volspec.viewer.model.edit import Change, Command, edit, with_interface
+from volspec.viewer.model.edit import Change, Command, Edited, refusable, with_interface
 from volspec.viewer.model.state import ViewState
 
 Row = TypeVar("Row")
@@ -81,15 +83,26 @@ def _spread(word: str, text: str) -> int | None:
 
 def _panel(title: str, *keys: str, words: str) -> Command:
     """Return the command that opens or closes a panel."""
+
+    def toggle(state: ViewState) -> ViewState | Edited:
+        if title == room.PANEL and state.room is None:
+            return Edited(state, room.NONE)
+        return with_interface(state, panels=state.interface.panels ^ {title})
+
     return Command(
         f"panel-{title.lower()}",
         "Window",
         f"{title} panel",
         keys,
-        lambda state: with_interface(state, panels=state.interface.panels ^ {title}),
-        lambda state: title in state.interface.panels,
+        toggle,
+        lambda state: title in state.interface.panels and has_panel(state, title),
         words,
     )
+
+
+def has_panel(state: ViewState, title: str) -> bool:
+    """Return True if a panel is of use: that of the room needs one."""
+    return title != room.PANEL or state.room is not None
 
 
 _FILES = (
@@ -133,6 +146,7 @@ def _switch(name: str, menu: str, title: str, key: str) -> Command:
 _PANELS = {
     "Lights": "spectrum illuminant lamp",
     "Viewing": "appearance adaptation display exposure",
+    room.PANEL: "wall paint colour floor ceiling adaptation lux",
     "Transfer": "opacity transparent colour map curve label segment",
     "Palette": "design",
     "Lighting": "light source direction shadow occlusion material shininess specular shading",
@@ -141,11 +155,13 @@ _PANELS = {
 }
 
 
-@edit
+@refusable
 def open_panel(state: ViewState, title: str) -> ViewState:
     """Open a panel that has settings."""
     if title not in _PANELS:
         return state
+    if not has_panel(state, title):
+        raise InputError(room.NONE, code="missing")
     return with_interface(state, panels=state.interface.panels | {title})
 
 
@@ -181,6 +197,7 @@ COMMANDS: tuple[Command, ...] = (
     *slices.COMMANDS,
     *lighting.COMMANDS,
     *quality.COMMANDS,
+    *room.COMMANDS,
 )
 BY_NAME = {command.name: command for command in COMMANDS}
 BY_KEY = {key: command for command in COMMANDS for key in command.keys}

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from volspec.relight import LightRig
+from volspec.scene.specs import ROOM_LIGHT
 from volspec.spectra import Spectrum, colour_matching_functions
 from volspec.spectra.library import describe_light, library_names
 from volspec.viewer.model import light_rows
@@ -161,7 +162,7 @@ def respell(state: ViewState, index: int, part: int, text: str) -> ViewState:
     row = light_rows.row_at(state.lights, index, part)
     if row is None or text.strip() == (row.texts[part] or ""):
         return state
-    if state.room is not None and text.strip() == light_rows.OWN:
+    if state.room is not None and text.strip() == ROOM_LIGHT:
         own = state.room.own_spectra(row.rig.groups[part])
         return _with_own_spectra(state, index, part, own)
     spectrum, text = light_rows.light_from_text(text, state.document.grid, state.document.folder)
@@ -186,11 +187,11 @@ def _with_own_spectra(
         )
     ]
     weight = row.rig.weights[part]
-    found = [(spectrum, light_rows.OWN, group, weight) for group, spectrum in own.items()]
+    found = [(spectrum, ROOM_LIGHT, group, weight) for group, spectrum in own.items()]
     lights, texts, groups, weights = zip(*parts[:part], *found, *parts[part + 1 :], strict=True)
     rig = LightRig(lights, weights, groups=groups)
     new = replace(row, rig=rig, texts=texts, kelvin=None, before=None)
-    return put_row(state, index, new, light_rows.OWN if len(parts) == 1 else row.name)
+    return put_row(state, index, new, ROOM_LIGHT if len(parts) == 1 else row.name)
 
 
 def titles_from_text(text: str) -> tuple[str, str, float | None]:

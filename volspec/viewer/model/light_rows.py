@@ -20,6 +20,7 @@ from volspec.errors import ViewingError, VolspecError
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.spec import mixed_rig
 from volspec.scene.lights import LightSpec, NamedLight
+from volspec.scene.specs import ROOM_LIGHT
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
 from volspec.spectra.photometry import illuminance_lux
@@ -29,9 +30,6 @@ if TYPE_CHECKING:
     from volspec.scene.room import SceneRoom
 
 KELVIN = (1000.0, 20000.0)
-# Notation of the spectra that a room's lights have in its file: `volspec.scene.room.OWN`, whose
-# import takes a second.
-OWN = "room"
 MOST_ROWS = 99
 LUX = (0.01, 200_000.0)
 # The greatest weight of one spectrum of a row.
@@ -188,7 +186,7 @@ def own_light(room: SceneRoom) -> LightRow:
     """Return the row of the spectra that a room's lights have in its file."""
     own = room.own_spectra()
     rig = LightRig(tuple(own.values()), groups=tuple(own))
-    return LightRow(OWN, "the room's own light", rig, texts=(OWN,) * len(own))
+    return LightRow(ROOM_LIGHT, "the room's own light", rig, texts=(ROOM_LIGHT,) * len(own))
 
 
 def lit_names(rows: Rows) -> str:

@@ -12,6 +12,7 @@ from functools import cache
 
 from volspec.errors import InputError, SpectrumError, VolspecError
 from volspec.relight import LightRig
+from volspec.scene.specs import ROOM_LIGHT
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.files import split_address
 from volspec.spectra.lights import light_terms
@@ -19,7 +20,6 @@ from volspec.viewer.model import light_parts, light_states
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable, with_interface
 from volspec.viewer.model.light_rows import (
     MOST_ROWS,
-    OWN,
     LightRow,
     Rows,
     at_kelvin,
@@ -182,7 +182,7 @@ def add(state: ViewState, text: str) -> ViewState:
 
     It gets the current total lux if all other lights have lux.
     """
-    if state.room is not None and text.strip() == OWN:
+    if state.room is not None and text.strip() == ROOM_LIGHT:
         return _add_row(state, own_light(state.room))
     spectrum, text = light_from_text(text, state.document.grid, state.document.folder)
     name, label, kelvin = light_parts.titles_from_text(text)

@@ -26,6 +26,7 @@ from volspec.scene import Scene, SceneFile
 from volspec.scene.basis import grid_of
 from volspec.scene.lights import LightSpec, rows_by_name
 from volspec.scene.specs import (
+    ROOM_LIGHT,
     BasisSpec,
     CameraSpec,
     MaterialSpec,
@@ -96,7 +97,7 @@ def _part_table(name: str, row: light_rows.LightRow, part: int, weight: float) -
     """Return the table of one of a light's spectra."""
     rig, spectrum = row.rig, row.rig.lights[part]
     text = row.texts[part]
-    own = text == light_rows.OWN and spectrum.name == text
+    own = text == ROOM_LIGHT and spectrum.name == text
     given = (text if own else _library_name(text, spectrum)) or SpectrumNumbers.of(spectrum)
     # A file's numbers are normalised when they are read; with lux only their shape counts.
     scaled = isinstance(given, SpectrumNumbers) and rig.illuminance_lux is None

@@ -22,8 +22,9 @@ from volspec.viewer.model import lights, viewing
 from volspec.viewer.model.choices import TITLES, value_text
 from volspec.viewer.model.commands import COMMANDS, open_panel, rank_matches
 from volspec.viewer.model.edit import Change, Edited
+from volspec.viewer.model.room import PANEL
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import lighting, quality
+from volspec.viewer.ui import lighting, quality, room
 from volspec.viewer.ui import viewing as viewing_panel
 from volspec.viewer.ui.context import Request, Search, UiContext
 from volspec.viewer.ui.overlays import BARE_WINDOW
@@ -35,6 +36,7 @@ _ROWS = 14
 _SETTINGS = {
     "Viewing": viewing_panel.SETTINGS,
     "Lighting": lighting.SETTINGS,
+    PANEL: room.SETTINGS,
     "Quality": quality.SETTINGS,
 }
 # Other names of settings.
@@ -53,6 +55,7 @@ _OTHER_NAMES = {
     "Jitter": "noise dither rings quality",
     "Projection": "MIP maximum average mean intensity",
     "Light cells": "shadow occlusion detail quality",
+    "Paint": "wall floor ceiling room colour",
     "Alpha stop": "early termination opacity limit",
 }
 _FLAGS = BARE_WINDOW | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_move

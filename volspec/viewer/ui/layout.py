@@ -8,6 +8,8 @@ from imgui_bundle import imgui
 
 from volspec.basis import MaterialBasis
 from volspec.raycast import CoefficientImage
+from volspec.viewer.model.commands import has_panel
+from volspec.viewer.model.room import PANEL
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import (
     commands,
@@ -19,6 +21,7 @@ from volspec.viewer.ui import (
     messages,
     overlays,
     quality,
+    room,
     slices,
     start,
     viewing,
@@ -40,6 +43,7 @@ _LAG = 2
 _PANELS = (
     ("Lights", lights.draw, "upper"),
     ("Viewing", viewing.draw, "lower"),
+    (PANEL, room.draw, "lower"),
     ("Transfer", transfer.draw, "lower"),
     ("Cuts", cuts.draw, "lower"),
     ("Slices", slices.draw, "left"),
@@ -140,7 +144,7 @@ class Docks:
         """Draw the open panels and the overlays; return the edited state."""
         self._open = set()
         for title, draw, place in _PANELS:
-            if title not in state.interface.panels:
+            if title not in state.interface.panels or not has_panel(state, title):
                 continue
             self._open.add("left" if place == "left" else "right")
             if ui.front == title:
@@ -156,7 +160,7 @@ class Docks:
                 rest = state.interface.panels - {title}
                 state = replace(state, interface=replace(state.interface, panels=rest))
         if self._frames == 1:
-            imgui.set_window_focus("Viewing")  # in front of the other tabs
+            imgui.set_window_focus(PANEL if state.room else "Viewing")  # in front of the others
         for overlay in _OVERLAYS:
             if state.document.image is None or overlay not in _OF_VOLUME:
                 state = overlay(state, ui) or state
@@ -165,7 +169,11 @@ class Docks:
     @staticmethod
     def open_panels(state: ViewState) -> list[str]:
         """Return the titles of the open panels, in their order."""
-        return [title for title, _, _ in _PANELS if title in state.interface.panels]
+        return [
+            title
+            for title, _, _ in _PANELS
+            if title in state.interface.panels and has_panel(state, title)
+        ]
 
     def _limit_width(self, ui: UiContext) -> None:
         """Leave half of a narrowed window to the picture; restore the panels when it is widened."""

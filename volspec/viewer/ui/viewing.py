@@ -203,4 +203,4 @@ def _slider(
 
 
 def _surround_text(surround: str | float) -> str:
-    return surround if isinstance(surround, str) else f"{surround:g}"
+    return surround if isinstance(surround, str) else f"{surround:.3g}"

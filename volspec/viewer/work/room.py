@@ -29,7 +29,7 @@ Layers = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walls:
-    """What a picture shows of a room."""
+    """Visible part of a room in a picture."""
 
     room: SceneRoom
     backdrop: Backdrop

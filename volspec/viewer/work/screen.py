@@ -121,9 +121,9 @@ class ErrorMapTexture:
         """True while a map is in progress."""
         return self._tasks.busy
 
-    def want(self, image: CoefficientImage, rig: LightRig | None, state: ViewState) -> None:
+    def want(self, image: CoefficientImage, state: ViewState) -> None:
         """Start a picture's map, unless it was the last one started."""
-        spec = state.relight
+        rig, spec = light_rig(state.lights, state.room), state.relight
         key = image, state.lights, state.room, spec.mode, spec.backdrop
         if key == self._of:
             return
@@ -443,7 +443,7 @@ class Screen:
         image = self.pictures.image
         if state.interface.error_map and not held and self.whole and image is not None:
             self.error_map = self._error_map
-            self._error_map.want(image, light_rig(state.lights, state.room), state)
+            self._error_map.want(image, state)
         return self._error_map.take()
 
     def painted_picture(self, area: Area, shown: ViewState | None) -> Painted | None:

@@ -1,0 +1,289 @@
+"""Scenes with a room: its lamps as the lights, paints without a cast, files and sessions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.support.errors import raises
+from tests.support.viewer import run_command, take_until
+from volspec.errors import SceneError
+from volspec.raycast.lights import HEADLIT
+from volspec.scene import Scene
+from volspec.scene.specs import ROOM_LIGHT
+from volspec.viewer.model import light_parts, lights, viewing
+from volspec.viewer.model import room as edits
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.history import History
+from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.scene_file import export_scene, scene_from_state
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import View
+from volspec.viewer.work.casts import CastJob, CastWorker, make_caster
+from volspec.viewer.work.outputs import Progress
+from volspec.viewer.work.room import RoomJob, RoomWorker
+from volspec.viewer.work.screenshot import render_frame
+from volspec.viewer.work.script import script_from_state
+from volspec.viewer.work.session import read_session, restore_state, save_session
+from volspec.volume import phantom
+
+SIZE = 48, 36
+ROOM = """
+size_m = [3.0, 3.0, 2.5]
+[[surface]]
+name = "walls"
+reflectance = "grey:0.6"
+[[surface]]
+name = "floor"
+reflectance = "#a08060"
+[[surface]]
+name = "ceiling"
+reflectance = "grey:0.8"
+[[light]]
+name = "panel"
+spectrum = "A"
+on = "ceiling"
+place_m = [1.0, 1.0, 0.6, 0.6]
+lumen = 1500
+[[light]]
+name = "bulb"
+spectrum = "D65"
+position_m = [0.4, 0.5, 2.0]
+lumen = 200
+"""
+SCENE = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "copper"
+reflectance = "copper"
+[transfer]
+points = [
+    { value = 0.2, opacity = 0.0, material = "copper" },
+    { value = 0.9, opacity = 0.4, material = "copper" },
+]
+[camera]
+azimuth_deg = 30
+elevation_deg = 10
+[room]
+file = "room.toml"
+position_m = [1.5, 1.5, 1.0]
+scale = 20
+patches = 200
+shadows = false
+[[light]]
+name = "evening"
+spectrum = "room"
+[[light]]
+name = "day"
+label = "daylight"
+spectrum = "D65"
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("room")
+    np.save(made / "ball.npy", phantom.ball(12).values)
+    (made / "room.toml").write_text(ROOM, encoding="utf-8")
+    (made / "scene.toml").write_text(SCENE, encoding="utf-8")
+    return made
+
+
+@pytest.fixture(scope="module")
+def opened(folder: Path) -> ViewState:
+    return read(folder / "scene.toml")
+
+
+def read(path: Path) -> ViewState:
+    scene = Scene.load(path)
+    volume = scene.volume()
+    document = Document.of(scene, volume, *make_caster(volume, None))
+    return ViewState.first(document, SIZE)
+
+
+def frame(state: ViewState) -> NDArray[Any]:
+    return render_frame(edits.solved(state), SIZE, Progress("picture")).astype(int)
+
+
+def painted(state: ViewState, surface: str, text: str) -> ViewState:
+    new, message, _ = edits.paint(state, surface, text)
+    assert not message
+    return new
+
+
+def test_its_lights_are_the_lamps(opened: ViewState) -> None:
+    room = opened.room
+    assert room is not None
+    evening, day = opened.lights
+    assert (evening.texts, evening.rig.groups) == ((ROOM_LIGHT, ROOM_LIGHT), ("panel", "bulb"))
+    assert (day.texts, day.rig.groups, day.label) == (("D65",), ("",), "daylight")
+    assert edits.light_names(opened) == ("panel", "bulb")
+    scene = Scene.load(opened.document.saved()[1])
+    for row, light in zip(opened.lights, scene.lights, strict=True):
+        rig = light_rig((replace(row, weight=1.0),), room)
+        assert rig is not None
+        assert rig.groups == light.rig.groups
+        assert rig.illuminance_lux == pytest.approx(light.rig.illuminance_lux)
+
+
+def test_every_way_to_change_a_light_goes_through_the_room(opened: ViewState) -> None:
+    day = lights.only(opened, 1)
+    own = lights.add(opened, ROOM_LIGHT).state
+    assert _lux(own) == pytest.approx(_lux(opened))
+    spelt = light_parts.respell(lights.only(opened, 1), 1, 0, ROOM_LIGHT).state
+    assert (spelt.lights[1].texts, spelt.lights[1].rig.groups) == (
+        (ROOM_LIGHT,) * 2,
+        ("panel", "bulb"),
+    )
+    planck = light_parts.respell(day, 1, 0, "planck:3000").state
+    warmer = lights.set_kelvin(planck, 1, 2000.0)
+    drawn = light_parts.draw(day, 1, 0, (0.8, 3.0), (1.0, 3.0))
+    assert _red(day) < _red(planck) < _red(warmer)
+    assert _red(day) < _red(drawn)
+    assert light_parts.set_lux(day, 1, 100.0) is day  # the room's file has it
+    alone = light_parts.regroup(day, 1, 0, "bulb")
+    assert sum(_lux(alone)) < sum(_lux(day))
+
+
+def _lux(state: ViewState) -> tuple[float, ...]:
+    rig = light_rig(state.lights, state.room)
+    assert rig is not None
+    assert rig.illuminance_lux is not None
+    return rig.illuminance_lux
+
+
+def _red(state: ViewState) -> float:
+    rig = light_rig(state.lights, state.room)
+    assert rig is not None
+    values = rig.mixed(state.document.grid).values
+    return float(values[-8:].sum() / values.sum())
+
+
+def test_conditions_follow_the_view_unless_they_are_given(opened: ViewState) -> None:
+    here = edits.shown_spec(opened).viewing
+    assert here == Scene.load(opened.document.saved()[1]).relight.viewing
+    assert edits.shown_spec(opened) is edits.shown_spec(replace(opened, size=(9, 9)))
+    turned = replace(opened, view=replace(opened.view, azimuth_deg=-150))
+    assert edits.shown_spec(turned).viewing.Y_b != here.Y_b
+    given = viewing.set_background(turned, 55.0)
+    assert edits.shown_spec(given).viewing.Y_b == 55.0
+
+
+def test_paint_needs_no_cast(opened: ViewState) -> None:
+    new = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2")
+    room = new.room
+    assert room is not None
+    assert not room.is_solved
+    assert room.estimated_from is opened.room
+    worker = CastWorker(lambda: None)
+    camera = opened.view.camera(opened.document.volume)
+    what = opened.document, opened.transfer, camera, opened.shading, SIZE, (1,)
+    worker.request(CastJob(*what, opened.room))
+    (cast,) = take_until(worker.take, len)
+    worker.close()
+    assert cast.image is not None
+    assert cast.image.alpha.min() == 1.0
+    painter = RoomWorker(lambda: None)
+    painter.request(RoomJob(room, cast.image, cast.walls))
+    (done,) = take_until(painter.take, len)
+    painter.close()
+    assert done.room.is_solved
+    assert done.image is not None
+    solved = replace(new, room=done.room)
+    worker = CastWorker(lambda: None)
+    worker.request(CastJob(*what, solved.room))
+    (again,) = take_until(worker.take, len)
+    worker.close()
+    assert again.image is not None
+    np.testing.assert_allclose(done.image.coefficients, again.image.coefficients, atol=1e-6)
+    # An estimate is near: by how much, tests of the room say.
+    estimate = cast.walls.repainted(room).behind(cast.image)  # type: ignore[union-attr]
+    change = np.abs(again.image.coefficients - cast.image.coefficients).max()
+    left = np.abs(again.image.coefficients - estimate.coefficients).max()
+    assert left < 0.1 * change
+
+
+def test_the_four_walls_are_one_until_their_paints_differ(opened: ViewState) -> None:
+    assert opened.room is not None
+    assert edits.paintable(opened.room) == ("walls", "floor", "ceiling")
+    assert edits.paint_codes(opened.room, "walls") == pytest.approx((0.797,) * 3, abs=2e-3)
+    left = painted(opened, "left", "grey:0.1")
+    assert left.room is not None
+    assert edits.paintable(left.room)[:4] == ("left", "right", "front", "back")
+    again = painted(left, "walls", "grey:0.3").room
+    assert again is not None
+    assert again.spec.paint == {"walls": "grey:0.3"}
+    assert edits.paint(opened, "walls", "no such paint").message
+    assert edits.paint(opened, "panel", "grey:0.1").message
+    white = edits.pick(opened, "walls", (1.0, 1.0, 1.0)).room  # no paint reflects everything
+    assert white is not None
+    assert white.spec.paint == {"walls": "#fefefe"}
+
+
+def test_the_panel_shows_paints_as_the_picture_does(opened: ViewState) -> None:
+    white = painted(opened, "walls", "grey:0.9").room
+    assert opened.room is not None
+    assert white is not None
+    XYZ = edits.seen_XYZ(opened.room, opened.lights)
+    brighter = edits.seen_XYZ(white, opened.lights)
+    assert XYZ is not None
+    assert brighter is not None
+    assert (brighter[:, 1] > XYZ[:, 1]).all()
+    assert edits.seen_XYZ(opened.room, (replace(opened.lights[0], muted=True),)) is None
+
+
+def test_undo_and_reset(opened: ViewState) -> None:
+    new = painted(opened, "walls", "#c04030")
+    history = History(opened).then(new, 1).amend(edits.solved(new))
+    assert history.difference is not None
+    assert (history.difference.stage, history.difference.name) == ("relight", "paint")
+    assert history.undo().present.room is opened.room
+    assert history.undo().redo().present.room is history.present.room
+    assert run_command(new, "reset-paints").state.room is opened.room
+
+
+def test_a_saved_scene_opens_to_the_same_picture(opened: ViewState, folder: Path) -> None:
+    new = painted(painted(opened, "walls", "#c04030"), "floor", "grey:0.2")
+    new = light_parts.draw(new, 1, 0, (0.2, 2.0), (0.4, 0.0))
+    new = lights.set_weight(new, 1, 0.4)  # a mix of both
+    new = replace(new, view=replace(new.view, azimuth_deg=-40.0), size=SIZE)
+    path = export_scene(new, folder / "saved.toml")
+    file = scene_from_state(new)
+    assert file.room is not None
+    assert file.room.paint == {"walls": "#c04030", "floor": "grey:0.2"}
+    assert not file.group
+    assert file.viewing == new.document.saved()[0].viewing
+    assert [light.illuminance_lux for light in file.light] == [None] * len(file.light)
+    again = read(path)
+    assert np.abs(frame(again) - frame(new)).max() <= 1
+    assert again.lights[1].texts == new.lights[0].texts
+
+
+def test_a_session_keeps_paints(opened: ViewState, folder: Path) -> None:
+    new = edits.solved(painted(opened, "ceiling", "ColorChecker/blue"))
+    path = save_session(new, folder / "it.volspec.json")
+    again = restore_state(read_session(path))
+    assert again.room is not None
+    assert again.document.room is not None
+    assert again.room.spec.paint == {"ceiling": "ColorChecker/blue"}
+    assert again.document.room.spec.paint == {}
+    assert np.abs(frame(again) - frame(new)).max() <= 1
+    assert again.lights[0].texts == (ROOM_LIGHT, ROOM_LIGHT)
+
+
+def test_what_a_room_cannot_do(opened: ViewState, state: ViewState) -> None:
+    with raises(SceneError, "unsupported"):
+        script_from_state(opened)
+    for command in ("panel-room", "reset-paints"):
+        without = run_command(state, command)
+        assert without.state is state
+        assert without.message
+    assert not edits.has_walls(state)
+    assert opened.shading.groups != HEADLIT
+    assert isinstance(opened.view, View)
