@@ -9,9 +9,9 @@ The demo, the command line, the exporters and the viewer all use these functions
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,7 +63,17 @@ class OpacityCaster:
         return self.caster.cast(self.table, camera, size, self.spec).alpha
 
 
-Behind = Callable[[Camera, tuple[int, int], OpacityCaster], NDArray[np.float32]]
+class Behind(Protocol):
+    """Opaque surfaces around a volume, such as a room's."""
+
+    def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+        """Return (H, W) distances from the camera at which rays end; inf where nothing is seen."""
+
+    def __call__(
+        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster
+    ) -> NDArray[np.float32]:
+        """Return (H, W, K·M) channels of the last K light groups, in the volume's shadow."""
+
 
 __all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "relight"]
 
@@ -108,9 +118,8 @@ def raycast(
         made with the Relighter's ``context`` updates it on the device.
     notes : {str: str}, optional
         Added to the image's notes.
-    behind : callable, optional
-        Returns what is seen behind the volume, (H, W, K·M) channels of the last K light groups, for
-        a camera, a size and an `OpacityCaster`. The picture is then opaque.
+    behind : Behind, optional
+        Opaque surfaces behind the volume and between its parts; the picture is then opaque.
 
     Returns
     -------
@@ -161,7 +170,8 @@ def raycast(
         shape = height, width, len(spec.groups) * table.size
         # What is behind is added on the host.
         slot = into.place(shape, spec.groups, None if behind else caster.sharing)
-    cast = caster.cast(table, camera, size, spec, progress, cancel, slot)
+    stop_mm = None if behind is None else behind.depth_mm(camera, checked_size(size))
+    cast = caster.cast(table, camera, size, spec, progress, cancel, slot, stop_mm)
     if not cast.alpha.any():
         warnings.warn(_empty_picture_warning(volume, table), VolspecWarning, stacklevel=2)
     notes = {

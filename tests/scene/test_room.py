@@ -193,6 +193,28 @@ def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(folder: Path) -
     assert again == pytest.approx(shaded[below])
 
 
+def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
+    """A screen before the lower half of the block: rays end there."""
+    screen = '[[surface]]\nname = "screen"\nreflectance = "grey:0.3"\n[[box]]\nname = "screen"\n'
+    place = "low_m = [0.5, 0.5, 0.01]\nhigh_m = [2.5, 0.6, 0.55]\n"
+    (folder / "screen.toml").write_text(ROOM.format(walls="#f0d9b5", lamp="A") + screen + place)
+    text = SCENE.replace("room.toml", "screen.toml").replace(
+        "elevation_deg = 10", "elevation_deg = 0"
+    )
+    (folder / "hidden.toml").write_text(text)
+    scene, (_, free) = Scene.load(folder / "hidden.toml"), opened(folder)
+    assert free.first_mm is not None
+    first = scene.render().first_mm
+    assert first is not None
+    assert np.isfinite(first[:31]).any() and not np.isfinite(first[40:]).any()
+    volume = scene.volume()
+    behind = scene.behind(volume)
+    assert behind is not None
+    camera = vs.Camera(tuple(volume.corners_mm.mean(axis=0)), (20.0, 100.0, 20.0))
+    middle = behind.depth_mm(camera, (9, 9))[4, 4]
+    assert middle == pytest.approx(150.0, rel=1e-3)  # 1.5 m to the back, at a scale of 10
+
+
 def test_its_paths_follow_the_scene_to_another_folder(folder: Path, tmp_path: Path) -> None:
     path = edited(folder, "patches = 300", 'paint = { walls = "#4060c0", floor = "own.csv" }')
     moved = rebased(scene_file(scene_data(path), path), folder, tmp_path / "scene.toml").room

@@ -136,6 +136,7 @@ class Raycaster:
         progress: Progress | None = None,
         cancel: Cancel | None = None,
         receiver: Receiver | None = None,
+        stop_mm: NDArray[np.float32] | None = None,
     ) -> Result:
         """Cast a picture.
 
@@ -153,6 +154,8 @@ class Raycaster:
             Called between bands, about every `RaycastSpec.tile_ms`; True ends the cast.
         receiver : Receiver, optional
             Receives each band on the device; its picture is incomplete if the cast fails.
+        stop_mm : (H, W) float32, optional
+            Distances from the camera at which rays end, such as at opaque surfaces; may be inf.
 
         Raises
         ------
@@ -173,7 +176,7 @@ class Raycaster:
                 )
             self._casting = True
             try:
-                return self._cast(table, camera, size, spec, progress, cancel, receiver)
+                return self._cast(table, camera, size, spec, progress, cancel, receiver, stop_mm)
             finally:
                 self._casting = False
 
@@ -186,6 +189,7 @@ class Raycaster:
         progress: Progress | None,
         cancel: Cancel | None,
         receiver: Receiver | None,
+        stop_mm: NDArray[np.float32] | None,
     ) -> Result:
         width, height = checked_size(size)
         self._check_labels(table)
@@ -224,13 +228,15 @@ class Raycaster:
             )
         except MemoryError:
             raise OpenCLError(f"raycast: no memory for {picture}", remedy, code="size") from None
-        kernel = self._kernel(program, spec, numbers)
-        arguments = self._voxels, self._codes(table, spec), *inputs, light, struct
+        unit = np.float32(min(self.volume.spacing_mm))
+        ends = np.zeros(1, np.float32) if stop_mm is None else stop_mm.astype(np.float32) / unit
+        stops = self._compute.upload(np.ascontiguousarray(ends))
+        kernel = self._kernel(program, spec, numbers, stops=stop_mm is not None)
+        arguments = self._voxels, self._codes(table, spec), *inputs, light, stops, struct
         tile, group = TILES[self.lanes], GROUPS[self.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
             bands = RowBatches(self._compute, result, tile, group, spec.tile_ms, pack)
             bands.run(kernel, arguments, progress, cancel)
-        unit = np.float32(min(self.volume.spacing_mm))
         result.depth_mm[...] *= unit
         result.first_mm[...] *= unit
         return result
@@ -279,7 +285,12 @@ class Raycaster:
         return self._brick_codes[1]
 
     def _kernel(
-        self, program: kernel_arguments.Program, spec: RaycastSpec, layers: list[int]
+        self,
+        program: kernel_arguments.Program,
+        spec: RaycastSpec,
+        layers: list[int],
+        *,
+        stops: bool,
     ) -> Any:
         tile_width, tile_height = TILES[self.lanes]
         constants = {
@@ -289,6 +300,7 @@ class Raycaster:
             "BRICK": BRICK,
             "STRIDES": STRIDES,
             "ADAPTIVE": int(spec.adaptive > 0),
+            "STOPS": int(stops),
             "VOXEL": C_TYPES[self.volume.values.dtype.name],
             "VOXEL_BYTES": self.volume.values.itemsize,
             "VOXEL_SIGNED": int(self.volume.values.dtype.kind == "i"),

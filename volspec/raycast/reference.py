@@ -23,6 +23,7 @@ Twins: ``kernels/raycast.cl``, those named below, and ``kernels/light_volume.cl`
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -66,8 +67,9 @@ def cast(
     camera: Camera,
     size: tuple[int, int],
     spec: RaycastSpec,
+    stop_mm: NDArray[np.float32] | None = None,
 ) -> Result:
-    """Cast every pixel of a picture of (width, height).
+    """Cast every pixel of a picture of (width, height); rays end at ``stop_mm`` (H, W), if given.
 
     Returns coefficients (H, W, L·M), premultiplied by opacity; alpha; depth_mm, the expected
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
@@ -83,7 +85,10 @@ def cast(
         kind = _Preintegrated
     elif table.filters is not None:
         kind = _Filtered
-    cast = kind(volume, table, camera, spec, make_rays(volume, camera, size, spec))
+    rays = make_rays(volume, camera, size, spec)
+    if stop_mm is not None:
+        rays = replace(rays, far=np.minimum(rays.far, stop_mm.ravel()))
+    cast = kind(volume, table, camera, spec, rays)
     cast.march()
     shape = (height, width)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -25,6 +25,7 @@ from volspec.basis import SpectralBasis
 from volspec.pipeline import OpacityCaster
 from volspec.raycast import Camera
 from volspec.raycast.projection import Projection
+from volspec.raycast.sampling import world_rays
 from volspec.room.backdrop import CornerColours, corner_owners, seen_corners
 from volspec.room.form_factors import frames, sobol
 from volspec.room.response import RoomResponse
@@ -148,6 +149,15 @@ class Backdrop:
         width, height = size
         return found.reshape(height, width, -1)
 
+    def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+        """Return (H, W) distances of the room's surfaces, mm of the volume; inf without one."""
+        seen, points = self._look(camera, size)
+        origins, directions = world_rays(camera, *size)
+        along = np.einsum("kc,kc->k", points - origins, directions)
+        width, height = size
+        there = np.diff(seen.indptr) > 0
+        return np.where(there, along, np.inf).astype(np.float32).reshape(height, width)
+
     def _look(self, camera: Camera, size: tuple[int, int]) -> tuple[csr_array, Array]:
         """Return the weights of the corners, and the points that pixels see, mm of the volume."""
         if self._seen is None or self._seen[0] != (camera, size):
@@ -161,23 +171,10 @@ class Backdrop:
 
     def _rays(self, camera: Camera, size: tuple[int, int]) -> tuple[Array, Array]:
         """Return origins and directions of the pixels' rays, (H·W, 3), in the room."""
-        width, height = size
-        place, field = self._placement, camera.ray_field(width, height)
-        x = np.arange(width) - field.middle[0]
-        y = np.arange(height) - field.middle[1]
-        offset = (x[None, :, None] * field.across + y[:, None, None] * field.down).reshape(-1, 3)
-        if field.perspective:
-            eye = field.target - field.distance * field.forward
-            directions = field.distance * field.forward + offset
-            origins = np.broadcast_to(eye, directions.shape)
-        else:
-            directions = np.broadcast_to(field.forward, offset.shape)
-            origins = field.target + offset - field.distance * field.forward
-        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        origins = place.metres_per_mm * np.einsum(
-            "kc,dc->kd", origins - self._middle_mm, place.axes
-        )
-        return origins + place.position_m, np.einsum("kc,dc->kd", directions, place.axes)
+        place, (origins, directions) = self._placement, world_rays(camera, *size)
+        origins = np.einsum("kc,dc->kd", origins - self._middle_mm, place.axes)
+        directions = np.einsum("kc,dc->kd", directions, place.axes)
+        return place.metres_per_mm * origins + place.position_m, directions
 
     def _cast_shadows(self, opacity: OpacityCaster) -> list[list[ShadowMap]]:
         """Return the shadow maps of each of the room's lights."""
