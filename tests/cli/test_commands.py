@@ -26,7 +26,8 @@ from volspec._gpu import devices
 from volspec._gpu.sources import asset
 from volspec.basis import SpectralBasis
 from volspec.cli import main
-from volspec.errors import DeviceError, OpenGLError
+from volspec.errors import DeviceError, InputError, OpenGLError
+from volspec.export import demo as export_demo
 from volspec.export import read_frame_text
 from volspec.pipeline import raycast
 from volspec.raycast import Camera
@@ -93,6 +94,18 @@ def test_demo_writes_everything_it_promises(demo: Path) -> None:
         *("engine-block.csv", "engine-inserts.csv", "engine.exr", "engine.html", "engine.nrrd"),
         *("engine.toml", "errors.png", "frames", "report.json", "sheet.png"),
     ]
+
+
+def test_a_demo_that_fails_leaves_no_empty_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: object, out: Path, *__: object, **___: object) -> None:
+        out.mkdir()
+        raise InputError("no space left; free some", code="unwritable")
+
+    monkeypatch.setattr(export_demo, "run_demo", full)
+    assert refusal("demo", "--out", tmp_path / "out").code == "unwritable"
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_demo_s_scene_can_be_moved(demo: Path, tmp_path: Path) -> None:

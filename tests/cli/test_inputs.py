@@ -40,6 +40,15 @@ def test_a_volume_is_rendered_as_its_new_scene_is(scans: Path) -> None:
     assert scene.file.camera.azimuth_deg == -90 and [each.name for each in scene.lights] == ["A"]
 
 
+def test_everyday_names_of_lights_are_told(scans: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Lights of a volume's new scene, and those added to a page."""
+    lights = "-l", "LED", "-l", "a"
+    assert call("scene", "new", scans / "a.npy", "-o", "a.toml", *lights) == 0
+    assert call("page", "a.toml", "-o", "a.html", "-l", "sodium", *SIZE) == 0
+    notes = [line for line in capsys.readouterr().err.splitlines() if "note" in line]
+    assert notes == ["volspec: note: LED is LED-B3", "volspec: note: sodium is HP1"]
+
+
 def test_left_is_the_patients_left(scans: Path) -> None:
     """The patient's left is at +x in LPS, an azimuth of 90 degrees."""
     import SimpleITK as sitk

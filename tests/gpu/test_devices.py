@@ -96,6 +96,10 @@ def test_if_none_works_the_error_has_each_fault_and_the_remedies(
     with raises(OpenCLError) as caught:
         choose_device()
     assert "libc6-dev" in caught.value.remedy
+    monkeypatch.setenv(devices.BUILD_VARIABLE, "-Dfloat=half")
+    with raises(OpenCLError) as caught:
+        choose_device()
+    assert caught.value.remedy == f"unset {devices.BUILD_VARIABLE}"
 
 
 def test_a_failure_is_cached_for_a_day(

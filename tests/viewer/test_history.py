@@ -92,7 +92,7 @@ _COSTS |= dict.fromkeys(("lights", "light_parts", "viewing", "light_states.recal
 _COSTS |= dict.fromkeys(("slices", "light_states", "cuts.choose_plane", "lights.choose"), "frame")
 _COSTS |= dict.fromkeys(("lighting", "quality"), "cast")
 _COSTS |= {"lighting.choose_source": "frame", "lighting.set_spectrum": "relight"}
-_COSTS["transfer_edits.choose_part"] = "frame"
+_COSTS |= {"transfer_edits.choose_part": "frame", "measure.show": "frame"}
 # The first target makes the materials channels, which is the one cast; these relight.
 _COSTS |= {
     f"palette_edits.{name}": "relight"

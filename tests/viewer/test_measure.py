@@ -97,6 +97,19 @@ def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
         robot.rest()
         robot.key("Escape")
         robot.rest()
+        # The palette takes keys at once, before it is drawn: S saves no picture.
+        robot.do("key", "--delay", "0", "ctrl+p", "s")
+        robot.rest()
+        robot.key("Escape")
+        robot.rest()
+        # A double click on its caption in the picture edits the text.
+        robot.do("mousemove", *robot.middle("annotation 1"), "sleep", "0.1")
+        robot.do("click", "--repeat", "2", "--delay", "60", "1")
+        robot.rest()
+        robot.type("the crust")
+        robot.rest()
+        robot.key("Return")
+        robot.rest()
         robot.key("ctrl+s")
         robot.rest()
         before = robot.now()
@@ -107,7 +120,7 @@ def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
         assert robot.viewer.poll() is None
     scene = Scene.load(saved["path"])
     found, label = scene.file.annotation
-    assert label.text == "a crust"
+    assert label.text == "the crust"
     assert [path.suffix for path in tmp_path.iterdir()].count(".png") == 0
     assert 5 < (found.value or 0.0) < 24
     # The first hits lie on the box's surface, and appear where they were clicked.

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     import pyopencl as cl
 
 DEVICE_VARIABLE = "VOLSPEC_DEVICE"
+# Options that pyopencl adds to every build.
+BUILD_VARIABLE = "PYOPENCL_BUILD_OPTIONS"
 _INTEL_WHEEL, _INTEL_LIBRARIES = "intel-opencl-rt", ("libintelocl.so", "intelocl64.dll")
 # Where pyopencl's loader looks for drivers.
 _VENDOR_VARIABLES, _VENDORS = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"), "/etc/OpenCL/vendors"
@@ -167,9 +169,8 @@ def unusable_error(meant: list[int], found: list[DeviceInfo]) -> OpenCLError:
     if len(meant) < len(found):
         way = f"choose another device with {DEVICE_VARIABLE}; see volspec doctor"
         return OpenCLError(f"OpenCL: {faults}", way, code="unsupported")
-    return OpenCLError(
-        f"OpenCL: no device can run a kernel. {faults}", remedy(found), code="unsupported"
-    )
+    way = f"unset {BUILD_VARIABLE}" if os.environ.get(BUILD_VARIABLE) else remedy(found)
+    return OpenCLError(f"OpenCL: no device can run a kernel. {faults}", way, code="unsupported")
 
 
 def all_devices() -> list[cl.Device]:

@@ -17,6 +17,7 @@ from weakref import WeakKeyDictionary
 from numpy.typing import NDArray
 
 from volspec._gpu.devices import (
+    BUILD_VARIABLE,
     DEVICE_VARIABLE,
     DeviceInfo,
     all_devices,
@@ -44,7 +45,6 @@ OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
 
 
 # Variable whose options pyopencl adds to every build.
-_BUILD_VARIABLE = "PYOPENCL_BUILD_OPTIONS"
 
 
 @dataclass(slots=True)
@@ -111,12 +111,12 @@ class Compute:
                 program = cl.Program(self.context, source.text).build(options=list(options))
         except cl.RuntimeError as error:
             self._check_device()
-            extra = os.environ.get(_BUILD_VARIABLE, "").split()
+            extra = os.environ.get(BUILD_VARIABLE, "").split()
             raise OpenCLError(
                 f"{source.files[1]} does not build on {self.info.name} with "
                 f"{' '.join((*options, *extra)) or 'no options'}: "
                 f"{first_error(str(error), source)}",
-                f"unset {_BUILD_VARIABLE}"
+                f"unset {BUILD_VARIABLE}"
                 if extra
                 else "update the device's driver, or choose another device with "
                 f"{DEVICE_VARIABLE}; `volspec doctor` lists them",

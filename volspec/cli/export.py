@@ -28,7 +28,7 @@ from volspec.cli.inputs import (
     open_scene,
     run_jobs,
 )
-from volspec.cli.shell import Device, Json, app, as_written, counted, say
+from volspec.cli.shell import Device, Json, app, as_written, counted, note_everyday, say
 from volspec.cli.viewing import in_options
 from volspec.errors import ImageError, InputError, nearest
 
@@ -272,6 +272,7 @@ def page(
                 code="conflict",
             )
         for text in extra:
+            note_everyday(text)
             if (room := scene.room) is not None:
                 names = dict.fromkeys(room.response.names, 1.0)
                 lamps = LightRig.of(read_setting(text, names, scene.basis.grid))

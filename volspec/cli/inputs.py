@@ -16,7 +16,7 @@ from cyclopts import Parameter
 
 from volspec._files import plain_stem, require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, require_scene
-from volspec.cli.shell import bar, counted, print_json, say
+from volspec.cli.shell import bar, counted, note_everyday, print_json, say
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecError, one_line
 
@@ -74,6 +74,7 @@ def open_scene(
     if Path(address).suffix.lower() != ".toml":
         for text in lights or ():
             light(text, DEFAULT_GRID)  # refused before the volume is read
+            note_everyday(text)
         volume = load_volume(address)
         orbit = None if wanted is None else _orbit(wanted, lambda: volume)
         with in_options({"preset": "--preset"}):

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from volspec import __version__
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import read_image_setting, require_image
-from volspec.cli.shell import app, as_written, note, say
+from volspec.cli.shell import app, as_written, note, note_everyday, say
 from volspec.cli.viewing import PictureOptions, in_options
 from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
 
@@ -144,8 +144,7 @@ def relight(
             write_frame(path, frame, notes, spec.viewing.display.space)
             blanks.add(str(path), text, frame, stored.alpha)
             say(path)
-            if text.isalpha() and (name := getattr(lamp, "name", text)) != text:
-                note(f"{text} is {name}")  # an everyday word, such as LED
+            note_everyday(text)
             # For the warning alone, some of a large picture's pixels are enough.
             every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
             off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)

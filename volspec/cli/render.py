@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -190,7 +191,11 @@ def demo(*, out: Path = Path("volspec-demo"), device: Device = None, json: Json 
         tell("fit the basis", 0)
         scene = Scene.load(asset("data/scenes/engine.toml"))
         tell("fit the basis", 1)
-        report = run_demo(scene, out, tell, device=device)
+        try:
+            report = run_demo(scene, out, tell, device=device)
+        finally:
+            with suppress(OSError):  # as on a full disk; a folder with files stays
+                out.rmdir()
     if json:
         print_json(report.to_dict())
         return

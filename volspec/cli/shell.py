@@ -180,6 +180,15 @@ def note(text: str) -> None:
     print(f"volspec: note: {one_line(text)}", file=sys.stderr)
 
 
+def note_everyday(text: str) -> None:
+    """Print the light that an everyday word means, such as LED."""
+    from volspec.spectra.library import canonical_light
+
+    name = canonical_light(text)
+    if name is not None and name.casefold() != text.strip().casefold():
+        note(f"{text} is {name}")
+
+
 def _show_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int, *_: Any, **__: Any
 ) -> None:

@@ -25,7 +25,7 @@ from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import menus, messages, start
-from volspec.viewer.ui.context import Results, UiContext
+from volspec.viewer.ui.context import CLICK_FRAMES, Results, UiContext
 from volspec.viewer.ui.file_commands import FileCommands
 from volspec.viewer.ui.inputs import Input
 from volspec.viewer.ui.layout import Docks
@@ -49,8 +49,6 @@ _SETTLE = 3
 # Frames per click or key, as imgui processes one step of them per frame.
 _FRAMES_EACH, _MOST = 3, 90
 _IDLE_S, _BUSY_S = 0.5, 0.02
-# imgui takes the parts of a click (move, press, release) one per frame.
-_CLICK_FRAMES = 4
 # A mouse that is still for this long gets a tooltip, for which imgui needs frames, too.
 _STILL_S = 0.6
 # The longest that another thread computes before this one may continue; each GL or glfw call
@@ -131,7 +129,6 @@ class _App:
         self._scheduler = CastScheduler(Window.wake)
         self._docks, self._mouse = Docks(), Mouse()
         self._focus = Focus()
-        self._text_wanted = "", 0  # the text to focus, and for how many more frames
         self._fade: Fade | None = None
         self._fade_began = 0.0
         self._fading = False  # more frames are needed
@@ -365,15 +362,18 @@ class _App:
         sides = (int(side * ratio) for side in area[2:])
         width, height = (min(max(side, LEAST_PICTURE), MOST_PICTURE) for side in sides)
         state = replace(state, size=(width, height))
-        typing = imgui.get_io().want_text_input
+        writing = imgui.get_io().want_text_input
         for given in inputs:
             if given.name != "move":
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
                 self._file_commands.documents.drop(given.paths)
-            elif given.name != "key" or typing or self._focus.takes(given.key, bool(self._ui.menu)):
                 continue
-            elif given.key in BY_KEY:
+            # The command palette takes keys before its field has the focus, too.
+            typing = writing or self._ui.commands is not None
+            if given.name != "key" or typing or self._focus.takes(given.key, bool(self._ui.menu)):
+                continue
+            if given.key in BY_KEY:
                 state = self._ui.run(state, BY_KEY[given.key])
         state = self._mouse.apply(state, inputs, area)
         if self._mouse.clicked is not None:
@@ -394,15 +394,15 @@ class _App:
         new = self._ui.edited(state, bind(measure.pick, point))
         if state.interface.tool == "label" and len(new.annotations) > len(state.annotations):
             # The next keys are the label's text, not commands.
-            self._text_wanted = f"annotation text {len(state.annotations)}", _CLICK_FRAMES
+            self._ui.text_wanted = f"annotation text {len(state.annotations)}", CLICK_FRAMES
         return new
 
     def _focus_text(self) -> None:
         """Focus the text that a click made, also after imgui has seen the click."""
-        item, frames = self._text_wanted
+        item, frames = self._ui.text_wanted
         if frames and not imgui.is_any_item_active():
             self._ui.front, self._ui.item = measure.PANEL, item
-        self._text_wanted = item, max(frames - 1, 0)
+        self._ui.text_wanted = item, max(frames - 1, 0)
 
     def _do_requests(self) -> None:
         """Run the commands that are not edits of the state."""

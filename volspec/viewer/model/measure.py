@@ -25,8 +25,13 @@ def start(state: ViewState, tool: str) -> ViewState:
     """Start picking points with a tool, or stop if it is in use."""
     if tool not in TOOLS or state.interface.tool == tool:
         return stop(state)
-    panels = state.interface.panels | {PANEL}
-    return with_interface(state, tool=tool, tool_points=(), panels=panels)
+    return with_interface(show(state), tool=tool, tool_points=())
+
+
+@edit
+def show(state: ViewState) -> ViewState:
+    """Show the panel that lists the annotations."""
+    return with_interface(state, panels=state.interface.panels | {PANEL})
 
 
 @edit

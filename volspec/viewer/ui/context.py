@@ -119,6 +119,10 @@ class Results:
     thumbnails: Thumbnails | None = None
 
 
+# Frames to ask for a text's focus after a click: imgui takes move, press and release one per frame.
+CLICK_FRAMES = 4
+
+
 @dataclass(slots=True)
 class UiContext:
     """The panels' context; the app updates it every frame."""
@@ -131,6 +135,7 @@ class UiContext:
     commands: Search | None = None  # the command palette; None if it is closed
     menu: str = ""  # the open menu
     menu_step: int = 0  # the step to another menu that an arrow was pressed for
+    text_wanted: tuple[str, int] = "", 0  # the text to focus, and for how many more frames
     focus_menu: str = ""  # the menu whose title to focus now, and then to open,
     open_menu: str = ""  # and the menu to open now
     start: bool = False  # the start screen is open

@@ -13,7 +13,7 @@ from volspec.viewer.model.room import light_names
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import fill_box, kelvin_slider, raw_colour
-from volspec.viewer.ui.widgets import ACCENT, as_one_line, text_width, wrap_text
+from volspec.viewer.ui.widgets import ACCENT, as_one_line, shorten_middle, text_width, wrap_text
 
 _KNOB, _LABELS, _COMPLAINT = 52.0, 84.0, 320.0
 # Change of weight per pixel that the mouse drags the knob.
@@ -140,10 +140,11 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     imgui.set_next_item_width(width)
     entered, text = imgui.input_text_with_hint(f"##{name}", "drawn", shown, _ENTER)
     ui.note(name)
+    if not imgui.is_item_active():
+        _shorten_field(shown)
     if complaint := panel.complaint_at((index, part), state.lights):
         _complaint(complaint, ui, name)
     else:
-        # A long one is cut in the field.
         tip(
             f"{as_one_line(shown or row.name)}\n\n"
             "D65, planck:3200, daylight:6500, lamp:candle-1900,\n"
@@ -162,6 +163,21 @@ def _text(state: ViewState, ui: UiContext, index: int, part: int, width: float) 
     if refusal:
         panel.complain(refusal, (index, part), state.lights)
     return new
+
+
+def _shorten_field(text: str) -> None:
+    """Draw a notation that is longer than its field, the last item, without its middle."""
+    (left, top), (right, low) = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+    style = imgui.get_style()
+    short = shorten_middle(text, right - left - 2 * style.frame_padding.x)
+    if short == text:
+        return
+    paint = imgui.get_window_draw_list()
+    under = imgui.get_color_u32(imgui.Col_.window_bg), imgui.get_color_u32(imgui.Col_.frame_bg)
+    for colour in under:  # the latter is translucent
+        paint.add_rect_filled((left, top), (right, low), colour, style.frame_rounding)
+    place = left + style.frame_padding.x, top + style.frame_padding.y
+    paint.add_text(place, imgui.get_color_u32(imgui.Col_.text), short)
 
 
 def _complaint(text: str, ui: UiContext, name: str) -> None:

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 from imgui_bundle import imgui
 
-from volspec.raycast.projection import Place, Projection
+from volspec.raycast.projection import Projection
 from volspec.scene.annotation import Annotation, place_annotation
 from volspec.settings import Vector
 from volspec.viewer.model import measure
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui.context import UiContext
+from volspec.viewer.ui.context import CLICK_FRAMES, UiContext
+from volspec.viewer.ui.mouse import Area
 from volspec.viewer.ui.widgets import (
     BLACK,
     WHITE,
@@ -27,14 +28,22 @@ _TITLES = {"distance": "Distance", "angle": "Angle", "label": "Label"}
 
 
 def draw_annotations(state: ViewState, ui: UiContext) -> ViewState | None:
-    """Draw the annotations, the points picked so far, and what to click next; Esc ends a tool."""
+    """Draw the annotations, the points picked so far, and what to click next.
+
+    Esc ends a tool; without one, a double click on a caption edits its text in the panel.
+    """
     projection = ui.projection(state)
+    wanted = None
     for number, each in enumerate(state.annotations):
-        middle = _draw(projection, ui, each.points_mm, each.caption)
-        if middle is not None:
-            ui.areas[f"annotation {number}"] = int(middle[0]), int(middle[1]), 1, 1
+        area = _draw(projection, ui, each.points_mm, each.caption)
+        if area is not None:
+            ui.areas[f"annotation {number}"] = area
+            wanted = number if _double_clicked(area) else wanted
     if not state.interface.tool:
-        return None
+        if wanted is None:
+            return None
+        ui.text_wanted = f"annotation text {wanted}", CLICK_FRAMES
+        return measure.show(state)
     points = state.interface.tool_points
     if points:
         _draw(projection, ui, points, "")
@@ -43,18 +52,28 @@ def draw_annotations(state: ViewState, ui: UiContext) -> ViewState | None:
     return measure.stop(state) if escaped else None
 
 
+def _double_clicked(area: Area) -> bool:
+    """Return True if this frame has a double click into an area of the picture."""
+    (x, y), (left, top, width, height) = imgui.get_mouse_pos(), area
+    inside = left <= x < left + width and top <= y < top + height
+    free = inside and not imgui.get_io().want_capture_mouse
+    return free and imgui.is_mouse_double_clicked(0)
+
+
 def _draw(
     projection: Projection, ui: UiContext, points: Sequence[Vector], caption: str
-) -> Place | None:
-    """Draw points, the line through them and a caption; return the caption's place."""
+) -> Area | None:
+    """Draw points, the line through them and a caption; return the caption's rectangle."""
     leader = (ui.px(_LEADER), -ui.px(_LEADER)) if caption else (0.0, 0.0)
     placed = place_annotation(points, projection, leader)
     if placed is None:
         return None
     (x, y), dots = placed.caption.tolist(), placed.dots.tolist()
     lines = [(one.tolist(), two.tolist()) for one, two in placed.lines]
-    size = imgui.calc_text_size(caption)
+    size, pad = imgui.calc_text_size(caption), ui.px(4)
     text = x + ui.px(7), y - size.y - ui.px(4)
+    low = text[0] - pad, text[1] - pad / 2
+    high = text[0] + size.x + pad, text[1] + size.y + pad / 2
     with over_picture(ui) as draw_list:
         # The outline first: white on black is visible on any picture.
         for colour, wider in ((pack_colour(BLACK, 0.75), ui.px(_OUTLINE)), (pack_colour(WHITE), 0)):
@@ -63,14 +82,9 @@ def _draw(
             for dot in dots:
                 draw_list.add_circle_filled(dot, ui.px(_DOT) + wider, colour)
         if caption:
-            pad = ui.px(4)
-            low, high = (
-                (text[0] - pad, text[1] - pad / 2),
-                (text[0] + size.x + pad, text[1] + size.y + pad / 2),
-            )
             draw_list.add_rect_filled(low, high, pack_colour(BLACK, 0.62), ui.px(3))
             draw_list.add_text(text, pack_colour(WHITE), caption)
-    return x, y
+    return int(low[0]), int(low[1]), int(high[0] - low[0]), int(high[1] - low[1])
 
 
 def _draw_hint(text: str, ui: UiContext) -> None:

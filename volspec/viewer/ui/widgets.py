@@ -193,6 +193,21 @@ def shorten(text: str, width: float, measure: Callable[[str], float] = text_widt
     return text[:end].rstrip() + "…"
 
 
+def shorten_middle(text: str, width: float, measure: Callable[[str], float] = text_width) -> str:
+    """Return a text in one line, with an ellipsis in its middle if it would be wider.
+
+    >>> shorten_middle("led:455*0.3+led:600", 11, len), shorten_middle("D65", 5, len)
+    ('led:4…d:600', 'D65')
+    """
+    text = as_one_line(text)
+    if measure(text) <= width:
+        return text
+    each = len(text) // 2
+    while each > 1 and measure(f"{text[:each]}…{text[-each:]}") > width:
+        each -= 1
+    return f"{text[:each]}…{text[-each:]}"
+
+
 def wrap_text(text: str, colour: int) -> None:
     """Draw a text in as many lines as it needs, in one of the theme's colours."""
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
