@@ -22,6 +22,7 @@ from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.lights import HEADLIT
+from volspec.raycast.projection import Projection
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
 from volspec.spectra import Spectrum
@@ -173,7 +174,11 @@ def raycast(
     stop_mm = None if behind is None else behind.depth_mm(camera, checked_size(size))
     cast = caster.cast(table, camera, size, spec, progress, cancel, slot, stop_mm)
     if not cast.alpha.any():
-        warnings.warn(_empty_picture_warning(volume, table), VolspecWarning, stacklevel=2)
+        if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
+            why = _empty_picture_warning(volume, table)
+        else:
+            why = _looks_past_warning(volume)
+        warnings.warn(why, VolspecWarning, stacklevel=2)
     notes = {
         "volume": volume.name,
         "camera": repr(camera),
@@ -348,6 +353,8 @@ def _empty_picture_warning(volume: Volume, table: TransferTable | SurfaceTable) 
     if isinstance(table, SurfaceTable):
         levels = ", ".join(f"{value:g}" for value in table.values)
         content = f"The isosurfaces lie at {levels}"
+    elif not table.opacity.any():
+        return f"{volume.name}: the picture is empty: every opacity is 0; raise one"
     else:
         content = (
             f"The transfer function runs from {table.domain[0]:g} to {table.domain[1]:g} with "
@@ -357,4 +364,13 @@ def _empty_picture_warning(volume: Volume, table: TransferTable | SurfaceTable) 
         f"{volume.name}: the picture is empty. {content}, but the volume's values from "
         f"{volume.range[0]:g} to {volume.range[1]:g}; or the camera looks past it, or crop and "
         "clip planes leave nothing of it"
+    )
+
+
+def _looks_past_warning(volume: Volume) -> str:
+    """Return the warning about a camera that does not see the volume."""
+    middle = ", ".join(f"{x:.4g}" for x in volume.corners_mm.mean(axis=0))
+    return (
+        f"{volume.name}: the picture is empty: the camera looks past the volume, whose middle is "
+        f"at ({middle}) mm; aim there, or leave out target_mm and position_mm in a scene"
     )

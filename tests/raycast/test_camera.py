@@ -106,6 +106,13 @@ def test_an_empty_picture_is_warned_about_with_its_likely_reason() -> None:
     transfer = TransferFunction([(100, 0, "copper"), (200, 1, "copper")], COPPER, BASIS)
     with warns("100", "200", " 0 "):
         raycast(volume, transfer, Camera.orbit(volume), (16, 16))
+    clear = TransferFunction([(0, 0, "copper"), (1, 0, "copper")], COPPER, BASIS)
+    with warns("opacity", "0"):
+        raycast(volume, clear, Camera.orbit(volume), (16, 16))
+    solid = TransferFunction([(0.2, 0.5, "copper")], COPPER, BASIS)
+    for target in ((900.0, 900.0, 0.0), (-50.0, 5.5, 5.5)):  # beside, and behind
+        with warns("5.5, 5.5, 5.5", "target_mm"):
+            raycast(volume, solid, Camera((-20.0, 5.5, 5.5), target), (16, 16))
 
 
 def test_a_caster_casts_its_own_volume_only() -> None:

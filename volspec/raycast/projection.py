@@ -59,6 +59,15 @@ class Projection:
         divisor = np.where(np.abs(at[..., 2:]) < NEAR, NEAR, at[..., 2:])
         return np.concatenate([at[..., :2] / divisor + self._middle, at[..., 2:]], axis=-1)
 
+    def shows(self, points_mm: NDArray[np.float64]) -> bool:
+        """Return False if a body with these corners (N, 3) is certainly out of the picture."""
+        x, y, depth = self.to_window(points_mm).T
+        if not (depth > NEAR).all():
+            return bool((depth > NEAR).any())
+        left, top, width, height = self.area
+        across, down = x.max() >= left and x.min() <= left + width, y.max() >= top
+        return bool(across and down and y.min() <= top + height)
+
     def segments(
         self, starts_mm: NDArray[np.float64], ends_mm: NDArray[np.float64]
     ) -> list[tuple[Place, Place] | None]:
