@@ -362,8 +362,9 @@ def require_suffix(
     """Return a file's path; refuse a wrong suffix. ``what`` is the kind of file, in the plural."""
     target = Path(path)
     if target.suffix.lower() not in suffixes:
-        problem = f"{target}: {what} are {', '.join(suffixes)} files"
-        raise error(problem, f"use {suffixes[0]}", code="unsupported")
+        kinds = " or ".join(suffixes)
+        problem = f"{target}: {what} are {kinds} files"
+        raise error(problem, f"use {kinds}", code="unsupported")
     return target
 
 

@@ -110,7 +110,7 @@ def test_an_empty_picture_is_warned_about_with_its_likely_reason() -> None:
     with warns("opacity", "0"):
         raycast(volume, clear, Camera.orbit(volume), (16, 16))
     solid = TransferFunction([(0.2, 0.5, "copper")], COPPER, BASIS)
-    for target in ((900.0, 900.0, 0.0), (-50.0, 5.5, 5.5)):  # beside, and behind
+    for target in ((900.0, 900.0, 0.0), (-50.0, 5.5, 5.5)):  # to one side, and behind
         with warns("5.5, 5.5, 5.5", "target_mm"):
             raycast(volume, solid, Camera((-20.0, 5.5, 5.5), target), (16, 16))
 
