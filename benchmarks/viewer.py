@@ -11,14 +11,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from benchmarks.measure import Figure, report
-from tests.support.window import Robot, along, missing
+from tests.support.window import ENGINE, Robot, along, missing
 
 # Seconds of each drag.
 DRAG_S = 5.0
 
 
 def figures() -> Iterator[Figure]:
-    """Time the start, drags of a light and drags of the view; bundled engine, 1280 × 720."""
+    """Time the start, drags of a light, of the view and of a paint; bundled engine, 1280 × 720."""
     if why := missing():
         yield Figure("viewer", None, note=why)
         return
@@ -28,6 +28,11 @@ def figures() -> Iterator[Figure]:
         yield from _light(robot)
         time.sleep(1.0)
         yield from _orbit(robot)
+    scene = str(Path(ENGINE).with_name("engine-room.toml"))
+    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder), [scene]) as robot:
+        robot.whole()
+        robot.rest()
+        yield from _paint(robot)
 
 
 def _start(robot: Robot) -> Figure:
@@ -39,13 +44,26 @@ def _start(robot: Robot) -> Figure:
 def _light(robot: Robot) -> Iterator[Figure]:
     x, y, width, height = robot.area("weight 1")
     start, end = (x + 4, y + height / 2), (x + width - 4, y + height / 2)
-    pressed, released = _drag(robot, along(start, end, DRAG_S))
+    yield from _relit(robot, "light", along(start, end, DRAG_S))
+
+
+def _paint(robot: Robot) -> Iterator[Figure]:
+    robot.click("paint walls")
+    robot.rest()
+    x, y, width, height = robot.area("paint picker")
+    start, end = (x + 10, y + 20), (x + 0.7 * width, y + 0.3 * height)
+    yield from _relit(robot, "wall paint", along(start, end, DRAG_S))
+
+
+def _relit(robot: Robot, what: str, places: list[tuple[float, float]]) -> Iterator[Figure]:
+    """Drag what needs no cast."""
+    pressed, released = _drag(robot, places)
     rows = [row for row in robot.since(pressed) if row["t"] <= released]
     frames = sum(row["stage"] == "frame" for row in rows)
     casts = sum(row["stage"] == "cast" for row in rows)
     rate = frames / (released - pressed)
-    yield Figure("viewer/light dragged, frames a second", rate, 30.0, unit="/s")
-    yield Figure("viewer/light dragged, casts", float(casts), 0.0, at_most=True, unit="")
+    yield Figure(f"viewer/{what} dragged, frames a second", rate, 30.0, unit="/s")
+    yield Figure(f"viewer/{what} dragged, casts", float(casts), 0.0, at_most=True, unit="")
 
 
 def _orbit(robot: Robot) -> Iterator[Figure]:

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -153,6 +154,22 @@ def test_an_image_packed_beforehand_is_the_image(backend, monkeypatch):
     monkeypatch.undo()
     for image, frame in zip((first, second), frames, strict=True):
         assert np.array_equal(frame, relight(image, light("A"), backend=backend))
+
+
+def test_only_the_last_channels_are_packed_and_uploaded_again(backend):
+    first, second = cast(seed=0), cast(seed=1)
+    channels = first.coefficients.shape[2]
+    mixed = first.coefficients.copy()
+    mixed[..., -2:] = second.coefficients[..., -2:]
+    packed = PackedLayers.last(first, 2)
+    assert packed.first == (channels - 2) // 4
+    packed.put(channels - 2, second.coefficients[..., -2:])
+    image = replace(first, coefficients=mixed)
+    with Relighter(first, backend) as relighter:
+        relighter.frame(light("A"))
+        relighter.update(image, packed)
+        frame = relighter.frame(light("A"))
+    assert np.array_equal(frame, relight(image, light("A"), backend=backend))
 
 
 def test_several_relighters_work_at_once_and_in_any_thread():

@@ -271,7 +271,7 @@ class SlowCasts:
         basis = SpectralBasis.load("general-7")
         self.image = CoefficientImage(np.ones((2, 3, 7), np.float32), flat, flat, basis)
 
-    def __call__(self, *what: Any, cancel: Any, caster: Any) -> CoefficientImage:
+    def __call__(self, *what: Any, cancel: Any, caster: Any, behind: Any) -> CoefficientImage:
         self.begun.append(what[3])
         while not self.go_on.wait(0.002):
             if cancel():

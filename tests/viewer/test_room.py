@@ -12,18 +12,18 @@ from numpy.typing import NDArray
 
 from tests.support.errors import raises
 from tests.support.viewer import run_command, take_until
+from tests.support.window import Robot, along
 from volspec.errors import SceneError
-from volspec.raycast.lights import HEADLIT
 from volspec.scene import Scene
 from volspec.scene.specs import ROOM_LIGHT
-from volspec.viewer.model import light_parts, lights, viewing
+from volspec.viewer.model import light_parts, lighting, lights, quality, viewing
 from volspec.viewer.model import room as edits
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
 from volspec.viewer.model.light_rows import light_rig
+from volspec.viewer.model.materials import with_material_basis
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.model.view import View
 from volspec.viewer.work.casts import CastJob, CastWorker, make_caster
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.room import RoomJob, RoomWorker
@@ -203,7 +203,8 @@ def test_paint_needs_no_cast(opened: ViewState) -> None:
     assert again.image is not None
     np.testing.assert_allclose(done.image.coefficients, again.image.coefficients, atol=1e-6)
     # An estimate is near: by how much, tests of the room say.
-    estimate = cast.walls.repainted(room).behind(cast.image)  # type: ignore[union-attr]
+    assert cast.walls is not None
+    estimate = cast.walls.behind(cast.image, room)
     change = np.abs(again.image.coefficients - cast.image.coefficients).max()
     left = np.abs(again.image.coefficients - estimate.coefficients).max()
     assert left < 0.1 * change
@@ -285,5 +286,54 @@ def test_what_a_room_cannot_do(opened: ViewState, state: ViewState) -> None:
         assert without.state is state
         assert without.message
     assert not edits.has_walls(state)
-    assert opened.shading.groups != HEADLIT
-    assert isinstance(opened.view, View)
+    # Light sources are the room's.
+    for change in (run_command(opened, "shadows"), lighting.add_source(opened, "sky")):
+        assert change.state.shading.groups != opened.shading.groups
+        kept = edits.with_room_light(opened, change.state)
+        assert kept.shading == opened.shading
+        assert kept.lights == opened.lights
+    glossy = quality.set_specular(opened, 0.4)
+    assert edits.with_room_light(opened, glossy) is glossy
+    # A basis of materials has no channels for walls: the volume is shown in the room's light.
+    exact = replace(opened, transfer=with_material_basis(opened.transfer))
+    assert not edits.has_walls(exact)
+    saved = scene_from_state(exact).room
+    assert saved is not None
+    assert not saved.walls
+    assert frame(exact).std() > 1
+
+
+def test_walls_are_painted_in_the_window_without_a_cast(screen: None, tmp_path: Path) -> None:
+    ball = phantom.ball(12).values
+    np.save(tmp_path / "ball.npy", ball)
+    (tmp_path / "room.toml").write_text(ROOM, encoding="utf-8")
+    (tmp_path / "scene.toml").write_text(SCENE, encoding="utf-8")
+    with Robot(tmp_path, ["scene.toml"], (1000, 640)) as robot:
+        robot.whole()
+        robot.rest()
+        robot.click("paint walls")
+        robot.rest()
+        before = robot.now()
+        x, y, width, height = robot.area("paint picker")
+        robot.drag(along((x + 10, y + 10), (x + width * 0.7, y + height * 0.4), 1.0))
+        robot.rest()
+        rows = robot.since(before)
+        assert sum(row["event"] == "relight" for row in rows) >= 3
+        assert not [row for row in rows if row["event"] in ("cast", "error", "gl-error")]
+        # The last picture is whole: the room was solved.
+        assert [row["whole"] for row in rows if row["event"] == "relight"][-1]
+        robot.click("paint name")
+        robot.key("ctrl+a")
+        robot.type("grey:0.5")
+        robot.key("Return")
+        robot.rest()
+        robot.key("Escape")
+        robot.key("Escape")
+        robot.key("ctrl+s")
+        robot.rest()
+        robot.key("Return")
+        path = tmp_path / "scene-view.toml"
+        assert robot.until(path.exists)
+        text = path.read_text(encoding="utf-8")
+        assert 'walls = "grey:0.5"' in text
+        assert "Y_b" not in text

@@ -172,17 +172,6 @@ class GLEngine:
         """Upload another image of the same shape; (H, W, L·M) and (H, W)."""
         self.take(PackedLayers(pack_layers(coefficients, alpha)))
 
-    def upload_from(
-        self, channel: int, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]
-    ) -> None:
-        """Upload another image, whose channels before a number are those of the present one."""
-        first = channel // 4
-        layers = pack_layers(coefficients[..., 4 * first :], alpha)
-        with self._current():
-            within = 0, 0, first, self._width, self._height, len(layers)
-            self._texture.write(layers, viewport=within)
-        self._lut_rejected = None
-
     def place(self, sharing: Sharing) -> SharedLayers:
         """Return a buffer into which OpenCL packs a picture; frames do not change until `take`.
 
@@ -208,9 +197,12 @@ class GLEngine:
 
     def take(self, layers: SharedLayers | PackedLayers) -> None:
         """Draw the picture that a finished cast packed from now on."""
-        texels = layers.layers if isinstance(layers, PackedLayers) else layers.buffer
         with self._current():
-            self._texture.write(texels)
+            if isinstance(layers, SharedLayers):
+                self._texture.write(layers.buffer)
+            else:
+                size = self._width, self._height, len(layers.layers)
+                self._texture.write(layers.layers, viewport=(0, 0, layers.first, *size))
         self._lut_rejected = None
 
     def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:

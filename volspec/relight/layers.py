@@ -112,18 +112,35 @@ def _zero_nan(values: Pixels32) -> Pixels32:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PackedLayers:
-    """An image's channels from `pack_layers`: packed on one thread, uploaded on another."""
+    """An image's channels from `pack_layers`: packed on one thread, uploaded on another.
+
+    Layers before the ``first`` are those that the device has.
+    """
 
     layers: Pixels32
+    first: int = 0
 
     @classmethod
     def of(cls, image: CoefficientImage) -> Self:
         """Pack an image, which is most of the work of `Relighter.update`."""
         return cls(pack_layers(*float32_arrays(image)))
 
+    @classmethod
+    def last(cls, image: CoefficientImage, channels: int) -> Self:
+        """Pack the layers with an image's last channels, in an array of their own."""
+        coefficients, alpha = float32_arrays(image)
+        first = (coefficients.shape[2] - channels) // 4
+        return cls(pack_layers(coefficients[..., 4 * first :], alpha), first)
+
+    def put(self, channel: int, values: Pixels32) -> None:
+        """Write channels (H, W, K), the first of which has this number in the image."""
+        for i in range(values.shape[2]):
+            at = channel + i - 4 * self.first
+            self.layers[at // 4, ..., at % 4] = values[..., i]
+
     def require(self, height: int, width: int, channels: int) -> None:
         """Raise ShapeError unless the layers are for an image (H, W, L·M)."""
-        expected = layer_count(channels), height, width, 4
+        expected = layer_count(channels) - self.first, height, width, 4
         if self.layers.shape != expected:
             raise ShapeError(
                 f"the packed layers have shape {self.layers.shape}, but the image needs {expected}",

@@ -185,8 +185,6 @@ class Relighter:
         self,
         image: CoefficientImage,
         place: SharedLayers | PackedLayers | None = None,
-        *,
-        changed_from: int = 0,
     ) -> None:
         """Replace the image with a cast of the same size, basis size and number of light groups.
 
@@ -199,8 +197,6 @@ class Relighter:
         place : SharedLayers or PackedLayers, optional
             From `place`, filled by the image's cast, so that nothing is uploaded here; or the image
             packed beforehand, so that it is only uploaded.
-        changed_from : int
-            Channels before this one are as they were, and not uploaded again.
 
         Raises
         ------
@@ -220,8 +216,6 @@ class Relighter:
         def put(engine: GLEngine | CpuEngine) -> None:
             if place is not None and isinstance(engine, GLEngine):
                 engine.take(place)
-            elif changed_from and isinstance(engine, GLEngine):
-                engine.upload_from(changed_from, *float32_arrays(image))
             else:
                 engine.upload(*float32_arrays(image))
 

@@ -17,6 +17,7 @@ References
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,11 +29,12 @@ from volspec.appearance.scene_to_display import forward_for, view_transform
 from volspec.appearance.spec import Viewing
 from volspec.errors import RoomError
 from volspec.room.direct import direct_irradiance
-from volspec.room.form_factors import frames, sobol
+from volspec.room.form_factors import Rays, frames, sobol
 from volspec.room.model import Eye, Room
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import Progress, RoomLight, no_progress
 from volspec.room.wall_paint import appearance_distance, atlas_appearance
+from volspec.settings import Vector
 from volspec.spectra import Spectrum, XYZ_from_spectra, colour_matching_functions, light
 
 Array = NDArray[np.float64]
@@ -139,14 +141,23 @@ def _cone_mean(
     solved: RoomLight, luminances: Array, eye: Array, forward: Array, cone_deg: tuple[float, float]
 ) -> float:
     """Return the mean luminance between two cones, by solid angle."""
+    hit = _cone_hits(solved.rays, tuple(eye.tolist()), tuple(forward.tolist()), cone_deg)
+    return float(np.where(hit >= 0, luminances[hit], 0.0).mean())
+
+
+# The eye stays while paints change; few, as each keeps a room's rays.
+@lru_cache(maxsize=4)
+def _cone_hits(
+    rays: Rays, eye: Vector, forward: Vector, cone_deg: tuple[float, float]
+) -> NDArray[np.intp]:
+    """Return the patches, or -1, that an eye sees between two cones."""
     shares = sobol(_CONE_RAYS, 2, seed=0)
     ends = np.cos(np.radians(cone_deg))
     cosine = ends[0] + shares[:, :1] * (ends[1] - ends[0])
     sine, turn = np.sqrt(1.0 - cosine**2), 2.0 * np.pi * shares[:, 1:]
-    first, second = frames(forward)
-    directions = cosine * forward + sine * (np.cos(turn) * first + np.sin(turn) * second)
-    hit = solved.rays.first(np.broadcast_to(eye, directions.shape), directions)
-    return float(np.where(hit >= 0, luminances[hit], 0.0).mean())
+    first, second = frames(np.array(forward))
+    directions = cosine * np.array(forward) + sine * (np.cos(turn) * first + np.sin(turn) * second)
+    return rays.first(np.broadcast_to(eye, directions.shape), directions)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -32,6 +32,7 @@ from volspec.room.response import RoomResponse
 from volspec.settings import Vector
 
 Array = NDArray[np.float64]
+Size = tuple[int, int]
 # Points of a light from which shadows are cast, and the sides of a shadow map in pixels.
 _POINTS, _MAP = 16, 96
 # A shadow map's field of view is a little larger than the volume, and never larger than this.
@@ -100,6 +101,28 @@ class ShadowMap:
         return np.where(inside, (1.0 - down) * above + down * below, 0.0)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SeenRoom:
+    """Pixels of a picture as weights of a room's corners, to see it quickly in other paints."""
+
+    backdrop: Backdrop
+    size: Size
+    weights: csr_array  # (P, 3N) of P pixels
+    shaded: NDArray[np.intp]  # pixels on which shadows fall,
+    shadows: list[csr_array]  # and what they take away of each light
+
+    def layers(self, response: RoomResponse) -> NDArray[np.float32]:
+        """Return the layers (H, W, L·M) of the room's lights, as far as they are seen."""
+        colours = self.backdrop.colours(response)
+        found = self.weights @ colours.all
+        direct = np.split(colours.direct, len(self.shadows), axis=1)
+        found[self.shaded] -= np.concatenate(
+            [taken @ each for taken, each in zip(self.shadows, direct, strict=True)], axis=1
+        )
+        width, height = self.size
+        return np.asarray(found.reshape(height, width, -1))
+
+
 class Backdrop:
     """The room's picture behind a volume, for any camera.
 
@@ -120,16 +143,38 @@ class Backdrop:
         self._middle_mm, self._radius_mm = middle_mm, radius_mm
         self._owners = corner_owners(response.solved.mesh)
         self._colours = CornerColours.of(response, basis, parts, self._owners)
-        self._seen: tuple[object, csr_array, Array] | None = None
+        self._seen: tuple[tuple[Camera, Size], csr_array, Array] | None = None
         self._maps: tuple[object, list[list[ShadowMap]]] | None = None
         self._shadows: tuple[object, NDArray[np.intp], Array] | None = None
 
     def repainted(self, response: RoomResponse) -> Backdrop:
         """Return the backdrop of the same room with other paints."""
         made = copy(self)
-        made._response = response
-        made._colours = CornerColours.of(response, self._basis, self._parts, self._owners)
+        made._response, made._colours = response, self.colours(response)
         return made
+
+    def colours(self, response: RoomResponse) -> CornerColours:
+        """Return what corners send in a room with other paints."""
+        return CornerColours.of(response, self._basis, self._parts, self._owners)
+
+    def seen_through(self, transmission: NDArray[np.float32], every: int = 1) -> SeenRoom:
+        """Return what every n-th row and column of the last picture shows, through (H, W)."""
+        assert self._seen is not None
+        _, seen, points = self._seen
+        rows, lost = self._shadows_on(self._seen[0], points)
+        kept = np.arange(len(points)).reshape(transmission.shape)[::every, ::every]
+        size = kept.shape[1], kept.shape[0]
+        place = np.full(len(points), -1)
+        place[kept.ravel()] = np.arange(kept.size)
+        there = place[rows] >= 0
+        rows, lost = rows[there], lost[there]
+        part = transmission.reshape(-1, 1)
+        shadows = [
+            csr_array(seen[rows].multiply(part[rows] * each[:, None]), dtype=np.float32)
+            for each in lost.T
+        ]
+        weights = csr_array(seen[kept.ravel()].multiply(part[kept.ravel()]), dtype=np.float32)
+        return SeenRoom(self, size, weights, place[rows], shadows)
 
     def __call__(
         self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster | None = None

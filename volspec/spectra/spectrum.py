@@ -113,6 +113,8 @@ class Spectrum:
     def on(self, grid: SpectralGrid) -> Spectrum:
         """Return band means on a grid; see `SpectralGrid.band_means` for the rules and errors."""
         require_grid(grid)
+        if np.array_equal(self.wavelengths_nm, grid.wavelengths_nm):
+            return self
         try:
             values = grid.band_means(self.wavelengths_nm, self.values)
         except SpectrumError as error:

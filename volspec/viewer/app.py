@@ -16,7 +16,7 @@ from pathlib import Path
 from imgui_bundle import imgui, implot
 
 from volspec.errors import InputError
-from volspec.viewer.model import measure
+from volspec.viewer.model import measure, room
 from volspec.viewer.model.commands import BY_KEY, MENUS
 from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
@@ -217,9 +217,9 @@ class _App:
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
-        if (room := self._screen.take_room(self._present)) is not None:
+        if (solved := self._screen.take_room(self._present)) is not None:
             assert self._history is not None
-            self._history = self._history.amend(replace(self._history.present, room=room))
+            self._history = self._history.amend(replace(self._history.present, room=solved))
             news = True
         warned = self._warned.take()
         for message in warned:
@@ -265,6 +265,8 @@ class _App:
                 state = after_fade(present, shown, state)
             if image is not None and present is not None:
                 state = self._without_cast(present, state)
+            if present is not None and state.room is not None:
+                state = self._with_room_light(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
             if self._docks.settled:
@@ -303,6 +305,13 @@ class _App:
         possible = without_cast(present, state)
         if possible is not state and self._notice.text != _ONE_VIEW:
             self._notice.show_warning(_ONE_VIEW)
+        return possible
+
+    def _with_room_light(self, present: ViewState, state: ViewState) -> ViewState:
+        """Undo what would replace the room's light, and say so."""
+        possible = room.with_room_light(present, state)
+        if possible is not state and self._notice.text != room.LIGHTS:
+            self._notice.show_warning(room.LIGHTS)
         return possible
 
     def _wait_for_file(self, inputs: list[Input]) -> None:

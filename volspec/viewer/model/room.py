@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 Codes = tuple[float, float, float]
 PANEL = "Room"
 NONE = "This scene has no room; in its file, [room] puts the volume into one"
+LIGHTS = "The room lights the volume; its file has the lamps, and the Room panel the paints"
 ALL_WALLS, WALLS = "walls", ("left", "right", "front", "back")
 # The largest code of a paint: none reflects everything.
 _BRIGHTEST = 254
@@ -47,6 +48,16 @@ def shown_spec(state: ViewState) -> RelightSpec:
 @lru_cache(maxsize=8)
 def _spec_in_room(spec: RelightSpec, room: SceneRoom, view: View) -> RelightSpec:
     return replace(spec, viewing=room.viewing(spec.viewing, CameraSpec(**asdict(view))))
+
+
+def with_room_light(old: ViewState, new: ViewState) -> ViewState:
+    """Return a state without changes of the light sources, which are the room's."""
+    if new.room is None or new.document is not old.document:
+        return new
+    if new.shading.groups == old.shading.groups:
+        return new
+    shading = replace(new.shading, groups=old.shading.groups)
+    return replace(new, shading=shading, lights=old.lights)
 
 
 def light_names(state: ViewState) -> tuple[str, ...]:
@@ -108,16 +119,17 @@ def seen_XYZ(room: SceneRoom, rows: light_rows.Rows) -> Array | None:
     lamps, facing = light_rows.light_rig(rows), light_rows.facing_light(rows, room)
     if lamps is None or facing is None or not facing.total_lux:
         return None
-    solved = room.response.under(room.spectra(lamps))
-    mesh, areas = solved.mesh, solved.mesh.areas_m2
-    means = []
+    mesh, power = room.response.solved.mesh, room.spectra(lamps)
+    areas = mesh.areas_m2
+    means, paints = [], []
     for surface in paintable(room):
         names = WALLS if surface == ALL_WALLS else (surface,)
         there = np.isin(mesh.surface, [mesh.names.index(name) for name in names])
-        means.append(np.average(solved.irradiance[there], axis=0, weights=areas[there]))
-    paints = np.array([reflectance_of(room, surface).values for surface in paintable(room)])
+        mean = areas[there] @ room.response.irradiance[:, there] / areas[there].sum()  # (L, B)
+        means.append(np.einsum("lb,lb->b", mean, power))
+        paints.append(reflectance_of(room, surface).values)
     scale = 100.0 * LUMINOUS_EFFICACY / facing.total_lux
-    return np.asarray(scale * (paints * means) @ colour_matching_functions(room.grid).T)
+    return np.asarray(scale * (np.array(paints) * means) @ colour_matching_functions(room.grid).T)
 
 
 @refusable

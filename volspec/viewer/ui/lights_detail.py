@@ -28,8 +28,8 @@ _LUX_TIP = (
     "count, and the eye adapts to the Viewing panel's illuminance."
 )
 
-_IN_ROOM = "The room’s lamps shine with this spectrum, as bright as in the room’s file"
-_ROOM_TIP = "Weights scale it. “room”: the spectrum in the room’s file"
+_IN_ROOM = "At weight 1 as bright as in the room’s file"
+_ROOM_TIP = "The spectrum of the room’s lamps; “room” is that of the room’s file"
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState:
@@ -265,7 +265,7 @@ def _part_buttons(
     """Draw buttons that light a dark group, or give each group a spectrum of its own."""
     rig, new = state.lights[index].rig, state
     if "" in rig.groups:
-        if imgui.button("A spectrum for each group"):
+        if imgui.button(f"A spectrum for each {'group' if state.room is None else 'lamp'}"):
             new = light_parts.split_part(new, index)
         ui.note("part groups")
         return new

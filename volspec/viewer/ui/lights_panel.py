@@ -12,7 +12,6 @@ from volspec.viewer.model import light_rows, light_states, lights
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
-from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import effects, lights_detail, lights_dial, lights_library
 from volspec.viewer.ui.context import UiContext, tip
@@ -186,7 +185,7 @@ def _row_swatch(state: ViewState, ui: UiContext, index: int) -> None:
     imgui.dummy((2 * half, height))
     top, tall = y + ui.px(2), height - ui.px(4)
     fill_box((x, top, half, tall), raw_colour(rig), rounding, corners.round_left)
-    adapted = adapted_colour(rig, shown_spec(state))
+    adapted = adapted_colour(rig, state.relight)
     fill_box((x + half, top, half, tall), adapted, rounding, corners.round_right)
     border, end = imgui.get_color_u32(imgui.Col_.text_disabled, 0.7), (x + 2 * half, top + tall)
     imgui.get_window_draw_list().add_rect((x, top), end, border, rounding)

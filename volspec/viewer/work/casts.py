@@ -14,13 +14,12 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from volspec.basis import Basis
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
-from volspec.pipeline import OpacityCaster, Raycaster, raycast
+from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.relight.layers import PackedLayers
 from volspec.transfer import Transfer
@@ -29,7 +28,7 @@ from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
-from volspec.viewer.work.room import Walls
+from volspec.viewer.work.room import Walls, WhiteWalls
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
@@ -116,6 +115,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         done = CastDone(job, divisor, 0.0)
         started = time.perf_counter()
         try:
+            white = None if job.room is None else self._white_walls(job, job.room)
             image = raycast(
                 job.document.volume,
                 job.transfer,
@@ -124,10 +124,11 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 job.shading,
                 cancel=(lambda: self._closed) if spared else self._is_superseded,
                 caster=job.document.caster,
+                behind=white,
             )
-            if job.room is not None and not (self._is_superseded() and not spared):
-                walls = self._look(job, job.room, image, divisor)
-                image, done = walls.behind(image), replace(done, walls=walls)
+            if white is not None:
+                image, walls = white.replaced(image, divisor == 1)
+                done = replace(done, walls=walls)
             # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
         except CastCancelled:
@@ -141,10 +142,10 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             done = replace(done, error=f"{message}; open the file again, or see volspec doctor")
         return replace(done, ms=1e3 * (time.perf_counter() - started))
 
-    def _look(self, job: CastJob, room: SceneRoom, image: CoefficientImage, divisor: int) -> Walls:
-        """Return what is seen of a room behind the volume; shadows follow with the whole picture.
+    def _white_walls(self, job: CastJob, room: SceneRoom) -> WhiteWalls:
+        """Return the room to cast a volume in.
 
-        Raises SceneError if the volume is not in the room.
+        Raises SceneError if the volume is not in it.
         """
         document, basis = job.document, job.transfer.basis
         if self._behind is None or self._behind[:2] != (document, basis):
@@ -153,13 +154,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         else:
             backdrop = self._behind[2].repainted(room.response)
         self._behind = document, basis, backdrop
-        height, width = image.alpha.shape
-        opacity = None
-        if document.caster is not None and divisor == 1:
-            table = document.caster.bake(job.transfer)
-            opacity = OpacityCaster.of(document.caster, table, job.shading)
-        layers = backdrop(job.camera, (width, height), opacity)
-        return Walls(room, copy(backdrop), job.camera, 1.0 - image.alpha, layers)
+        return WhiteWalls(room, backdrop, len(room.response.names) * basis.size)
 
 
 # Few sizes, as each has textures of its own on the GPU.

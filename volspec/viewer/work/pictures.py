@@ -9,7 +9,7 @@ import ctypes
 import sys
 import time
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,10 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.layers import PackedLayers
 from volspec.viewer.model.materials import same_channels
 from volspec.viewer.work.room import Walls
+
+if TYPE_CHECKING:
+    from volspec.scene.backdrop import SeenRoom
+    from volspec.scene.room import SceneRoom
 
 # mallopt(3): blocks of this size or more get their own mapping.
 _M_MMAP_THRESHOLD = -3
@@ -82,6 +86,7 @@ class Pictures:
         self._shown: Relighter | None = None
         self._half: Relighter | None = None
         self._half_image: CoefficientImage | None = None
+        self._walls: tuple[SeenRoom, PackedLayers] | None = None  # of the half picture
         self._painted: tuple[Relighter, Basis] | None = None
         self._frame: Any = None
         self._frame_of: Relighter | None = None
@@ -104,7 +109,7 @@ class Pictures:
     def show(self, image: CoefficientImage, packed: PackedLayers | None = None) -> None:
         """Take a picture, with its packed layers if any; the previous one stays until `relight`."""
         self._shown, self.image = self._relighter_of(image, packed), image
-        self._half = self._half_image = None
+        self._half = self._half_image = self._walls = None
         self.current = False
 
     def repaint(self, basis: Basis) -> None:
@@ -113,21 +118,28 @@ class Pictures:
         if image is not None and image.basis is not basis and same_channels(image.basis, basis):
             self.image = replace(image, basis=basis)
 
-    def show_walls(self, walls: Walls) -> None:
-        """Show a room in other paints at half the resolution, until `show`."""
+    def show_walls(self, walls: Walls, room: SceneRoom, every: int) -> None:
+        """Show a room in other paints in every n-th row and column, until `show`."""
         if self.image is None:
             return
-        first = self.image.coefficients.shape[2] - walls.layers.shape[2]
-        self._half = self._half or self._half_relighter(self.image)
+        if self._walls is None:
+            self._half = self._half_relighter(self.image, every)
+            assert self._half_image is not None
+            seen = walls.backdrop.seen_through(walls.transmission, every)
+            channels = len(room.response.names) * self.image.basis.size
+            self._walls = seen, PackedLayers.last(self._half_image, channels)
+        assert self._half is not None
         assert self._half_image is not None
-        walls.put(self._half_image.coefficients, 2)
-        self._half.update(self._half_image, changed_from=first)
+        seen, packed = self._walls
+        layers = seen.layers(room.response)
+        packed.put(self._half_image.coefficients.shape[2] - layers.shape[2], layers)
+        self._half.update(self._half_image, packed)
         self.current = False
 
-    def _half_relighter(self, image: CoefficientImage) -> Relighter:
-        """Return a relighter of every second row and column."""
-        second = slice(None, None, 2)
-        self._half_image = crop(image, second, second)
+    def _half_relighter(self, image: CoefficientImage, every: int = 2) -> Relighter:
+        """Return a relighter of every n-th row and column."""
+        some = slice(None, None, every)
+        self._half_image = crop(image, some, some)
         return self._relighter_of(self._half_image)
 
     def _relighter_of(

@@ -9,6 +9,7 @@ as far as the volume lets them be seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolspecError, one_line
+from volspec.pipeline import OpacityCaster
 from volspec.raycast import Camera, CoefficientImage
 from volspec.relight.layers import PackedLayers
 from volspec.viewer.work.background import LatestWorker
@@ -32,29 +34,53 @@ class Walls:
     """Visible part of a room in a picture."""
 
     room: SceneRoom
-    backdrop: Backdrop
-    camera: Camera
+    backdrop: Backdrop  # that has just seen it
     transmission: NDArray[np.float32]  # (H, W) of the volume
-    layers: Layers  # (H, W, K) without the volume
 
-    def repainted(self, room: SceneRoom) -> Walls:
-        """Return the walls of the same room in other paints."""
-        height, width = self.transmission.shape
-        backdrop = self.backdrop.repainted(room.response)
-        layers = backdrop(self.camera, (width, height))
-        return replace(self, room=room, backdrop=backdrop, layers=layers)
+    def layers(self, room: SceneRoom) -> Layers:
+        """Return the picture's last channels (H, W, K) with the room in other paints."""
+        return self.backdrop.seen_through(self.transmission).layers(room.response)
 
-    def behind(self, image: CoefficientImage) -> CoefficientImage:
-        """Return the picture with these walls, which may replace others."""
-        found = image.coefficients.copy()
-        self.put(found)
+    def behind(self, image: CoefficientImage, room: SceneRoom) -> CoefficientImage:
+        """Return the picture with the room in other paints."""
+        found, seen = image.coefficients.copy(), self.layers(room)
+        found[..., -seen.shape[2] :] = seen
         return replace(image, coefficients=found, alpha=np.ones_like(image.alpha))
 
-    def put(self, coefficients: Layers, every: int = 1) -> None:
-        """Write the walls into a picture's last channels, of every n-th row and column."""
-        part = slice(None, None, every), slice(None, None, every)
-        shown = self.transmission[part][..., None] * self.layers[part]
-        coefficients[..., -shown.shape[2] :] = shown
+
+@dataclass(slots=True, eq=False)
+class WhiteWalls:
+    """A room in which each channel of the walls is 1: a cast then has what the volume lets through.
+
+    `replaced` gives the picture its walls.
+    """
+
+    room: SceneRoom
+    backdrop: Backdrop
+    channels: int  # of all walls
+    _cast: tuple[Camera, OpacityCaster] | None = None
+
+    def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+        """Return where rays end, as `volspec.pipeline.Behind`."""
+        return self.backdrop.depth_mm(camera, size)
+
+    def __call__(self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster) -> Layers:
+        """Return ones."""
+        self._cast = camera, opacity
+        width, height = size
+        return np.ones((height, width, self.channels), np.float32)
+
+    def replaced(self, image: CoefficientImage, shadows: bool) -> tuple[CoefficientImage, Walls]:
+        """Return the cast with the room's walls; without new ``shadows``, with those before."""
+        assert self._cast is not None
+        camera, opacity = self._cast
+        through = np.array(image.coefficients[..., -1], np.float32)
+        layers = self.backdrop(camera, image.size, opacity if shadows else None)
+        found = image.coefficients.copy()
+        found[..., -self.channels :] = through[..., None] * layers
+        # The next cast looks from elsewhere.
+        walls = Walls(self.room, copy(self.backdrop), through)
+        return replace(image, coefficients=found), walls
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +117,8 @@ class RoomWorker(LatestWorker[RoomJob, RoomDone]):
             room = job.room.solved()
             done = RoomDone(job, room)
             if job.image is not None and job.walls is not None and not self._is_superseded():
-                walls = job.walls.repainted(room)
-                image = walls.behind(job.image)
+                image = job.walls.behind(job.image, room)
+                walls = replace(job.walls, room=room)
                 done = replace(done, image=image, walls=walls, packed=PackedLayers.of(image))
             yield done
         except (VolspecError, MemoryError) as error:

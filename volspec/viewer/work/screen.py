@@ -44,6 +44,8 @@ _UNANSWERED_MS = 40.0
 # A whole relight that takes longer leaves no time for the rest of a frame.
 SLOW_MS = 18.0
 _MOST_BANDS = 4
+# Rooms in other paints are coarser if a relight takes more bands than this.
+_SLOW_BANDS = 2
 
 
 class Meter:
@@ -331,7 +333,7 @@ class Screen:
         if room is None or walls is None or walls.room is room or not has_walls(state):
             return False
         if self._wanted is None or self._wanted[0] is not room:
-            self.pictures.show_walls(walls.repainted(room))
+            self.pictures.show_walls(walls, room, 3 if self._meter.bands > _SLOW_BANDS else 2)
             self._wanted = room, time.perf_counter()
             self.mark_stale()
         return True
