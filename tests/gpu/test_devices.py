@@ -144,6 +144,17 @@ def test_another_linker_repeats_the_trial(
     assert len(tries) == 3
 
 
+def test_other_build_options_repeat_the_trial(
+    put_devices: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A trial's compiler prints into a pipe, the later build's onto the terminal."""
+    tries = put_devices(NEW, faults={})
+    choose_device()
+    monkeypatch.setenv(devices.BUILD_VARIABLE, "-Dfloat=half")
+    choose_device()
+    assert len(tries) == 2
+
+
 def test_two_drivers_of_one_name_are_distinguished(
     put_devices: Callable, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -292,6 +292,8 @@ def _key(index: int, devices: Sequence[DeviceInfo]) -> str:
     info = devices[index]
     same = devices[:index].count(info)
     words = [*map(str, astuple(info)[:4]), str(same)]
+    if options := os.environ.get(BUILD_VARIABLE):  # may be what fails
+        words.append(options)
     if info.platform == POCL:  # PoCL links each kernel
         words.append("no linker" if _missing_linker() else str(_linker()))
     return " | ".join(words)
