@@ -40,7 +40,7 @@ def keys(robot: Robot, *names: str) -> None:
 def command(robot: Robot, words: str) -> None:
     """Find a command in the command palette, and run it."""
     keys(robot, "ctrl+p")
-    robot.until(lambda: "commands" in robot.rows()[-1].get("areas", ()), 1)
+    robot.rest()  # the field has the focus some frames later
     robot.type(words)
     keys(robot, "Return")
 
