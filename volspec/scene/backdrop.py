@@ -138,7 +138,7 @@ class Backdrop:
         middle_mm: Array,
         radius_mm: float,
     ) -> None:
-        self._response, self._placement, self._basis = response, placement, basis
+        self.response, self._placement, self._basis = response, placement, basis
         self._parts = parts  # (L,) factors of the layers
         self._middle_mm, self._radius_mm = middle_mm, radius_mm
         self._owners = corner_owners(response.solved.mesh)
@@ -150,7 +150,7 @@ class Backdrop:
     def repainted(self, response: RoomResponse) -> Backdrop:
         """Return the backdrop of the same room with other paints."""
         made = copy(self)
-        made._response, made._colours = response, self.colours(response)
+        made.response, made._colours = response, self.colours(response)
         return made
 
     def colours(self, response: RoomResponse) -> CornerColours:
@@ -206,7 +206,7 @@ class Backdrop:
     def _look(self, camera: Camera, size: tuple[int, int]) -> tuple[csr_array, Array]:
         """Return the weights of the corners, and the points that pixels see, mm of the volume."""
         if self._seen is None or self._seen[0] != (camera, size):
-            rays = self._response.solved.rays
+            rays = self.response.solved.rays
             seen = seen_corners(rays, *self._rays(camera, size))
             corners = rays.mesh.corners_m.reshape(-1, 3)
             inside = (corners - self._placement.position_m) @ self._placement.axes
@@ -226,12 +226,12 @@ class Backdrop:
         self._shadows = None
         return [
             [ShadowMap.of(camera, opacity) for camera in self._light_cameras(name)]
-            for name in self._response.names
+            for name in self.response.names
         ]
 
     def _light_cameras(self, name: str) -> list[Camera]:
         """Return cameras at points of a light that look at the volume."""
-        room, place = self._response.solved.room, self._placement
+        room, place = self.response.solved.room, self._placement
         for sun in room.suns:
             if sun.name == name:
                 away = np.array(sun.direction) @ place.axes * 4.0 * self._radius_mm
@@ -244,7 +244,7 @@ class Backdrop:
 
     def _emitting_points(self, name: str) -> list[Array]:
         """Return points of a surface, evenly by area, m."""
-        mesh = self._response.solved.room.mesh
+        mesh = self.response.solved.room.mesh
         part = mesh.part(mesh.surface == mesh.names.index(name))
         ends = np.cumsum(part.areas_m2) / part.areas_m2.sum()
         shares = sobol(_POINTS, 3, seed=0)
@@ -266,9 +266,9 @@ class Backdrop:
     def _shadows_on(self, view: object, points: Array) -> tuple[NDArray[np.intp], Array]:
         """Return the pixels on which shadows fall, and the part (K, L) of each light they lose."""
         if self._maps is None:
-            return np.zeros(0, np.intp), np.zeros((0, len(self._response.names)))
+            return np.zeros(0, np.intp), np.zeros((0, len(self.response.names)))
         if self._shadows is None or self._shadows[0] != view:
-            lost = np.zeros((len(points), len(self._response.names)))
+            lost = np.zeros((len(points), len(self.response.names)))
             for light, maps in enumerate(self._maps[1]):
                 near = self._near_shadow(points, maps)
                 lost[near, light] = np.mean([each.shadow(points[near]) for each in maps], axis=0)

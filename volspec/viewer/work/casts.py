@@ -152,7 +152,9 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
             backdrop = room.behind(document.volume, basis)
             assert backdrop is not None
         else:
-            backdrop = self._behind[2].repainted(room.response)
+            backdrop = self._behind[2]
+            if backdrop.response is not room.response:
+                backdrop = backdrop.repainted(room.response)
         self._behind = document, basis, backdrop
         return WhiteWalls(room, backdrop, len(room.response.names) * basis.size)
 

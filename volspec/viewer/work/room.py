@@ -34,12 +34,15 @@ class Walls:
     """Visible part of a room in a picture."""
 
     room: SceneRoom
-    backdrop: Backdrop  # that has just seen it
+    backdrop: Backdrop  # that has just seen it,
+    camera: Camera  # from here
     transmission: NDArray[np.float32]  # (H, W) of the volume
 
     def layers(self, room: SceneRoom) -> Layers:
         """Return the picture's last channels (H, W, K) with the room in other paints."""
-        return self.backdrop.seen_through(self.transmission).layers(room.response)
+        height, width = self.transmission.shape
+        layers = self.backdrop.repainted(room.response)(self.camera, (width, height))
+        return self.transmission[..., None] * layers
 
     def behind(self, image: CoefficientImage, room: SceneRoom) -> CoefficientImage:
         """Return the picture with the room in other paints."""
@@ -79,7 +82,7 @@ class WhiteWalls:
         found = image.coefficients.copy()
         found[..., -self.channels :] = through[..., None] * layers
         # The next cast looks from elsewhere.
-        walls = Walls(self.room, copy(self.backdrop), through)
+        walls = Walls(self.room, copy(self.backdrop), camera, through)
         return replace(image, coefficients=found), walls
 
 

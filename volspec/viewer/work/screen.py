@@ -411,9 +411,9 @@ class Screen:
         rig, spec = light_rig(lights, state.room), shown_spec(state)
         if rig is None:
             return
-        if self._drawing:
+        if self._drawing or self._coarse:
             self.under_mouse = shown
-        if self._drawing or not self.pictures.current:
+        if self._drawing or self._coarse or not self.pictures.current:
             return
         width, height = image.size
         pixel = min(int(place[0] * width), width - 1), min(int(place[1] * height), height - 1)
