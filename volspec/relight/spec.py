@@ -22,8 +22,9 @@ from volspec.appearance.spec import Viewing
 from volspec.basis.display import Mode
 from volspec.errors import ViewingError, nearest
 from volspec.settings import FLAT, Fraction, Hint, NotNegative, settings
+from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import illuminance_lux
+from volspec.spectra.photometry import LUMINOUS_EFFICACY
 from volspec.spectra.spectrum import Spectrum, light_power
 
 Pixels = NDArray[Any]
@@ -154,11 +155,11 @@ class LightRig:
             If a light does not cover the grid, has negative power or has no luminous energy.
         """
         total = np.zeros(grid.size)
+        lumens = LUMINOUS_EFFICACY * grid.step_nm * colour_matching_functions(grid)[1]
         for j, (light, weight) in enumerate(zip(self.lights, self.weights, strict=True)):
             power = light_power(light, grid)
             if self.illuminance_lux is not None:
-                lux = illuminance_lux(Spectrum(grid.wavelengths_nm, power))
-                weight = weight * self.illuminance_lux[j] / lux
+                weight = weight * self.illuminance_lux[j] / (lumens @ power)
             total += weight * power
         name = "+".join(light.name for light in self.lights if light.name)
         return Spectrum(grid.wavelengths_nm, total, name)
