@@ -57,11 +57,19 @@ class OpacityCaster:
     @property
     def key(self) -> object:
         """Value that is equal for equal opacities."""
-        return self.spec, self.caster.volume.name, self.table.opacity.tobytes()
+        table = self.table
+        if isinstance(table, SurfaceTable):
+            return self.spec, table.values.tobytes(), table.opacity.tobytes()
+        filters = None if table.filters is None else table.filters.tobytes()
+        scale = table.domain, table.reference_step_mm, table.gradient_top, table.labels
+        return self.spec, scale, table.opacity.tobytes(), filters
 
-    def __call__(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Return the opacity (H, W) that a camera sees."""
-        return self.caster.cast(self.table, camera, size, self.spec).alpha
+    def __call__(
+        self, camera: Camera, size: tuple[int, int]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return the opacity (H, W) that a camera sees, and the distance of the first hit, mm."""
+        cast = self.caster.cast(self.table, camera, size, self.spec)
+        return cast.alpha, cast.first_mm
 
 
 class Behind(Protocol):

@@ -142,16 +142,19 @@ class CoefficientImage:
 
         Raises ShapeError if its size or its channels differ.
         """
-        layers = np.asarray(behind, self.coefficients.dtype)
-        channels = self.coefficients.shape[2]
+        layers = np.asarray(behind, np.float32)
+        kind, channels = self.coefficients.dtype, self.coefficients.shape[2]
         if layers.shape[:2] != self.alpha.shape or layers.shape[2] > channels:
             raise ShapeError(
                 f"shape {layers.shape}",
                 f"expected {self.alpha.shape} and up to {channels} channels",
                 field="coefficient image: behind",
             )
-        found = self.coefficients.copy()
-        found[..., channels - layers.shape[2] :] += (1.0 - self.alpha)[..., None] * layers
+        found, own = self.coefficients.copy(), np.s_[..., channels - layers.shape[2] :]
+        # A lamp that is seen may be brighter than half-float can store.
+        most = np.finfo(kind).max
+        seen = found[own].astype(np.float32) + (1.0 - self.alpha)[..., None] * layers
+        found[own] = np.clip(seen, -most, most)
         return replace(self, coefficients=found, alpha=np.ones_like(self.alpha))
 
     def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:

@@ -153,8 +153,7 @@ class _Direct:
 
     def __init__(self, response: RoomResponse) -> None:
         room = response.solved.room
-        flat = np.ones(room.grid.size)
-        self._rooms = [room.with_lights({name: flat}) for name in response.names]
+        self._rooms = [room.alone(name) for name in response.names]
         self._lux = lux_from_irradiance(np.array([*room.lights.values()]), room.grid)
         self._rays = Rays(room.mesh)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,9 @@ from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.spectrum import Spectrum, stack
 
 Array = NDArray[np.float64]
+Light = TypeVar("Light", "PointLamp", "SunBeam")
+# The smallest grid.
+_TWO_BANDS = SpectralGrid(500.0, 510.0, 10.0)
 Metres = Annotated[Vector, Unit("m")]
 
 
@@ -107,12 +110,16 @@ class Room:
         object.__setattr__(self, "reflectances", found)
         for name in self.exitances:
             self.reflectance(name)  # refuses unknown names
-        if self.exitances:
-            require_emission(list(self.exitances.values()), list(self.exitances), self.grid)
-        if not (self.exitances or self.lamps or self.suns):
+        emitting = {name: each for name, each in self.exitances.items() if np.any(each)}
+        if emitting:
+            require_emission(list(emitting.values()), list(emitting), self.grid)
+        powers = (*(lamp.intensity for lamp in self.lamps), *(sun.irradiance for sun in self.suns))
+        if not emitting and not any(map(np.any, powers)):
             remedy = "give a surface that emits, a lamp or the sun"
             raise RoomError("the room has no light", remedy, code="missing")
-        named = (*self.exitances, *_named("lamp", self.lamps), *_named("sun", self.suns))
+        object.__setattr__(self, "lamps", _named("lamp", self.lamps))
+        object.__setattr__(self, "suns", _named("sun", self.suns))
+        named = [*self.exitances, *(each.name for each in (*self.lamps, *self.suns))]
         if twice := next((name for name in named if named.count(name) > 1), None):
             raise RoomError(f"two lights are named {twice!r}", "rename one", code="duplicate")
 
@@ -137,23 +144,41 @@ class Room:
 
         Panels are named as their surfaces; lamps and suns without a name are numbered.
         """
-        lamps = zip(_named("lamp", self.lamps), self.lamps, strict=True)
-        suns = zip(_named("sun", self.suns), self.suns, strict=True)
         return {
             **self.exitances,
-            **{name: lamp.intensity for name, lamp in lamps},
-            **{name: sun.irradiance for name, sun in suns},
+            **{lamp.name: lamp.intensity for lamp in self.lamps},
+            **{sun.name: sun.irradiance for sun in self.suns},
         }
 
     def with_lights(self, spectra: Mapping[str, Array]) -> Room:
-        """Return the room in which only the given lights shine, with these spectra (B,)."""
-        lamps = zip(_named("lamp", self.lamps), self.lamps, strict=True)
-        suns = zip(_named("sun", self.suns), self.suns, strict=True)
+        """Return the room in which only the given lights shine, with these spectra (B,).
+
+        Raises RoomError if there are none.
+        """
+        lamps = (each for each in self.lamps if each.name in spectra)
+        suns = (each for each in self.suns if each.name in spectra)
         return replace(
             self,
             exitances={name: spectra[name] for name in self.exitances if name in spectra},
-            lamps=tuple(replace(e, intensity=spectra[n]) for n, e in lamps if n in spectra),
-            suns=tuple(replace(e, irradiance=spectra[n]) for n, e in suns if n in spectra),
+            lamps=tuple(replace(each, intensity=spectra[each.name]) for each in lamps),
+            suns=tuple(replace(each, irradiance=spectra[each.name]) for each in suns),
+        )
+
+    def alone(self, name: str) -> Room:
+        """Return the room with one of its lights, which has 1 in each of two bands.
+
+        Direct light does not depend on paints, so that two bands are as good as all.
+        """
+        one = np.ones(_TWO_BANDS.size)
+        lamps = (each for each in self.lamps if each.name == name)
+        suns = (each for each in self.suns if each.name == name)
+        return replace(
+            self,
+            reflectances=self.reflectances[:, : _TWO_BANDS.size],
+            exitances={name: one} if name in self.exitances else {},
+            lamps=tuple(replace(each, intensity=one) for each in lamps),
+            suns=tuple(replace(each, irradiance=one) for each in suns),
+            grid=_TWO_BANDS,
         )
 
     @property
@@ -163,6 +188,9 @@ class Room:
         return np.array([self.exitances.get(name, dark) for name in self.mesh.names])
 
 
-def _named(kind: str, lights: Sequence[PointLamp | SunBeam]) -> tuple[str, ...]:
-    """Return the names of lamps or suns; those without one are numbered."""
-    return tuple(each.name or f"{kind} {number}" for number, each in enumerate(lights, 1))
+def _named(kind: str, lights: Sequence[Light]) -> tuple[Light, ...]:
+    """Return lamps or suns with names; those without one are numbered."""
+    numbered = enumerate(lights, 1)
+    return tuple(
+        each if each.name else replace(each, name=f"{kind} {number}") for number, each in numbered
+    )

@@ -29,6 +29,8 @@ from volspec.room.radiosity import RoomLight, direct_on_patches, solve_irradianc
 from volspec.spectra.spectrum import Spectrum, light_power
 
 Array = NDArray[np.float64]
+# Factor by which an estimate scales reflected light, at most: from black, it is spread evenly.
+_MOST_SCALED = 4.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,13 +59,13 @@ class RoomResponse:
         """Solve a room for each of its lights, with the form factors of its solution."""
         direct = []
         for name in solved.room.lights:
-            alone = solved.room.with_lights({name: np.ones(solved.room.grid.size)})
+            alone = solved.room.alone(name)
             direct.append(direct_on_patches(alone, solved.rays, solved.mesh, shadow_rays)[0][:, 0])
         mesh = solved.mesh
         belongs = np.zeros((len(mesh.surface), len(mesh.names)))
         belongs[np.arange(len(belongs)), mesh.surface] = 1.0
         between = _surface_means(mesh, solved.factors.factors @ belongs)
-        return _solved(solved, np.array(direct), between)
+        return _solve_response(solved, np.array(direct), between)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -91,12 +93,14 @@ class RoomResponse:
         return found
 
     def under(self, spectra: ArrayLike) -> RoomLight:
-        """Return the light of the room under other spectra (L, B) of its lights."""
+        """Return the light of the room under other spectra (L, B) of its lights.
+
+        Raises RoomError if all of them are dark.
+        """
         power = np.asarray(spectra, np.float64)
-        lit = {name: each for name, each in zip(self.names, power, strict=True) if each.any()}
         return replace(
             self.solved,
-            room=self.solved.room.with_lights(lit),
+            room=self.solved.room.with_lights(dict(zip(self.names, power, strict=True))),
             direct=self.direct.T @ power,
             irradiance=np.einsum("lnb,lb->nb", self.irradiance, power),
         )
@@ -107,23 +111,24 @@ class RoomResponse:
         Raises RoomError as `Room` does.
         """
         room = self.solved.room.painted(paints)
-        return _solved(replace(self.solved, room=room), self.direct, self.surface_factors)
+        return _solve_response(replace(self.solved, room=room), self.direct, self.surface_factors)
 
     def estimated(self, paints: Mapping[str, Spectrum | ArrayLike]) -> RoomResponse:
         """Return `painted` in closed form, at the speed of a slider.
 
         Reflected light is scaled, surface by surface, as in a room whose surfaces each have one
-        irradiance: exact for the present paints, and near them. Raises RoomError as `Room` does.
+        irradiance, up to fourfold; what exceeds that is spread evenly. Exact for the present
+        paints, and near them. Raises RoomError as `Room` does.
         """
         room = self.solved.room.painted(paints)
         both = self.solved.room.reflectances, room.reflectances
         before, after = (self._reflected(each) for each in both)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            factor = np.where(before > 0.0, after / before, 1.0)
+        factor = np.clip(after / np.maximum(before, 1e-30), 0.0, _MOST_SCALED)
+        rest, surface = np.maximum(after - factor * before, 0.0), self.solved.mesh.surface
         direct = self.direct[:, :, None]
-        indirect = (self.irradiance - direct) * factor[:, self.solved.mesh.surface]
+        indirect = (self.irradiance - direct) * factor[:, surface] + rest[:, surface]
         solved = replace(self.solved, room=room)
-        return _of(solved, self.direct, direct + indirect, self.surface_factors)
+        return _under_own_lights(solved, self.direct, direct + indirect, self.surface_factors)
 
     def _reflected(self, reflectances: Array) -> Array:
         """Return (L, S, B) reflected light on whole surfaces, F ρ E."""
@@ -151,7 +156,7 @@ def unknown_light(name: str, known: Collection[str]) -> RoomError:
     )
 
 
-def _solved(solved: RoomLight, direct: Array, surface_factors: Array) -> RoomResponse:
+def _solve_response(solved: RoomLight, direct: Array, surface_factors: Array) -> RoomResponse:
     """Return the response of a room whose direct light (L, N) is known."""
     bands, count = solved.room.grid.size, len(direct)
     irradiance = solve_irradiance(
@@ -161,10 +166,10 @@ def _solved(solved: RoomLight, direct: Array, surface_factors: Array) -> RoomRes
         np.repeat(direct.T, bands, axis=1),
     )
     shaped = irradiance.reshape(-1, count, bands).transpose(1, 0, 2)
-    return _of(solved, direct, shaped, surface_factors)
+    return _under_own_lights(solved, direct, shaped, surface_factors)
 
 
-def _of(
+def _under_own_lights(
     solved: RoomLight, direct: Array, irradiance: Array, surface_factors: Array
 ) -> RoomResponse:
     """Return a response whose room is under its own lights."""

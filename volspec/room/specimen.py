@@ -15,13 +15,15 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import chain, count, product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
+from volspec.errors import RoomError
 from volspec.room.direct import direct_irradiance
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import require_inside
@@ -67,7 +69,7 @@ class SpecimenLight:
     def of(cls, response: RoomResponse, point_m: ArrayLike, directions: int = 5) -> SpecimenLight:
         """Fit the light at a point, with up to so many directional lights.
 
-        Raises RoomError if the point is in a wall or outside of the room.
+        Raises RoomError if the point is in a wall or outside of the room, or gets no light.
         """
         solved = response.solved
         require_inside(solved.room, solved.rays, point_m, "the specimen")
@@ -81,22 +83,19 @@ class SpecimenLight:
             shape=(int(front.sum()), len(solved.mesh.surface)),
         )
         seen = csr_array(cosines @ place)
-        flat, points = np.ones(solved.room.grid.size), np.broadcast_to(point, normals.shape)
+        points = np.broadcast_to(point, normals.shape)
         direct = [
-            direct_irradiance(solved.room.with_lights({n: flat}), solved.rays, points, normals)
-            for n in response.names
+            direct_irradiance(solved.room.alone(name), solved.rays, points, normals)
+            for name in response.names
         ]
         lit = np.array(direct)[..., 0]
         empty = np.zeros((0, 3))
         found = cls(empty, ("ambient",), np.zeros(0), 0.0, 0.0, seen, lit)
         chosen = found._directions(response, directions)
-        names = ["ambient"]
-        for way in chosen:
-            there = int(solved.rays.first(point[None], way[None])[0])
-            name = "outside" if there < 0 else solved.mesh.names[solved.mesh.surface[there]]
-            alike = sum(each.rstrip("0123456789 ") == name for each in names)
-            names.append(f"{name} {alike + 1}" if alike else name)
-        return replace(found, directions=chosen, names=tuple(names)).under(response)
+        hit = solved.rays.first(np.broadcast_to(point, chosen.shape), chosen)
+        own = solved.mesh.names
+        names = ["outside" if k < 0 else own[solved.mesh.surface[k]] for k in hit]
+        return replace(found, directions=chosen, names=("ambient", *_distinct(names))).under(response)
 
     def under(self, response: RoomResponse) -> SpecimenLight:
         """Return the light of the same groups in a room with other paints."""
@@ -109,9 +108,16 @@ class SpecimenLight:
         grid = response.solved.room.grid
         own = lux_from_irradiance(np.einsum("lpb,lb->pb", wanted, power), grid)
         found = fitted.reshape(-1, lights, bands).transpose(1, 0, 2)
+        brightest = float(own.max())
+        if not brightest > 0.0:
+            raise RoomError(
+                "no light reaches the specimen",
+                "move it, or add a light to the room",
+                code="impossible",
+            )
         made = lux_from_irradiance(columns @ np.einsum("lgb,lb->gb", found, power), grid)
-        error = math.sqrt(np.mean((made - own) ** 2)) / max(float(own.mean()), 1e-30)
-        return replace(self, irradiance=found, error=error, brightest_lux=float(own.max()))
+        error = math.sqrt(np.mean((made - own) ** 2)) / float(own.mean())
+        return replace(self, irradiance=found, error=error, brightest_lux=brightest)
 
     def _irradiances(self, response: RoomResponse) -> Array:
         """Return (L, P, B) irradiances of surfaces with P normals."""
@@ -140,11 +146,24 @@ class SpecimenLight:
                 _misfit(_columns(candidates[[*chosen, k]]), wanted) for k in range(len(candidates))
             ]
             best = int(np.argmin(errors))
-            if errors[best] > (1.0 - _WORTH) * left:
+            if errors[best] >= (1.0 - _WORTH) * left:
                 break
             chosen.append(best)
             left = errors[best]
         return candidates[chosen]
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    """Return names, numbered where they repeat.
+
+    >>> _distinct(["wall", "table 2", "wall", "wall 2"])
+    ['wall', 'table 2', 'wall (2)', 'wall 2']
+    """
+    found: list[str] = []
+    for name in names:
+        numbered = (f"{name} ({number})" for number in count(2))
+        found.append(next(each for each in chain((name,), numbered) if each not in found))
+    return found
 
 
 def _columns(directions: Array) -> Array:

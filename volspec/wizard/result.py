@@ -161,7 +161,9 @@ def redesign(
         name = light.member.name
         address = f"{_PALETTE}#{name}"
         spectra[address] = made.light(name)
-        lux = light.like.rig.facing(scene.raycast.shares()).total_lux
+        lux = None  # of a room's light: as of the room's file
+        if scene.room is None:
+            lux = light.like.rig.facing(scene.raycast.shares()).total_lux
         lights.append(LightSpec(name=name, spectrum=address, illuminance_lux=lux))
     changes = Changes(tuple(materials), name)
     file = _with_addresses(replace(scene.file, light=tuple(lights)), changes, _PALETTE)

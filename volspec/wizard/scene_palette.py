@@ -96,7 +96,8 @@ class ScenePalette:
         Surfaces face each group differently, so each is lit by a different mixture of them.
         """
         rig = light.rig
-        if len(rig.lights) == 1:
+        # A room's groups are parts of one light, which have nearly the same spectrum.
+        if len(rig.lights) == 1 or self.scene.room is not None:
             return {light.name: light.spectrum}
         return {
             f"{light.name} / {group or number}": spectrum
