@@ -67,9 +67,9 @@ class OpacityCaster:
     def __call__(
         self, camera: Camera, size: tuple[int, int]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the opacity (H, W) that a camera sees, and the distance of the first hit, mm."""
+        """Return the opacity (H, W) that a camera sees, and its expected distance, mm."""
         cast = self.caster.cast(self.table, camera, size, self.spec)
-        return cast.alpha, cast.first_mm
+        return cast.alpha, cast.depth_mm
 
 
 class Behind(Protocol):

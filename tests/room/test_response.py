@@ -83,7 +83,9 @@ def test_new_spectra_need_no_new_solution() -> None:
     again = RoomResponse.of(relit)
     assert again.solved.irradiance == pytest.approx(relit.irradiance, rel=1e-6)
     dark = response.under(response.spectra({"bulb": light("HP1")}))
-    assert list(dark.room.lights) == ["bulb"]
+    assert list(dark.room.lights) == ["lamp", "bulb"] and not dark.room.lights["lamp"].any()
+    with raises(RoomError, "missing"):
+        response.under(np.zeros((2, DEFAULT_GRID.size)))
 
 
 def test_painted_is_the_solution_with_that_paint() -> None:
@@ -117,3 +119,14 @@ def test_the_closed_form_is_near_the_solution_elsewhere() -> None:
     )
     error, change = np.abs(fast / exact - 1.0).mean(), np.abs(old / exact - 1.0).mean()
     assert error < 0.02 < 5.0 * error < change
+
+
+def test_from_black_reflected_light_is_spread_evenly() -> None:
+    """Nothing can be scaled there: a surface has the light of its closed form."""
+    black = two_lights().painted(dict.fromkeys((*SIDES, "table"), 0.0 * GREY))
+    paints = dict.fromkeys((*SIDES, "table"), GREY)
+    fast, exact = (
+        lux_from_irradiance(each.solved.irradiance).mean()
+        for each in (black.estimated(paints), black.painted(paints))
+    )
+    assert fast == pytest.approx(exact, rel=0.1)

@@ -15,7 +15,7 @@ from volspec.errors import SceneError
 from volspec.pipeline import OpacityCaster, Raycaster
 from volspec.relight.illumination import Illumination
 from volspec.scene import Scene
-from volspec.scene.backdrop import Placement
+from volspec.scene.backdrop import Placement, ShadowMap
 from volspec.scene.file import scene_data, scene_file
 from volspec.scene.writing import rebased
 
@@ -155,7 +155,14 @@ def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path) -> None:
 def test_viewing_conditions_are_those_of_an_eye_in_the_room(folder: Path) -> None:
     scene, _ = opened(folder)
     seen = scene.relight.viewing
-    assert 1.0 < seen.Y_b < 100.0 and seen.L_A is not None and 0.0 < seen.surround < 1.0
+    assert 1.0 < seen.Y_b < 100.0 and seen.Y_A is not None and 0.0 < seen.surround < 1.0
+    assert seen.surround == pytest.approx(seen.Y_A / 100.0)
+    # A dimmed lamp dims what the eye adapts to.
+    rig = scene.lights[0].rig
+    bright, dim = (seen.lit_by(lux).adapting_luminance for lux in (rig.total_lux, 1.0))
+    assert rig.total_lux is not None and bright == pytest.approx(dim * rig.total_lux)
+    turned = scene.with_camera(replace(scene.file.camera, azimuth_deg=90.0, elevation_deg=60.0))
+    assert turned.relight.viewing.Y_b != seen.Y_b
     own = Scene.load(edited(folder, "[output]", '[viewing]\nY_b = 33\nsurround = "dim"\n[output]'))
     assert (own.relight.viewing.Y_b, own.relight.viewing.surround) == (33.0, "dim")
 
@@ -215,6 +222,32 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
     assert middle == pytest.approx(150.0, rel=1e-3)  # 1.5 m to the back, at a scale of 10
 
 
+def test_what_is_between_the_lamp_and_the_volume_is_lit(folder: Path) -> None:
+    """A shadow map at points on the way to the light, and behind the volume."""
+    scene, _ = opened(folder)
+    volume = scene.volume()
+    caster = Raycaster(volume)
+    opacity = OpacityCaster.of(caster, caster.bake(scene.transfer), scene.raycast)
+    middle = volume.corners_mm.mean(axis=0)
+    lamp = vs.Camera(tuple(middle + (0, 0, 200)), tuple(middle), (0, 1, 0), 30.0)
+    found = ShadowMap.of(lamp, None, opacity).shadow(middle + np.array([[0, 0, 100], [0, 0, -50]]))
+    assert found == pytest.approx([0.0, 1.0], abs=1e-3)
+
+
+def test_shadows_change_with_what_is_opaque(folder: Path) -> None:
+    caster = Raycaster(opened(folder)[0].volume())
+    keys = set()
+    for level in (0.2, 0.8):
+        surfaces = vs.Isosurfaces(((level, 0.5, "white"),), *_materials(folder))
+        keys.add(OpacityCaster.of(caster, caster.bake(surfaces), vs.RaycastSpec()).key)
+    assert len(keys) == 2
+
+
+def _materials(folder: Path) -> tuple[dict[str, vs.Spectrum], vs.SpectralBasis]:
+    scene, _ = opened(folder)
+    return scene.materials, scene.basis
+
+
 def test_its_paths_follow_the_scene_to_another_folder(folder: Path, tmp_path: Path) -> None:
     path = edited(folder, "patches = 300", 'paint = { walls = "#4060c0", floor = "own.csv" }')
     moved = rebased(scene_file(scene_data(path), path), folder, tmp_path / "scene.toml").room
@@ -239,6 +272,7 @@ def test_its_paths_follow_the_scene_to_another_folder(folder: Path, tmp_path: Pa
         ("scale = 10", 'paint = { wall = "grey:0.5" }', "unknown"),
         ("scale = 10", 'paint = { walls = "puce" }', "unknown"),
         ("scale = 10", "scale = 0", "range"),
+        ("[room]", "[raycast]\nambient = 0.1\n[room]", "conflict"),
     ],
 )
 def test_a_wrong_room_is_refused(folder: Path, old: str, new: str, code: str) -> None:

@@ -118,6 +118,9 @@ class Viewing:
     illuminance E_v or else ``illuminance_lux``."""
     Y_b: Background = 20.0
     """Luminance factor of the scene's background, percent of a perfect diffuser."""
+    Y_A: Background | None = None
+    """Luminance factor of the scene's adapting field, if it is not the background's: L_A, if left
+    out, is E_v/π · Y_A/100."""
     surround: SceneSurround = "average"
     """average, dim, dark, or its ratio to white, 0 to 1; measured: in each relit picture, the
     luminance of the field 11 to 90 degrees from the line of sight over that of a white."""
@@ -183,7 +186,8 @@ class Viewing:
         if self.L_A is not None:
             return self.L_A
         self._require_given("adapting", self.adapting != "given")
-        return self.illuminance_lux / math.pi * self.Y_b / 100.0
+        Y_A = self.Y_b if self.Y_A is None else self.Y_A
+        return self.illuminance_lux / math.pi * Y_A / 100.0
 
     def lit_by(self, lux: float | None) -> Viewing:
         """Return the viewing under a light of ``lux``; unchanged if the light has none."""

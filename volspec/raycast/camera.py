@@ -138,14 +138,7 @@ class Camera:
         target = np.array(
             volume.corners_mm.mean(axis=0) if orbit.target_mm is None else orbit.target_mm
         )
-        axis = np.array(orbit.up)
-        # The front: −y made perpendicular to up, or −x if up is ±y.
-        front = np.array([0.0, -1.0, 0.0])
-        front -= front.dot(axis) * axis
-        if np.linalg.norm(front) < 1e-6:
-            front = np.array([-1.0, 0.0, 0.0])
-        front /= np.linalg.norm(front)
-        side = np.cross(axis, front)
+        side, front, axis = level_axes(orbit.up)
         azimuth, elevation = (
             math.radians(math.fmod(angle, 360)) for angle in (azimuth_deg, elevation_deg)
         )
@@ -222,6 +215,20 @@ class Camera:
             distance=self.distance_mm,
             perspective=self.height_mm is None,
         )
+
+
+def level_axes(up: Vector) -> tuple[NDArray[np.float64], ...]:
+    """Return the directions of azimuth 90 and 0 around ``up``, and the unit vector of ``up``.
+
+    Azimuth 0, the front, is −y made perpendicular to up, or −x if up is ±y.
+    """
+    axis = np.array(up)
+    front = np.array([0.0, -1.0, 0.0])
+    front -= front.dot(axis) * axis
+    if np.linalg.norm(front) < 1e-6:
+        front = np.array([-1.0, 0.0, 0.0])
+    front /= np.linalg.norm(front)
+    return np.cross(axis, front), front, axis
 
 
 def _snapped(direction: NDArray[np.float64]) -> NDArray[np.float64]:

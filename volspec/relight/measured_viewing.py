@@ -84,7 +84,7 @@ class _Samples:
         if viewing.L_A is not None:
             return _Conditions(Y_b, np.full_like(Y_A, viewing.L_A), S_R)
         # The luminance of a white: E_v/π.
-        per_Y = replace(viewing.unmeasured(), Y_b=100.0)
+        per_Y = replace(viewing.unmeasured(), Y_A=100.0)
         return _Conditions(Y_b, Y_A / light.white_XYZ[1] * per_Y.adapting_luminance, S_R)
 
     def white(self, light: Illumination) -> AdoptedWhite:

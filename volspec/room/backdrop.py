@@ -11,6 +11,7 @@ indirect, and of smaller triangles, where shadows end.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ class LitMesh:
         Of the triangles.
     vertices : (T, 3) array of int
         Of each triangle.
-    points_m : (V, 3) array
+    points_m, normals : (V, 3) arrays
     surface : (V,) array of int
         Index of each vertex's surface.
     patches : (V, N) sparse array
@@ -80,6 +81,7 @@ class LitMesh:
     rays: Rays
     vertices: Index
     points_m: Array
+    normals: Array
     surface: Index
     patches: csr_array
     direct: Array
@@ -111,6 +113,7 @@ class LitMesh:
             Rays(mesh),
             vertices,
             points,
+            mesh.normals[triangles],
             mesh.surface[triangles],
             csr_array(between @ _around(coarse, solved.mesh.areas_m2)),
             found.reshape(len(found), -1)[:, first],
@@ -143,7 +146,7 @@ class LitMesh:
         points = starts[seen] + way[:, None] * directions[seen]
         weights = np.zeros((len(directions), 3), np.float32)
         weights[seen] = barycentric(mesh, triangle, points)
-        columns = np.zeros((len(directions), 3), np.intp)
+        columns = np.zeros((len(directions), 3), np.int32)
         columns[seen] = self.vertices[triangle]
         return _rows(columns, weights, len(self.points_m), hit >= 0)
 
@@ -164,7 +167,7 @@ class _Direct:
         points, normals = mesh.corners_m.reshape(-1, 3)[first], mesh.normals[first // 3]
         found = []
         for room in self._rooms:
-            emitters = int(room.emission.any(axis=1)[room.mesh.surface].sum())
+            emitters = int(np.asarray(room.emission.any(axis=1))[room.mesh.surface].sum())
             count = _SHADOWS * max(emitters, 1) * len(points)
             lit = direct_irradiance(room, self._rays, points, normals, count)
             found.append(lit[:, 0][vertices])
@@ -177,11 +180,14 @@ class _Direct:
 
 
 def _rows(
-    columns: Index, weights: Array, count: int, there: NDArray[np.bool_] | None = None
+    columns: NDArray[Any],
+    weights: NDArray[Any],
+    count: int,
+    there: NDArray[np.bool_] | None = None,
 ) -> csr_array:
     """Return (K, count) weights, three in each row; none in rows that are not there."""
     held = np.ones(len(columns), np.bool_) if there is None else there
-    ends = np.concatenate([[0], np.cumsum(np.where(held, 3, 0))])
+    ends = np.concatenate([[0], np.cumsum(np.where(held, 3, 0))]).astype(columns.dtype)
     inner = columns[held].ravel()
     return csr_array((weights[held].ravel(), inner, ends), shape=(len(columns), count))
 

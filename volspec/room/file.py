@@ -73,7 +73,8 @@ class LampSpec:
 
     row_keys: ClassVar = ("name",)
     name: Annotated[Name, Field(examples=["window"])]
-    """Its name; of a window or panel, the name of its surface, too."""
+    """Its name; of a window or panel, the name of its surface, too; panels that are a
+    whole side are one, with the side's name."""
     spectrum: Annotated[str, Field(examples=["D65"])]
     """D65, A, tungsten, planck:3000, FILE.csv and others, in the notation of a scene's light."""
     on: Literal["left", "right", "front", "back", "floor", "ceiling"] | None = None

@@ -119,7 +119,8 @@ class Room:
             raise RoomError("the room has no light", remedy, code="missing")
         object.__setattr__(self, "lamps", _named("lamp", self.lamps))
         object.__setattr__(self, "suns", _named("sun", self.suns))
-        named = [*self.exitances, *(each.name for each in (*self.lamps, *self.suns))]
+        named = [*self.exitances, *(lamp.name for lamp in self.lamps)]
+        named += [sun.name for sun in self.suns]
         if twice := next((name for name in named if named.count(name) > 1), None):
             raise RoomError(f"two lights are named {twice!r}", "rename one", code="duplicate")
 

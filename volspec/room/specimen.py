@@ -95,7 +95,9 @@ class SpecimenLight:
         hit = solved.rays.first(np.broadcast_to(point, chosen.shape), chosen)
         own = solved.mesh.names
         names = ["outside" if k < 0 else own[solved.mesh.surface[k]] for k in hit]
-        return replace(found, directions=chosen, names=("ambient", *_distinct(names))).under(response)
+        return replace(found, directions=chosen, names=("ambient", *_distinct(names))).under(
+            response
+        )
 
     def under(self, response: RoomResponse) -> SpecimenLight:
         """Return the light of the same groups in a room with other paints."""

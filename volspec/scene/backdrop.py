@@ -24,9 +24,10 @@ from scipy.sparse import csr_array
 from volspec.basis import SpectralBasis
 from volspec.pipeline import OpacityCaster
 from volspec.raycast import Camera
+from volspec.raycast.camera import level_axes
 from volspec.raycast.projection import Projection
 from volspec.raycast.sampling import world_rays
-from volspec.room.backdrop import CornerColours, corner_owners, seen_corners
+from volspec.room.backdrop import LitMesh, VertexColours
 from volspec.room.form_factors import frames, sobol
 from volspec.room.response import RoomResponse
 from volspec.settings import Vector
@@ -37,6 +38,8 @@ Size = tuple[int, int]
 _POINTS, _MAP = 16, 96
 # A shadow map's field of view is a little larger than the volume, and never larger than this.
 _MARGIN, _WIDEST_DEG = 1.05, 150.0
+# A light nearer to the middle than this part of the volume's radius casts no shadow.
+_NEAREST = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +56,8 @@ class Placement:
     @classmethod
     def of(cls, position_m: Vector, scale: float, turn_deg: float, up: Vector) -> Placement:
         """Return the placement of a volume whose ``up`` is vertical."""
-        axis = np.array(up)
-        # As of an orbit's azimuth: the front is −y made perpendicular to up, or −x if up is ±y.
-        front = np.array([0.0, -1.0, 0.0])
-        front -= front @ axis * axis
-        if np.linalg.norm(front) < 1e-6:
-            front = np.array([-1.0, 0.0, 0.0])
-        front /= np.linalg.norm(front)
-        level = np.stack([np.cross(axis, front), -front, axis])
+        side, front, axis = level_axes(up)
+        level = np.stack([side, -front, axis])
         turn = math.radians(turn_deg)
         rotation = np.array(
             [
@@ -77,17 +74,33 @@ class ShadowMap:
     """Opacity of the volume as a point of a light sees it."""
 
     projection: Projection  # from the volume's world to the map's pixels
+    normal: Array | None  # (3,) of the light's surface; None if it has none
     alpha: Array  # (_MAP + 1, _MAP + 1), its last row and column 0
+    depth_mm: Array  # the same, of expected distances from the light
 
     @classmethod
-    def of(cls, camera: Camera, opacity: OpacityCaster) -> ShadowMap:
+    def of(cls, camera: Camera, normal: Array | None, opacity: OpacityCaster) -> ShadowMap:
         """Cast the opacity from a light."""
-        found = np.zeros((_MAP + 1, _MAP + 1))
-        found[:-1, :-1] = opacity(camera, (_MAP, _MAP))
-        return cls(Projection(camera, (0.0, 0.0, _MAP, _MAP)), found)
+        alpha, depth_mm = np.zeros((2, _MAP + 1, _MAP + 1))
+        alpha[:-1, :-1], depth_mm[:-1, :-1] = opacity(camera, (_MAP, _MAP))
+        return cls(Projection(camera, (0.0, 0.0, _MAP, _MAP)), normal, alpha, depth_mm)
+
+    def weight(self, points_mm: Array, normals: Array) -> Array:
+        """Return the light (K,) that surfaces at points would get; 1 if its source is small."""
+        if self.normal is None:
+            return np.ones(len(points_mm))
+        way = np.asarray(self.projection.camera.position_mm) - points_mm
+        cosines = np.einsum("kc,kc->k", way, normals), way @ -self.normal
+        falls, leaves = (np.maximum(each, 0.0) for each in cosines)
+        return falls * leaves / np.einsum("kc,kc->k", way, way) ** 2
 
     def shadow(self, points_mm: Array) -> Array:
         """Return the part (K,) of the light that the volume takes from points behind it."""
+        camera = self.projection.camera
+        away = points_mm - camera.position_mm
+        along = np.linalg.norm(away, axis=1)
+        if camera.height_mm is not None:
+            along = away @ camera.frame()[2]
         x, y, depth = self.projection.to_window(points_mm).T
         x, y = x - 0.5, y - 0.5
         # Around the map, nothing is in the way.
@@ -98,16 +111,17 @@ class ShadowMap:
         alpha = self.alpha
         above = (1.0 - right) * alpha[row, column] + right * alpha[row, column + 1]
         below = (1.0 - right) * alpha[row + 1, column] + right * alpha[row + 1, column + 1]
-        return np.where(inside, (1.0 - down) * above + down * below, 0.0)
+        behind = inside & (along > self.depth_mm[np.maximum(row, 0), np.maximum(column, 0)])
+        return np.where(behind, (1.0 - down) * above + down * below, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenRoom:
-    """Pixels of a picture as weights of a room's corners, to see it quickly in other paints."""
+    """Pixels of a picture as weights of a room's vertices, to see it quickly in other paints."""
 
     backdrop: Backdrop
     size: Size
-    weights: csr_array  # (P, 3N) of P pixels
+    weights: csr_array  # (P, V) of P pixels
     shaded: NDArray[np.intp]  # pixels on which shadows fall,
     shadows: list[csr_array]  # and what they take away of each light
 
@@ -141,8 +155,8 @@ class Backdrop:
         self.response, self._placement, self._basis = response, placement, basis
         self._parts = parts  # (L,) factors of the layers
         self._middle_mm, self._radius_mm = middle_mm, radius_mm
-        self._owners = corner_owners(response.solved.mesh)
-        self._colours = CornerColours.of(response, basis, parts, self._owners)
+        self._lit = LitMesh.of(response)
+        self._colours = self.colours(response)
         self._seen: tuple[tuple[Camera, Size], csr_array, Array] | None = None
         self._maps: tuple[object, list[list[ShadowMap]]] | None = None
         self._shadows: tuple[object, NDArray[np.intp], Array] | None = None
@@ -153,9 +167,9 @@ class Backdrop:
         made.response, made._colours = response, self.colours(response)
         return made
 
-    def colours(self, response: RoomResponse) -> CornerColours:
-        """Return what corners send in a room with other paints."""
-        return CornerColours.of(response, self._basis, self._parts, self._owners)
+    def colours(self, response: RoomResponse) -> VertexColours:
+        """Return what vertices send in a room with other paints."""
+        return VertexColours.of(response, self._basis, self._parts, self._lit)
 
     def seen_through(self, transmission: NDArray[np.float32], every: int = 1) -> SeenRoom:
         """Return what every n-th row and column of the last picture shows, through (H, W)."""
@@ -204,12 +218,10 @@ class Backdrop:
         return np.where(there, along, np.inf).astype(np.float32).reshape(height, width)
 
     def _look(self, camera: Camera, size: tuple[int, int]) -> tuple[csr_array, Array]:
-        """Return the weights of the corners, and the points that pixels see, mm of the volume."""
+        """Return the weights of the vertices, and the points that pixels see, mm of the volume."""
         if self._seen is None or self._seen[0] != (camera, size):
-            rays = self.response.solved.rays
-            seen = seen_corners(rays, *self._rays(camera, size))
-            corners = rays.mesh.corners_m.reshape(-1, 3)
-            inside = (corners - self._placement.position_m) @ self._placement.axes
+            seen = self._lit.seen(*self._rays(camera, size))
+            inside = (self._lit.points_m - self._placement.position_m) @ self._placement.axes
             points = seen @ (inside / self._placement.metres_per_mm + self._middle_mm)
             self._seen = (camera, size), seen, points
         return self._seen[1:]
@@ -225,32 +237,43 @@ class Backdrop:
         """Return the shadow maps of each of the room's lights."""
         self._shadows = None
         return [
-            [ShadowMap.of(camera, opacity) for camera in self._light_cameras(name)]
+            [ShadowMap.of(camera, normal, opacity) for camera, normal in self._light_points(name)]
             for name in self.response.names
         ]
 
-    def _light_cameras(self, name: str) -> list[Camera]:
-        """Return cameras at points of a light that look at the volume."""
+    def _light_points(self, name: str) -> list[tuple[Camera, Array | None]]:
+        """Return cameras at points of a light that look at the volume, and its normals there.
+
+        None at a light that is in the volume.
+        """
         room, place = self.response.solved.room, self._placement
         for sun in room.suns:
             if sun.name == name:
                 away = np.array(sun.direction) @ place.axes * 4.0 * self._radius_mm
-                return [self._light_camera(self._middle_mm + away, 2.0 * self._radius_mm)]
-        lamps = [np.array(lamp.position_m) for lamp in room.lamps if lamp.name == name]
-        if name in room.exitances:
-            lamps = self._emitting_points(name)
-        at = (np.array(lamps) - place.position_m) @ place.axes / place.metres_per_mm
-        return [self._light_camera(each + self._middle_mm) for each in at]
+                height_mm = 2.0 * self._radius_mm
+                return [(self._light_camera(self._middle_mm + away, height_mm), None)]
+        points: list[tuple[Array, Array | None]] = self._emitting_points(name)
+        points += [(np.array(lamp.position_m), None) for lamp in room.lamps if lamp.name == name]
+        found: list[tuple[Camera, Array | None]] = []
+        for at, normal in points:
+            way = (at - place.position_m) @ place.axes / place.metres_per_mm
+            if np.linalg.norm(way) > _NEAREST * self._radius_mm:
+                facing = None if normal is None else normal @ place.axes
+                found.append((self._light_camera(way + self._middle_mm), facing))
+        return found
 
-    def _emitting_points(self, name: str) -> list[Array]:
-        """Return points of a surface, evenly by area, m."""
-        mesh = self.response.solved.room.mesh
+    def _emitting_points(self, name: str) -> list[tuple[Array, Array | None]]:
+        """Return points of a panel, evenly by area, m, and its normals there."""
+        room = self.response.solved.room
+        if name not in room.exitances:
+            return []
+        mesh = room.mesh
         part = mesh.part(mesh.surface == mesh.names.index(name))
         ends = np.cumsum(part.areas_m2) / part.areas_m2.sum()
         shares = sobol(_POINTS, 3, seed=0)
         triangles = np.minimum(np.searchsorted(ends, shares[:, 0]), len(ends) - 1)
         return [
-            part.part(slice(k, k + 1)).points(share[None, 1:])[0, 0]
+            (part.part(slice(k, k + 1)).points(share[None, 1:])[0, 0], part.normals[k])
             for k, share in zip(triangles.tolist(), shares, strict=True)
         ]
 
@@ -268,10 +291,18 @@ class Backdrop:
         if self._maps is None:
             return np.zeros(0, np.intp), np.zeros((0, len(self.response.names)))
         if self._shadows is None or self._shadows[0] != view:
+            assert self._seen is not None
+            normals = self._seen[1] @ (self._lit.normals @ self._placement.axes)
             lost = np.zeros((len(points), len(self.response.names)))
             for light, maps in enumerate(self._maps[1]):
+                if not maps:
+                    continue
                 near = self._near_shadow(points, maps)
-                lost[near, light] = np.mean([each.shadow(points[near]) for each in maps], axis=0)
+                there, facing = points[near], normals[near]
+                weights = np.array([each.weight(there, facing) for each in maps])
+                taken = np.array([each.shadow(there) for each in maps])
+                whole = np.maximum(weights.sum(axis=0), 1e-30)
+                lost[near, light] = (weights * taken).sum(axis=0) / whole
             rows = np.flatnonzero(lost.any(axis=1))
             self._shadows = view, rows, lost[rows]
         return self._shadows[1:]

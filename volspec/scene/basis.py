@@ -57,6 +57,9 @@ class SceneSpectra:
     use: Mapping[str, float]  # weight per material, by `use_of`
     # Materials that absorb: white seen through one has the filter's colour.
     filters: Mapping[str, Spectrum] = field(default_factory=dict)
+    # Paints of a room, which are seen under its own lights.
+    walls: Mapping[str, Spectrum] = field(default_factory=dict)
+    wall_lights: Sequence[Spectrum] = ()
 
     @property
     def reflectances(self) -> dict[str, Spectrum]:
@@ -96,17 +99,22 @@ def choose_basis(
 
 def _worst(basis: SpectralBasis, spectra: SceneSpectra, mode: str) -> tuple[float, str]:
     """Return the largest CIEDE2000 of the scene's materials under its lights, and the pair."""
-    reflectances = spectra.reflectances
-    S = np.array([reflectance.values for reflectance in reflectances.values()])
-    channels = basis.analyse(S)
     found = []
-    for light in spectra.lights:
-        white = visible_white(white_XYZ(light, basis.observer_deg))
-        shown = cielab(channels @ basis.colour_matrix(light, mode).T, white)
-        true = cielab(XYZ_from_spectra(light, S, basis.observer_deg), white)
-        errors = delta_E_2000(true, shown)
-        k = int(errors.argmax())
-        found.append((float(errors[k]), f"{list(reflectances)[k]} under {light.name}"))
+    for reflectances, lights in (
+        (spectra.reflectances, spectra.lights),
+        (spectra.walls, spectra.wall_lights),
+    ):
+        if not reflectances:
+            continue
+        S = np.array([reflectance.values for reflectance in reflectances.values()])
+        channels = basis.analyse(S)
+        for light in lights:
+            white = visible_white(white_XYZ(light, basis.observer_deg))
+            shown = cielab(channels @ basis.colour_matrix(light, mode).T, white)
+            true = cielab(XYZ_from_spectra(light, S, basis.observer_deg), white)
+            errors = delta_E_2000(true, shown)
+            k = int(errors.argmax())
+            found.append((float(errors[k]), f"{list(reflectances)[k]} under {light.name}"))
     return max(found)
 
 
@@ -124,14 +132,17 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
     shares = np.full(len(library), _LIBRARY_SHARE / len(library))
     return fit_cached(
         [*spectra.lights, *library],
-        list(spectra.reflectances.values()),
+        [*spectra.reflectances.values(), *spectra.walls.values()],
         size=table.size,
         method=table.method,
         positive=table.positive,
         grid=grid,
         observer_deg=table.observer_deg,
         light_weights=np.concatenate([own / own.sum(), shares]),
-        reflectance_weights=[spectra.use[name] for name in (*spectra.materials, *spectra.filters)],
+        reflectance_weights=[
+            *(spectra.use[name] for name in (*spectra.materials, *spectra.filters)),
+            *(1.0 for _ in spectra.walls),
+        ],
         name=name,
         trained_on="the scene's lights and materials, and the library's lights",
     )

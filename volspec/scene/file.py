@@ -90,13 +90,16 @@ class SceneFile:
                 problem = f"two [[{kind}]] are named {names[i]!r}"
                 raise fault(f"{kind}[{i}].name", problem, "rename one", "duplicate", names[i])
         try:
-            spec = self.cast
+            spec, own = self.cast, RaycastSpec()
         except RaycastError as error:
             raise error.at("group") from None
         if self.room is None:
             self._check_lights([group.name for group in spec.groups])
         elif self.group:
             raise fault("group", "the light groups are those of [room]", "leave out one of them")
+        elif (self.raycast.ambient, self.raycast.diffuse) != (own.ambient, own.diffuse):
+            remedy = "leave ambient and diffuse out"
+            raise fault("raycast", "[room] sets ambient and diffuse light", remedy)
         for i, row in enumerate(self.material):
             if row.filter is not None and self.transfer.points is None:
                 problem = f"only [transfer] points absorb by wavelength, not {self.transfer.kind}"

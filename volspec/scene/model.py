@@ -124,7 +124,7 @@ class Scene:
             if shipped:
                 chosen = ChosenBasis(shipped, "the scene names it")
             else:
-                spectra = names.spectra(self.lights, self.materials, filters)
+                spectra = names.spectra(self.lights, self.materials, filters, self.room)
                 # A title may have control characters; the name of a basis must not.
                 name = visible(file.title or self.path.stem)
                 bands = grid.start_nm, grid.stop_nm, grid.step_nm
@@ -138,10 +138,7 @@ class Scene:
         names.warn_of_palette_grids(grid, self.materials)
         with names.at("transfer"):
             self.transfer = file.transfer.function(self.materials, filters, self.basis)
-        self.relight = file.viewing
-        if self.room is not None:
-            viewing = self.room.viewing(file.viewing.viewing, file.camera)
-            self.relight = replace(file.viewing, viewing=viewing)
+        self.relight = self._seen_in_room()
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], basis: Mapping[str, object] | None = None) -> Scene:
@@ -288,7 +285,7 @@ class Scene:
         with self._names.at("raycast"):
             return raycast(
                 *(volume, self.transfer, camera, size or (output.width, output.height)),
-                spec or self.raycast,
+                self.raycast if spec is None else self.room.cast(spec) if self.room else spec,
                 device=device,
                 progress=progress,
                 cancel=cancel,
@@ -309,7 +306,18 @@ class Scene:
         """Return the scene with another ``[camera]``."""
         scene = copy(self)
         scene.file = replace(self.file, camera=camera)
+        scene.relight = scene._seen_in_room()
         return scene
+
+    def _seen_in_room(self) -> RelightSpec:
+        """Return the file's viewing, or that of an eye in its room."""
+        spec, camera = self.file.viewing, self.file.camera
+        if self.room is None:
+            return spec
+        middle = (0.0, 0.0, 0.0)
+        if camera.position_mm is not None and camera.target_mm is None:
+            middle = tuple(self.volume().corners_mm.mean(axis=0).tolist())
+        return replace(spec, viewing=self.room.viewing(spec.viewing, camera, middle))
 
     def exporting(self, **changes: Any) -> Scene:
         """Return the scene with other settings of ``[export]``; None removes one.

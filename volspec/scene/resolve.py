@@ -139,22 +139,26 @@ class Resolver:
     ) -> tuple[float, str]:
         """Return the largest CIEDE2000 of a material between two grids, and its place."""
         there = self.reflectances("reflectance", own)
-        rooms = (self.room(each) for each in (own, grid))
-        lights = (
-            self.lights(each, self.file.cast, room)
-            for each, room in zip((own, grid), rooms, strict=True)
-        )
+        lights = [self._spectra_of_lights(each) for each in (own, grid)]
         worst = (0.0, "")
         for one, two in zip(*lights, strict=True):
             Lab = [
                 cielab(self.file.viewing.viewing.exposure * XYZ, visible_white(white_XYZ(light)))
-                for light, known in ((one.spectrum, there), (two.spectrum, materials))
+                for light, known in ((one, there), (two, materials))
                 for XYZ in [XYZ_from_spectra(light, [known[name] for name in materials])]
             ]
             errors = delta_E_2000(*Lab)
             k = int(errors.argmax())
             worst = max(worst, (float(errors[k]), f"{list(materials)[k]} under {one.name}"))
         return worst
+
+    def _spectra_of_lights(self, grid: SpectralGrid) -> list[Spectrum]:
+        """Return the light of every setting; in a room, what its file names."""
+        if self.file.room is None:
+            return [light.spectrum for light in self.lights(grid, self.file.cast, None)]
+        rows = (row for row in self.file.light if row.spectrum != ROOM_LIGHT)
+        place = self.path.parent
+        return [given_light(row.spectrum, row.name, grid, place, self.known) for row in rows]
 
     def reflectances(
         self, key: Literal["reflectance", "filter"], grid: SpectralGrid
@@ -206,18 +210,26 @@ class Resolver:
         lights: list[NamedLight],
         materials: Mapping[str, Spectrum],
         filters: Mapping[str, Spectrum],
+        room: SceneRoom | None,
     ) -> SceneSpectra:
         """Return the spectra to train a basis on."""
         use = use_of(self.file.transfer)
         # A material that the transfer function does not use is invisible, but may be used later.
         unseen = dict.fromkeys(materials, min(use.values(), default=1.0))
         rigs = [light.rig for light in lights]
+        shone = [
+            part for rig in rigs for part in zip(rig.lights, rig.weights, rig.groups, strict=True)
+        ]
+        walls = room.wall_groups() if room is not None and room.spec.walls else []
+        own = [(light, weight) for light, weight, group in shone if group not in walls]
         return SceneSpectra(
-            [spectrum for rig in rigs for spectrum in rig.lights],
-            [weight for rig in rigs for weight in rig.weights],
+            [light for light, _ in own],
+            [weight for _, weight in own],
             materials,
             unseen | use,
             filters,
+            room.paints if room is not None and walls else {},
+            [light for light, _, group in shone if group in walls],
         )
 
     def volume(self) -> Volume:

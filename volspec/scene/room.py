@@ -10,6 +10,7 @@ for each of its lights, which shine on nothing of the volume.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,10 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.spec import Viewing
+from volspec.appearance.surround import MOST_BACKGROUND
 from volspec.basis import Basis, MaterialBasis
 from volspec.errors import InputError, SceneError, SpectrumError, nearest
 from volspec.raycast import LightGroup, RaycastSpec
-from volspec.raycast.lights import Ambient, Directional, Headlight, Source
+from volspec.raycast.camera import level_axes
+from volspec.raycast.lights import MAX_GROUPS, MAX_NAME, Ambient, Directional, Headlight, Source
 from volspec.relight import LightRig
 from volspec.room.eye import cone_luminances
 from volspec.room.file import load_room, paint_named
@@ -43,8 +46,8 @@ Array = NDArray[np.float64]
 _RAYS = 1 << 11
 # Least part of a group: none may be empty.
 _LEAST_PART = 1e-4
-# Least background of the models, per cent.
-_LEAST_Y_B = 0.01
+# Least background of the models, as a part of white.
+_LEAST_BACKGROUND = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,7 +77,16 @@ class SceneRoom:
         response = RoomResponse.of(solve_room(room, spec.patches, rays=rays), rays // 4)
         solved, remedy = response.solved, "change position_m"
         require_inside(solved.room, solved.rays, spec.position_m, "the volume", remedy)
-        specimen = SpecimenLight.of(response, spec.position_m, spec.directions)
+        lights = len(room.lights) if spec.walls else 0
+        if lights >= MAX_GROUPS:
+            raise SceneError(
+                f"{os.fspath(folder / spec.file)} has {lights} lights, each a layer of the cast",
+                f"leave {MAX_GROUPS - 1} or fewer there, or set walls = false",
+                code="size",
+                field="walls",
+            )
+        most = min(spec.directions, MAX_GROUPS - 1 - lights)
+        specimen = SpecimenLight.of(response, spec.position_m, most)
         power = np.array([*room.lights.values()])
         groups = np.einsum("lgb,lb->gb", specimen.irradiance, power)
         lux = lux_from_irradiance(np.concatenate([groups, power]), grid)
@@ -89,6 +101,13 @@ class SceneRoom:
     def grid(self) -> SpectralGrid:
         """Grid of all spectra."""
         return self.response.solved.room.grid
+
+    @property
+    def paints(self) -> dict[str, Spectrum]:
+        """Reflectances of the surfaces that reflect, by name."""
+        room, nm = self.response.solved.room, self.grid.wavelengths_nm
+        rows = zip(room.mesh.names, room.reflectances, strict=True)
+        return {name: Spectrum(nm, row, name) for name, row in rows if row.any()}
 
     # The cast.
 
@@ -110,15 +129,16 @@ class SceneRoom:
         names = self._group_names()
         groups = [LightGroup(*each) for each in zip(names, sources, strict=True)]
         if self.spec.walls:
-            groups += [LightGroup(name, (Headlight(0.0),)) for name in self._wall_groups()]
+            groups += [LightGroup(name, (Headlight(0.0),)) for name in self.wall_groups()]
         return replace(spec, groups=tuple(groups), ambient=1.0, diffuse=1.0)
 
     def _group_names(self) -> list[str]:
         ambient, *others = self.specimen.names
-        return [ambient, *(f"from {name}" for name in others)]
+        return [ambient, *(_group_name(f"from {name}") for name in others)]
 
-    def _wall_groups(self) -> list[str]:
-        return [f"walls: {name}" for name in self.response.names]
+    def wall_groups(self) -> list[str]:
+        """Return the groups of the room behind the volume, one for each of its lights."""
+        return [_group_name(f"walls: {name}") for name in self.response.names]
 
     # Lights.
 
@@ -203,7 +223,7 @@ class SceneRoom:
         names = self._group_names()
         if self.spec.walls:
             groups = np.concatenate([groups, power])
-            names += self._wall_groups()
+            names += self.wall_groups()
         lux = lux_from_irradiance(groups, self.grid) / self.parts[: len(groups)]
         nm = self.grid.wavelengths_nm
         lit = np.flatnonzero(lux > 0.0)
@@ -216,17 +236,21 @@ class SceneRoom:
         names = self._group_names()
         parts = self.parts[: len(names)]
         shares = dict(zip(names, (parts / parts.sum()).tolist(), strict=True))
-        return shares | dict.fromkeys(self._wall_groups(), 0.0)
+        return shares | dict.fromkeys(self.wall_groups(), 0.0)
 
     # The eye.
 
-    def viewing(self, given: Viewing, camera: CameraSpec) -> Viewing:
+    def viewing(
+        self, given: Viewing, camera: CameraSpec, middle_mm: Vector = (0.0, 0.0, 0.0)
+    ) -> Viewing:
         """Return viewing conditions in the room, of an eye that looks past the volume [method §8].
 
-        Keys of ``given`` that differ from their defaults are kept.
+        Keys of ``given`` that differ from their defaults are kept. The luminances are relative to
+        the light, so that a dimmed lamp dims them. ``middle_mm`` is the target of a camera that has
+        a position alone.
         """
         place = np.array(self.spec.position_m)
-        target = _triple(place - self._towards(camera))
+        target = _triple(place - self._towards(camera, middle_mm))
         eye = Eye(position_m=self.spec.position_m, target_m=target)
         lux, default = self.specimen.brightest_lux, Viewing()
         background, L_A = cone_luminances(self.response.solved, eye, lux)
@@ -235,24 +259,23 @@ class SceneRoom:
         if given.adapting != "given":  # measured in each picture
             return given
         if given.Y_b == default.Y_b:
-            given = replace(given, Y_b=max(100.0 * background * math.pi / lux, _LEAST_Y_B))
-        return given if given.L_A is not None else replace(given, L_A=L_A)
+            given = replace(given, Y_b=_percent(background * math.pi / lux))
+        if given.L_A is None and given.Y_A is None:
+            given = replace(given, Y_A=_percent(L_A * math.pi / lux))
+        return given
 
-    def _towards(self, camera: CameraSpec) -> Array:
+    def _towards(self, camera: CameraSpec, middle_mm: Vector) -> Array:
         """Return the direction (3,) from the volume to the camera, in the room."""
         if camera.position_mm is not None:
-            away = np.subtract(camera.position_mm, camera.target_mm or (0.0, 0.0, 0.0))
-            return np.asarray(self.placement.axes @ (away / np.linalg.norm(away)))
+            away = np.subtract(camera.position_mm, camera.target_mm or middle_mm)
+            if not (length := float(np.linalg.norm(away))) > 0.0:  # refused at the cast
+                return np.array([0.0, -1.0, 0.0])
+            return np.asarray(self.placement.axes @ (away / length))
         azimuth, elevation = math.radians(camera.azimuth_deg), math.radians(camera.elevation_deg)
-        level = np.array(
-            [
-                math.cos(elevation) * math.sin(azimuth),
-                -math.cos(elevation) * math.cos(azimuth),
-                math.sin(elevation),
-            ]
-        )
-        world = Placement.of(self.spec.position_m, 1.0, 0.0, camera.up).axes.T @ level
-        return np.asarray(self.placement.axes @ world)
+        side, front, axis = level_axes(camera.up)
+        around = math.cos(azimuth) * front + math.sin(azimuth) * side
+        towards = math.cos(elevation) * around + math.sin(elevation) * axis
+        return np.asarray(self.placement.axes @ towards)
 
     # What is behind the volume.
 
@@ -318,6 +341,17 @@ class SceneRoom:
     def solved(self) -> SceneRoom:
         """Return the room, solved if it is an estimate."""
         return self if self.is_solved else self.with_paint({})
+
+
+def _group_name(name: str) -> str:
+    """Return a surface's name without what a light group's must not have."""
+    kept = "".join(each if each.isprintable() and each not in "=;" else "-" for each in name)
+    return kept.strip()[:MAX_NAME]
+
+
+def _percent(ratio: float) -> float:
+    """Return a luminance factor that the models accept."""
+    return 100.0 * min(max(ratio, _LEAST_BACKGROUND), MOST_BACKGROUND)
 
 
 def _triple(vector: Array) -> Vector:

@@ -228,7 +228,8 @@ class RoomSpec:
     """``[room]``: a room with the volume in it.
 
     Its lights replace ``[[group]]``; ``[[light]]`` gives them spectra, and ``group`` names one of
-    them. Y_b, L_A and surround are those of an eye in the room, unless ``[viewing]`` gives them.
+    them. Y_b, Y_A and surround are those of an eye in the room, unless ``[viewing]`` gives others
+    than their defaults.
     """
 
     file: Annotated[str, Field(examples=["room.toml"])]

@@ -130,6 +130,7 @@ def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, A
         "lux": viewing.illuminance_lux,
         "L_A": viewing.L_A,
         "Y_b": viewing.Y_b,
+        "Y_A": viewing.Y_A,
         "surround": _ratio(viewing.surround),
         "D": viewing.D,
         "discount": viewing.discount,

@@ -108,11 +108,11 @@ def _picker(state: ViewState, room: SceneRoom, ui: UiContext, surface: str) -> V
 
 def _conditions(state: ViewState, room: SceneRoom) -> str:
     """Return what the eye adapts to."""
-    viewing = edits.shown_spec(state).viewing
-    surround = viewing.surround
-    parts = [f"{room.specimen.brightest_lux:.3g} lx", f"Y_b {viewing.Y_b:.2g} %"]
-    if viewing.L_A is not None:
-        parts.append(f"L_A {viewing.L_A:.3g} cd/m²")
+    viewing, rig = edits.shown_spec(state).viewing, facing_light(state.lights, room)
+    lux, surround = (rig.total_lux or 0.0) if rig else 0.0, viewing.surround
+    parts = [f"{lux:.3g} lx", f"Y_b {viewing.Y_b:.2g} %"]
+    if viewing.adapting == "given":
+        parts.append(f"L_A {viewing.lit_by(lux).adapting_luminance:.3g} cd/m²")
     parts.append(f"surround {surround if isinstance(surround, str) else f'{surround:.2g}'}")
     return ", ".join(parts)
 

@@ -140,7 +140,7 @@ const ADAPTATIONS = {
 
 // Conditions to which the eye in the scene adapts; `lux` is the light's, or null if it has none.
 function sceneConditions(look, white, lux) {
-  const L_A = look.L_A ?? (lux ?? look.lux) / Math.PI * look.Y_b / 100;
+  const L_A = look.L_A ?? (lux ?? look.lux) / Math.PI * (look.Y_A ?? look.Y_b) / 100;
   return {
     white: white.map((x) => Math.max(x, 1e-6 * white[1])), L_A, Y_b: look.Y_b,
     surround: look.surround, D: look.discount ? null : look.D, discount: look.discount,
