@@ -151,8 +151,11 @@ def schema() -> None:
 
 def _line(checked: Checked) -> str:
     size = " × ".join(map(str, checked.volume or ()))
+    room = ""
+    if checked.room_error is not None:
+        room = f", the room's light within {100 * checked.room_error:.2g} %"
     return (
         f"{checked.path}: ok: {counted(checked.materials, 'material')}, "
         f"{counted(checked.lights, 'light')}, volume {size}, basis {checked.basis} "
-        f"({checked.reason})"
+        f"({checked.reason}){room}"
     )

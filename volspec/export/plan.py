@@ -258,6 +258,8 @@ class Checked:
     volume: tuple[int, int, int] | None = None  # (width, height, depth)
     basis: str = ""
     reason: str = ""  # for the choice of the basis
+    # Of the groups that light the volume, as a part of the room's light; root mean square.
+    room_error: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the fields as JSON types."""
@@ -280,7 +282,10 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         valid = _valid_part(data, error, Path(path))
         unknown = [] if valid is None else _unresolved(valid, Path(path))[0]
         return Checked(name, (*error.lines, *unknown))
-    errors, volume = _unresolved(file, Path(path))
+    coarse = file
+    if file.room is not None:  # solved once more, below
+        coarse = replace(file, room=replace(file.room, patches=_FEW_PATCHES))
+    errors, volume = _unresolved(coarse, Path(path))
     scene = None
     if volume is not None and not errors:
         try:
@@ -302,9 +307,12 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         volume=volume.shape_xyz,
         basis=scene.basis.name,
         reason=scene.basis_reason,
+        room_error=None if scene.room is None else scene.room.specimen.error,
     )
 
 
+# Of a room that is only looked at.
+_FEW_PATCHES = 100
 # Replacements for tables that have a fault; no file can have this name.
 _NO_VOLUME = "\0"
 _VALID = {

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -155,17 +156,24 @@ class Backdrop:
         self.response, self._placement, self._basis = response, placement, basis
         self._parts = parts  # (L,) factors of the layers
         self._middle_mm, self._radius_mm = middle_mm, radius_mm
-        self._lit = LitMesh.of(response)
-        self._colours = self.colours(response)
         self._seen: tuple[tuple[Camera, Size], csr_array, Array] | None = None
         self._maps: tuple[object, list[list[ShadowMap]]] | None = None
         self._shadows: tuple[object, NDArray[np.intp], Array] | None = None
 
     def repainted(self, response: RoomResponse) -> Backdrop:
         """Return the backdrop of the same room with other paints."""
+        assert self._lit is not None  # made by the response that is not painted
         made = copy(self)
         made.response, made._colours = response, self.colours(response)
         return made
+
+    @cached_property
+    def _lit(self) -> LitMesh:
+        return LitMesh.of(self._response)
+
+    @cached_property
+    def _colours(self) -> VertexColours:
+        return self.colours(self._response)
 
     def colours(self, response: RoomResponse) -> VertexColours:
         """Return what vertices send in a room with other paints."""
