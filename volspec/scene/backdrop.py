@@ -162,18 +162,18 @@ class Backdrop:
 
     def repainted(self, response: RoomResponse) -> Backdrop:
         """Return the backdrop of the same room with other paints."""
-        assert self._lit is not None  # made by the response that is not painted
-        made = copy(self)
-        made.response, made._colours = response, self.colours(response)
+        colours = self.colours(response)
+        made = copy(self)  # with the triangles, which are those of all paints
+        made.response, made._colours = response, colours
         return made
 
     @cached_property
     def _lit(self) -> LitMesh:
-        return LitMesh.of(self._response)
+        return LitMesh.of(self.response)
 
     @cached_property
     def _colours(self) -> VertexColours:
-        return self.colours(self._response)
+        return self.colours(self.response)
 
     def colours(self, response: RoomResponse) -> VertexColours:
         """Return what vertices send in a room with other paints."""

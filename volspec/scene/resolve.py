@@ -139,9 +139,9 @@ class Resolver:
     ) -> tuple[float, str]:
         """Return the largest CIEDE2000 of a material between two grids, and its place."""
         there = self.reflectances("reflectance", own)
-        lights = [self._spectra_of_lights(each) for each in (own, grid)]
+        lights = [self._named_spectra(each) for each in (own, grid)]
         worst = (0.0, "")
-        for one, two in zip(*lights, strict=True):
+        for (name, one), (_, two) in zip(*lights, strict=True):
             Lab = [
                 cielab(self.file.viewing.viewing.exposure * XYZ, visible_white(white_XYZ(light)))
                 for light, known in ((one, there), (two, materials))
@@ -149,16 +149,19 @@ class Resolver:
             ]
             errors = delta_E_2000(*Lab)
             k = int(errors.argmax())
-            worst = max(worst, (float(errors[k]), f"{list(materials)[k]} under {one.name}"))
+            worst = max(worst, (float(errors[k]), f"{list(materials)[k]} under {name}"))
         return worst
 
-    def _spectra_of_lights(self, grid: SpectralGrid) -> list[Spectrum]:
-        """Return the light of every setting; in a room, what its file names."""
+    def _named_spectra(self, grid: SpectralGrid) -> list[tuple[str, Spectrum]]:
+        """Return name and light of every setting; in a room, of every row."""
         if self.file.room is None:
-            return [light.spectrum for light in self.lights(grid, self.file.cast, None)]
+            lights = self.lights(grid, self.file.cast, None)
+            return [(light.name, light.spectrum) for light in lights]
         rows = (row for row in self.file.light if row.spectrum != ROOM_LIGHT)
         place = self.path.parent
-        return [given_light(row.spectrum, row.name, grid, place, self.known) for row in rows]
+        return [
+            (row.name, given_light(row.spectrum, row.name, grid, place, self.known)) for row in rows
+        ]
 
     def reflectances(
         self, key: Literal["reflectance", "filter"], grid: SpectralGrid
