@@ -27,7 +27,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap
 from volspec.spectra import DEFAULT_GRID, Spectrum, light
 from volspec.transfer import Region, TransferFunction2D
-from volspec.viewer.model import light_parts, lights, materials
+from volspec.viewer.model import light_parts, lights, materials, room
 from volspec.viewer.model.light_rows import MOST_ROWS, LightRow, LightState, lux_note
 from volspec.viewer.model.light_states import MOST_STATES
 from volspec.viewer.model.palette_table import colour_table
@@ -79,10 +79,12 @@ def _refusals(state: ViewState) -> Iterator[str]:
         *((full, "keep-mix"), (full, "palette-light"), (dark, "keep-mix"), (dark, "remove-light")),
         *((replace(state, saved_lights=saved), "save-state"), (state, "palette-restart")),
         *((state, "transfer-labels"), (cut, "plane-facing")),
+        *((state, "panel-room"), (state, "reset-paints")),
     ):
         new, message, _ = run_command(given, name)
         assert new is given
         yield f"{name}: {message}"
+    yield room.LIGHTS
 
 
 def _lights(state: ViewState) -> Iterator[str]:
