@@ -66,11 +66,7 @@ def three_rooms() -> np.ndarray:
             for light in scene.lights:
                 frames[light.name, paint] = relighter.frame(light.rig, scene.relight)
     tiles = [
-        SheetTile(
-            f"{paint} walls",
-            f"{label} lamp" if label != "daylight" else "lamp of daylight",
-            frames[label, paint],
-        )
+        SheetTile(f"{paint} walls", f"{label} lamp", frames[label, paint])
         for label in LAMPS.values()
         for paint in PAINTS
     ]

@@ -31,8 +31,9 @@ _BACKS = 8
 # Triangles of one surface share their vertices' light if their normals differ by less than this.
 _SAME_SIDE = 1e-3
 # Triangles per patch, rounds that halve those with uneven light, the part of those still to come
-# that a round makes, and shadow rays from a vertex to each triangle that emits.
-_FINER, _ROUNDS, _A_ROUND, _SHADOWS = 5, 12, 3, 64
+# that a round makes, and shadow rays from a vertex to each triangle that emits. They begin this far
+# from it towards the triangle's centre.
+_FINER, _ROUNDS, _A_ROUND, _SHADOWS, _INWARDS = 5, 12, 3, 64, 0.02
 
 
 def vertices_by_side(mesh: RoomMesh) -> Index:
@@ -164,7 +165,10 @@ class _Direct:
         """Return the direct light (L, T, 3) on the corners of triangles."""
         vertices = vertices_by_side(mesh)
         first = np.unique(vertices, return_index=True)[1]
-        points, normals = mesh.corners_m.reshape(-1, 3)[first], mesh.normals[first // 3]
+        normals = mesh.normals[first // 3]
+        # In the corner of two walls, each would hide the lamp from the other.
+        inwards = _INWARDS * (mesh.centres_m[:, None] - mesh.corners_m)
+        points = (mesh.corners_m + inwards).reshape(-1, 3)[first]
         found = []
         for room in self._rooms:
             emitters = int(np.asarray(room.emission.any(axis=1))[room.mesh.surface].sum())
