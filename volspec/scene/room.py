@@ -9,10 +9,12 @@ for each of its lights, which shine on nothing of the volume.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -50,6 +52,37 @@ _LEAST_PART = 1e-4
 _LEAST_BACKGROUND = 1e-4
 
 
+@dataclass(frozen=True, slots=True)
+class _Unsolved:
+    """A room to solve, equal to any other with the same contents."""
+
+    digest: bytes
+    patches: int
+    room: Room = field(compare=False)
+
+
+def _digest(room: Room) -> bytes:
+    """Return a hash of everything that a room's response depends on."""
+    digest = hashlib.blake2b(digest_size=16)
+    lights = [*room.lights.values()]
+    for array in (room.mesh.corners_m, room.mesh.surface, room.reflectances, *lights):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    facts = room.mesh.names, room.grid, list(room.lights), room.open
+    places = [lamp.position_m for lamp in room.lamps]
+    beams = [(sun.direction, sorted(sun.through)) for sun in room.suns]
+    digest.update(repr((facts, places, beams)).encode())
+    return digest.digest()
+
+
+# A scene is opened again by checks, wizards and the viewer; few, as each takes some 30 MB.
+@lru_cache(maxsize=2)
+def _respond(unsolved: _Unsolved) -> RoomResponse:
+    """Solve a room, and return its response."""
+    rays = _RAYS * unsolved.patches
+    solved = solve_room(unsolved.room, unsolved.patches, rays=rays)
+    return RoomResponse.of(solved, rays // 4)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneRoom:
     """A room with a volume in it, solved for all spectra of its lights."""
@@ -73,8 +106,7 @@ class SceneRoom:
         """
         room = load_room(folder / spec.file, grid)
         paints = _paints(spec.paint, room, folder)
-        rays = _RAYS * spec.patches
-        response = RoomResponse.of(solve_room(room, spec.patches, rays=rays), rays // 4)
+        response = _respond(_Unsolved(_digest(room), spec.patches, room))
         solved, remedy = response.solved, "change position_m"
         require_inside(solved.room, solved.rays, spec.position_m, "the volume", remedy)
         lights = len(room.lights) if spec.walls else 0
