@@ -57,6 +57,7 @@ def test_figures_are_json(good: Path, capsys: pytest.CaptureFixture[str]) -> Non
         "volume": [10, 11, 12],
         "basis": "general-7",
         "reason": first["reason"],
+        "room_error": None,
     }
     assert not second["ok"] and len(second["errors"]) == 4
 

@@ -118,9 +118,6 @@ class Viewing:
     illuminance E_v or else ``illuminance_lux``."""
     Y_b: Background = 20.0
     """Luminance factor of the scene's background, percent of a perfect diffuser."""
-    Y_A: Background | None = None
-    """Luminance factor of the scene's adapting field, if it is not the background's: L_A, if left
-    out, is E_v/π · Y_A/100."""
     surround: SceneSurround = "average"
     """average, dim, dark, or its ratio to white, 0 to 1; measured: in each relit picture, the
     luminance of the field 11 to 90 degrees from the line of sight over that of a white."""
@@ -148,6 +145,9 @@ class Viewing:
     """Further inputs of model Hunt, for the scene."""
     nayatani: NayataniSettings = field(default_factory=NayataniSettings)
     """Further inputs of model Nayatani95, for the scene."""
+    Y_A: Background | None = None
+    """Luminance factor of the scene's adapting field, if it is not the background's: L_A, if left
+    out, is E_v/π · Y_A/100."""
 
     def __post_init__(self) -> None:
         refuse_two_degrees(self.D, self.discount)
