@@ -243,7 +243,7 @@ class RoomSpec:
     is vertical, and azimuth 0 is at the room's front."""
     paint: dict[str, str] = field(default_factory=dict)
     """Other reflectances of surfaces, such as walls = "#f4b8a0"."""
-    directions: Annotated[int, Field(ge=1, le=5)] = 4
+    directions: Annotated[int, Field(ge=1, le=5)] = 3
     """Directional lights that replace the room's, at most, besides ambient light."""
     shadows: bool = True
     """The volume casts shadows into itself; without them, light also passes through it to the

@@ -119,15 +119,15 @@ def seen_XYZ(room: SceneRoom, rows: light_rows.Rows) -> Array | None:
     lamps, facing = light_rows.light_rig(rows), light_rows.facing_light(rows, room)
     if lamps is None or facing is None or not facing.total_lux:
         return None
-    mesh, power = room.response.solved.mesh, room.spectra(lamps)
-    areas = mesh.areas_m2
-    means, paints = [], []
-    for surface in paintable(room):
-        names = WALLS if surface == ALL_WALLS else (surface,)
-        there = np.isin(mesh.surface, [mesh.names.index(name) for name in names])
-        mean = areas[there] @ room.response.irradiance[:, there] / areas[there].sum()  # (L, B)
-        means.append(np.einsum("lb,lb->b", mean, power))
-        paints.append(reflectance_of(room, surface).values)
+    mesh, surfaces = room.response.solved.mesh, paintable(room)
+    numbers = [
+        [mesh.names.index(name) for name in (WALLS if surface == ALL_WALLS else (surface,))]
+        for surface in surfaces
+    ]
+    weights = np.array([mesh.areas_m2 * np.isin(mesh.surface, each) for each in numbers])
+    weights /= weights.sum(axis=1, keepdims=True)
+    means = np.einsum("lsb,lb->sb", weights @ room.response.irradiance, room.spectra(lamps))
+    paints = [reflectance_of(room, surface).values for surface in surfaces]
     scale = 100.0 * LUMINOUS_EFFICACY / facing.total_lux
     return np.asarray(scale * (np.array(paints) * means) @ colour_matching_functions(room.grid).T)
 
