@@ -184,6 +184,8 @@ def raycast(
     if not cast.alpha.any():
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
+            if behind is not None:
+                why += "; or furniture of the room hides it"
         else:
             why = _looks_past_warning(volume)
         warnings.warn(why, VolspecWarning, stacklevel=2)

@@ -9,9 +9,10 @@ import pytest
 import pyvista
 
 from tests.support.errors import raises
-from volspec.errors import RoomError
+from volspec.errors import RoomError, SpectrumError
 from volspec.room import load_room, lux_from_irradiance
-from volspec.spectra import light
+from volspec.room.file import paint_named
+from volspec.spectra import DEFAULT_GRID, light, reflectance
 
 ROOMS = Path(__file__).parents[2] / "data" / "rooms"
 START = """size_m = [4.0, 5.0, 2.7]
@@ -127,3 +128,14 @@ def test_files_that_are_no_meshes_are_refused(tmp_path: Path) -> None:
     mesh = '[[mesh]]\nname = "chair"\nfile = "chair.ply"\n'
     with raises(RoomError):
         load_room(room_file(tmp_path, SMALL + "lumen = 900\n" + mesh))
+
+
+def test_a_paint_is_a_library_s_reflectance_or_a_colour(tmp_path: Path) -> None:
+    """Gold is in the library; salmon is a colour, #fa8072."""
+    gold, salmon, codes = (
+        paint_named(text, DEFAULT_GRID, tmp_path) for text in ("gold", "salmon", "#fa8072")
+    )
+    assert gold.values == pytest.approx(reflectance("gold").values)
+    assert salmon.values == pytest.approx(codes.values)
+    with raises(SpectrumError, "unknown"):
+        paint_named("puce", DEFAULT_GRID, tmp_path)

@@ -240,7 +240,15 @@ def test_shadows_and_occlusion_match_reference(
     assert_alike(half_engine, three_channels, Camera.orbit(half_engine), spec)
 
 
-@pytest.mark.parametrize("mode", ["composite", "maximum", "average", "preintegrated", "surfaces"])
+# Each is a kernel of its own, which takes seconds to compile.
+@pytest.mark.parametrize(
+    "mode",
+    [
+        "composite",
+        "surfaces",
+        *(pytest.param(m, marks=pytest.mark.slow) for m in ("maximum", "average", "preintegrated")),
+    ],
+)
 def test_rays_end_at_opaque_surfaces(
     engine: Volume, engine_table: TransferTable, mode: str
 ) -> None:

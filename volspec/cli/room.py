@@ -122,6 +122,9 @@ def room(
         solve_room,
         surface_appearance,
     )
+    from volspec.room.eye import seen_triangle
+    from volspec.room.form_factors import Rays
+    from volspec.room.radiosity import look_around
     from volspec.spectra import illuminance_lux, write_spectrum
 
     if picture is not None:
@@ -149,6 +152,8 @@ def room(
     if patches is None:
         patches = _PATCHES if paints is None else _PATCHES_OF_PAINTS
     eye, name = default_eye(found), found.title or room.stem
+    look_around(found)
+    seen_triangle(Rays(found.mesh), eye)  # refused before the solution
     with bar(quiet=json) as tell:
         solved = solve_room(found, patches, tell)
         ranking = None

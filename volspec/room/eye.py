@@ -76,6 +76,23 @@ def default_eye(room: Room) -> Eye:
     return Eye(position_m=position, target_m=target)
 
 
+def seen_triangle(rays: Rays, eye: Eye) -> int:
+    """Return the triangle that an eye looks at; raise RoomError if it sees none, or a back."""
+    mesh, position = rays.mesh, np.array(eye.position_m)
+    forward = np.array(eye.target_m) - position
+    forward /= np.linalg.norm(forward)
+    hit = int(rays.first(position[None], forward[None])[0])
+    if hit < 0 or mesh.normals[hit] @ forward > 0:
+        at = ", ".join(f"{x:g}" for x in position)
+        raise RoomError(
+            f"the eye at ({at}) m sees no surface's front; the room is {mesh.extent}",
+            "move its position_m",
+            code="range",
+            field="eye",
+        )
+    return hit
+
+
 def look(
     solved: RoomLight,
     eye: Eye,
@@ -87,18 +104,7 @@ def look(
     ``viewing`` gives the model and the display; ``white`` is a surface that counts as white, by
     default a perfect diffuser. Raises RoomError if the eye sees nothing there, or a back.
     """
-    position = np.array(eye.position_m)
-    forward = np.array(eye.target_m) - position
-    forward /= np.linalg.norm(forward)
-    hit = int(solved.rays.first(position[None], forward[None])[0])
-    if hit < 0 or solved.mesh.normals[hit] @ forward > 0:
-        at = ", ".join(f"{x:g}" for x in position)
-        raise RoomError(
-            f"the eye at ({at}) m sees no surface's front; the room is {solved.mesh.extent}",
-            "move its position_m",
-            code="range",
-            field="eye",
-        )
+    hit = seen_triangle(solved.rays, eye)
     grid = solved.room.grid
     irradiance = solved.irradiance[hit]
     lux = float(lux_from_irradiance(irradiance, grid))

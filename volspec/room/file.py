@@ -63,7 +63,7 @@ class SurfaceSpec:
     of a box or a mesh."""
     reflectance: Annotated[str, Field(examples=["grey:0.5"])]
     """A name (ColorChecker/dark skin, grey:0.5, …) or FILE.csv, in the notation of a scene's
-    material; or a colour, #f0d9b5, under D65."""
+    material; or a colour, #f0d9b5 or a CSS name, under D65."""
 
 
 @settings(RoomError)
@@ -316,10 +316,18 @@ def _in_row(key: str, name: str) -> Iterator[None]:
 
 
 def paint_named(text: str, grid: SpectralGrid, folder: Path) -> Spectrum:
-    """Return a reflectance by name, or the one that a colour in sRGB has under D65."""
+    """Return a reflectance by name, or the one that a colour in sRGB has under D65.
+
+    Raises SpectrumError if neither the library nor CSS knows the name.
+    """
     if text.startswith("#"):
         return reflectance_from_colour(text, grid=grid)
-    return reflectance(text, grid, folder=folder)
+    try:
+        return reflectance(text, grid, folder=folder)
+    except SpectrumError as unknown:
+        with suppress(SpectrumError):  # a colour's name, such as salmon
+            return reflectance_from_colour(text, grid=grid)
+        raise unknown
 
 
 def _mesh(file: RoomFile, folder: Path) -> RoomMesh:

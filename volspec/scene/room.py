@@ -83,7 +83,7 @@ def _respond(unsolved: _Unsolved) -> RoomResponse:
     return RoomResponse.of(solved, rays // 4)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class SceneRoom:
     """A room with a volume in it, solved for all spectra of its lights."""
 
@@ -97,6 +97,10 @@ class SceneRoom:
     parts: Array
     # Of an estimate: the room that was solved last.
     estimated_from: SceneRoom | None = None
+
+    def __repr__(self) -> str:
+        patches, lights = len(self.response.solved.mesh.surface), ", ".join(self.response.names)
+        return f"SceneRoom({self.spec.file!r}, {patches} patches, lights: {lights})"
 
     @classmethod
     def of(cls, spec: RoomSpec, folder: Path, grid: SpectralGrid, up: Vector) -> SceneRoom:

@@ -239,10 +239,10 @@ class RoomSpec:
     scale: Positive = 1.0
     """Size in the room over size in the file."""
     turn_deg: Annotated[Finite, Unit("degrees")] = 0.0
-    """Turns the volume about the room's vertical, counter-clockwise from above; the camera's ``up``
-    is vertical, and azimuth 0 is at the room's front."""
+    """Turns the volume about the room's vertical, counter-clockwise from above, and the camera with
+    it; the camera's ``up`` is vertical, and without a turn azimuth 0 is at the room's front."""
     paint: dict[str, str] = field(default_factory=dict)
-    """Other reflectances of surfaces, such as walls = "#f4b8a0"."""
+    """Other reflectances of surfaces, such as walls = "#f4b8a0", "salmon" or "grey:0.5"."""
     directions: Annotated[int, Field(ge=1, le=5)] = 3
     """Directional lights that replace the room's, at most, besides ambient light."""
     shadows: bool = True
