@@ -139,6 +139,18 @@ def test_any_light_relights_the_picture_alone(folder: Path) -> None:
     assert alone.mean() == pytest.approx(frame(scene, image).mean(), rel=0.1)
 
 
+def test_a_light_that_does_not_reach_the_volume_is_refused(folder: Path) -> None:
+    """A sun below the floor: the walls' layer alone would have light."""
+    sun = (
+        '[[light]]\nname = "sun"\nspectrum = "D65"\nazimuth_deg = 0\nelevation_deg = -60\nlux = 9\n'
+    )
+    (folder / "sun.toml").write_text(ROOM.format(walls="#f0d9b5", lamp="A") + sun)
+    text = SCENE.replace("room.toml", "sun.toml") + 'group = "sun"\n'
+    (folder / "dark.toml").write_text(text)
+    with raises(SceneError, "impossible"):
+        Scene.load(folder / "dark.toml")
+
+
 def test_paint_of_the_scene_replaces_that_of_the_room(folder: Path) -> None:
     path = edited(folder, "patches = 300", 'patches = 300\npaint = { walls = "#4060c0" }')
     blue, (beige, _) = Scene.load(path), opened(folder)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from volspec.appearance.spec import Viewing
 from volspec.appearance.surround import MOST_BACKGROUND
 from volspec.basis import Basis, MaterialBasis
-from volspec.errors import InputError, SceneError, SpectrumError, nearest
+from volspec.errors import InputError, RoomError, SceneError, SpectrumError, nearest
 from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.camera import level_axes
 from volspec.raycast.lights import MAX_GROUPS, MAX_NAME, Ambient, Directional, Headlight, Source
@@ -256,6 +256,12 @@ class SceneRoom:
         Raises RoomError if no light reaches the volume.
         """
         groups = np.einsum("lgb,lb->gb", self.specimen.irradiance, power)
+        if not groups.any():
+            raise RoomError(
+                "none of this light reaches the volume",
+                "light another lamp of the room, or move the lamp or the volume",
+                code="impossible",
+            )
         names = self._group_names()
         if self.spec.walls:
             groups = np.concatenate([groups, power])
