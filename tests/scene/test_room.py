@@ -234,6 +234,20 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
     assert middle == pytest.approx(150.0, rel=1e-3)  # 1.5 m to the back, at a scale of 10
 
 
+def test_edges_are_a_mean_of_points_in_their_pixels(folder: Path) -> None:
+    """In 16 × 12 pixels, the edges of walls are nearer to those of a large picture's means."""
+    scene, _ = opened(folder)
+    behind = scene.behind(scene.volume())
+    assert behind is not None
+    camera = vs.Camera((20.0, 100.0, 45.0), (20.0, 60.0, 40.0), fov_deg=90.0)
+    large = behind(camera, (160, 120))
+    coarse = behind(camera, (16, 12))
+    means = large.reshape(12, 10, 16, 10, -1).mean(axis=(1, 3))
+    middles = large[5::10, 5::10]
+    mean, middle = (np.abs(each - means).max() for each in (coarse, middles))
+    assert mean < 0.6 * middle
+
+
 def test_what_is_between_the_lamp_and_the_volume_is_lit(folder: Path) -> None:
     """A shadow map at points on the way to the light, and behind the volume."""
     scene, _ = opened(folder)

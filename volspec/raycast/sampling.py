@@ -63,10 +63,13 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
     return Rays(start, along, direction, near, far, shift)
 
 
-def world_rays(camera: Camera, width: int, height: int) -> tuple[Array, Array]:
-    """Return (R, 3) origins in mm and unit directions, row by row."""
+def world_rays(
+    camera: Camera, width: int, height: int, at: Array | None = None
+) -> tuple[Array, Array]:
+    """Return (R, 3) origins in mm and unit directions, row by row; or through (R, 2) pixels."""
     field = camera.ray_field(width, height)
-    y, x = (grid.ravel()[:, None] for grid in np.mgrid[0:height, 0:width].astype(np.float64))
+    middles = np.mgrid[0:height, 0:width].reshape(2, -1)[::-1].T
+    x, y = np.split(middles.astype(np.float64) if at is None else at, 2, axis=1)
     offset = (x - field.middle[0]) * field.across + (y - field.middle[1]) * field.down
     straight = field.forward * field.distance
     if field.perspective:

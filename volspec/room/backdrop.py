@@ -5,7 +5,8 @@ RoomResponse, rays of a camera -> [backdrop] -> weights of vertices, their coeff
 Under light l alone, with 1 in each band, a surface sends ρ R_l + [it is l], R_l its irradiance: a
 reflectance, as far as the raycaster's picture is concerned. The picture therefore survives every
 change of the lights' spectra. Light is interpolated between vertices: of the patches, where it is
-indirect, and of smaller triangles, where shadows end.
+indirect, and of smaller triangles, where it comes from panels. Lamps and the sun are found at
+each point that is seen, as their shadows have sharp edges.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, hstack, vstack
 
 from volspec.basis import SpectralBasis
-from volspec.room.direct import direct_irradiance
+from volspec.room.direct import beam_irradiance, panel_irradiance
 from volspec.room.form_factors import Rays
 from volspec.room.mesh import RoomMesh
+from volspec.room.model import Room
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.response import RoomResponse
 
@@ -61,37 +63,80 @@ def barycentric(mesh: RoomMesh, triangles: Index, points: Array) -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Points of a room that K rays see first.
+
+    Attributes
+    ----------
+    weights : (K, V) sparse array
+        Of the vertices; a row of zeros where a ray sees nothing.
+    surface : (K,) array of int
+        Index of each point's surface; -1 where a ray sees nothing.
+    points_m, normals : (K, 3) arrays
+    direct : (K, L) array
+        What comes from each light without any reflection, per unit of its spectrum.
+    """
+
+    weights: csr_array
+    surface: Index
+    points_m: Array
+    normals: Array
+    direct: Array
+
+    def joined(self, other: Seen) -> Seen:
+        """Return the points of both."""
+        return Seen(
+            vstack([self.weights, other.weights], format="csr"),
+            *(
+                np.concatenate([getattr(each, name) for each in (self, other)])
+                for name in ("surface", "points_m", "normals", "direct")
+            ),
+        )
+
+    def rows(self, light: int, surfaces: int, lost: Array) -> csr_array:
+        """Return weights (K, V + S) of the `room_colours` of a light, a part (K,) of which is lost.
+
+        Only light that comes directly from it can be lost.
+        """
+        there = self.surface >= 0
+        direct = self.direct[:, light] * (1.0 - lost)
+        ends = np.concatenate([[0], np.cumsum(there)])
+        shape = len(there), surfaces
+        own = csr_array((np.float32(direct[there]), self.surface[there], ends), shape=shape)
+        return hstack([self.weights, own], format="csr")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LitMesh:
     """Triangles to see a room by, and the light on their V vertices.
 
     Attributes
     ----------
+    room : Room
     rays : Rays
         Of the triangles.
     vertices : (T, 3) array of int
         Of each triangle.
-    points_m, normals : (V, 3) arrays
     surface : (V,) array of int
         Index of each vertex's surface.
     patches : (V, N) sparse array
         Weights of the N patches' indirect light.
-    direct : (L, V) array
-        What comes from each light without any reflection, as in `RoomResponse`.
+    panels : (L, V) array
+        What comes from each panel without any reflection, as in `RoomResponse`.
     """
 
+    room: Room
     rays: Rays
     vertices: Index
-    points_m: Array
-    normals: Array
     surface: Index
     patches: csr_array
-    direct: Array
+    panels: Array
 
     @classmethod
     def of(cls, response: RoomResponse) -> LitMesh:
-        """Halve the patches where direct light is uneven; paints do not matter."""
+        """Halve the patches where light of panels is uneven; paints do not matter."""
         solved = response.solved
-        mesh, parents, light = solved.mesh, np.arange(len(solved.mesh.surface)), _Direct(response)
+        mesh, parents, light = solved.mesh, np.arange(len(solved.mesh.surface)), _Panels(response)
         found = light.at(mesh)  # (L, N, 3)
         for _ in range(_ROUNDS):
             left = _FINER * len(solved.mesh.surface) - len(mesh.surface)
@@ -111,20 +156,16 @@ class LitMesh:
         coarse = vertices_by_side(solved.mesh)
         between = _rows(coarse[parents[triangles]], weights, int(coarse.max()) + 1)
         return cls(
+            solved.room,
             Rays(mesh),
             vertices,
-            points,
-            mesh.normals[triangles],
             mesh.surface[triangles],
             csr_array(between @ _around(coarse, solved.mesh.areas_m2)),
             found.reshape(len(found), -1)[:, first],
         )
 
-    def seen(self, origins_m: Array, directions: Array) -> csr_array:
-        """Return (K, V) weights of the vertices that K rays see first.
-
-        A ray that sees nothing has a row of zeros; backs are invisible, as if the eye were inside.
-        """
+    def seen(self, origins_m: Array, directions: Array) -> Seen:
+        """Return what K rays see first; backs are invisible, as if the eye were inside."""
         mesh = self.rays.mesh
         normals, corners = mesh.normals, mesh.corners_m
         hit = np.full(len(directions), -1)
@@ -145,15 +186,18 @@ class LitMesh:
         slope = np.einsum("kc,kc->k", directions[seen], normals[triangle])
         way = np.einsum("kc,kc->k", corners[triangle, 0] - starts[seen], normals[triangle]) / slope
         points = starts[seen] + way[:, None] * directions[seen]
-        weights = np.zeros((len(directions), 3), np.float32)
-        weights[seen] = barycentric(mesh, triangle, points)
-        columns = np.zeros((len(directions), 3), np.int32)
-        columns[seen] = self.vertices[triangle]
-        return _rows(columns, weights, len(self.points_m), hit >= 0)
+        columns = self.vertices[triangle].astype(np.int32)
+        shares = barycentric(mesh, triangle, points).astype(np.float32)
+        weights = _rows(columns, shares, len(self.surface), hit >= 0)
+        direct = np.asarray(weights @ self.panels.T)
+        direct[seen] += beam_irradiance(self.room, self.rays, points, normals[triangle]).T
+        surface, (at, across) = np.full(len(hit), -1), np.zeros((2, len(hit), 3))
+        surface[seen], at[seen], across[seen] = mesh.surface[triangle], points, normals[triangle]
+        return Seen(weights, surface, at, across, direct)
 
 
-class _Direct:
-    """Direct light on vertices, and how uneven it is."""
+class _Panels:
+    """Direct light of panels on vertices, and how uneven it is."""
 
     def __init__(self, response: RoomResponse) -> None:
         room = response.solved.room
@@ -162,7 +206,7 @@ class _Direct:
         self._rays = Rays(room.mesh)
 
     def at(self, mesh: RoomMesh) -> Array:
-        """Return the direct light (L, T, 3) on the corners of triangles."""
+        """Return the light (L, T, 3) on the corners of triangles."""
         vertices = vertices_by_side(mesh)
         first = np.unique(vertices, return_index=True)[1]
         normals = mesh.normals[first // 3]
@@ -173,7 +217,7 @@ class _Direct:
         for room in self._rooms:
             emitters = int(np.asarray(room.emission.any(axis=1))[room.mesh.surface].sum())
             count = _SHADOWS * max(emitters, 1) * len(points)
-            lit = direct_irradiance(room, self._rays, points, normals, count)
+            lit = panel_irradiance(room, self._rays, points, normals, count)
             found.append(lit[:, 0][vertices])
         return np.array(found)
 
@@ -189,11 +233,10 @@ def _rows(
     count: int,
     there: NDArray[np.bool_] | None = None,
 ) -> csr_array:
-    """Return (K, count) weights, three in each row; none in rows that are not there."""
+    """Return (K, count) weights, three in each row that is ``there``, none in the others."""
     held = np.ones(len(columns), np.bool_) if there is None else there
     ends = np.concatenate([[0], np.cumsum(np.where(held, 3, 0))]).astype(columns.dtype)
-    inner = columns[held].ravel()
-    return csr_array((weights[held].ravel(), inner, ends), shape=(len(columns), count))
+    return csr_array((weights.ravel(), columns.ravel(), ends), shape=(len(held), count))
 
 
 def _around(vertices: Index, areas_m2: Array) -> csr_array:
@@ -205,36 +248,20 @@ def _around(vertices: Index, areas_m2: Array) -> csr_array:
     return csr_array(weights.multiply(1.0 / total[:, None]))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VertexColours:
-    """Coefficients of what the vertices send to the eye, by light.
+def room_colours(
+    response: RoomResponse, basis: SpectralBasis, parts: Array, lit: LitMesh
+) -> NDArray[np.float32]:
+    """Return coefficients (L, V + S, M) of what a room sends to the eye under each light.
 
-    Attributes
-    ----------
-    all, direct : (V, L·M) float32
-        Everything; and the part of it that reflects light that comes directly from lights, which
-        what is in the way takes away.
+    From the vertices: reflected light of other surfaces, and what they emit. From the surfaces:
+    what they send in a direct light of 1. All times (L,) ``parts``.
     """
-
-    all: NDArray[np.float32]
-    direct: NDArray[np.float32]
-
-    @classmethod
-    def of(
-        cls, response: RoomResponse, basis: SpectralBasis, parts: Array, lit: LitMesh
-    ) -> VertexColours:
-        """Compute them, times (L,) ``parts``."""
-        solved = response.solved
-        own = basis.analyse(solved.room.reflectances)[lit.surface]
-        everything, direct = [], []
-        for number, name in enumerate(response.names):
-            indirect = response.irradiance[number] - response.direct[number][:, None]
-            sent = lit.patches @ basis.analyse(solved.reflectances * indirect)
-            first = own * lit.direct[number][:, None]
-            sent += first
-            if name in solved.room.exitances:
-                sent[lit.surface == solved.mesh.names.index(name)] += basis.white
-            everything.append(parts[number] * sent)
-            direct.append(parts[number] * first)
-        joined = (np.concatenate(each, axis=1) for each in (everything, direct))
-        return cls(*(each.astype(np.float32) for each in joined))
+    solved, found = response.solved, []
+    own = basis.analyse(solved.room.reflectances)
+    for number, name in enumerate(response.names):
+        indirect = response.irradiance[number] - response.direct[number][:, None]
+        sent = lit.patches @ basis.analyse(solved.reflectances * indirect)
+        if name in solved.room.exitances:
+            sent[lit.surface == solved.mesh.names.index(name)] += basis.white
+        found.append(parts[number] * np.concatenate([sent, own]))
+    return np.array(found, np.float32)

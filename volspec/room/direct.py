@@ -15,14 +15,12 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.room.form_factors import Rays, sobol
 from volspec.room.mesh import RoomMesh
-from volspec.room.model import PointLamp, Room, SunBeam
+from volspec.room.model import Room
 
 Array = NDArray[np.float64]
 # Shadow rays from a point to a triangle, at most, and of all points and triangles at once.
@@ -36,12 +34,43 @@ def direct_irradiance(
 
     ``points`` and unit ``normals`` are (P, 3); ``shadow_rays`` are shot in all, about.
     """
+    found = panel_irradiance(room, rays, points, normals, shadow_rays)
+    power = np.array([*room.lights.values()])
+    return np.asarray(found + beam_irradiance(room, rays, points, normals).T @ power)
+
+
+def panel_irradiance(
+    room: Room, rays: Rays, points: Array, normals: Array, shadow_rays: int = SHADOW_RAYS
+) -> Array:
+    """Return the part (P, B) of `direct_irradiance` that comes from surfaces that emit."""
     emission = room.emission
     emitters = room.mesh.part(np.asarray(emission.any(axis=1))[room.mesh.surface])
     exitance = emission[emitters.surface]
-    found = _from_surfaces(rays, points, normals, emitters, exitance, shadow_rays)
-    found += _from_lamps(rays, points, normals, room.lamps, room.grid.size)
-    return found + _from_sun(rays, points, normals, room.suns, room.grid.size)
+    return _from_surfaces(rays, points, normals, emitters, exitance, shadow_rays)
+
+
+def beam_irradiance(room: Room, rays: Rays, points: Array, normals: Array) -> Array:
+    """Return (L, P): light of lamps, I cos / d², and suns, E cos, per unit of a light's spectrum.
+
+    Rows are the room's lights; those of panels are 0.
+    """
+    raised, names = points + rays.offset_m * normals, list(room.lights)
+    found = np.zeros((len(names), len(points)))
+    for lamp in room.lamps:
+        way = np.asarray(lamp.position_m) - raised
+        distance = np.linalg.norm(way, axis=1)
+        cosine = np.einsum("pc,pc->p", way, normals) / distance
+        lit = np.flatnonzero(cosine > 0)
+        clear = rays.clear(raised[lit], raised[lit] + way[lit])
+        found[names.index(lamp.name), lit] += cosine[lit] / distance[lit] ** 2 * clear
+    for sun in room.suns:
+        direction = np.asarray(sun.direction)
+        cosine = normals @ direction
+        lit = np.flatnonzero(cosine > 0)
+        hit = rays.first(raised[lit], np.broadcast_to(direction, (len(lit), 3)))
+        clear = np.isin(rays.mesh.surface[hit], list(sun.through)) & (hit >= 0) | (hit < 0)
+        found[names.index(sun.name), lit] += cosine[lit] * clear
+    return found
 
 
 def seen_part(points: Array, normals: Array, triangle: Array) -> Array:
@@ -116,38 +145,4 @@ def _from_surfaces(
         visible = (weight * clear.reshape(-1, count)).sum(axis=1)
         visible /= np.maximum(weight.sum(axis=1), 1e-30)
         found[lit] += (part[lit] * visible)[:, None] * exitance[i]
-    return found
-
-
-def _from_lamps(
-    rays: Rays, points: Array, normals: Array, lamps: Sequence[PointLamp], bands: int
-) -> Array:
-    """Return the irradiance (P, B) from small lamps: I cos / d²."""
-    raised, found = points + rays.offset_m * normals, np.zeros((len(points), bands))
-    for lamp in lamps:
-        way = np.asarray(lamp.position_m) - raised
-        distance = np.linalg.norm(way, axis=1)
-        cosine = np.einsum("pc,pc->p", way, normals) / distance
-        lit = np.flatnonzero(cosine > 0)
-        clear = rays.clear(raised[lit], raised[lit] + way[lit])
-        factor = np.zeros(len(points))
-        factor[lit] = cosine[lit] / distance[lit] ** 2 * clear
-        found += factor[:, None] * lamp.intensity
-    return found
-
-
-def _from_sun(
-    rays: Rays, points: Array, normals: Array, suns: Sequence[SunBeam], bands: int
-) -> Array:
-    """Return the irradiance (P, B) from parallel beams: E cos."""
-    raised, found = points + rays.offset_m * normals, np.zeros((len(points), bands))
-    for sun in suns:
-        direction = np.asarray(sun.direction)
-        cosine = normals @ direction
-        lit = np.flatnonzero(cosine > 0)
-        hit = rays.first(raised[lit], np.broadcast_to(direction, (len(lit), 3)))
-        open_ = np.isin(rays.mesh.surface[hit], list(sun.through)) & (hit >= 0) | (hit < 0)
-        factor = np.zeros(len(points))
-        factor[lit] = cosine[lit] * open_
-        found += factor[:, None] * sun.irradiance
     return found

@@ -28,7 +28,7 @@ from volspec.raycast import Camera
 from volspec.raycast.camera import level_axes
 from volspec.raycast.projection import Projection
 from volspec.raycast.sampling import world_rays
-from volspec.room.backdrop import LitMesh, VertexColours
+from volspec.room.backdrop import LitMesh, Seen, room_colours
 from volspec.room.form_factors import frames, sobol
 from volspec.room.response import RoomResponse
 from volspec.settings import Vector
@@ -39,6 +39,10 @@ Size = tuple[int, int]
 _POINTS, _MAP = 16, 96
 # A shadow map's field of view is a little larger than the volume, and never larger than this.
 _MARGIN, _WIDEST_DEG = 1.05, 150.0
+# Points in a pixel through which an edge passes, in pixels from its middle. Normals are of one side
+# if they agree to so many parts.
+_IN_PIXEL = np.array([(-1.0, -3.0), (3.0, -1.0), (1.0, 3.0), (-3.0, 1.0)]) / 8.0
+_SAME_SIDE = 1e3
 # A light nearer to the middle than this part of the volume's radius casts no shadow.
 _NEAREST = 0.1
 
@@ -118,24 +122,33 @@ class ShadowMap:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeenRoom:
-    """Pixels of a picture as weights of a room's vertices, to see it quickly in other paints."""
+    """A picture of a room as weights of its colours, to see it quickly in other paints."""
 
-    backdrop: Backdrop
     size: Size
-    weights: csr_array  # (P, V) of P pixels
-    shaded: NDArray[np.intp]  # pixels on which shadows fall,
-    shadows: list[csr_array]  # and what they take away of each light
+    weights: tuple[csr_array, ...]  # (H·W, V + S) of each light
 
-    def layers(self, response: RoomResponse) -> NDArray[np.float32]:
-        """Return the layers (H, W, L·M) of the room's lights, as far as they are seen."""
-        colours = self.backdrop.colours(response)
-        found = self.weights @ colours.all
-        direct = np.split(colours.direct, len(self.shadows), axis=1)
-        found[self.shaded] -= np.concatenate(
-            [taken @ each for taken, each in zip(self.shadows, direct, strict=True)], axis=1
-        )
+    def layers(self, colours: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the layers (H, W, L·M) of the room's lights; ``colours`` as `room_colours`."""
         width, height = self.size
-        return np.asarray(found.reshape(height, width, -1))
+        found = [rows @ own for rows, own in zip(self.weights, colours, strict=True)]
+        return np.concatenate(found, axis=1).reshape(height, width, -1)
+
+    def through(self, transmission: NDArray[np.float32], every: int) -> SeenRoom:
+        """Return every n-th row and column, as far as (H, W) ``transmission`` lets them be seen."""
+        part = transmission[::every, ::every]
+        kept = np.arange(transmission.size).reshape(transmission.shape)[::every, ::every].ravel()
+        weights = (csr_array(rows[kept].multiply(part.reshape(-1, 1))) for rows in self.weights)
+        return SeenRoom((part.shape[1], part.shape[0]), tuple(weights))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _View:
+    """What a camera sees: first the middle of each pixel, then further points in some."""
+
+    of: tuple[Camera, Size]
+    seen: Seen
+    points_mm: Array  # of the volume's world
+    mean: csr_array  # (H·W, points): of the points in each pixel
 
 
 class Backdrop:
@@ -156,9 +169,9 @@ class Backdrop:
         self.response, self._placement, self._basis = response, placement, basis
         self._parts = parts  # (L,) factors of the layers
         self._middle_mm, self._radius_mm = middle_mm, radius_mm
-        self._seen: tuple[tuple[Camera, Size], csr_array, Array] | None = None
+        self._view: _View | None = None
         self._maps: tuple[object, list[list[ShadowMap]]] | None = None
-        self._shadows: tuple[object, NDArray[np.intp], Array] | None = None
+        self._shown: SeenRoom | None = None
 
     def repainted(self, response: RoomResponse) -> Backdrop:
         """Return the backdrop of the same room with other paints."""
@@ -172,78 +185,80 @@ class Backdrop:
         return LitMesh.of(self.response)
 
     @cached_property
-    def _colours(self) -> VertexColours:
+    def _colours(self) -> NDArray[np.float32]:
         return self.colours(self.response)
 
-    def colours(self, response: RoomResponse) -> VertexColours:
-        """Return what vertices send in a room with other paints."""
-        return VertexColours.of(response, self._basis, self._parts, self._lit)
-
-    def seen_through(self, transmission: NDArray[np.float32], every: int = 1) -> SeenRoom:
-        """Return what every n-th row and column of the last picture shows, through (H, W)."""
-        assert self._seen is not None
-        _, seen, points = self._seen
-        rows, lost = self._shadows_on(self._seen[0], points)
-        kept = np.arange(len(points)).reshape(transmission.shape)[::every, ::every]
-        size = kept.shape[1], kept.shape[0]
-        place = np.full(len(points), -1)
-        place[kept.ravel()] = np.arange(kept.size)
-        there = place[rows] >= 0
-        rows, lost = rows[there], lost[there]
-        part = transmission.reshape(-1, 1)
-        shadows = [
-            csr_array(seen[rows].multiply(part[rows] * each[:, None]), dtype=np.float32)
-            for each in lost.T
-        ]
-        weights = csr_array(seen[kept.ravel()].multiply(part[kept.ravel()]), dtype=np.float32)
-        return SeenRoom(self, size, weights, place[rows], shadows)
+    def colours(self, response: RoomResponse) -> NDArray[np.float32]:
+        """Return the `room_colours` of the room with other paints."""
+        return room_colours(response, self._basis, self._parts, self._lit)
 
     def __call__(
-        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster | None = None
+        self, camera: Camera, size: Size, opacity: OpacityCaster | None = None
     ) -> NDArray[np.float32]:
         """Return (H, W, L·M): the layers of the room's lights, behind those of the volume.
 
         Without ``opacity``, shadows are those of the last call.
         """
-        seen, points = self._look(camera, size)
-        found = np.asarray(seen @ self._colours.all)
+        return self.seen(camera, size, opacity).layers(self._colours)
+
+    def seen(self, camera: Camera, size: Size, opacity: OpacityCaster | None = None) -> SeenRoom:
+        """Return the picture for all paints; ``opacity`` as above."""
+        view = self._look(camera, size)
         if opacity is not None and (self._maps is None or self._maps[0] != opacity.key):
-            self._maps = opacity.key, self._cast_shadows(opacity)
-        rows, lost = self._shadows_on((camera, size), points)
-        direct = seen[rows] @ self._colours.direct
-        channels = direct.shape[1] // max(lost.shape[1], 1)
-        found[rows] -= np.repeat(lost, channels, axis=1) * direct
-        width, height = size
-        return found.reshape(height, width, -1)
+            self._maps, self._shown = (opacity.key, self._cast_shadows(opacity)), None
+        if self._shown is None:
+            surfaces = len(self.response.solved.mesh.names)
+            weights = (
+                csr_array(view.mean @ view.seen.rows(light, surfaces, lost), dtype=np.float32)
+                for light, lost in enumerate(self._lost(view))
+            )
+            self._shown = SeenRoom(size, tuple(weights))
+        return self._shown
 
-    def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+    def depth_mm(self, camera: Camera, size: Size) -> NDArray[np.float32]:
         """Return (H, W) distances of the room's surfaces, mm of the volume; inf without one."""
-        seen, points = self._look(camera, size)
+        view = self._look(camera, size)
         origins, directions = world_rays(camera, *size)
-        along = np.einsum("kc,kc->k", points - origins, directions)
+        count = len(origins)
+        along = np.einsum("kc,kc->k", view.points_mm[:count] - origins, directions)
         width, height = size
-        there = np.diff(seen.indptr) > 0
-        return np.where(there, along, np.inf).astype(np.float32).reshape(height, width)
+        found = np.where(view.seen.surface[:count] >= 0, along, np.inf)
+        return found.astype(np.float32).reshape(height, width)
 
-    def _look(self, camera: Camera, size: tuple[int, int]) -> tuple[csr_array, Array]:
-        """Return the weights of the vertices, and the points that pixels see, mm of the volume."""
-        if self._seen is None or self._seen[0] != (camera, size):
-            seen = self._lit.seen(*self._rays(camera, size))
-            inside = (self._lit.points_m - self._placement.position_m) @ self._placement.axes
-            points = seen @ (inside / self._placement.metres_per_mm + self._middle_mm)
-            self._seen = (camera, size), seen, points
-        return self._seen[1:]
+    def _look(self, camera: Camera, size: Size) -> _View:
+        if self._view is None or self._view.of != (camera, size):
+            self._view, self._shown = self._looked(camera, size), None
+        return self._view
 
-    def _rays(self, camera: Camera, size: tuple[int, int]) -> tuple[Array, Array]:
-        """Return origins and directions of the pixels' rays, (H·W, 3), in the room."""
-        place, (origins, directions) = self._placement, world_rays(camera, *size)
+    def _looked(self, camera: Camera, size: Size) -> _View:
+        """Look through the pixels' middles, and at four more points where edges pass."""
+        middles = self._lit.seen(*self._rays(*world_rays(camera, *size)))
+        edges = _edges(middles, size)
+        width = size[0]
+        corners = np.stack([edges % width, edges // width], axis=1)[:, None] + _IN_PIXEL
+        more = self._lit.seen(*self._rays(*world_rays(camera, *size, corners.reshape(-1, 2))))
+        seen, count = middles.joined(more), len(middles.surface)
+        points = (seen.points_m - self._placement.position_m) @ self._placement.axes
+        points = points / self._placement.metres_per_mm + self._middle_mm
+        numbers = np.full(count, 1)
+        numbers[edges] = len(_IN_PIXEL)
+        ends = np.concatenate([[0], np.cumsum(numbers)])
+        columns = np.repeat(np.arange(count), numbers)
+        first = ends[edges][:, None] + np.arange(len(_IN_PIXEL))
+        columns[first] = count + np.arange(first.size).reshape(first.shape)
+        weights = np.repeat(1.0 / numbers, numbers).astype(np.float32)
+        mean = csr_array((weights, columns, ends), shape=(count, len(points)))
+        return _View((camera, size), seen, points, mean)
+
+    def _rays(self, origins: Array, directions: Array) -> tuple[Array, Array]:
+        """Return rays of the volume's world, (K, 3) each, in the room."""
+        place = self._placement
         origins = np.einsum("kc,dc->kd", origins - self._middle_mm, place.axes)
         directions = np.einsum("kc,dc->kd", directions, place.axes)
         return place.metres_per_mm * origins + place.position_m, directions
 
     def _cast_shadows(self, opacity: OpacityCaster) -> list[list[ShadowMap]]:
         """Return the shadow maps of each of the room's lights."""
-        self._shadows = None
         return [
             [ShadowMap.of(camera, normal, opacity) for camera, normal in self._light_points(name)]
             for name in self.response.names
@@ -294,26 +309,22 @@ class Backdrop:
         places = tuple(place_mm.tolist()), tuple(self._middle_mm.tolist())
         return Camera(*places, tuple(across.tolist()), fov_deg, height_mm)
 
-    def _shadows_on(self, view: object, points: Array) -> tuple[NDArray[np.intp], Array]:
-        """Return the pixels on which shadows fall, and the part (K, L) of each light they lose."""
+    def _lost(self, view: _View) -> Array:
+        """Return the part (L, points) of each light that the volume takes away."""
+        lost = np.zeros((len(self.response.names), len(view.points_mm)))
         if self._maps is None:
-            return np.zeros(0, np.intp), np.zeros((0, len(self.response.names)))
-        if self._shadows is None or self._shadows[0] != view:
-            assert self._seen is not None
-            normals = self._seen[1] @ (self._lit.normals @ self._placement.axes)
-            lost = np.zeros((len(points), len(self.response.names)))
-            for light, maps in enumerate(self._maps[1]):
-                if not maps:
-                    continue
-                near = self._near_shadow(points, maps)
-                there, facing = points[near], normals[near]
-                weights = np.array([each.weight(there, facing) for each in maps])
-                taken = np.array([each.shadow(there) for each in maps])
-                whole = np.maximum(weights.sum(axis=0), 1e-30)
-                lost[near, light] = (weights * taken).sum(axis=0) / whole
-            rows = np.flatnonzero(lost.any(axis=1))
-            self._shadows = view, rows, lost[rows]
-        return self._shadows[1:]
+            return lost
+        normals = view.seen.normals @ self._placement.axes
+        for light, maps in enumerate(self._maps[1]):
+            if not maps:
+                continue
+            near = self._near_shadow(view.points_mm, maps)
+            there, facing = view.points_mm[near], normals[near]
+            weights = np.array([each.weight(there, facing) for each in maps])
+            taken = np.array([each.shadow(there) for each in maps])
+            whole = np.maximum(weights.sum(axis=0), 1e-30)
+            lost[light, near] = (weights * taken).sum(axis=0) / whole
+        return lost
 
     def _near_shadow(self, points: Array, maps: list[ShadowMap]) -> NDArray[np.intp]:
         """Return the points whose light may pass the sphere around the volume."""
@@ -324,3 +335,19 @@ class Backdrop:
         along = (way @ (self._middle_mm - light)) / np.einsum("kc,kc->k", way, way)
         passed = light + np.clip(along, 0.0, 1.0)[:, None] * way - self._middle_mm
         return np.flatnonzero(np.einsum("kc,kc->k", passed, passed) < reach * reach)
+
+
+def _edges(seen: Seen, size: Size) -> NDArray[np.intp]:
+    """Return the pixels next to others that see another side, or another light directly."""
+    width, height = size
+    cells = np.rint(seen.normals * _SAME_SIDE).astype(np.int64)
+    kinds = np.concatenate([seen.surface[:, None], cells, seen.direct > 0.0], axis=1)
+    kinds = kinds.reshape(height, width, -1)
+    found = np.zeros((height, width), np.bool_)
+    across = (kinds[:, 1:] != kinds[:, :-1]).any(axis=2)
+    down = (kinds[1:] != kinds[:-1]).any(axis=2)
+    found[:, 1:] |= across
+    found[:, :-1] |= across
+    found[1:] |= down
+    found[:-1] |= down
+    return np.flatnonzero(found)

@@ -125,13 +125,15 @@ class Pictures:
         if self._walls is None:
             self._half = self._half_relighter(self.image, every)
             assert self._half_image is not None
-            seen = walls.backdrop.seen_through(walls.transmission, every)
+            height, width = walls.transmission.shape
+            whole = walls.backdrop.seen(walls.camera, (width, height))
+            seen = whole.through(walls.transmission, every)
             channels = len(room.response.names) * self.image.basis.size
             self._walls = seen, PackedLayers.last(self._half_image, channels)
         assert self._half is not None
         assert self._half_image is not None
         seen, packed = self._walls
-        layers = seen.layers(room.response)
+        layers = seen.layers(walls.backdrop.colours(room.response))
         packed.put(self._half_image.coefficients.shape[2] - layers.shape[2], layers)
         self._half.update(self._half_image, packed)
         self.current = False
