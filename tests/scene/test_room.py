@@ -235,7 +235,7 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
 
 
 def test_edges_are_a_mean_of_points_in_their_pixels(folder: Path) -> None:
-    """In 16 × 12 pixels, the edges of walls are nearer to those of a large picture's means."""
+    """Edges of walls in 16 × 12 pixels: nearer to means of a large picture than its pixels are."""
     scene, _ = opened(folder)
     behind = scene.behind(scene.volume())
     assert behind is not None

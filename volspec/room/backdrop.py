@@ -100,9 +100,9 @@ class Seen:
         """
         there = self.surface >= 0
         direct = self.direct[:, light] * (1.0 - lost)
-        ends = np.concatenate([[0], np.cumsum(there)])
-        shape = len(there), surfaces
-        own = csr_array((np.float32(direct[there]), self.surface[there], ends), shape=shape)
+        ends = np.concatenate([[0], np.cumsum(there)]).astype(np.int32)
+        columns, shape = self.surface[there].astype(np.int32), (len(there), surfaces)
+        own = csr_array((np.float32(direct[there]), columns, ends), shape=shape)
         return hstack([self.weights, own], format="csr")
 
 

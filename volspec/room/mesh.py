@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from volspec.errors import Code, RoomError
 
@@ -28,7 +30,7 @@ _HALVES = np.array([[0, 1, 2], [0, 2, 3]])
 SIDES = ("left", "right", "front", "back", "floor", "ceiling")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class RoomMesh:
     """Triangles, and the surface that each belongs to.
 
@@ -102,16 +104,23 @@ class RoomMesh:
         a, b, c = self.corners_m.transpose(1, 0, 2)
         return np.cross(b - a, c - a)
 
-    @property
+    @cached_property
     def areas_m2(self) -> Array:
         """(N,) areas."""
         return np.linalg.norm(self.cross_m2, axis=1) / 2.0
 
-    @property
+    @cached_property
     def normals(self) -> Array:
         """(N, 3) unit normals."""
         cross = self.cross_m2
         return cross / np.linalg.norm(cross, axis=1, keepdims=True)
+
+    @cached_property
+    def surface_areas(self) -> csr_array:
+        """(S, N) areas, each in the row of its triangle's surface."""
+        count = len(self.surface)
+        shape = len(self.names), count
+        return csr_array((self.areas_m2, (self.surface, np.arange(count))), shape=shape)
 
     @property
     def centres_m(self) -> Array:

@@ -141,10 +141,8 @@ class RoomResponse:
 
 def _surface_means(mesh: RoomMesh, values: Array) -> Array:
     """Return means (S, K) by area of the patches' values (N, K)."""
-    areas, count = mesh.areas_m2, len(mesh.names)
-    sums = [np.bincount(mesh.surface, areas * each, count) for each in values.T]
-    whole = np.maximum(np.bincount(mesh.surface, areas, count), 1e-30)
-    return np.array(sums).T / whole[:, None]
+    whole = np.maximum(mesh.surface_areas.sum(axis=1), 1e-30)
+    return np.asarray(mesh.surface_areas @ values / whole[:, None])
 
 
 def unknown_light(name: str, known: Collection[str]) -> RoomError:

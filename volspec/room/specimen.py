@@ -62,7 +62,7 @@ class SpecimenLight:
     irradiance: Array
     error: float
     brightest_lux: float
-    _seen: csr_array  # (P, N) parts of the patches' reflected light on each of P normals
+    _seen: Array  # (P, N) parts of the patches' reflected light on each of P normals
     _direct: Array  # (L, P)
 
     @classmethod
@@ -82,7 +82,7 @@ class SpecimenLight:
             (np.ones(front.sum()), (np.arange(front.sum()), hit[front])),
             shape=(int(front.sum()), len(solved.mesh.surface)),
         )
-        seen = csr_array(cosines @ place)
+        seen = np.asarray(cosines @ place)
         points = np.broadcast_to(point, normals.shape)
         direct = [
             direct_irradiance(solved.room.alone(name), solved.rays, points, normals)
@@ -105,7 +105,9 @@ class SpecimenLight:
         columns = _columns(self.directions)
         lights, _, bands = wanted.shape
         flat = wanted.transpose(1, 0, 2).reshape(len(columns), -1)
-        fitted = np.array([_fit(columns, each)[0] for each in flat.T]).T
+        fitted = np.asarray(np.linalg.lstsq(columns, flat)[0])
+        for k in np.flatnonzero((fitted < 0.0).any(axis=0)):
+            fitted[:, k] = _fit(columns, flat[:, k])[0]
         power = np.array([*response.solved.room.lights.values()])
         grid = response.solved.room.grid
         own = lux_from_irradiance(np.einsum("lpb,lb->pb", wanted, power), grid)

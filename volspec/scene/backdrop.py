@@ -127,11 +127,11 @@ class SeenRoom:
     size: Size
     weights: tuple[csr_array, ...]  # (H·W, V + S) of each light
 
-    def layers(self, colours: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the layers (H, W, L·M) of the room's lights; ``colours`` as `room_colours`."""
+    def layers(self, colours: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+        """Return the layer (H, W, M) of each light; ``colours`` as `room_colours`."""
         width, height = self.size
-        found = [rows @ own for rows, own in zip(self.weights, colours, strict=True)]
-        return np.concatenate(found, axis=1).reshape(height, width, -1)
+        found = (rows @ own for rows, own in zip(self.weights, colours, strict=True))
+        return [np.asarray(each).reshape(height, width, -1) for each in found]
 
     def through(self, transmission: NDArray[np.float32], every: int) -> SeenRoom:
         """Return every n-th row and column, as far as (H, W) ``transmission`` lets them be seen."""
@@ -143,7 +143,7 @@ class SeenRoom:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _View:
-    """What a camera sees: first the middle of each pixel, then further points in some."""
+    """Points that a camera sees: the middle of each pixel, then further points in some."""
 
     of: tuple[Camera, Size]
     seen: Seen
@@ -199,7 +199,7 @@ class Backdrop:
 
         Without ``opacity``, shadows are those of the last call.
         """
-        return self.seen(camera, size, opacity).layers(self._colours)
+        return np.concatenate(self.seen(camera, size, opacity).layers(self._colours), axis=2)
 
     def seen(self, camera: Camera, size: Size, opacity: OpacityCaster | None = None) -> SeenRoom:
         """Return the picture for all paints; ``opacity`` as above."""

@@ -120,13 +120,11 @@ def seen_XYZ(room: SceneRoom, rows: light_rows.Rows) -> Array | None:
     if lamps is None or facing is None or not facing.total_lux:
         return None
     mesh, surfaces = room.response.solved.mesh, paintable(room)
-    numbers = [
-        [mesh.names.index(name) for name in (WALLS if surface == ALL_WALLS else (surface,))]
-        for surface in surfaces
-    ]
-    weights = np.array([mesh.areas_m2 * np.isin(mesh.surface, each) for each in numbers])
-    weights /= weights.sum(axis=1, keepdims=True)
-    means = np.einsum("lsb,lb->sb", weights @ room.response.irradiance, room.spectra(lamps))
+    members = [WALLS if surface == ALL_WALLS else (surface,) for surface in surfaces]
+    chosen = np.array([np.isin(mesh.names, names) for names in members], np.float64)
+    areas = chosen @ mesh.surface_areas.sum(axis=1)
+    light = np.array([chosen @ (mesh.surface_areas @ each) for each in room.response.irradiance])
+    means = np.einsum("lsb,lb->sb", light, room.spectra(lamps)) / areas[:, None]
     paints = [reflectance_of(room, surface).values for surface in surfaces]
     scale = 100.0 * LUMINOUS_EFFICACY / facing.total_lux
     return np.asarray(scale * (np.array(paints) * means) @ colour_matching_functions(room.grid).T)

@@ -91,23 +91,20 @@ class Window:
         self._renderer = GlfwRenderer(self._window, attach_callbacks=False)
 
     def _rescale(self) -> None:
-        """Follow the scale of the monitor that the window is on."""
+        """Follow the window's size, and the scale of the monitor that it is on."""
+        self._measure()
         scale = max(1.0, glfw.get_window_content_scale(self._window)[0] / self.pixel_ratio)
         if scale != self.scale:
             widgets.set_scale(imgui, implot, scale, self.scale)
             self.scale = scale
 
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in window coordinates."""
+    def _measure(self) -> None:
+        """Read the window's size, for which the X server is asked."""
         width, height = glfw.get_window_size(self._window)
-        return int(width), int(height)
-
-    @property
-    def pixel_ratio(self) -> float:
-        """Framebuffer pixels per window coordinate."""
-        width, _ = glfw.get_framebuffer_size(self._window)
-        return float(width / self.size[0]) if width and self.size[0] else 1.0
+        self.size = int(width), int(height)  # in window coordinates
+        wide, _ = glfw.get_framebuffer_size(self._window)
+        # Framebuffer pixels per window coordinate.
+        self.pixel_ratio = float(wide / width) if wide and width else 1.0
 
     @property
     def usable(self) -> bool:

@@ -28,20 +28,22 @@ if TYPE_CHECKING:
     from volspec.scene.backdrop import SeenRoom
     from volspec.scene.room import SceneRoom
 
-# mallopt(3): blocks of this size or more get their own mapping.
-_M_MMAP_THRESHOLD = -3
-_LARGE_BYTES = 1_000_000
+# mallopt(3): blocks of this size or more get their own mapping; so much freed memory is kept.
+_M_MMAP_THRESHOLD, _LARGE_BYTES = -3, 4_000_000
+_M_TRIM_THRESHOLD, _KEPT_BYTES = -1, 32_000_000
 
 
 def return_large_blocks() -> None:
-    """Make glibc return large blocks to the system as soon as they are freed.
+    """Make glibc return large blocks to the system as soon as they are freed, and keep small ones.
 
-    Otherwise glibc keeps up to twice the memory in use after casts of many sizes. Other C libraries
-    are left as they are.
+    Otherwise glibc keeps up to twice the memory in use after casts of many sizes. What a frame
+    frees, the next needs again, and new pages may take longer than what is computed in them. Other
+    C libraries are left as they are.
     """
     libc: Any = ctypes.CDLL(None) if sys.platform == "linux" else None
     if hasattr(libc, "mallopt"):
         libc.mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+        libc.mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)
 
 
 # Relighters: of the whole picture, of two coarser ones, and of the window before a resize.
@@ -134,7 +136,9 @@ class Pictures:
         assert self._half_image is not None
         seen, packed = self._walls
         layers = seen.layers(walls.backdrop.colours(room.response))
-        packed.put(self._half_image.coefficients.shape[2] - layers.shape[2], layers)
+        first = self._half_image.coefficients.shape[2] - sum(each.shape[2] for each in layers)
+        for number, layer in enumerate(layers):
+            packed.put(first + number * layer.shape[2], layer)
         self._half.update(self._half_image, packed)
         self.current = False
 

@@ -45,7 +45,7 @@ _UNANSWERED_MS = 40.0
 SLOW_MS = 18.0
 _MOST_BANDS = 4
 # Rooms in other paints are coarser if a relight takes more bands than this.
-_SLOW_BANDS = 2
+_SLOW_BANDS = 1
 
 
 class Meter:
@@ -167,6 +167,8 @@ class ErrorMapTexture:
 
 # A light must be unchanged for this long before its tables are computed, which may take seconds.
 _REST_S = 0.1
+# A paint must, before the room is solved, which would slow down the drag.
+_PAINT_REST_S = 0.3
 
 
 class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
@@ -343,7 +345,7 @@ class Screen:
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
             return
-        rests = not held or self._wanted is None or now - self._wanted[1] >= _REST_S
+        rests = not held or self._wanted is None or now - self._wanted[1] >= _PAINT_REST_S
         if rests and self._asked != (room, walls):
             self._asked = room, walls
             self._painting.request(RoomJob(room, self.image, walls))
