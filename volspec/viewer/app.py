@@ -44,10 +44,8 @@ from volspec.viewer.work.session import SUFFIX
 
 _ONE_VIEW = "A cast image has one view of fixed materials; open its scene to change them"
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
-# Frames that imgui needs after an input until its layout is final.
+# Frames that imgui needs after an input, or a change of its layout, until the layout is final.
 _SETTLE = 3
-# Frames per click or key, as imgui processes one step of them per frame.
-_FRAMES_EACH, _MOST = 3, 90
 _IDLE_S, _BUSY_S = 0.5, 0.02
 # A mouse that is still for this long gets a tooltip, for which imgui needs frames, too.
 _STILL_S = 0.6
@@ -166,8 +164,7 @@ class _App:
                 elif self._still is not None and began >= self._still:
                     self._still, news = None, True
                 if inputs or news:
-                    more = sum(given.name != "move" for given in inputs)
-                    self._settle = min(max(self._settle, _SETTLE) + _FRAMES_EACH * more, _MOST)
+                    self._settle = max(self._settle, _SETTLE)
                 if self._settle > 0 or self._notice.text:
                     self._settle -= 1
                     self._draw(inputs)
@@ -276,6 +273,8 @@ class _App:
                 if change is None or change.old is not self._shown or change.new is not now:
                     change = Difference.between(self._shown, now)  # a fade, or several steps
                 self._update(change, started)
+                if change.fields:
+                    self._settle = max(self._settle, _SETTLE)
             if self._fading or self._ui.plays:
                 self._settle = max(self._settle, _SETTLE)
         else:
@@ -295,7 +294,10 @@ class _App:
         self._window.end((0.08, 0.08, 0.08) if dark else (0.75, 0.75, 0.75), painted)
         if problem := self._window.error:
             self._trace.note("gl-error", message=problem)
-        self._meter.note_frame(started, self._ui.areas)
+        moved = self._meter.note_frame(started, self._ui.areas)
+        # imgui processes one step of a click or key per frame.
+        if moved or self._window.behind or self._ui.text_wanted[1]:
+            self._settle = max(self._settle, _SETTLE)
         if self._shown is not None:
             # A software renderer then draws it while the next frame's panels are made.
             self._relight(self._shown)

@@ -146,6 +146,11 @@ class Window:
         error = self.context.error
         return "" if error == "GL_NO_ERROR" else str(error)
 
+    @property
+    def behind(self) -> bool:
+        """True while imgui has inputs that it leaves to further frames."""
+        return len(imgui.get_current_context().input_events_queue) > 0
+
     def end(self, background: tuple[float, float, float], picture: Painted | None = None) -> None:
         """Draw the frame over a picture and show it."""
         imgui.render()

@@ -80,8 +80,11 @@ class Meter:
         if (ms := 1e3 * max(late_s, busy_s)) > _UNANSWERED_MS:
             self._trace.note("unanswered", None, ms)
 
-    def note_frame(self, began: float, areas: dict[str, tuple[int, int, int, int]]) -> None:
-        """Note a shown frame, and the (x, y, width, height) of its panels by name."""
+    def note_frame(self, began: float, areas: dict[str, tuple[int, int, int, int]]) -> bool:
+        """Note a shown frame, and the (x, y, width, height) of its panels by name.
+
+        Return True if one of them has changed.
+        """
         if self._relit is not None:
             self._relit_ms += self._relit.ms
             self._relit = None
@@ -96,9 +99,11 @@ class Meter:
         if now - self._last < _APART_S:
             self.fps += 0.1 * (1.0 / (now - self._last) - self.fps)
         self._last = now
-        if self._areas != areas:
-            self._areas = dict(areas)
-            self._trace.note("layout", areas=self._areas)
+        if self._areas == areas:
+            return False
+        self._areas = dict(areas)
+        self._trace.note("layout", areas=self._areas)
+        return True
 
 
 # Approximate number of pixels compared, which takes a fraction of a second and is fine enough.
