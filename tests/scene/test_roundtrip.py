@@ -145,30 +145,55 @@ def scene_files(draw: st.DrawFn) -> SceneFile:
     return scene_file(data, "scene.toml")
 
 
-MANY = settings(
-    max_examples=150,
+SOME = settings(
+    max_examples=50,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
+MANY = settings(SOME, max_examples=300)
 
 
-@MANY
+@SOME
 @given(scene_files())
 def test_any_scene_reads_back_as_it_was(tmp_path: Path, file: SceneFile) -> None:
-    path = write_scene(file, tmp_path / "any.toml")
+    reads_back(file, tmp_path)
+
+
+@pytest.mark.slow
+@MANY
+@given(scene_files())
+def test_of_many_scenes_each_reads_back_as_it_was(tmp_path: Path, file: SceneFile) -> None:
+    reads_back(file, tmp_path)
+
+
+def reads_back(file: SceneFile, folder: Path) -> None:
+    path = write_scene(file, folder / "any.toml")
     assert read(path) == file
 
 
-@MANY
+@SOME
 @given(scene_files(), st.sampled_from(SHIPPED))
 def test_any_scene_is_written_into_any_file_and_leaves_its_first_lines(
     tmp_path: Path, file: SceneFile, shipped: Path
 ) -> None:
-    """The lines at the top of a file stay, whatever is written below."""
-    source = tmp_path / shipped.name
+    is_written_into(file, shipped, tmp_path)
+
+
+@pytest.mark.slow
+@MANY
+@given(scene_files(), st.sampled_from(SHIPPED))
+def test_many_scenes_are_written_into_any_file_and_leave_its_first_lines(
+    tmp_path: Path, file: SceneFile, shipped: Path
+) -> None:
+    is_written_into(file, shipped, tmp_path)
+
+
+def is_written_into(file: SceneFile, shipped: Path, folder: Path) -> None:
+    """Check that the lines at the top of a file stay, whatever is written below."""
+    source = folder / shipped.name
     shutil.copy(shipped, source)
     like = Unresolved(read(source), source)
-    path = write_scene(file, tmp_path / "into.toml", like)
+    path = write_scene(file, folder / "into.toml", like)
     assert read(path) == file
     assert lines(path)[:2] == lines(shipped)[:2]
 

@@ -124,7 +124,7 @@ def test_a_saved_scene_keeps_names_opacities_and_hidden_labels(
 @pytest.mark.usefixtures("screen")
 def test_eyes_search_and_solo_in_the_window(tmp_path: Path) -> None:
     segmentation(tmp_path, 20)
-    with Robot(tmp_path, ["organs.npy"], (1280, 720)) as robot:
+    with Robot(tmp_path, ["organs.npy"], (900, 640)) as robot:
         robot.whole()
         robot.rest()
 

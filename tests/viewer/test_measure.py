@@ -68,7 +68,7 @@ def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
     values = np.zeros((40, 40, 40), np.float32)
     values[8:32, 8:32, 8:32] = 1.0
     np.save(tmp_path / "box.npy", values)
-    with Robot(tmp_path, ["box.npy"], (1000, 640)) as robot:
+    with Robot(tmp_path, ["box.npy"], (800, 520)) as robot:
         robot.whole()
         robot.rest()
 

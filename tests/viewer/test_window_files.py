@@ -41,7 +41,7 @@ def test_warnings_and_errors_stay_readable(tmp_path: Path) -> None:
     values[3, 4, 5] = np.nan
     np.save(tmp_path / "nan.npy", values)
     (tmp_path / "bad.npy").write_text("no numbers", encoding="utf-8")
-    with Robot(tmp_path, ["ball.npy"], (1100, 750)) as robot:
+    with Robot(tmp_path, ["ball.npy"], (900, 640)) as robot:
         robot.whole()
         before = robot.rest()
         # A file's warning comes each time that it is opened.
@@ -76,7 +76,7 @@ def layout(robot: Robot) -> dict[str, list[int]]:
 
 def test_arrows_lead_from_menu_to_menu(tmp_path: Path) -> None:
     np.save(tmp_path / "ball.npy", phantom.ball(16).values)
-    with Robot(tmp_path, ["ball.npy"], (900, 600)) as robot:
+    with Robot(tmp_path, ["ball.npy"], (720, 520)) as robot:
 
         def pressed(*names: str) -> list[str]:
             """Return what the keys have cast, relit and opened."""
@@ -107,7 +107,7 @@ def test_files_are_found_by_mouse_arrows_and_tab(tmp_path: Path) -> None:
     for name in ("ball.npy", "data/one.npy", "data/two.npy", "data/inner/three.npy"):
         np.save(tmp_path / name, phantom.ball(16).values)
     (data / "notes.txt").touch()
-    with Robot(tmp_path, ["ball.npy"], (1000, 700)) as robot:
+    with Robot(tmp_path, ["ball.npy"], (800, 560)) as robot:
 
         def titles(after: float) -> list[str]:
             robot.rest()
@@ -255,7 +255,7 @@ def test_a_cast_image_is_relit_and_says_what_it_cannot(tmp_path: Path) -> None:
 
 def test_a_picture_dialog_stays_until_its_folder_can_be_made(tmp_path: Path) -> None:
     np.save(tmp_path / "ball.npy", phantom.ball(16).values)
-    with Robot(tmp_path, ["ball.npy"], (900, 600)) as robot:
+    with Robot(tmp_path, ["ball.npy"], (720, 520)) as robot:
 
         def save_to(folder: str) -> None:
             robot.click("file folder")

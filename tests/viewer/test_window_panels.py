@@ -18,7 +18,7 @@ pytestmark = pytest.mark.usefixtures("screen")
 
 
 def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Path) -> None:
-    with Robot(tmp_path, small_engine(tmp_path), (1280, 720)) as robot:
+    with Robot(tmp_path, small_engine(tmp_path), (1000, 640)) as robot:
         first = robot.whole()
 
         def click(name: str) -> None:
