@@ -257,3 +257,12 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
     }
     store(&p, nodes, exp_minus(depth), layer, layers);
 }
+
+// Takes what opaque surfaces keep from the nodes: parts of 65535 that arrive, of one layer.
+__kernel void blocked(__global const ushort *restrict parts, const int nodes, const int layer,
+                      __global ushort *restrict layers) {
+    const uint item = get_global_id(0);
+    if (item >= nodes) return;
+    __global ushort *light = layers + (size_t)layer * nodes + item;
+    *light = ((uint)*light * parts[item] + 32767u) / 65535u;
+}

@@ -28,12 +28,13 @@ LAYERS = (
         "settings",
         "_exr",
         "_gpu",
+        "_rays",
         "spectra",
         "appearance",
         "_figures",
     ),
     *("basis", "palette", "room"),
-    *("volume", "transfer", "raycast", "relight", "pipeline", "scene", "wizard", "export"),
+    *("volume", "transfer", "raycast", "mesh", "relight", "pipeline", "scene", "wizard", "export"),
     *("doctor", "viewer", "cli"),
 )
 # `Scene.export` is a short way to what exports scenes.

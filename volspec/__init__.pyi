@@ -15,6 +15,7 @@ from .errors import (
 from .export import write_frame as write_frame
 from .export.exporter import Exported as Exported, export as export
 from .export.notebook import notebook as notebook
+from .mesh import Mesh as Mesh, MeshCaster as MeshCaster, cast_meshes as cast_meshes
 from .palette import (
     Cell as Cell,
     Criteria as Criteria,

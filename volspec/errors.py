@@ -174,6 +174,12 @@ class RoomError(InputError):
     code = "range"
 
 
+class MeshError(InputError):
+    """A mesh cannot be read, or has no triangle with an area, or materials that do not fit it."""
+
+    code = "range"
+
+
 class SceneError(InputError):
     """A scene file is missing or wrong; the message names the field and its value."""
 

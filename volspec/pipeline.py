@@ -9,19 +9,18 @@ The demo, the command line, the exporters and the viewer all use these functions
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast.behind import Behind, OpacityCaster
 from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.lights import HEADLIT
 from volspec.raycast.projection import Projection
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
@@ -36,52 +35,6 @@ from volspec.transfer import (
 from volspec.volume import Volume
 
 LEAST_SIDE = 8
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OpacityCaster:
-    """Casts of a volume's opacity alone, such as from a light: its shadow."""
-
-    caster: Raycaster
-    table: TransferTable | SurfaceTable
-    spec: RaycastSpec
-
-    @classmethod
-    def of(
-        cls, caster: Raycaster, table: TransferTable | SurfaceTable, spec: RaycastSpec
-    ) -> OpacityCaster:
-        """Return the caster of the opacity that a cast with these settings has."""
-        flat = replace(spec, groups=HEADLIT, ambient=1.0, diffuse=0.0, specular=0.0, half=False)
-        return cls(caster, table, flat)
-
-    @property
-    def key(self) -> object:
-        """Value that is equal for equal opacities."""
-        table = self.table
-        if isinstance(table, SurfaceTable):
-            return self.spec, table.values.tobytes(), table.opacity.tobytes()
-        filters = None if table.filters is None else table.filters.tobytes()
-        scale = table.domain, table.reference_step_mm, table.gradient_top, table.labels
-        return self.spec, scale, table.opacity.tobytes(), filters
-
-    def __call__(
-        self, camera: Camera, size: tuple[int, int]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the opacity (H, W) that a camera sees, and its expected distance, mm."""
-        cast = self.caster.cast(self.table, camera, size, self.spec)
-        return cast.alpha, cast.depth_mm
-
-
-class Behind(Protocol):
-    """Opaque surfaces around a volume, such as a room's."""
-
-    def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Return (H, W) distances from the camera at which rays end; inf where nothing is seen."""
-
-    def __call__(
-        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster
-    ) -> NDArray[np.float32]:
-        """Return (H, W, K·M) channels of the last K light groups, in the volume's shadow."""
 
 
 __all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "relight"]
@@ -100,7 +53,7 @@ def raycast(
     caster: Raycaster | None = None,
     into: Relighter | None = None,
     notes: Mapping[str, str] | None = None,
-    behind: Behind | None = None,
+    behind: Sequence[Behind] = (),
 ) -> CoefficientImage:
     """Cast a volume once, for every light to come.
 
@@ -127,8 +80,8 @@ def raycast(
         made with the Relighter's ``context`` updates it on the device.
     notes : {str: str}, optional
         Added to the image's notes.
-    behind : Behind, optional
-        Opaque surfaces behind the volume and between its parts; the picture is then opaque.
+    behind : sequence of Behind, optional
+        Opaque surfaces behind the volume and between its parts: meshes, then a room.
 
     Returns
     -------
@@ -179,13 +132,15 @@ def raycast(
         shape = height, width, len(spec.groups) * table.size
         # What is behind is added on the host.
         slot = into.place(shape, spec.groups, None if behind else caster.sharing)
-    stop_mm = None if behind is None else behind.depth_mm(camera, checked_size(size))
-    cast = caster.cast(table, camera, size, spec, progress, cancel, slot, stop_mm)
+    depths = [each.depth_mm(camera, checked_size(size)) for each in behind]
+    stop_mm = np.minimum.reduce(depths) if depths else None
+    clear = next((each.clear for each in behind if each.clear is not None), None)
+    cast = caster.cast(table, camera, size, spec, progress, cancel, slot, stop_mm, clear)
     if not cast.alpha.any():
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
-            if behind is not None:
-                why += "; or furniture of the room hides it"
+            if behind:
+                why += "; or furniture of the room or a mesh hides it"
         else:
             why = _looks_past_warning(volume)
         warnings.warn(why, VolspecWarning, stacklevel=2)
@@ -206,9 +161,10 @@ def raycast(
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
     )
-    if behind is not None:
-        opacity = OpacityCaster.of(caster, table, spec)
-        image = image.before(behind(camera, checked_size(size), opacity))
+    for each in behind:
+        assert stop_mm is not None
+        opacity = OpacityCaster(caster, table, spec)
+        image = image.before(*each(camera, checked_size(size), opacity, stop_mm))
     if into is not None:
         into.update(image, slot)
     return image

@@ -12,7 +12,8 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises
 from volspec.errors import SceneError
-from volspec.pipeline import OpacityCaster, Raycaster
+from volspec.pipeline import Raycaster
+from volspec.raycast.behind import OpacityCaster
 from volspec.relight.illumination import Illumination
 from volspec.scene import Scene
 from volspec.scene.backdrop import Placement, ShadowMap
@@ -193,22 +194,23 @@ def test_an_opaque_volume_takes_the_lamp_from_the_floor_below_it(folder: Path) -
     """Below the middle only light from walls is left; far from it, the floor is as bright."""
     scene, _ = opened(folder)
     volume = scene.volume()
-    behind = scene.behind(volume)
-    assert behind is not None
+    (behind,) = scene.behind(volume)
     caster = Raycaster(volume)
-    opacity = OpacityCaster.of(caster, caster.bake(scene.transfer), scene.raycast)
+    opacity = OpacityCaster(caster, caster.bake(scene.transfer), scene.raycast)
     middle = volume.corners_mm.mean(axis=0)
     # From just below the block, down to the floor; and from next to it.
     below = vs.Camera(tuple(middle - (0, 0, 30)), tuple(middle - (0, 0, 40)), (0, 1, 0), 10.0)
     far = vs.Camera(tuple(middle + (120, 0, -30)), tuple(middle + (120, 0, -40)), (0, 1, 0), 10.0)
     size, bands = (8, 8), scene.basis.size
-    plain = {camera: behind(camera, size).mean(axis=(0, 1)) for camera in (below, far)}
-    shaded = {camera: behind(camera, size, opacity).mean(axis=(0, 1)) for camera in (below, far)}
+    plain = {camera: behind.layers(camera, size).mean(axis=(0, 1)) for camera in (below, far)}
+    shaded = {
+        camera: behind.layers(camera, size, opacity).mean(axis=(0, 1)) for camera in (below, far)
+    }
     assert plain[below].shape == (bands,)
     assert (shaded[below] < 0.6 * plain[below]).all()
     assert shaded[far] == pytest.approx(plain[far], rel=0.05)
     # Other paints keep the shadows.
-    again = behind.repainted(scene.room.response)(below, size).mean(axis=(0, 1))
+    again = behind.repainted(scene.room.response).layers(below, size).mean(axis=(0, 1))
     assert again == pytest.approx(shaded[below])
 
 
@@ -227,8 +229,7 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
     assert first is not None
     assert np.isfinite(first[:31]).any() and not np.isfinite(first[40:]).any()
     volume = scene.volume()
-    behind = scene.behind(volume)
-    assert behind is not None
+    (behind,) = scene.behind(volume)
     camera = vs.Camera(tuple(volume.corners_mm.mean(axis=0)), (20.0, 100.0, 20.0))
     middle = behind.depth_mm(camera, (9, 9))[4, 4]
     assert middle == pytest.approx(150.0, rel=1e-3)  # 1.5 m to the back, at a scale of 10
@@ -237,11 +238,10 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
 def test_edges_are_a_mean_of_points_in_their_pixels(folder: Path) -> None:
     """Edges of walls in 16 × 12 pixels: nearer to means of a large picture than its pixels are."""
     scene, _ = opened(folder)
-    behind = scene.behind(scene.volume())
-    assert behind is not None
+    (behind,) = scene.behind(scene.volume())
     camera = vs.Camera((20.0, 100.0, 45.0), (20.0, 60.0, 40.0), fov_deg=90.0)
-    large = behind(camera, (160, 120))
-    coarse = behind(camera, (16, 12))
+    large = behind.layers(camera, (160, 120))
+    coarse = behind.layers(camera, (16, 12))
     means = large.reshape(12, 10, 16, 10, -1).mean(axis=(1, 3))
     middles = large[5::10, 5::10]
     mean, middle = (np.abs(each - means).max() for each in (coarse, middles))
@@ -253,7 +253,7 @@ def test_what_is_between_the_lamp_and_the_volume_is_lit(folder: Path) -> None:
     scene, _ = opened(folder)
     volume = scene.volume()
     caster = Raycaster(volume)
-    opacity = OpacityCaster.of(caster, caster.bake(scene.transfer), scene.raycast)
+    opacity = OpacityCaster(caster, caster.bake(scene.transfer), scene.raycast)
     middle = volume.corners_mm.mean(axis=0)
     lamp = vs.Camera(tuple(middle + (0, 0, 200)), tuple(middle), (0, 1, 0), 30.0)
     found = ShadowMap.of(lamp, None, opacity).shadow(middle + np.array([[0, 0, 100], [0, 0, -50]]))
@@ -265,7 +265,7 @@ def test_shadows_change_with_what_is_opaque(folder: Path) -> None:
     keys = set()
     for level in (0.2, 0.8):
         surfaces = vs.Isosurfaces(((level, 0.5, "white"),), *_materials(folder))
-        keys.add(OpacityCaster.of(caster, caster.bake(surfaces), vs.RaycastSpec()).key)
+        keys.add(OpacityCaster(caster, caster.bake(surfaces), vs.RaycastSpec()).key)
     assert len(keys) == 2
 
 
@@ -320,4 +320,4 @@ def test_a_volume_that_does_not_fit_is_refused_at_the_cast(
     with raises(SceneError, code):
         scene.render()
     without = Scene.load(edited(folder, "scale = 10", "scale = 10\nwalls = false"))
-    assert without.behind(without.volume()) is None
+    assert without.behind(without.volume()) == ()

@@ -10,15 +10,16 @@ bright edge counts too little.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolspecWarning
-from volspec.pipeline import Behind, Raycaster, raycast
+from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast.behind import Behind
 from volspec.raycast.camera import RayField
 from volspec.raycast.checks import MAX_SIDE
 from volspec.raycast.row_batches import Progress
@@ -114,7 +115,7 @@ class TileCaster:
     caster: Raycaster
     spec: RaycastSpec
     notes: Mapping[str, str]  # metadata of the images
-    behind: Behind | None = None
+    behind: Sequence[Behind] = ()
 
     def strips(
         self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress

@@ -25,7 +25,7 @@ from volspec.raycast.bricks import BRICK, STRIDES, brick_codes, brick_ranges
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.kernel_arguments import check_reach
-from volspec.raycast.light_volume import LightVolume
+from volspec.raycast.light_volume import Arrives, Clear, LightVolume
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
@@ -137,6 +137,7 @@ class Raycaster:
         cancel: Cancel | None = None,
         receiver: Receiver | None = None,
         stop_mm: NDArray[np.float32] | None = None,
+        clear: Clear | None = None,
     ) -> Result:
         """Cast a picture.
 
@@ -156,6 +157,9 @@ class Raycaster:
             Receives each band on the device; its picture is incomplete if the cast fails.
         stop_mm : (H, W) float32, optional
             Distances from the camera at which rays end, such as at opaque surfaces; may be inf.
+        clear : callable, optional
+            What opaque surfaces keep from the volume: True where nothing is between two points,
+            (K, 3) starts and ends in mm -> (K,).
 
         Raises
         ------
@@ -176,7 +180,8 @@ class Raycaster:
                 )
             self._casting = True
             try:
-                return self._cast(table, camera, size, spec, progress, cancel, receiver, stop_mm)
+                given = progress, cancel, receiver, stop_mm, clear
+                return self._cast(table, camera, size, spec, *given)
             finally:
                 self._casting = False
 
@@ -190,6 +195,7 @@ class Raycaster:
         cancel: Cancel | None,
         receiver: Receiver | None,
         stop_mm: NDArray[np.float32] | None,
+        clear: Clear | None,
     ) -> Result:
         width, height = checked_size(size)
         self._check_labels(table)
@@ -216,7 +222,7 @@ class Raycaster:
         struct["slice"] = self._stored_shape[1] * self._stored_shape[2]
         struct["bricks_x"], struct["bricks_y"] = self._low.shape[2], self._low.shape[1]
         program = kernel_arguments.Program.of(table, spec, spec.step_of(self.volume))
-        light, numbers = self._light(struct, table, spec, camera)
+        light, numbers = self._light(struct, table, spec, camera, clear)
         inputs = [
             self._compute.upload(np.ascontiguousarray(array))
             for array in (*program.tables, kernel_arguments.source_rows(self.volume, camera, spec))
@@ -241,6 +247,20 @@ class Raycaster:
         result.first_mm[...] *= unit
         return result
 
+    def arrivals(
+        self,
+        table: TransferTable | SurfaceTable,
+        spec: RaycastSpec,
+        camera: Camera,
+        clear: Clear,
+    ) -> dict[int, Arrives]:
+        """Return functions of points (K, 3), mm: the part of a source's light the volume lets pass.
+
+        Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
+        """
+        with self._lock:
+            return self._lights.arrivals(table, spec, camera, clear)
+
     def _check_labels(self, table: TransferTable | SurfaceTable) -> None:
         values = self.volume.values
         if not (isinstance(table, TransferTable) and table.labels) or values.dtype.kind != "f":
@@ -260,9 +280,10 @@ class Raycaster:
         table: TransferTable | SurfaceTable,
         spec: RaycastSpec,
         camera: Camera,
+        clear: Clear | None,
     ) -> tuple[Any, list[int]]:
         """Return the light volume's buffer, and each source's layer in the buffer (-1: none)."""
-        buffer, grid, layers = self._lights.layers(table, spec, camera)
+        buffer, grid, layers = self._lights.layers(table, spec, camera, clear)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
         struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)

@@ -137,10 +137,13 @@ class CoefficientImage:
         first = list(self.groups).index(group) * size
         return self.coefficients[..., first : first + size]
 
-    def before(self, behind: ArrayLike) -> CoefficientImage:
-        """Return the image in front of an opaque one, (H, W, K·M), of the last K light groups.
+    def before(
+        self, behind: ArrayLike, alpha: ArrayLike = 1.0, depth_mm: NDArray[np.float32] | None = None
+    ) -> CoefficientImage:
+        """Return the image in front of another, (H, W, K·M), of the last K light groups.
 
-        Raises ShapeError if its size or its channels differ.
+        The other's channels are premultiplied by its ``alpha``; depths stay as they are where its
+        own are left out or inf. Raises ShapeError if its size or its channels differ.
         """
         layers = np.asarray(behind, np.float32)
         kind, channels = self.coefficients.dtype, self.coefficients.shape[2]
@@ -153,9 +156,25 @@ class CoefficientImage:
         found, own = self.coefficients.copy(), np.s_[..., channels - layers.shape[2] :]
         # A lamp that is seen may be brighter than half-float can store.
         most = np.finfo(kind).max
-        seen = found[own].astype(np.float32) + (1.0 - self.alpha)[..., None] * layers
+        through = 1.0 - self.alpha
+        seen = found[own].astype(np.float32) + through[..., None] * layers
         found[own] = np.clip(seen, -most, most)
-        return replace(self, coefficients=found, alpha=np.ones_like(self.alpha))
+        part = through * np.broadcast_to(np.asarray(alpha, np.float32), through.shape)
+        image = replace(self, coefficients=found, alpha=self.alpha + part)
+        return image if depth_mm is None else image._with_depth(part, depth_mm)
+
+    def _with_depth(
+        self, part: NDArray[np.float32], depth_mm: NDArray[np.float32]
+    ) -> CoefficientImage:
+        """Return the image with depths of what a part (H, W) of its opacity has been added for."""
+        there = np.isfinite(depth_mm) & (part > 0.0)
+        before = self.alpha[there] - part[there]
+        depth, first = self.depth_mm.copy(), self.first_mm
+        own = np.where(before > 0.0, self.depth_mm[there], 0.0)
+        depth[there] = (before * own + part[there] * depth_mm[there]) / self.alpha[there]
+        if first is not None:
+            first = np.where(there, np.minimum(first, depth_mm), first)
+        return replace(self, depth_mm=depth, first_mm=first)
 
     def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:
         """Return the same cast with other reflectances of some of its materials, {name: Spectrum}.

@@ -22,7 +22,9 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -35,6 +37,7 @@ from volspec.raycast.camera import Camera
 from volspec.raycast.checks import Vector
 from volspec.raycast.kernel_arguments import numbered_sources
 from volspec.raycast.lights import Ambient, Directional, Point
+from volspec.raycast.sampling import trilinear
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.volume import Volume
@@ -52,6 +55,10 @@ OCCLUSION_GAIN = 2.0
 LIFT = 2.0
 # In smallest spacings: voxels closer than this to a cut count as inside, in float32 and float64.
 CUT_TOLERANCE = 1e-3
+# In mm: as far as directional lights are away.
+FAR = 1e7
+# (K, 3) starts, ends -> (K,): nothing opaque is between them.
+Clear = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,6 +104,13 @@ class LightGrid:
     def lift_mm(self) -> float:
         """Distance in front of surfaces at which light is read: `LIFT` cells, or larger voxels."""
         return LIFT * self.cell_mm * max(1.0, *self.per_index)
+
+    def positions(self) -> NDArray[np.float64]:
+        """(nodes, 3) places of the nodes in the world, mm, x fastest."""
+        x, y, z = self.shape_xyz
+        at = np.mgrid[0:z, 0:y, 0:x].reshape(3, -1)[::-1].T
+        matrix = np.linalg.inv(self.grid_from_world)
+        return np.asarray(at @ matrix[:3, :3].T + matrix[:3, 3])
 
     def per_step(self, direction: Vector | NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the (3,) offset in the grid of one cell along a unit direction of the world."""
@@ -149,6 +163,49 @@ def light_layers(spec: RaycastSpec, volume: Volume, camera: Camera) -> tuple[Lig
             radius = source.radius_mm or float(np.linalg.norm(sides)) / 10
             found.append(LightLayer(number, "occlusion", radius_mm=radius))
     return tuple(found)
+
+
+# (K, 3) points in mm -> (K,) fraction of a source's light.
+Arrives = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def arriving(
+    layer: LightLayer, grid: LightGrid, values: NDArray[np.uint16], points: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the fraction (K,) of a source's light that a volume lets pass to points, mm.
+
+    Outside of the grid it is that where the way to the light enters it, and 1 if it passes by.
+    """
+    last = np.array(grid.shape_xyz) - 1.0
+    matrix = grid.grid_from_world
+    at = points @ matrix[:3, :3].T + matrix[:3, 3]
+    inside = ((at >= 0.0) & (at <= last)).all(axis=1)
+    if layer.kind == "occlusion":
+        met = inside
+    else:
+        to = np.array(layer.vector) if layer.kind == "point" else FAR * np.array(layer.vector)
+        to = to + (points if layer.kind == "directional" else 0.0)
+        way = to @ matrix[:3, :3].T + matrix[:3, 3] - at
+        way = np.where(way == 0.0, 1e-30, way)
+        near, far = np.sort([-at / way, (last - at) / way], axis=0)
+        enter = np.maximum(near.max(axis=1), 0.0)
+        met = enter <= np.minimum(far.min(axis=1), 1.0)
+        at = at + np.where(met, enter, 0.0)[:, None] * way
+    x, y, z = grid.shape_xyz
+    nodes = values.reshape(z, y, x)
+    found = trilinear(nodes / 65535.0, np.clip(at, 0.0, last))
+    return np.where(met, found, 1.0)
+
+
+def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Clear) -> NDArray[np.float64]:
+    """Return the part (nodes,) of a source's light that opaque surfaces let pass to each node."""
+    nodes = grid.positions()
+    if layer.kind == "point":
+        return clear(nodes, np.broadcast_to(layer.vector, nodes.shape)).astype(np.float64)
+    if layer.kind == "directional":
+        return clear(nodes, nodes + FAR * np.array(layer.vector)).astype(np.float64)
+    free = [clear(nodes, nodes + layer.radius_mm * way) for way in sphere_directions()]
+    return np.asarray(np.minimum(OCCLUSION_GAIN * np.mean(free, axis=0), 1.0))
 
 
 def sphere_directions() -> NDArray[np.float64]:
@@ -223,16 +280,22 @@ class LightVolume:
         self._layers: Any = compute.output(4)
         self._capacity = 0
         self._keys: list[tuple[Any, ...]] = []
+        self._alone: dict[int, NDArray[np.uint16]] = {}
 
     def layers(
-        self, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+        self,
+        table: TransferTable | SurfaceTable,
+        spec: RaycastSpec,
+        camera: Camera,
+        clear: Clear | None = None,
     ) -> tuple[Any, LightGrid, tuple[LightLayer, ...]]:
         """Update the layers; return their buffer, the grid and their descriptions.
 
         The extinction is reused while the table (by identity, not equality), the cuts and the grid
         are the same; a layer, while its light is the same, too. The buffer is
         ushort[layer][nz][ny][nx] in order of `light_layers`, 65535 if all light arrives, valid
-        until the next call. Raises OpenCLError if the device has no room for the grid.
+        until the next call. ``clear`` tells what opaque surfaces keep from the nodes. Raises
+        OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.of(self._volume, spec.light_cells)
         wanted = light_layers(spec, self._volume, camera)
@@ -250,9 +313,12 @@ class LightVolume:
         previous = self._keys
         self._keys = []
         for number, layer in enumerate(wanted):
-            if previous[number : number + 1] != [layer.key]:
+            key = *layer.key, clear
+            if previous[number : number + 1] != [key]:
                 self._fill_layer(layer, number, grid)
-            self._keys.append(layer.key)
+                if clear is not None:
+                    self._block(layer, number, grid, clear)
+            self._keys.append(key)
         return self._layers, grid, wanted
 
     def _fill_extinction(
@@ -285,6 +351,29 @@ class LightVolume:
         else:
             light = self._parallel(layer, grid)
             self._launch("parallel", packets, (self._sigma, *light, *end))
+
+    def _block(self, layer: LightLayer, number: int, grid: LightGrid, clear: Clear) -> None:
+        """Keep a layer as the volume alone makes it, then take what surfaces keep from it."""
+        filled = np.empty(self._capacity // 2, np.uint16)
+        self._compute.download(self._layers, filled)
+        self._alone[number] = filled[number * grid.nodes : (number + 1) * grid.nodes]
+        parts = np.rint(65535.0 * unblocked_part(layer, grid, clear)).astype(np.uint16)
+        numbers = np.int32(grid.nodes), np.int32(number)
+        self._launch("blocked", grid.nodes, (self._compute.upload(parts), *numbers, self._layers))
+
+    def arrivals(
+        self,
+        table: TransferTable | SurfaceTable,
+        spec: RaycastSpec,
+        camera: Camera,
+        clear: Clear,
+    ) -> dict[int, Arrives]:
+        """Return what the volume lets pass to points (K, 3), mm, by `numbered_sources`."""
+        _, grid, wanted = self.layers(table, spec, camera, clear)
+        return {
+            layer.source: partial(arriving, layer, grid, self._alone[number])
+            for number, layer in enumerate(wanted)
+        }
 
     def _parallel(self, layer: LightLayer, grid: LightGrid) -> tuple[Any, ...]:
         """Return the steps of all directions, the end of each, their number and the gain."""

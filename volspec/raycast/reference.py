@@ -36,10 +36,12 @@ from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     OCCLUSION_GAIN,
     SHADOW_BIAS,
+    Clear,
     LightGrid,
     extinction_per_mm,
     light_layers,
     sphere_directions,
+    unblocked_part,
 )
 from volspec.raycast.sampling import (
     Array,
@@ -68,8 +70,11 @@ def cast(
     size: tuple[int, int],
     spec: RaycastSpec,
     stop_mm: NDArray[np.float32] | None = None,
+    clear: Clear | None = None,
 ) -> Result:
     """Cast every pixel of a picture of (width, height); rays end at ``stop_mm`` (H, W), if given.
+
+    ``clear`` tells what opaque surfaces keep from the volume, as `Raycaster.cast`.
 
     Returns coefficients (H, W, L·M), premultiplied by opacity; alpha; depth_mm, the expected
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
@@ -88,7 +93,7 @@ def cast(
     rays = make_rays(volume, camera, size, spec)
     if stop_mm is not None:
         rays = replace(rays, far=np.minimum(rays.far, stop_mm.ravel()))
-    cast = kind(volume, table, camera, spec, rays)
+    cast = kind(volume, table, camera, spec, rays, clear)
     cast.march()
     shape = (height, width)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -102,12 +107,18 @@ class _March:
     """Compositing of all rays, step by step; subclasses for other casts override parts."""
 
     def __init__(
-        self, volume: Volume, table: Any, camera: Camera, spec: RaycastSpec, rays: Rays
+        self,
+        volume: Volume,
+        table: Any,
+        camera: Camera,
+        spec: RaycastSpec,
+        rays: Rays,
+        clear: Clear | None,
     ) -> None:
         self.volume, self.table, self.camera = volume, table, camera
         self.spec, self.rays = spec, rays
         self.sampler = Sampler(volume, table, spec)
-        self.arrives = arrivals(volume, table, spec, camera)
+        self.arrives = arrivals(volume, table, spec, camera, clear)
         self.lift_mm = LightGrid.of(volume, spec.light_cells).lift_mm
         self.normals = spec.shaded or bool(self.arrives)
         self.step = spec.step_of(volume)
@@ -293,7 +304,11 @@ class _Projection(_March):
 
 
 def layers(
-    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+    volume: Volume,
+    table: TransferTable | SurfaceTable,
+    spec: RaycastSpec,
+    camera: Camera,
+    clear: Clear | None = None,
 ) -> Array:
     """Return (L, nz, ny, nx), the fraction of light that arrives, for each of `light_layers`."""
     grid = LightGrid.of(volume, spec.light_cells)
@@ -308,11 +323,17 @@ def layers(
             steps = layer.steps(grid)
             rays = [_along(sigma, grid, d, *steps) for d in sphere_directions()]
             found.append(np.minimum(OCCLUSION_GAIN * np.mean(rays, axis=0), 1))
+        if clear is not None:
+            found[-1] = found[-1] * unblocked_part(layer, grid, clear).reshape(sigma.shape)
     return np.reshape(found, (-1, *sigma.shape))
 
 
 def arrivals(
-    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, camera: Camera
+    volume: Volume,
+    table: TransferTable | SurfaceTable,
+    spec: RaycastSpec,
+    camera: Camera,
+    clear: Clear | None = None,
 ) -> dict[int, Arrives]:
     """Return functions for shadows and occlusion, by index in `numbered_sources`."""
     wanted = light_layers(spec, volume, camera)
@@ -321,7 +342,7 @@ def arrivals(
     grid = LightGrid.of(volume, spec.light_cells)
     return {
         layer.source: partial(light_at, values, grid)
-        for layer, values in zip(wanted, layers(volume, table, spec, camera), strict=True)
+        for layer, values in zip(wanted, layers(volume, table, spec, camera, clear), strict=True)
     }
 
 

@@ -208,6 +208,7 @@ def shade(
     ``direction`` the ray's unit vector in the world; ``gradient`` is None if nothing is shaded or
     shadowed.
     """
+    world = point @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3]
     factor = np.zeros((len(point), len(spec.groups)))
     highlight = np.zeros_like(factor)
     if gradient is not None:
@@ -215,7 +216,7 @@ def shade(
         confidence = square / (square + spec.gradient_floor_squared)
         normal = gradient / np.sqrt(np.maximum(square, 1e-30))[:, None]
     for number, (group, source) in enumerate(numbered_sources(spec)):
-        towards, light = _source(volume, camera, source, point, direction)
+        towards, light = source_at(camera, source, world, direction)
         if gradient is not None:
             n_dot_l = (normal * towards).sum(axis=1)
         if number in arrives:
@@ -235,17 +236,19 @@ def shade(
     return factor, highlight
 
 
-def _source(
-    volume: Volume, camera: Camera, source: Source, point: Array, direction: Array
+def source_at(
+    camera: Camera, source: Source, world: Array, direction: Array
 ) -> tuple[Array, Array]:
-    """Return (R, 3) unit vectors towards a source (ambient: the eye), and (R,) intensities."""
-    light = np.full(len(point), source.intensity)
+    """Return (R, 3) unit vectors towards a source (ambient: the eye), and (R,) intensities.
+
+    ``world`` are the points in mm, ``direction`` unit vectors from the eye.
+    """
+    light = np.full(len(world), source.intensity)
     if isinstance(source, Directional):
         towards = camera.to_world(source.towards, source.frame)
-        return np.broadcast_to(towards, point.shape), light
+        return np.broadcast_to(towards, world.shape), light
     if not isinstance(source, Point):
         return -direction, light
-    world = point @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3]
     towards = camera.place_mm(source.position_mm, source.frame) - world
     away = np.linalg.norm(towards, axis=1)
     if source.falloff_mm is not None:

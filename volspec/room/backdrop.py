@@ -179,7 +179,7 @@ class LitMesh:
             if not len(going):
                 break
             way = np.einsum("kc,kc->k", corners[found, 0] - starts[going], normals[found])
-            way = way / np.maximum(slope, 1e-9) + self.rays.offset_m
+            way = way / np.maximum(slope, 1e-9) + self.rays.offset
             starts[going] += way[:, None] * directions[going]
         seen = np.flatnonzero(hit >= 0)
         triangle = hit[seen]

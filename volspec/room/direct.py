@@ -54,7 +54,7 @@ def beam_irradiance(room: Room, rays: Rays, points: Array, normals: Array) -> Ar
 
     Rows are the room's lights; those of panels are 0.
     """
-    raised, names = points + rays.offset_m * normals, list(room.lights)
+    raised, names = points + rays.offset * normals, list(room.lights)
     found = np.zeros((len(names), len(points)))
     for lamp in room.lamps:
         way = np.asarray(lamp.position_m) - raised
@@ -123,7 +123,7 @@ def _from_surfaces(
     count = 1 << int(np.clip(count, 1, _RAYS_OF_POINT)).bit_length() - 1
     pattern = sobol(count, 2, seed=0)
     shifts = np.random.default_rng(1).random((len(points), 1, 2))
-    raised = points + rays.offset_m * normals
+    raised = points + rays.offset * normals
     for i, corners in enumerate(emitters.corners_m):
         part = seen_part(points, normals, corners)
         lit = np.flatnonzero(part > 0)

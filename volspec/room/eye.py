@@ -194,7 +194,7 @@ def surface_appearance(solved: RoomLight, name: str) -> SurfaceAppearance:
     middle = areas @ centres / areas.sum()
     patch = rows[int(np.linalg.norm(centres - middle, axis=1).argmin())]
     normal, centre = mesh.normals[patch], mesh.centres_m[patch]
-    start = centre + solved.rays.offset_m * normal
+    start = centre + solved.rays.offset * normal
     hit = int(solved.rays.first(start[None], normal[None])[0])
     room_m = _AWAY_M if hit < 0 else abs(float((mesh.centres_m[hit] - centre) @ mesh.normals[hit]))
     away = min(_AWAY_M, room_m / 2.0)

@@ -26,51 +26,22 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.stats import qmc
 
-from volspec.errors import DeviceError
+from volspec._rays import TriangleRays
 from volspec.room.mesh import RoomMesh
 
 Array = NDArray[np.float64]
-# Rays begin this fraction of the room in front of their triangle, and shadow rays end so before.
-_OFFSET = 1e-5
 # Rays that are shot at once: 20 to 30 MB of origins and directions.
 _BLOCK = 1 << 19
 _ROUNDS, _CLOSE = 200, 1e-7
 
 
-class Rays:
-    """Ray queries of a mesh, by Embree; raises DeviceError where it is not installed."""
+class Rays(TriangleRays):
+    """Ray queries of a room's mesh, m; raises DeviceError where Embree is not installed."""
 
     def __init__(self, mesh: RoomMesh) -> None:
-        try:
-            from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]  # has no types
-            from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]  # has no types
-        except ImportError:
-            raise DeviceError(
-                "rooms of triangles need embreex, which has no wheel for this system",
-                "use a room in closed form (cube or brick), or another system",
-                code="unsupported",
-            ) from None
+        instead = "use a room in closed form (cube or brick), or another system"
+        super().__init__(mesh.corners_m, "rooms of triangles", instead)
         self.mesh = mesh
-        points = mesh.corners_m.reshape(-1, 3)
-        self._middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        self.offset_m = _OFFSET * float(np.ptp(points, axis=0).max())
-        self._scene = EmbreeScene(robust=True)
-        corners = np.float32(mesh.corners_m - self._middle)
-        TriangleMesh(self._scene, corners)
-
-    def first(self, origins_m: Array, directions: Array) -> NDArray[np.intp]:
-        """(M,) triangles that rays hit first; -1 for none."""
-        origins = np.float32(origins_m - self._middle)
-        return np.asarray(self._scene.run(origins, np.float32(directions)), np.intp)
-
-    def clear(self, origins_m: Array, ends_m: Array) -> NDArray[np.bool_]:
-        """(M,) True where nothing is between two points."""
-        origins, way = np.float32(origins_m - self._middle), ends_m - origins_m
-        length = np.linalg.norm(way, axis=-1)
-        reach = np.float32(np.maximum(length - 2.0 * self.offset_m, 0.0))
-        directions = np.float32(way / np.maximum(length, 1e-30)[:, None])
-        hit = self._scene.run(origins, directions, reach, query="OCCLUDED")
-        return np.asarray(hit) != 0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,7 +99,7 @@ def form_factors(
         rows = slice(start, min(start + step, count))
         shares = (pattern + shifts[rows]) % 1.0
         normal = normals[rows, None]
-        origins = mesh.part(rows).points(shares[..., :2]) + rays.offset_m * normal
+        origins = mesh.part(rows).points(shares[..., :2]) + rays.offset * normal
         directions = cosine_directions(normal, shares[..., 2:])
         hit = rays.first(origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(-1, per_patch)
         front = np.einsum("nkc,nkc->nk", directions, normals[hit]) < 0

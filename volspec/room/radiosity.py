@@ -267,7 +267,7 @@ def _looks(rays: Rays, shares: Array) -> tuple[Array, Array]:
     """(S,) parts of all rays that leave the room from a surface, and that hit its back."""
     mesh, count = rays.mesh, len(rays.mesh.names)
     normal = mesh.normals[:, None]
-    origins = mesh.points(shares[:, :2]) + rays.offset_m * normal
+    origins = mesh.points(shares[:, :2]) + rays.offset * normal
     directions = cosine_directions(normal, shares[None, :, 2:])
     hit = rays.first(origins.reshape(-1, 3), directions.reshape(-1, 3)).reshape(len(normal), -1)
     back = (np.einsum("nkc,nkc->nk", directions, mesh.normals[hit]) > 0) & (hit >= 0)

@@ -23,9 +23,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from volspec.basis import SpectralBasis
-from volspec.pipeline import OpacityCaster
 from volspec.raycast import Camera
+from volspec.raycast.behind import BehindImage, OpacityCaster
 from volspec.raycast.camera import level_axes
+from volspec.raycast.edges import further_points, mean_of_points, next_to
 from volspec.raycast.projection import Projection
 from volspec.raycast.sampling import world_rays
 from volspec.room.backdrop import LitMesh, Seen, room_colours
@@ -39,9 +40,7 @@ Size = tuple[int, int]
 _POINTS, _MAP = 16, 96
 # A shadow map's field of view is a little larger than the volume, and never larger than this.
 _MARGIN, _WIDEST_DEG = 1.05, 150.0
-# Points in a pixel through which an edge passes, in pixels from its middle. Normals are of one side
-# if they agree to so many parts.
-_IN_PIXEL = np.array([(-1.0, -3.0), (3.0, -1.0), (1.0, 3.0), (-3.0, 1.0)]) / 8.0
+# Normals are of one side if they agree to so many parts.
 _SAME_SIDE = 1e3
 # A light nearer to the middle than this part of the volume's radius casts no shadow.
 _NEAREST = 0.1
@@ -192,7 +191,16 @@ class Backdrop:
         """Return the `room_colours` of the room with other paints."""
         return room_colours(response, self._basis, self._parts, self._lit)
 
+    clear = None  # the room's light on the volume knows its furniture
+
     def __call__(
+        self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
+    ) -> BehindImage:
+        """Return the room, as `volspec.pipeline.Behind`; it is seen to its end."""
+        layers = self.layers(camera, size, opacity)
+        return BehindImage(layers, np.ones(layers.shape[:2], np.float32))
+
+    def layers(
         self, camera: Camera, size: Size, opacity: OpacityCaster | None = None
     ) -> NDArray[np.float32]:
         """Return (H, W, L·M): the layers of the room's lights, behind those of the volume.
@@ -234,21 +242,11 @@ class Backdrop:
         """Look through the pixels' middles, and at four more points where edges pass."""
         middles = self._lit.seen(*self._rays(*world_rays(camera, *size)))
         edges = _edges(middles, size)
-        width = size[0]
-        corners = np.stack([edges % width, edges // width], axis=1)[:, None] + _IN_PIXEL
-        more = self._lit.seen(*self._rays(*world_rays(camera, *size, corners.reshape(-1, 2))))
-        seen, count = middles.joined(more), len(middles.surface)
+        further = world_rays(camera, *size, further_points(edges, size[0]))
+        seen = middles.joined(self._lit.seen(*self._rays(*further)))
         points = (seen.points_m - self._placement.position_m) @ self._placement.axes
         points = points / self._placement.metres_per_mm + self._middle_mm
-        numbers = np.full(count, 1)
-        numbers[edges] = len(_IN_PIXEL)
-        ends = np.concatenate([[0], np.cumsum(numbers)])
-        columns = np.repeat(np.arange(count), numbers)
-        first = ends[edges][:, None] + np.arange(len(_IN_PIXEL))
-        columns[first] = count + np.arange(first.size).reshape(first.shape)
-        weights = np.repeat(1.0 / numbers, numbers).astype(np.float32)
-        mean = csr_array((weights, columns, ends), shape=(count, len(points)))
-        return _View((camera, size), seen, points, mean)
+        return _View((camera, size), seen, points, mean_of_points(edges, len(middles.surface)))
 
     def _rays(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         """Return rays of the volume's world, (K, 3) each, in the room."""
@@ -343,11 +341,5 @@ def _edges(seen: Seen, size: Size) -> NDArray[np.intp]:
     cells = np.rint(seen.normals * _SAME_SIDE).astype(np.int64)
     kinds = np.concatenate([seen.surface[:, None], cells, seen.direct > 0.0], axis=1)
     kinds = kinds.reshape(height, width, -1)
-    found = np.zeros((height, width), np.bool_)
     across = (kinds[:, 1:] != kinds[:, :-1]).any(axis=2)
-    down = (kinds[1:] != kinds[:-1]).any(axis=2)
-    found[:, 1:] |= across
-    found[:, :-1] |= across
-    found[1:] |= down
-    found[:-1] |= down
-    return np.flatnonzero(found)
+    return next_to(across, (kinds[1:] != kinds[:-1]).any(axis=2))

@@ -26,6 +26,7 @@ from volspec.scene.specs import (
     BasisSpec,
     CameraSpec,
     MaterialSpec,
+    MeshSpec,
     OutputSpec,
     RoomSpec,
     VolumeSpec,
@@ -68,6 +69,8 @@ class SceneFile:
     """Light groups; default: a single group, light, of ambient light and a headlight."""
     room: RoomSpec | None = None
     """A room that the volume is in."""
+    mesh: Annotated[tuple[MeshSpec, ...], Field(strict=False)] = ()
+    """Surfaces in and around the volume."""
     light: Annotated[tuple[LightSpec, ...], Field(strict=False, min_length=1)]
     """Lights, at least one."""
     viewing: RelightSpec = field(default_factory=RelightSpec)
@@ -104,6 +107,13 @@ class SceneFile:
             if row.filter is not None and self.transfer.points is None:
                 problem = f"only [transfer] points absorb by wavelength, not {self.transfer.kind}"
                 raise fault(f"material[{i}].filter", problem, "leave it out")
+        known = [row.name for row in self.material]
+        for j, surface in enumerate(self.mesh):
+            if surface.material not in known:
+                problem = f"no [[material]] is named {surface.material!r}"
+                remedy = f"{nearest(surface.material, known)}there is {', '.join(known)}"
+                where = f"mesh[{j}].material"
+                raise fault(where, problem, remedy, "unknown", surface.material)
         check_export(self.export, self.keyframe, list(rows_by_name(self.light)), self.camera)
 
     def _check_lights(self, groups: Sequence[str]) -> None:

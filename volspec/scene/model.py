@@ -40,7 +40,8 @@ from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
-    from volspec.scene.backdrop import Backdrop
+    from volspec.mesh import MeshCaster
+    from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 
 
@@ -294,13 +295,21 @@ class Scene:
                 notes={"scene": self.file.title, "viewing": viewing_note(self.relight)},
             )
 
-    def behind(self, volume: Volume) -> Backdrop | None:
-        """Return the room as it is seen behind a volume; None without one.
+    def behind(self, volume: Volume) -> tuple[Behind, ...]:
+        """Return the meshes, and the room as it is seen behind a volume.
 
-        Raises SceneError if the volume is not within the room, or the basis has no channels for it.
+        Raises SceneError if a mesh cannot be read, the volume is not within the room, or the basis
+        has no channels for it.
         """
+        meshes = self.meshes(volume)
+        found: tuple[Behind, ...] = () if meshes is None else (meshes,)
         with self._names.at("room"):
-            return None if self.room is None else self.room.behind(volume, self.basis)
+            room = None if self.room is None else self.room.behind(volume, self.basis)
+        return found if room is None else (*found, room)
+
+    def meshes(self, volume: Volume) -> MeshCaster | None:
+        """Return the shown meshes; None without any. Raises SceneError if one cannot be read."""
+        return self._names.meshes(volume, self.materials, self.basis)
 
     def with_camera(self, camera: CameraSpec) -> Scene:
         """Return the scene with another ``[camera]``."""

@@ -32,6 +32,7 @@ from volspec.volume import Volume, load_volume
 from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
+    from volspec.mesh import MeshCaster
     from volspec.scene.room import SceneRoom
 
 # Relative difference of two spacings that causes a warning.
@@ -186,6 +187,29 @@ class Resolver:
             with self.at("room"):
                 found = SceneRoom.of(self.file.room, self.path.parent, grid, self.file.camera.up)
         return found
+
+    def meshes(
+        self, volume: Volume, materials: Mapping[str, Spectrum], basis: Basis
+    ) -> MeshCaster | None:
+        """Return the surfaces of ``[[mesh]]`` that are shown; None without any."""
+        rows = [(number, row) for number, row in enumerate(self.file.mesh) if row.shown]
+        if not rows:
+            return None
+        # Imported late: few scenes have meshes.
+        from volspec.mesh import Mesh, MeshCaster
+
+        found = []
+        for number, row in rows:
+            with self.at(f"mesh[{number}]"):
+                mesh = Mesh.load(
+                    self.path.parent / row.file,
+                    row.material,
+                    unit_mm=row.unit_mm,
+                    smooth_deg=row.smooth_deg,
+                )
+                mesh.warn_of_unit(volume.corners_mm)
+                found.append(mesh.placed(row.move_mm, row.turn_deg))
+        return MeshCaster(found, materials, basis)
 
     def lights(
         self, grid: SpectralGrid, spec: RaycastSpec, room: SceneRoom | None

@@ -224,6 +224,27 @@ class CameraSpec(Orbit):
 
 @settings(SceneError)
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MeshSpec:
+    """``[[mesh]]``: an opaque surface in the volume's world, lit as the volume is."""
+
+    file: Annotated[str, Field(examples=["implant.stl"])]
+    """PLY, OBJ, STL, VTP, VTK or glTF."""
+    material: Annotated[Name, Field(examples=["titanium"])]
+    """Name of a [[material]]."""
+    unit_mm: Annotated[Positive, Unit("mm")] = 1.0
+    """Millimetres of the file's unit; 1000 for metres."""
+    move_mm: Annotated[Vector, Unit("mm")] = (0.0, 0.0, 0.0)
+    """Offset in the volume's world, after ``unit_mm`` and ``turn_deg``."""
+    turn_deg: Annotated[Vector, Unit("degrees")] = (0.0, 0.0, 0.0)
+    """Turns about x, then y, then z, counter-clockwise as seen from the axis' end."""
+    smooth_deg: Annotated[float, Field(ge=0.0, le=180.0), Unit("degrees")] = 30.0
+    """Edges at which the surface turns by less look smooth."""
+    shown: bool = True
+    """False hides it."""
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RoomSpec:
     """``[room]``: a room with the volume in it.
 

@@ -33,6 +33,8 @@ from volspec.viewer.model.view import View
 from volspec.volume import Choice, Volume
 
 if TYPE_CHECKING:
+    from volspec.mesh import MeshCaster
+    from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 
 _JOINT_BINS = 128, 64
@@ -116,6 +118,7 @@ class Document:
     # of the one that was cast.
     image: CoefficientImage | None = None
     room: SceneRoom | None = None  # the volume is in it; its lamps are the lights
+    meshes: MeshCaster | None = None  # shown in and around the volume
     joint: JointHistogram = field(init=False)
 
     def __post_init__(self) -> None:
@@ -127,6 +130,12 @@ class Document:
             problem = "not read from a file; save the volume first"
             raise SceneError(f"{self.title}: {problem}", code="missing")
         return self.file, self.path
+
+    def surfaces(self, transfer: Transfer) -> tuple[Behind, ...]:
+        """Return the meshes, if any, in the transfer function's materials; MeshError without."""
+        if self.meshes is None:
+            return ()
+        return (self.meshes.painted(transfer.materials, transfer.basis),)
 
     @property
     def folder(self) -> str:
@@ -181,6 +190,7 @@ class Document:
             path=scene.path.absolute(),
             fault=fault,
             room=scene.room,
+            meshes=scene.meshes(volume),
         )
 
 

@@ -115,6 +115,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         done = CastDone(job, divisor, 0.0)
         started = time.perf_counter()
         try:
+            surfaces = job.document.surfaces(job.transfer)
             white = None if job.room is None else self._white_walls(job, job.room)
             image = raycast(
                 job.document.volume,
@@ -124,7 +125,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 job.shading,
                 cancel=(lambda: self._closed) if spared else self._is_superseded,
                 caster=job.document.caster,
-                behind=white,
+                behind=(*surfaces, *(() if white is None else (white,))),
             )
             if white is not None:
                 image, walls = white.replaced(image, divisor == 1)

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolspecError, one_line
-from volspec.pipeline import OpacityCaster
 from volspec.raycast import Camera, CoefficientImage
+from volspec.raycast.behind import BehindImage, OpacityCaster
 from volspec.relight.layers import PackedLayers
 from volspec.viewer.work.background import LatestWorker
 
@@ -41,7 +41,7 @@ class Walls:
     def layers(self, room: SceneRoom) -> Layers:
         """Return the picture's last channels (H, W, K) with the room in other paints."""
         height, width = self.transmission.shape
-        layers = self.backdrop.repainted(room.response)(self.camera, (width, height))
+        layers = self.backdrop.repainted(room.response).layers(self.camera, (width, height))
         return self.transmission[..., None] * layers
 
     def behind(self, image: CoefficientImage, room: SceneRoom) -> CoefficientImage:
@@ -61,24 +61,27 @@ class WhiteWalls:
     room: SceneRoom
     backdrop: Backdrop
     channels: int  # of all walls
+    clear: None = None
     _cast: tuple[Camera, OpacityCaster] | None = None
 
     def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
         """Return where rays end, as `volspec.pipeline.Behind`."""
         return self.backdrop.depth_mm(camera, size)
 
-    def __call__(self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster) -> Layers:
+    def __call__(
+        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster, stop_mm: Layers
+    ) -> BehindImage:
         """Return ones."""
         self._cast = camera, opacity
-        width, height = size
-        return np.ones((height, width, self.channels), np.float32)
+        ones = np.ones((*stop_mm.shape, self.channels), np.float32)
+        return BehindImage(ones, ones[..., 0])
 
     def replaced(self, image: CoefficientImage, shadows: bool) -> tuple[CoefficientImage, Walls]:
         """Return the cast with the room's walls; without new ``shadows``, with those before."""
         assert self._cast is not None
         camera, opacity = self._cast
         through = np.array(image.coefficients[..., -1], np.float32)
-        layers = self.backdrop(camera, image.size, opacity if shadows else None)
+        layers = self.backdrop.layers(camera, image.size, opacity if shadows else None)
         found = image.coefficients.copy()
         found[..., -self.channels :] = through[..., None] * layers
         # The next cast looks from elsewhere.

@@ -135,13 +135,14 @@ def _cast(
     room = state.room
     seen = room is not None and has_walls(state)
     behind = room.behind(volume, state.transfer.basis) if room and seen else None
+    surfaces = state.document.surfaces(state.transfer)
     try:
         return raycast(
             *what,
             progress=progress.report,
             cancel=lambda: progress.ended,
             caster=caster,
-            behind=behind,
+            behind=surfaces if behind is None else (*surfaces, behind),
         )
     except CastCancelled:
         progress.check()

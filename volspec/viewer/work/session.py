@@ -47,7 +47,18 @@ _FIELDS = {
 }
 _CLASSES = {1: {"Board": "PaletteState", "Wishes": "DesignTargets"}, 2: {"Aids": "Overlays"}}
 # Fields of a document that are read, made or measured again.
-_REMADE = ("volume", "caster", "fault", "histogram", "file", "path", "choices", "image", "room")
+_REMADE = (
+    "volume",
+    "caster",
+    "fault",
+    "histogram",
+    "file",
+    "path",
+    "choices",
+    "image",
+    "room",
+    "meshes",
+)
 # Fields of a state that are made again or not saved: a fade must not run a second time.
 _PASSING = ("document", "fade", "room")
 
@@ -194,8 +205,10 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     if room is not None:
         painted = room.with_paint(_paint(data))
     caster, fault = make_caster(volume, device) if cast else (None, "")
+    transfer = of_document["transfer"]
     document = Document(
         **of_document,
+        meshes=names.meshes(volume, transfer.materials, transfer.basis),
         volume=volume,
         caster=caster,
         fault=fault,

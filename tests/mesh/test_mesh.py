@@ -1,0 +1,286 @@
+"""Meshes: rays, light against analytic answers, depth and shadows with a volume, refusals."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import pyvista
+
+import volspec as vs
+from tests.support.errors import raises
+from volspec._rays import TriangleRays
+from volspec.errors import MeshError, SceneError
+from volspec.raycast import reference
+
+BASIS = vs.SpectralBasis.load("general-7")
+WHITE = {"white": vs.reflectance("grey:1"), "red": vs.reflectance("ColorChecker/red")}
+SUN = vs.Directional((0.0, 0.0, 1.0), shadows=True)
+LIT = vs.RaycastSpec(
+    groups=(vs.LightGroup("sun", (SUN,)), vs.LightGroup("sky", (vs.Ambient(occlusion=True),))),
+    ambient=1.0,
+    diffuse=1.0,
+    specular=0.0,
+)
+ABOVE = vs.Camera((0.0, 0.0, 200.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), height_mm=64.0)
+SIZE = (64, 64)
+
+
+def plane(z: float, half: float = 40.0, name: str = "plane") -> vs.Mesh:
+    corners = [[-half, -half, z], [half, -half, z], [half, half, z], [-half, half, z]]
+    return vs.Mesh(corners, [[0, 1, 2], [0, 2, 3]], name=name)
+
+
+@cache
+def sphere(radius: float = 20.0) -> vs.Mesh:
+    fine = pyvista.Sphere(radius=radius, theta_resolution=180, phi_resolution=90)
+    return vs.Mesh.of(fine.compute_normals(), name="sphere")
+
+
+def cast(*meshes: vs.Mesh, spec: vs.RaycastSpec = LIT) -> vs.CoefficientImage:
+    return vs.cast_meshes(meshes, WHITE, BASIS, ABOVE, SIZE, spec)
+
+
+def test_rays_find_triangle_distance_and_shares() -> None:
+    corners = np.array(
+        [[[0, 0, 1], [3, 0, 1], [0, 3, 1]], [[0, 0, 2], [9, 0, 2], [0, 9, 2]]], float
+    )
+    rays = TriangleRays(corners, "tests", "none")
+    origins = np.array([[0.3, 0.6, -1.0], [4.0, 4.0, 0.0], [9.0, 9.0, 0.0]])
+    hits = rays.hits(origins, np.tile([0.0, 0.0, 1.0], (3, 1)))
+    assert hits.triangle.tolist() == [0, 1, -1]
+    assert hits.along == pytest.approx([2.0, 2.0, np.inf])
+    assert hits.shares[0] == pytest.approx([0.7, 0.1, 0.2])
+    assert rays.clear(origins[:1], np.array([[0.3, 0.6, 0.9]])).all()
+    assert not rays.clear(origins[:1], np.array([[0.3, 0.6, 1.1]])).any()
+
+
+def test_a_white_sphere_is_lambert_s() -> None:
+    """The cosine of the sun's height, at each pixel's normal."""
+    image = cast(sphere())
+    y, x = (np.mgrid[0:64, 0:64] - 31.5).astype(float)
+    inside = x**2 + y**2 < 18.0**2
+    true = np.sqrt(20.0**2 - x**2 - y**2, where=inside, out=np.zeros((64, 64))) / 20.0
+    found = image.layer("sun").mean(axis=2)
+    assert np.abs(found - true)[inside].max() < 0.01
+    assert image.depth_mm[inside] == pytest.approx(200.0 - 20.0 * true[inside], abs=0.1)
+    assert image.alpha[32, 32] == 1.0 and image.alpha[0, 0] == 0.0
+    assert 0.0 < image.alpha[(image.alpha > 0) & (image.alpha < 1)].mean() < 1.0  # edges
+
+
+def test_a_square_casts_its_shadow_and_takes_the_sky() -> None:
+    """A square of 20 mm hovers 10 mm above a plane, seen from below its height."""
+    low = vs.Camera((0.0, -200.0, 100.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), height_mm=64.0)
+    image = vs.cast_meshes([plane(0.0), plane(10.0, 10.0, "lid")], WHITE, BASIS, low, SIZE, LIT)
+    sun, sky = (image.layer(name).mean(axis=2) for name in ("sun", "sky"))
+    # Points of the plane on the line x = 0: rows of the picture, by the cosine of the view.
+    scale = 64.0 / 64 / (100.0 / np.hypot(100.0, 200.0))
+    rows = {round(31.5 - y / scale): y for y in (-25.0, -5.0)}
+    (free, lit), (hidden, dark) = ((row, sun[row, 32]) for row in rows)
+    assert lit == pytest.approx(1.0, abs=1e-3) and dark == pytest.approx(0.0, abs=1e-3)
+    # Of the sky within 11 mm, a lid at 10 mm hides the middle: 1 - (10 / 11.3)².
+    assert sky[free, 32] > 0.97 and sky[hidden, 32] == pytest.approx(0.78, abs=0.03)
+
+
+def test_shares_of_materials_mix() -> None:
+    """At points linearly, in triangles evenly."""
+    at_points = vs.Mesh(
+        plane(0.0).points_mm, plane(0.0).triangles, {"white": [1, 1, 0, 0], "red": [0, 0, 2, 2]}
+    )
+    found = cast(at_points).layer("sun")
+    white, red = (BASIS.channels_for_materials({name: WHITE[name]})[0] for name in WHITE)
+    row = 16  # y = 15.5 of -40…40
+    share = (15.5 + 40.0) / 80.0
+    assert found[row, 32] == pytest.approx((1 - share) * white + share * red, abs=1e-3)
+    halves = vs.Mesh(plane(0.0).points_mm, plane(0.0).triangles, {"white": [1, 0], "red": [0, 1]})
+    found = cast(halves).layer("sun")
+    assert found[50, 60] == pytest.approx(white, abs=1e-6)
+    assert found[10, 4] == pytest.approx(red, abs=1e-6)
+
+
+@cache
+def ball() -> tuple[vs.Volume, vs.TransferFunction]:
+    volume = vs.phantom.ball(48)
+    points = [(0.3, 0.0, "white"), (0.5, 0.02, "white")]
+    return volume, vs.TransferFunction(points=points, materials=WHITE, basis=BASIS)
+
+
+def camera_of(volume: vs.Volume) -> vs.Camera:
+    return vs.Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
+
+
+def inside(volume: vs.Volume, radius: float = 6.0) -> vs.MeshCaster:
+    middle = volume.corners_mm.mean(axis=0)
+    fine = pyvista.Sphere(radius=radius, center=middle, theta_resolution=90, phi_resolution=45)
+    return vs.MeshCaster([vs.Mesh.of(fine.compute_normals(), "red")], WHITE, BASIS)
+
+
+def test_a_mesh_ends_rays_at_its_depth_and_shades_the_volume_as_the_reference() -> None:
+    """Twin of the cast with a mesh in the middle: stops, and light that it keeps from voxels."""
+    volume, transfer = ball()
+    camera, meshes = camera_of(volume), inside(volume)
+    size, caster = (40, 40), vs.Raycaster(volume)
+    table, stop_mm = caster.bake(transfer), meshes.depth_mm(camera, (40, 40))
+    assert np.isfinite(stop_mm).any()
+    ours = caster.cast(table, camera, size, LIT, stop_mm=stop_mm, clear=meshes.clear)
+    given = volume, table, camera, size, LIT
+    true = reference.cast(*given, stop_mm, meshes.clear)
+    assert np.abs(ours.coefficients - true[0]).max() < 2e-3
+    assert np.abs(true[0] - reference.cast(*given, stop_mm)[0]).max() > 0.05  # its shadow
+
+
+def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:
+    """Light that arrives at a mesh: in the volume, behind it, and where it passes by."""
+    volume, transfer = ball()
+    camera, meshes = camera_of(volume), inside(volume)
+    caster = vs.Raycaster(volume)
+    caster.cast(caster.bake(transfer), camera, (8, 8), LIT, clear=meshes.clear)
+    arrives = caster.arrivals(caster.bake(transfer), LIT, camera, meshes.clear)
+    low, high = volume.corners_mm.min(axis=0), volume.corners_mm.max(axis=0)
+    middle = (low + high) / 2.0
+    points = np.array([middle, [*middle[:2], low[2] - 50.0], [*(high[:2] + 9.0), low[2]]])
+    true = reference.arrivals(volume, caster.bake(transfer), LIT, camera)
+    index = points[:1] @ volume.index_from_world[:3, :3].T + volume.index_from_world[:3, 3]
+    sun = arrives[0](points)
+    assert sun[0] == pytest.approx(float(true[0](index)[0]), abs=2e-3)
+    assert sun[1] < sun[0] and sun[2] == 1.0
+    assert arrives[1](points)[2] == 1.0
+
+
+def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
+    """Under a thin shell a red sphere is seen through, at its own depth."""
+    volume, transfer = ball()
+    camera, meshes = camera_of(volume), inside(volume)
+    image = vs.raycast(volume, transfer, camera, SIZE, LIT, behind=(meshes,))
+    alone = vs.raycast(volume, transfer, camera, SIZE, LIT)
+    assert image.first_mm is not None and alone.first_mm is not None
+    assert image.alpha[32, 32] == pytest.approx(1.0)
+    assert image.first_mm[32, 32] == pytest.approx(alone.first_mm[32, 32], abs=0.5)
+    outside = ~np.isfinite(meshes.depth_mm(camera, SIZE))
+    assert image.alpha[outside] == pytest.approx(alone.alpha[outside], abs=1.0)
+
+
+def test_depth_is_that_of_a_voxelised_surface() -> None:
+    """A sphere in an empty volume against the isosurface of its distance field: half a voxel."""
+    n, radius = 64, 20.0
+    z, y, x = np.mgrid[0:n, 0:n, 0:n] - (n - 1) / 2.0
+    field = vs.Volume((radius - np.sqrt(x**2 + y**2 + z**2)).astype(np.float32))
+    surface = vs.Isosurfaces(((0.0, 1.0, "white"),), WHITE, BASIS)
+    camera, size = camera_of(field), (128, 128)
+    voxels = vs.raycast(field, surface, camera, size, vs.RaycastSpec(step_mm=0.25))
+    meshes = inside(field, radius)
+    depth = meshes.depth_mm(camera, size)
+    seen, true = np.isfinite(depth), voxels.alpha > 0.5
+    both = seen & true
+    assert np.abs(depth[both] - voxels.first_mm[both]).max() < 0.5
+    rim = seen ^ true
+    assert rim.sum() < 0.1 * np.sqrt(seen.sum()) * 4  # pixels of the silhouette
+
+
+def test_files_are_read_with_smooth_edges(tmp_path: Path) -> None:
+    fine = pyvista.Sphere(radius=2.0)
+    for suffix in ("ply", "stl", "obj", "vtp"):
+        path = tmp_path / f"ball.{suffix}"
+        if suffix == "obj":
+            lines = [f"v {x} {y} {z}" for x, y, z in fine.points]
+            faces = fine.faces.reshape(-1, 4)[:, 1:] + 1
+            path.write_text("\n".join([*lines, *(f"f {a} {b} {c}" for a, b, c in faces)]))
+        else:
+            fine.save(path)
+        mesh = vs.Mesh.load(path, "red", unit_mm=10.0)
+        assert len(mesh.triangles) == fine.n_cells and mesh.normals is not None
+        assert np.abs(mesh.points_mm).max() == pytest.approx(20.0, rel=1e-3)
+        flat = vs.Mesh.load(path, smooth_deg=0.0)
+        assert len(flat.points_mm) > len(mesh.points_mm)
+
+
+def test_what_cannot_be_a_mesh_is_refused(tmp_path: Path) -> None:
+    triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    with raises(MeshError, "range"):
+        vs.Mesh([[0, 0, 0], [1, 0, 0], [0, np.nan, 0]], [[0, 1, 2]])
+    with raises(MeshError, "range"):
+        vs.Mesh(triangle, [[0, 1, 3]])
+    with raises(MeshError, "missing"):
+        vs.Mesh(triangle, [[0, 1, 1]])
+    with raises(MeshError, "shape"):
+        vs.Mesh(triangle, [[0, 1, 2]], {"red": [1.0, 2.0]})
+    with raises(MeshError, "range"):
+        vs.Mesh(triangle, [[0, 1, 2]], {"red": [0.0, 0.0, 0.0]})
+    with pytest.warns(vs.VolspecWarning, match="1 of its triangles have no area"):
+        vs.Mesh(triangle, [[0, 1, 2], [0, 1, 1]])
+    with raises(MeshError, "unknown"):
+        cast(vs.Mesh(triangle, [[0, 1, 2]], "rde"))
+    with raises(MeshError, "not-found"):
+        vs.Mesh.load(tmp_path / "no.ply")
+    (tmp_path / "bad.ply").write_text("ply\n")
+    with raises(MeshError, "damaged"):
+        vs.Mesh.load(tmp_path / "bad.ply")
+    with raises(MeshError, "unsupported"):
+        vs.Mesh.load(tmp_path / "bad.plx")
+
+
+SCENE = """
+[volume]
+file = "ball.npy"
+[[material]]
+name = "white"
+reflectance = "grey:1"
+[[material]]
+name = "red"
+reflectance = "ColorChecker/red"
+[transfer]
+points = [
+    { value = 0.3, opacity = 0, material = "white" },
+    { value = 0.5, opacity = 0.005, material = "white" },
+]
+[basis]
+name = "general-7"
+[[mesh]]
+file = "core.ply"
+material = "red"
+move_mm = [23.5, 23.5, 23.5]
+[[light]]
+name = "D65"
+spectrum = "D65"
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    np.save(tmp_path / "ball.npy", ball()[0].values)
+    pyvista.Sphere(radius=6.0).save(tmp_path / "core.ply")
+    (tmp_path / "scene.toml").write_text(SCENE)
+    return tmp_path
+
+
+def test_a_scene_shows_its_meshes(folder: Path) -> None:
+    scene = vs.Scene.load(folder / "scene.toml")
+    (folder / "bare.toml").write_text(SCENE.replace("move_mm", "shown = false\nmove_mm"))
+    shown, hidden = (
+        vs.Scene.load(folder / name).render(size=SIZE) for name in ("scene.toml", "bare.toml")
+    )
+    frame, bare = (vs.relight(each, scene.lights[0].rig).astype(int) for each in (shown, hidden))
+    assert (frame - bare)[32, 32, 0] - (frame - bare)[32, 32, 1] > 30  # redder
+    assert shown.alpha[32, 32] == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code"),
+    [
+        ('material = "red"\nmove', 'material = "rde"\nmove', "unknown"),
+        ("core.ply", "cor.ply", "not-found"),
+        ("move_mm", "unit_mm = 0\nmove_mm", "range"),
+    ],
+)
+def test_a_wrong_mesh_of_a_scene_is_refused(folder: Path, old: str, new: str, code: str) -> None:
+    (folder / "scene.toml").write_text(SCENE.replace(old, new))
+    with raises(SceneError, code):
+        vs.Scene.load(folder / "scene.toml").render(size=(8, 8))
+
+
+def test_a_wrong_unit_is_warned_of(folder: Path) -> None:
+    (folder / "scene.toml").write_text(SCENE.replace("move_mm", "unit_mm = 1000\nmove_mm"))
+    with pytest.warns(vs.VolspecWarning, match="is unit_mm right"):
+        vs.Scene.load(folder / "scene.toml").render(size=(8, 8))

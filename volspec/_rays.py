@@ -1,0 +1,97 @@
+"""Rays and triangles, by Embree.
+
+triangles -> [rays] -> first hits, free ways -> room, mesh
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import DeviceError
+
+Array = NDArray[np.float64]
+# Rays begin this fraction of the triangles' extent in front of theirs, and shadow rays end so.
+_OFFSET = 1e-5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hits:
+    """What M rays hit first.
+
+    Attributes
+    ----------
+    triangle : (M,) array of int
+        -1 for nothing.
+    along : (M,) array
+        Distance from the origin; inf for nothing.
+    shares : (M, 3) array
+        Barycentric coordinates: shares of the triangle's three corners.
+    """
+
+    triangle: NDArray[np.intp]
+    along: Array
+    shares: Array
+
+
+class TriangleRays:
+    """Ray queries of triangles (N, 3, 3), all in one unit of length.
+
+    Raises DeviceError where Embree is not installed; ``what`` needs it, and ``instead`` is the
+    remedy.
+    """
+
+    def __init__(self, corners: Array, what: str, instead: str) -> None:
+        try:
+            from embreex.mesh_construction import TriangleMesh  # type: ignore[import-untyped]  # has no types
+            from embreex.rtcore_scene import EmbreeScene  # type: ignore[import-untyped]  # has no types
+        except ImportError:
+            raise DeviceError(
+                f"{what} need embreex, which has no wheel for this system",
+                instead,
+                code="unsupported",
+            ) from None
+        self.corners = corners
+        points = corners.reshape(-1, 3)
+        # Single precision is finest around 0.
+        self._middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        self.offset = _OFFSET * float(np.ptp(points, axis=0).max())
+        self._scene = EmbreeScene(robust=True)
+        TriangleMesh(self._scene, np.float32(corners - self._middle))
+
+    def first(self, origins: Array, directions: Array) -> NDArray[np.intp]:
+        """(M,) triangles that rays hit first; -1 for none."""
+        found = self._scene.run(np.float32(origins - self._middle), np.float32(directions))
+        return np.asarray(found, np.intp)
+
+    def hits(self, origins: Array, directions: Array) -> Hits:
+        """Return what rays hit first, where; ``directions`` are unit vectors."""
+        triangle = self.first(origins, directions)
+        seen = np.flatnonzero(triangle >= 0)
+        a, b, c = self.corners[triangle[seen]].transpose(1, 0, 2)
+        # In double precision, for which Embree's distances would be too coarse.
+        start, way = origins[seen] - a, directions[seen]
+        across = np.cross(b - a, c - a)
+        volume = np.einsum("kc,kc->k", way, across)
+        volume = np.where(volume == 0.0, 1e-300, volume)
+        turned = np.cross(start, way)
+        second = -np.einsum("kc,kc->k", c - a, turned) / volume
+        third = np.einsum("kc,kc->k", b - a, turned) / volume
+        shares = np.stack([1.0 - second - third, second, third], axis=1).clip(0.0, 1.0)
+        along, all_shares = np.full(len(triangle), np.inf), np.zeros((len(triangle), 3))
+        along[seen] = -np.einsum("kc,kc->k", start, across) / volume
+        all_shares[seen] = shares / shares.sum(axis=1, keepdims=True)
+        return Hits(triangle, along, all_shares)
+
+    def clear(self, origins: Array, ends: Array) -> NDArray[np.bool_]:
+        """(M,) True where nothing is between two points."""
+        way = ends - origins
+        length = np.linalg.norm(way, axis=-1)
+        reach = np.float32(np.maximum(length - 2.0 * self.offset, 0.0))
+        directions = np.float32(way / np.maximum(length, 1e-30)[:, None])
+        found = self._scene.run(
+            np.float32(origins - self._middle), directions, reach, query="OCCLUDED"
+        )
+        return np.asarray(found) != 0
