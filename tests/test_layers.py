@@ -152,6 +152,7 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
                 "raycast/vtk_interop.py",
                 "relight/vtk_interop.py",
                 "room/file.py",
+                "mesh/model.py",
             ),
         ),
         ("SimpleITK", ("volume/files/",)),

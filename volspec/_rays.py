@@ -19,7 +19,7 @@ _OFFSET = 1e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hits:
-    """What M rays hit first.
+    """First hits of M rays.
 
     Attributes
     ----------

@@ -150,7 +150,7 @@ def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:
 
 
 def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
-    """Under a thin shell a red sphere is seen through, at its own depth."""
+    """A red sphere under a thin shell, through which it is seen, at its own depth."""
     volume, transfer = ball()
     camera, meshes = camera_of(volume), inside(volume)
     image = vs.raycast(volume, transfer, camera, SIZE, LIT, behind=(meshes,))

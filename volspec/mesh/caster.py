@@ -42,7 +42,7 @@ _OCCLUSION = 32
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Seen:
-    """What K rays see of meshes; rows of rays that see nothing are 0."""
+    """Points of meshes that K rays see first; rows of rays that see nothing are 0."""
 
     along_mm: Array  # (K,); inf for nothing
     points_mm: Array  # (K, 3)

@@ -63,7 +63,7 @@ class Behind(Protocol):
 
     @property
     def clear(self) -> Clear | None:
-        """What they keep from the volume, as `Raycaster.cast`; None if nothing."""
+        """Test of what they keep from the volume, as in `Raycaster.cast`; None if nothing."""
 
     def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
         """Return (H, W) distances from the camera at which rays end; inf where nothing is seen."""

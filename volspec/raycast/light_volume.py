@@ -294,7 +294,7 @@ class LightVolume:
         The extinction is reused while the table (by identity, not equality), the cuts and the grid
         are the same; a layer, while its light is the same, too. The buffer is
         ushort[layer][nz][ny][nx] in order of `light_layers`, 65535 if all light arrives, valid
-        until the next call. ``clear`` tells what opaque surfaces keep from the nodes. Raises
+        until the next call. ``clear`` is what opaque surfaces keep from the nodes. Raises
         OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.of(self._volume, spec.light_cells)

@@ -74,7 +74,7 @@ def cast(
 ) -> Result:
     """Cast every pixel of a picture of (width, height); rays end at ``stop_mm`` (H, W), if given.
 
-    ``clear`` tells what opaque surfaces keep from the volume, as `Raycaster.cast`.
+    ``clear`` is what opaque surfaces keep from the volume, as `Raycaster.cast`.
 
     Returns coefficients (H, W, L·M), premultiplied by opacity; alpha; depth_mm, the expected
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
