@@ -350,6 +350,28 @@ def _tm27() -> Iterable[bytes]:
     ).encode()
 
 
+def _charts() -> Iterable[bytes]:
+    spectral = " ".join(f"SPEC_{nm}" for nm in range(380, 781, 40))
+    for start, values in (("CGATS.17", "0.5 "), ("CTI3", "50 ")):
+        yield (
+            f'{start}\n\nORIGINATOR "Lamps"\nSPECTRAL_BANDS "11"\nSPECTRAL_START_NM "380.0"\n'
+            'SPECTRAL_END_NM "780.0"\nSPECTRAL_NORM "100.0"\nNUMBER_OF_FIELDS 13\n'
+            f"BEGIN_DATA_FORMAT\nSAMPLE_ID SAMPLE_NAME {spectral}\nEND_DATA_FORMAT\n"
+            f'NUMBER_OF_SETS 1\nBEGIN_DATA\nA1 "dark skin" {values * 11}\nEND_DATA\n'
+        ).encode()
+
+
+def _cxf() -> Iterable[bytes]:
+    yield (
+        b'<?xml version="1.0"?><CxF xmlns="http://colorexchangeformat.com/CxF3-core"><Resources>'
+        b'<ObjectCollection><Object Name="Cyan" Id="c1"><ColorValues><ReflectanceSpectrum '
+        b'ColorSpecification="M1" StartWL="400">0.1 0.2 0.3</ReflectanceSpectrum></ColorValues>'
+        b'</Object></ObjectCollection><ColorSpecificationCollection><ColorSpecification Id="M1">'
+        b'<MeasurementSpec><WavelengthRange StartWL="400" Increment="150"/></MeasurementSpec>'
+        b"</ColorSpecification></ColorSpecificationCollection></Resources></CxF>"
+    )
+
+
 def _scene_parts() -> dict[str, bytes]:
     """Return the ball and the spectra that shipped scenes name."""
     tables = {f"spectra/{path.name}": path for path in (ROOT / "data/spectra").glob("e*.csv")}
@@ -388,6 +410,29 @@ TARGETS: Mapping[str, Target] = {
             b"<![CDATA[",
             b'<SpectralData wavelength="500">1</SpectralData>',
         ),
+    ),
+    "cgats": Target(
+        _read_spectrum,
+        _charts,
+        "input.ti3",
+        tokens=(
+            *(b"BEGIN_DATA\n", b"END_DATA\n", b"BEGIN_DATA_FORMAT\n", b"NUMBER_OF_SETS 9\n"),
+            *(
+                b"SPECTRAL_NM ",
+                b"SPECTRAL_PCT ",
+                b"SPECTRAL_BANDS 1e9\n",
+                b'"',
+                b",",
+                b"\t",
+                b"nan",
+            ),
+        ),
+    ),
+    "cxf": Target(
+        _read_spectrum,
+        _cxf,
+        "input.cxf",
+        tokens=(b"<!DOCTYPE CxF [", b"&a;", b'Increment="1e308"', b'EndWL="1"', b"nan", b"1e999"),
     ),
     "spectral-exr": Target(
         _read_spectral_image, _spectral_images, "input.exr", tokens=_EXR, most=1 << 15

@@ -83,7 +83,7 @@ def reflectance(
     image
         An sRGB picture instead of a colour; each pixel counts as an evenly lit surface.
     output
-        A .csv for the spectrum; with `--image`, an .exr with a spectrum in every pixel.
+        A .csv or .spd for the spectrum; with `--image`, an .exr with a spectrum in every pixel.
     figure
         Figure of the spectrum to write: .png, .pdf or .svg.
     """
@@ -100,7 +100,9 @@ def reflectance(
         return
     if not colour:
         raise InputError("no colour; give #rrggbb, a CSS name or X Y Z, or --image FILE")
-    for path, what, kinds in ((output, "spectra", (".csv",)), (figure, "figures", _FIGURES)):
+    from volspec.spectra.tables import SUFFIXES
+
+    for path, what, kinds in ((output, "spectra", SUFFIXES), (figure, "figures", _FIGURES)):
         if path is not None:
             require_suffix(path, what, *kinds)
             require_writable(path)

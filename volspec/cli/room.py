@@ -94,13 +94,14 @@ def room(
     at
         Place of a specimen, X,Y,Z in metres.
     light
-        Write the light there as a spectrum, FILE.csv, which other commands take as `--light`: the
-        mean over the faces of a small cube, W/(m² nm).
+        Write the light there as a spectrum, FILE.csv or FILE.spd, which other commands take as
+        `--light`: the mean over the faces of a small cube, W/(m² nm).
     patches
         Triangles, about: more give finer shadows; default: 5000, or 1500 to rank paints.
     paint_set
         Paints to rank: a set (training, test, natural, patches), a part of the library, such as
-        ColorChecker, an atlas FILE.csv with a paint in each column, or one reflectance. Repeatable.
+        ColorChecker, an atlas (FILE.csv with a paint in each column, FILE.ti3, FILE.cxf), or one
+        reflectance. Repeatable.
     paint_surface
         The surface that is painted; default: walls, the four.
     wanted
@@ -126,13 +127,14 @@ def room(
     from volspec.room.form_factors import Rays
     from volspec.room.radiosity import look_around
     from volspec.spectra import illuminance_lux, write_spectrum
+    from volspec.spectra.tables import SUFFIXES
 
     if picture is not None:
         require_suffix(picture, "pictures", ".png")
         require_writable(picture)
     place = None if at is None else _place(at)
     if light is not None:
-        require_suffix(light, "spectra", ".csv")
+        require_suffix(light, "spectra", *SUFFIXES)
         require_writable(light)
     if (at is None) is not (light is None):
         raise InputError("--at and --light belong together", "give both", code="missing")

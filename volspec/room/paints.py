@@ -1,4 +1,4 @@
-"""Candidate paints: sets of the library, atlases in CSV, and mixtures of paints.
+"""Candidate paints: sets of the library, atlases in files, and mixtures of paints.
 
 spectra -> [paints] -> paint_ranking
 
@@ -29,14 +29,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import RoomError, nearest
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, reflectance
-from volspec.spectra.files import split_address
+from volspec.spectra.files import COLUMNS, read_columns, split_address
 from volspec.spectra.reflectances import (
     as_reflectance,
     reflectance_names,
     reflectance_set_names,
     reflectance_sets,
 )
-from volspec.spectra.tables import fold_name, read_table
+from volspec.spectra.tables import fold_name
 
 Array = NDArray[np.float64]
 MixingLaw = Literal["km", "additive"]
@@ -47,7 +47,6 @@ _DARKEST = 1e-4
 _MOST_MIXTURES = 5000
 # A step is 1/n if it is so close to it: 0.333 is a third.
 _STEP_ROUNDING = 5e-3
-_TABLES = (".csv", ".txt", ".tsv")
 
 
 def paint_set(
@@ -62,8 +61,8 @@ def paint_set(
     ----------
     names : sequence of str
         Each is a set of `reflectance_set`, such as ``natural``; a part of the library, such as
-        ``ColorChecker``; an atlas, ``FILE.csv``, with a paint in each column; or one paint, as
-        `reflectance` takes it.
+        ``ColorChecker``; an atlas, ``FILE.csv`` with a paint in each column, or a measured chart
+        (``FILE.ti3``, ``FILE.cxf``); or one paint, as `reflectance` takes it.
     grid : SpectralGrid
     folder : path
         Base of a file's relative name.
@@ -71,7 +70,7 @@ def paint_set(
     Raises
     ------
     RoomError
-        If a name is unknown, or two columns of an atlas have the same name.
+        If a name is unknown, or two paints of an atlas have the same name.
     SpectrumError
         If a file cannot be read, as `reflectance`.
     """
@@ -87,7 +86,7 @@ def _named(name: str, grid: SpectralGrid, folder: str | os.PathLike[str]) -> lis
     if name in reflectance_sets():
         return [reflectance(each, grid) for each in reflectance_set_names(name)]
     address = split_address(name)
-    if address and not address[1] and Path(address[0]).suffix.lower() in _TABLES:
+    if address and not address[1] and Path(address[0]).suffix.lower() in COLUMNS:
         return _atlas(os.fspath(Path(folder, name)), grid)
     if part := [each for each in reflectance_names() if each.startswith(f"{name}/")]:
         return [reflectance(each, grid) for each in part]
@@ -107,12 +106,12 @@ def _named(name: str, grid: SpectralGrid, folder: str | os.PathLike[str]) -> lis
 
 
 def _atlas(path: str, grid: SpectralGrid) -> list[Spectrum]:
-    """Return the columns of a table."""
-    table = read_table(path)
+    """Return the columns of a table, or the samples of a measured chart."""
+    table = read_columns(path, kind="reflective")
     if len(set(table.names)) < len(table.names):
         twice = next(name for name in table.names if table.names.count(name) > 1)
         raise RoomError(
-            f"{path}: two columns are named {twice!r}", "rename one", code="duplicate", given=twice
+            f"{path}: two paints are named {twice!r}", "rename one", code="duplicate", given=twice
         )
     found: list[Spectrum] = []
     for name in table.names:

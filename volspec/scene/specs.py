@@ -152,8 +152,8 @@ class MaterialSpec:
     name: Annotated[Name, Field(examples=["bone"])]
     """Name in [transfer]."""
     reflectance: Annotated[Given, Field(examples=["copper"])]
-    """A name (copper, ColorChecker/dark skin, grey:0.18, …), FILE.csv, FILE.spdx, FILE.exr#X,Y, a
-    palette's OUT.toml#name, or a table of numbers."""
+    """A name (copper, ColorChecker/dark skin, grey:0.18, …), FILE.csv, FILE.ti3#sample,
+    FILE.cxf#object, FILE.exr#X,Y, a palette's OUT.toml#name, or a table of numbers."""
     filter: Given | None = None
     """Transmitted spectrum at opacity 1, in the same notation; by default all wavelengths are
     absorbed equally. Only with points, and not with method = "materials"."""

@@ -1,6 +1,6 @@
-"""Measured spectra from files: text tables, IES TM-27, spectral OpenEXR images, palettes.
+"""Measured spectra from files: text tables, CGATS, CxF, IES TM-27, spectral images, palettes.
 
-    tables, spectral_image, palettes, photometry -> [files] -> lights, reflectances
+    tables, cgats, cxf, spectral_image, palettes, photometry -> [files] -> lights, reflectances
 
 References
 ----------
@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 import re
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,14 +22,18 @@ from numpy.typing import NDArray
 
 from volspec._parse import parse_xml
 from volspec.errors import SpectrumError, VolspecWarning, one_line
+from volspec.spectra.cgats import decoded_text, is_cgats, read_cgats
+from volspec.spectra.cxf import read_cxf
 from volspec.spectra.datasets import colour_science
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.palettes import SUFFIX as PALETTE
 from volspec.spectra.palettes import named_spectrum, palette_spectrum
 from volspec.spectra.photometry import extended_band_means
-from volspec.spectra.spectral_image import Kind, SpectralImage, require_kind
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.samples import QUANTITY, SampleSet, fits
+from volspec.spectra.spectral_image import SpectralImage, require_kind
+from volspec.spectra.spectrum import Kind, Spectrum
 from volspec.spectra.tables import (
+    TextTable,
     file_content,
     path_text,
     read_number,
@@ -37,17 +42,15 @@ from volspec.spectra.tables import (
 )
 
 Address = str | os.PathLike[str]
-FILE_FORMS = "FILE.csv, FILE.csv#column, FILE.spdx, FILE.exr, PALETTE.toml#name"
+FILE_FORMS = (
+    "FILE.csv, FILE.csv#column, FILE.spd, FILE.spdx, FILE.ti3#sample, FILE.cxf#object, FILE.exr, "
+    "PALETTE.toml#name"
+)
 """Address forms of `read_spectrum`, for messages."""
 
-_ADDRESS = re.compile(r"(.*?\.(csv|txt|tsv|spdx|xml|exr|toml))(?:#(.*))?", re.IGNORECASE)
 # A gap at the end of a table that needs no warning: rounding of frequencies.
 _NOTHING_NM = 1e-3
-# TM-27 quantities that a kind cannot have; `relative` and `other` fit both kinds.
-_REFUSED = {
-    "emissive": ("reflectance", "transmittance", "absorptance", "r-factor", "t-factor"),
-    "reflective": ("flux", "intensity", "irradiance", "radiance", "exitance", "absorptance"),
-}
+_CGATS = (".cgats", ".cie", ".ti3", ".sp")
 _ROLE = {"emissive": "light", "reflective": "reflectance"}
 
 
@@ -59,10 +62,16 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     path : path
         The suffix determines the format:
 
-        - ``.csv``, ``.txt``, ``.tsv``: rows of nm and values, separated by commas, semicolons,
-          tabs or blanks, after at most one header line. ``# key: value`` lines are notes, other
-          lines with ``#`` comments. With several columns of values, ``FILE.csv#column`` selects
-          one by its name in the header, or by number: 1 is the first after the wavelengths.
+        - ``.csv``, ``.txt``, ``.tsv``, ``.spd``, ``.ssp`` (PBRT, Mitsuba): rows of nm and values,
+          separated by commas, semicolons, tabs or blanks, after at most one header line.
+          ``# key: value`` lines are notes, other lines with ``#`` comments. With several columns
+          of values, ``FILE.csv#column`` selects one by its name in the header, or by number: 1 is
+          the first after the wavelengths.
+        - ``.cgats``, ``.cie``, ``.ti3``, ``.sp`` (Argyll), or a ``.txt`` of this syntax: CGATS.17.
+          ``FILE.ti3#sample`` selects by SAMPLE_NAME, SAMPLE_ID or number. Values are divided by
+          SPECTRAL_NORM, and percentages of reflectance by 100.
+        - ``.cxf``: CxF3 (ISO 17972-1); ``FILE.cxf#object`` selects by name, Id or number; of an
+          object with several spectra, ``FILE.cxf#object/specification``.
         - ``.spdx``, ``.xml``: IES TM-27-14 [1]; its fields become notes, such as
           ``manufacturer``, ``measurement equipment`` and ``bandwidth fwhm`` (nm).
         - ``.exr``: a `SpectralImage`; ``FILE.exr`` is its mean, ``FILE.exr#X,Y`` one pixel,
@@ -89,24 +98,15 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     address = split_address(path)
     if address is None:
         raise SpectrumError(
-            f"{os.fspath(path)}: the suffix is not a known format; use .csv, .txt, .tsv (text), "
-            ".spdx, .xml (IES TM-27), .exr (spectral image) or .toml (palette)",
+            f"{os.fspath(path)}: the suffix is not a known format; use .csv, .txt, .tsv, .spd "
+            "(text), .ti3, .cgats, .cie, .sp (CGATS), .cxf (CxF3), .spdx, .xml (IES TM-27), .exr "
+            "(spectral image) or .toml (palette)",
             code="unsupported",
         )
     file, selector = address
-    suffix = Path(file).suffix.lower()
-    if suffix == ".exr":
-        return _pixels(file, selector, kind)
-    if suffix == PALETTE:
-        return palette_spectrum(file, selector, _ROLE[kind] if kind else None)
-    if suffix not in (".spdx", ".xml"):
-        spectrum = read_table(file).spectrum(selector)
-    elif selector:
-        raise SpectrumError(f"{file}: has one spectrum; leave out '#{selector}'", code="unknown")
-    else:
-        spectrum = _tm27(file)
-    quantity = spectrum.notes.get("spectral quantity", "")
-    if kind and quantity.lower().removeprefix("spectral ") in _REFUSED[kind]:
+    spectrum = _READERS[Path(file).suffix.lower()](file, selector, kind)
+    quantity = spectrum.notes.get(QUANTITY, "")
+    if kind and not fits(quantity, kind):
         raise SpectrumError(
             f"{os.fspath(path)}: its spectral quantity is {quantity!r}, which is not a "
             f"{_ROLE[kind]}; give another file, or correct that field if it is wrong",
@@ -115,10 +115,24 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     return spectrum
 
 
+def read_columns(path: Address, *, kind: Kind | None = None) -> TextTable | SampleSet:
+    """Read all spectra of a file that holds many: a text table, CGATS or CxF.
+
+    Raises SpectrumError as `read_spectrum`.
+    """
+    name = path_text(path)
+    suffix = Path(name).suffix.lower()
+    if suffix == ".cxf":
+        return read_cxf(name).for_kind(kind)
+    if suffix in _CGATS or (suffix == ".txt" and is_cgats(decoded_text(name))):
+        return read_cgats(name).for_kind(kind)
+    return read_table(name)
+
+
 def split_address(text: Address) -> tuple[str, str] | None:
     """Split ``FILE#selector`` into (FILE, selector or ""); None if no file is named."""
     match = _ADDRESS.fullmatch(path_text(text))
-    return (match[1], (match[3] or "").strip()) if match else None
+    return (match[1], (match[2] or "").strip()) if match else None
 
 
 def named_in_palette(
@@ -194,7 +208,17 @@ def resample(
     return means
 
 
-def _tm27(path: str) -> Spectrum:
+def _column(path: str, selector: str, kind: Kind | None) -> Spectrum:
+    return read_columns(path, kind=kind).spectrum(selector)
+
+
+def _palette(path: str, selector: str, kind: Kind | None) -> Spectrum:
+    return palette_spectrum(path, selector, _ROLE[kind] if kind else None)
+
+
+def _tm27(path: str, selector: str, kind: Kind | None) -> Spectrum:
+    if selector:
+        raise SpectrumError(f"{path}: has one spectrum; leave out '#{selector}'", code="unknown")
     _check_tm27(path)
     colour = colour_science()
     try:
@@ -305,3 +329,14 @@ def _pixels(path: str, selector: str, kind: Kind | None) -> Spectrum:
     except SpectrumError as error:
         raise error.within(path) from None
     return replace(spectrum, name=Path(path).stem + (f"#{selector}" if selector else ""))
+
+
+COLUMNS = (".csv", ".txt", ".tsv", ".spd", ".ssp", *_CGATS, ".cxf")
+"""Suffixes of files that may have many spectra, as `read_columns` takes them."""
+_READERS: dict[str, Callable[[str, str, Kind | None], Spectrum]] = {
+    **dict.fromkeys(COLUMNS, _column),
+    **dict.fromkeys((".spdx", ".xml"), _tm27),
+    ".exr": _pixels,
+    PALETTE: _palette,
+}
+_ADDRESS = re.compile(rf"(.*?(?:{'|'.join(map(re.escape, _READERS))}))(?:#(.*))?", re.IGNORECASE)

@@ -69,10 +69,11 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         ``candle``, …; see `EVERYDAY`), ``planck:KELVIN`` (500-100000),
         ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), ``led:NM`` (a coloured LED,
         20 nm wide, with its peak at 400-700 nm), a file (``FILE.csv``,
-        ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``, ``PALETTE.toml#name``, …; see
-        `read_spectrum`), or a mix ``NAME*WEIGHT+NAME*WEIGHT`` with shares of illuminance as
-        weights (default 1). Known names with ``+`` or ``/`` are matched whole; in a mix, give a
-        column with ``+`` or ``*`` in its name by number.
+        ``FILE.csv#column``, ``FILE.spd``, ``FILE.spdx``, ``FILE.exr#X,Y``,
+        ``PALETTE.toml#name``, …; see `read_spectrum`), or a mix
+        ``NAME*WEIGHT+NAME*WEIGHT`` with shares of illuminance as weights (default 1). Known names
+        with ``+`` or ``/`` are matched whole; in a mix, give a column with ``+`` or ``*`` in its
+        name by number.
     grid : SpectralGrid
     folder : path
         Base of a file's relative name.

@@ -46,7 +46,7 @@ def reflectance(
         a metal such as ``aluminium``; ``sRGB/red`` … ``sRGB/yellow`` (the colours of display
         codes 0 and 1 under D65); ``white``, ``black``, ``grey:0.18``; a mix of these,
         ``white*0.25+sRGB/red*0.5``, whose weights sum to at most 1; or a file with
-        values in 0..1 (``FILE.csv``, ``FILE.csv#column``, ``FILE.spdx``, ``FILE.exr#X,Y``,
+        values in 0..1 (``FILE.csv``, ``FILE.csv#column``, ``FILE.ti3#sample``, ``FILE.cxf#object``,
         ``PALETTE.toml#name``, …; see `read_spectrum`).
     grid : SpectralGrid
     folder : path

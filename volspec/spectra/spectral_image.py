@@ -20,7 +20,7 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,10 +30,8 @@ from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra.grid import SpectralGrid, require_grid
-from volspec.spectra.spectrum import Spectrum, read_only_notes
+from volspec.spectra.spectrum import Kind, Spectrum, read_only_notes
 from volspec.spectra.tables import path_text
-
-Kind = Literal["reflective", "emissive"]
 
 _LAYER = {"emissive": "S0", "reflective": "T"}
 _QUANTITY = {"emissive": "radiance", "reflective": "reflectance"}

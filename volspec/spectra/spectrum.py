@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ from numpy.typing import ArrayLike, NDArray
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra.datasets import colour_matching_functions, colour_science
 from volspec.spectra.grid import SpectralGrid, require_grid
+
+Kind = Literal["reflective", "emissive"]
+"""Use of a measured spectrum: as a reflectance or transmittance, or as a light."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -20,6 +21,8 @@ from volspec.spectra.spectrum import Spectrum
 
 # "# Key: value"; sentences and web addresses in comments do not count as notes.
 _NOTE = re.compile(r"#+\s*([A-Za-z][\w ()/%-]{0,39}?)\s*[:=]\s*(?!//)(\S.*)")
+# A chart of ten thousand samples of 400 bands has 30 MiB.
+_MOST_BYTES = 1 << 26
 _SEPARATORS = (",", ";", "\t", None)
 
 
@@ -37,7 +40,7 @@ class TextTable:
 
     def spectrum(self, column: str = "") -> Spectrum:
         """Return one column by name (any case) or number from 1; "" if there is only one."""
-        k = self._index(column)
+        k = choose_name(self.path, column, self.names, commas=self.decimal_commas)
         values = self.columns[:, k]
         for array, name in ((self.wavelengths_nm, "wavelength"), (values, "value")):
             if not np.isfinite(array).all():
@@ -52,29 +55,6 @@ class TextTable:
             return Spectrum(self.wavelengths_nm, values, name, self.notes)
         except SpectrumError as error:
             raise error.within(self.path) from None
-
-    def _index(self, column: str) -> int:
-        if not column and len(self.names) == 1:
-            return 0
-        listed = ", ".join(self.names[:12]) + (", …" if len(self.names) > 12 else "")
-        if not column:
-            raise SpectrumError(
-                f"{self.path}: {len(self.names)} columns of values ({listed}); "
-                f"choose one: {Path(self.path).name}#{self.names[0]}"
-                + self.decimal_commas
-                * "; or are the commas decimal marks? write points",
-                code="missing",
-            )
-        folded, wanted = [fold_name(name) for name in self.names], fold_name(column)
-        if wanted in folded:
-            return folded.index(wanted)
-        if column.isdecimal() and 1 <= int(column) <= len(self.names):
-            return int(column) - 1
-        raise SpectrumError(
-            f"{self.path}: no column {column!r}; {nearest(column, self.names)}"
-            f"choose from {listed}, or a number from 1 to {len(self.names)}",
-            code="unknown",
-        )
 
 
 def read_table(path: str | os.PathLike[str]) -> TextTable:
@@ -135,9 +115,62 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
     return TextTable(name, w, columns, tuple(titles), tuple(lines), notes, suspect)
 
 
+def choose_name(
+    path: str,
+    selector: str,
+    names: Sequence[str],
+    ids: Sequence[str] = (),
+    *,
+    noun: str = "column",
+    commas: bool = False,
+) -> int:
+    """Return the index of a file's column or sample by name (any case), id or number from 1.
+
+    ``selector`` may be empty if there is only one. ``commas`` hints at decimal commas, which make
+    columns of values.
+    """
+    if not selector and len(names) == 1:
+        return 0
+    listed = ", ".join(names[:12]) + (", …" if len(names) > 12 else "")
+    if not selector:
+        raise SpectrumError(
+            f"{path}: {len(names)} {noun}s{' of values' * (noun == 'column')} ({listed}); "
+            f"choose one: {Path(path).name}#{names[0]}"
+            + commas
+            * "; or are the commas decimal marks? write points",
+            code="missing",
+        )
+    wanted = fold_name(selector)
+    for each in (names, ids):
+        found = [k for k, name in enumerate(each) if fold_name(name) == wanted]
+        if len(found) > 1:
+            raise SpectrumError(
+                f"{path}: {len(found)} {noun}s are named {selector!r}; choose one by number: "
+                f"{' or '.join(f'#{k + 1}' for k in found[:4])}",
+                code="duplicate",
+            )
+        if found:
+            return found[0]
+    if selector.isdecimal() and 1 <= int(selector) <= len(names):
+        return int(selector) - 1
+    raise SpectrumError(
+        f"{path}: no {noun} {selector!r}; {nearest(selector, names)}"
+        f"choose from {listed}, or a number from 1 to {len(names)}",
+        code="unknown",
+    )
+
+
 def file_content(path: str | os.PathLike[str]) -> bytes:
-    """Return the bytes of a file; raise SpectrumError if it cannot be read."""
+    """Return the bytes of a file; raise SpectrumError if it cannot be read or is too large."""
     try:
+        size = Path(path_text(path)).stat().st_size
+        if size > _MOST_BYTES:
+            raise SpectrumError(
+                f"{path}: has {size / 2**20:.0f} MiB, more than any measured spectra; give a file "
+                f"of up to {_MOST_BYTES >> 20} MiB",
+                code="size",
+                given=size,
+            )
         return Path(path_text(path)).read_bytes()
     except FileNotFoundError:
         raise SpectrumError(f"{path}: no such file; check the path", code="not-found") from None
@@ -209,35 +242,39 @@ def _not_numbers(path: str, number: int, line: str) -> SpectrumError:
     )
 
 
+SUFFIXES = (".csv", ".spd")
+"""Formats of `write_spectrum`."""
 # Names of notes that the reader accepts.
 _KEY = re.compile(r"[a-z][\w ()/%-]{0,39}")
 
 
 def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
-    """Write one spectrum as a table of nm and values, atomically.
+    """Write one spectrum as rows of nm and values, atomically.
 
     Parameters
     ----------
     spectrum : Spectrum
         Its notes become ``# key: value`` lines, which `read_spectrum` restores.
     path : path
-        File name that ends in ``.csv``.
+        File name that ends in ``.csv``, or in ``.spd`` for renderers such as PBRT and Mitsuba.
 
     Raises
     ------
     SpectrumError, InputError
-        If the name does not end in ``.csv``, or the folder is not writable.
+        If the name has another suffix, or the folder is not writable.
     """
     name = path_text(path)
-    require_suffix(name, "spectra", ".csv", error=SpectrumError)
+    target = require_suffix(name, "spectra", *SUFFIXES, error=SpectrumError)
+    # Renderers read blanks between the numbers, and no line with titles.
+    title, separator = ("", " ") if target.suffix.lower() == ".spd" else ("nm,value", ",")
     lines = [
         f"# {key}: {' '.join(value.split())}"
         for key, value in spectrum.notes.items()
         if _KEY.fullmatch(key) and value.strip()
     ]
-    lines.append("nm,value")
+    lines += [title] * bool(title)
     lines += [
-        f"{w:.10g},{v:.10g}"
+        f"{w:.10g}{separator}{v:.10g}"
         for w, v in zip(spectrum.wavelengths_nm.tolist(), spectrum.values.tolist(), strict=True)
     ]
     with write_whole(name) as temporary:
