@@ -372,6 +372,20 @@ def _cxf() -> Iterable[bytes]:
     )
 
 
+def _envi() -> Iterable[bytes]:
+    for interleave in ("bsq", "bip"):
+        yield (
+            "ENVI\ndescription = {a wall}\nsamples = 4\nlines = 2\nbands = 3\nheader offset = 0\n"
+            f"data type = 4\ninterleave = {interleave}\nbyte order = 0\nbbl = {{1, 1, 1}}\n"
+            "wavelength units = Nanometers\nwavelength = {390, 550, 710}\n"
+            "reflectance scale factor = 2\ndata ignore value = -1\n"
+        ).encode()
+    yield (
+        b"ENVI\nfile type = ENVI Spectral Library\nsamples = 3\nlines = 1\nbands = 1\n"
+        b"data type = 2\nspectra names = {grass}\nwavelength = {0.39, 0.55, 0.71}\n"
+    )
+
+
 def _scene_parts() -> dict[str, bytes]:
     """Return the ball and the spectra that shipped scenes name."""
     tables = {f"spectra/{path.name}": path for path in (ROOT / "data/spectra").glob("e*.csv")}
@@ -433,6 +447,16 @@ TARGETS: Mapping[str, Target] = {
         _cxf,
         "input.cxf",
         tokens=(b"<!DOCTYPE CxF [", b"&a;", b'Increment="1e308"', b'EndWL="1"', b"nan", b"1e999"),
+    ),
+    "envi": Target(
+        _read_spectrum,
+        _envi,
+        "input.hdr",
+        lambda: {"input.img": np.linspace(0.0, 1.0, 24, dtype=np.float32).tobytes()},
+        tokens=(
+            *(b"bands = 9\n", b"lines = 999999999999\n", b"data type = 12\n", b"{", b"}", b"nan"),
+            *(b"interleave = bil\n", b"file type = ENVI Spectral Library\n", b"1e999", b"\xb5"),
+        ),
     ),
     "spectral-exr": Target(
         _read_spectral_image, _spectral_images, "input.exr", tokens=_EXR, most=1 << 15

@@ -38,8 +38,8 @@ def test_the_corpus_is_small() -> None:
 
 
 def test_every_seed_is_read(tmp_path: Path) -> None:
-    names = "csv", "triples", "icc", "basis", "tm27", "cgats", "cxf", "spectral-exr", "image-exr"
-    for name in (*names, "cache"):
+    names = "csv", "triples", "icc", "basis", "tm27", "cgats", "cxf", "envi", "spectral-exr"
+    for name in (*names, "image-exr", "cache"):
         target = TARGETS[name]
         target.lay_out(tmp_path)
         for data in target.seeds():

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, quoted
 from volspec.spectra.samples import QUANTITY, Sample, SampleSet, fits
-from volspec.spectra.tables import file_content, read_number
+from volspec.spectra.tables import decoded_text, read_number
 
 # Names of fields with a wavelength, of which programs write many.
 _BAND = re.compile(
@@ -97,19 +97,6 @@ def read_cgats(path: str) -> SampleSet:
         )
     table, bands = found[0]
     return SampleSet(path, "sample", tuple(_samples(path, table, bands)))
-
-
-def decoded_text(path: str) -> str:
-    """Return a file's text: UTF-8, or else Latin-1, as older instruments write it."""
-    content = file_content(path)
-    if content[:2] in (b"\xff\xfe", b"\xfe\xff") or 0 in content:
-        raise SpectrumError(
-            f"{path}: is not UTF-8 or Latin-1 text; export it again as text", code="damaged"
-        )
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")
 
 
 def _tables(path: str, text: str) -> Iterator[_Table]:

@@ -22,9 +22,10 @@ from numpy.typing import NDArray
 
 from volspec._parse import parse_xml
 from volspec.errors import SpectrumError, VolspecWarning, one_line
-from volspec.spectra.cgats import decoded_text, is_cgats, read_cgats
+from volspec.spectra.cgats import is_cgats, read_cgats
 from volspec.spectra.cxf import read_cxf
 from volspec.spectra.datasets import colour_science
+from volspec.spectra.envi import EnviFile
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.palettes import SUFFIX as PALETTE
 from volspec.spectra.palettes import named_spectrum, palette_spectrum
@@ -34,6 +35,7 @@ from volspec.spectra.spectral_image import SpectralImage, require_kind
 from volspec.spectra.spectrum import Kind, Spectrum
 from volspec.spectra.tables import (
     TextTable,
+    decoded_text,
     file_content,
     path_text,
     read_number,
@@ -44,7 +46,7 @@ from volspec.spectra.tables import (
 Address = str | os.PathLike[str]
 FILE_FORMS = (
     "FILE.csv, FILE.csv#column, FILE.spd, FILE.spdx, FILE.ti3#sample, FILE.cxf#object, FILE.exr, "
-    "PALETTE.toml#name"
+    "FILE.hdr#X,Y, PALETTE.toml#name"
 )
 """Address forms of `read_spectrum`, for messages."""
 
@@ -76,6 +78,8 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
           ``manufacturer``, ``measurement equipment`` and ``bandwidth fwhm`` (nm).
         - ``.exr``: a `SpectralImage`; ``FILE.exr`` is its mean, ``FILE.exr#X,Y`` one pixel,
           ``FILE.exr#X0,Y0,X1,Y1`` the mean of a box, excluding X1 and Y1.
+        - ``.hdr``: an ENVI picture, with the same parts, or an ENVI spectral library, of which
+          ``FILE.hdr#name`` selects one.
         - ``.toml``: a palette that ``volspec design`` wrote; ``PALETTE.toml#name`` selects the
           values of a light or reflectance by name, or by number from 1.
     kind : "emissive" or "reflective", optional
@@ -99,8 +103,8 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     if address is None:
         raise SpectrumError(
             f"{os.fspath(path)}: the suffix is not a known format; use .csv, .txt, .tsv, .spd "
-            "(text), .ti3, .cgats, .cie, .sp (CGATS), .cxf (CxF3), .spdx, .xml (IES TM-27), .exr "
-            "(spectral image) or .toml (palette)",
+            "(text), .ti3, .cgats, .cie, .sp (CGATS), .cxf (CxF3), .spdx, .xml (IES TM-27), .exr, "
+            ".hdr (spectral images) or .toml (palette)",
             code="unsupported",
         )
     file, selector = address
@@ -323,12 +327,15 @@ def _pixels(path: str, selector: str, kind: Kind | None) -> Spectrum:
                 f"{Path(path).name}#X,Y or {Path(path).name}#X0,Y0,X1,Y1",
                 code="syntax",
             )
-    image = SpectralImage.load(path, kind)
-    try:
-        spectrum = image.mean(box)
-    except SpectrumError as error:
-        raise error.within(path) from None
+    spectrum = SpectralImage.load(path, kind, box=box).mean()
     return replace(spectrum, name=Path(path).stem + (f"#{selector}" if selector else ""))
+
+
+def _envi(path: str, selector: str, kind: Kind | None) -> Spectrum:
+    file = EnviFile.open(path)
+    if file.is_library:
+        return file.library().for_kind(kind).spectrum(selector)
+    return _pixels(path, selector, kind)
 
 
 COLUMNS = (".csv", ".txt", ".tsv", ".spd", ".ssp", *_CGATS, ".cxf")
@@ -337,6 +344,7 @@ _READERS: dict[str, Callable[[str, str, Kind | None], Spectrum]] = {
     **dict.fromkeys(COLUMNS, _column),
     **dict.fromkeys((".spdx", ".xml"), _tm27),
     ".exr": _pixels,
+    ".hdr": _envi,
     PALETTE: _palette,
 }
 _ADDRESS = re.compile(rf"(.*?(?:{'|'.join(map(re.escape, _READERS))}))(?:#(.*))?", re.IGNORECASE)

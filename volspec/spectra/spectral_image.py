@@ -1,6 +1,6 @@
 """Images with a spectrum in every pixel, and their OpenEXR layout.
 
-    grid, spectrum -> [spectral_image] -> files
+    grid, spectrum, envi -> [spectral_image] -> files
 
 An emissive channel is named ``S0.550,000000nm``, a reflective one ``T.550,000000nm``, with a
 decimal comma because a point separates layers. The unit is m or Hz with an SI prefix.
@@ -19,7 +19,8 @@ import os
 import re
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -29,9 +30,10 @@ from volspec._exr import read_exr, write_exr
 from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.errors import SpectrumError, VolspecWarning
+from volspec.spectra import envi
 from volspec.spectra.grid import SpectralGrid, require_grid
 from volspec.spectra.spectrum import Kind, Spectrum, read_only_notes
-from volspec.spectra.tables import path_text
+from volspec.spectra.tables import path_text, require_nanometres
 
 _LAYER = {"emissive": "S0", "reflective": "T"}
 _QUANTITY = {"emissive": "radiance", "reflective": "reflectance"}
@@ -150,21 +152,21 @@ class SpectralImage:
         SpectrumError
             If the box is not four whole numbers, is empty or exceeds the image.
         """
+        image = self if box is None else self.part(box)
+        mean = image.values.mean(axis=(0, 1), dtype=np.float64)
+        notes = {"spectral quantity": _QUANTITY[self.kind]} | dict(self.notes)
+        return Spectrum(self.wavelengths_nm, mean, notes=notes)
+
+    def part(self, box: Sequence[int]) -> SpectralImage:
+        """Return the pixels of a box (x0, y0, x1, y1); raises as `mean`."""
         width, height = self.size
-        try:
-            x0, y0, x1, y1 = map(operator.index, (0, 0, width, height) if box is None else box)
-        except (TypeError, ValueError):
-            raise SpectrumError(
-                f"box {box!r} is not four whole numbers; give (x0, y0, x1, y1)", code="type"
-            ) from None
+        x0, y0, x1, y1 = _corners(box)
         if not (0 <= x0 < x1 <= width and 0 <= y0 < y1 <= height):
             raise SpectrumError(
                 f"box ({x0}, {y0}, {x1}, {y1}) is not inside the image of {width} x {height} "
                 "pixels; give x0 < x1 and y0 < y1 from 0, excluding x1 and y1"
             )
-        mean = self.values[y0:y1, x0:x1].mean(axis=(0, 1), dtype=np.float64)
-        notes = {"spectral quantity": _QUANTITY[self.kind]} | dict(self.notes)
-        return Spectrum(self.wavelengths_nm, mean, notes=notes)
+        return replace(self, values=self.values[y0:y1, x0:x1])
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write an OpenEXR file (``.exr``) of float channels [1], atomically."""
@@ -177,8 +179,14 @@ class SpectralImage:
         write_exr(name, header, channels, SpectrumError)
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str], kind: Kind | None = None) -> SpectralImage:
-        """Read an OpenEXR file in the spectral layout [1].
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        kind: Kind | None = None,
+        *,
+        box: Sequence[int] | None = None,
+    ) -> SpectralImage:
+        """Read an OpenEXR file in the spectral layout [1], or an ENVI picture by its ``.hdr``.
 
         Parameters
         ----------
@@ -187,7 +195,9 @@ class SpectralImage:
             and re-radiation (fluorescence), with a `VolspecWarning`.
         kind : "reflective" or "emissive", optional
             Kind to read; by default reflective if a file has both, in which case the note
-            ``also holds`` names the other.
+            ``also holds`` names the other. ENVI's data units decide, or are taken as asked.
+        box : (x0, y0, x1, y1), optional
+            Part to read; x1 and y1 are excluded. Of an ENVI picture, no other pixel is read.
 
         Raises
         ------
@@ -197,6 +207,8 @@ class SpectralImage:
         name = path_text(path)
         if kind is not None:
             require_kind(kind, name)
+        if Path(name).suffix.lower() == envi.SUFFIX:
+            return cls._from_envi(name, kind, box)
         header, pixels, ignored = _read(name)
         held: list[Kind] = [k for k in get_args(Kind) if pixels[_LAYER[k]]]
         wanted = kind or next(iter(held), None)
@@ -217,11 +229,32 @@ class SpectralImage:
         samples = sorted(pixels[_LAYER[wanted]], key=lambda sample: sample[0])
         try:
             values = np.stack([image for _, image in samples], axis=-1)
-            return cls(values, np.array([w for w, _ in samples]), wanted, notes)
+            image = cls(values, np.array([w for w, _ in samples]), wanted, notes)
+            return image if box is None else image.part(box)
         except SpectrumError as error:
             raise error.within(name) from None
         except ValueError as error:
             raise SpectrumError(f"{name}: {error}", code="damaged") from None
+
+    @classmethod
+    def _from_envi(cls, name: str, kind: Kind | None, box: Sequence[int] | None) -> SpectralImage:
+        file = envi.EnviFile.open(name)
+        values, wavelengths = file.pixels(None if box is None else _corners(box))
+        require_nanometres(wavelengths, name)
+        try:
+            return cls(values, wavelengths, kind or file.kind, file.notes)
+        except SpectrumError as error:
+            raise error.within(name) from None
+
+
+def _corners(box: Sequence[int]) -> tuple[int, int, int, int]:
+    try:
+        x0, y0, x1, y1 = map(operator.index, box)
+    except (TypeError, ValueError):
+        raise SpectrumError(
+            f"box {box!r} is not four whole numbers; give (x0, y0, x1, y1)", code="type"
+        ) from None
+    return x0, y0, x1, y1
 
 
 def spectral_channels(kind: Kind, wavelengths_nm: ArrayLike) -> list[str]:

@@ -181,6 +181,19 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
         ) from None
 
 
+def decoded_text(path: str) -> str:
+    """Return a file's text: UTF-8, or else Latin-1, as older instruments write it."""
+    content = file_content(path)
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff") or 0 in content:
+        raise SpectrumError(
+            f"{path}: is not UTF-8 or Latin-1 text; export it again as text", code="damaged"
+        )
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
 def read_number(text: str) -> float:
     """Parse a number; raise ValueError if it is not one, or has Python's underscores."""
     if "_" in text:

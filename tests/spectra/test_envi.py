@@ -1,0 +1,214 @@
+"""ENVI hyperspectral pictures and spectral libraries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.errors import SpectrumError
+from volspec.spectra import SpectralImage, light, read_spectrum, reflectance
+
+NM = [390.0, 550.0, 710.0]
+# (lines, samples, bands)
+CUBE = np.arange(2 * 4 * 3, dtype=np.float64).reshape(2, 4, 3) / 24.0
+ORDERS = {"bsq": (2, 0, 1), "bil": (0, 2, 1), "bip": (0, 1, 2)}
+HEADER = """ENVI
+description = {{
+  A wall in the
+  sun}}
+samples = 4
+lines   = 2
+bands   = 3
+header offset = 0
+file type = ENVI Standard
+data type = 4
+interleave = bsq
+byte order = 0
+wavelength units = Nanometers
+wavelength = {{ 390.0,
+ 550.0, 710.0 }}
+{more}"""
+
+
+@pytest.fixture
+def scan(tmp_path: Path) -> Path:
+    return write(tmp_path)
+
+
+def write(
+    folder: Path,
+    header: str = HEADER,
+    more: str = "",
+    dtype: str = "<f4",
+    interleave: str = "bsq",
+    cube: np.ndarray = CUBE,
+    data: str = "scan.img",
+    head: bytes = b"",
+) -> Path:
+    path = folder / "scan.hdr"
+    path.write_text(header.format(more=more), encoding="latin-1")
+    stored = cube.transpose(ORDERS[interleave]).astype(dtype)
+    (folder / data).write_bytes(head + stored.tobytes())
+    return path
+
+
+def changed(old: str, new: str) -> str:
+    assert old in HEADER
+    return HEADER.replace(old, new)
+
+
+@pytest.mark.parametrize("interleave", ORDERS)
+@pytest.mark.parametrize(
+    ("code", "order", "dtype"),
+    [(4, 0, "<f4"), (4, 1, ">f4"), (5, 0, "<f8"), (2, 1, ">i2"), (12, 0, "<u2"), (1, 0, "u1")],
+)
+def test_every_interleave_and_type_gives_the_same_pixels(
+    tmp_path: Path, interleave: str, code: int, order: int, dtype: str
+) -> None:
+    header = changed("interleave = bsq", f"interleave = {interleave.upper()}")
+    header = header.replace("data type = 4", f"data type = {code}")
+    header = header.replace("byte order = 0", f"byte order = {order}")
+    path = write(
+        *(tmp_path, header, "reflectance scale factor = 24"),
+        dtype=dtype,
+        interleave=interleave,
+        cube=CUBE * 24.0,
+    )
+    image = SpectralImage.load(path)
+    assert image.values == pytest.approx(CUBE, abs=1e-6)
+    assert (image.wavelengths_nm.tolist(), image.kind, image.size) == (NM, "reflective", (4, 2))
+    assert image.notes["description"] == "A wall in the sun"
+
+
+def test_a_pixel_a_box_and_the_mean_are_addressed_as_in_spectral_exr(scan: Path) -> None:
+    assert read_spectrum(f"{scan}#3,1").values == pytest.approx(CUBE[1, 3])
+    assert read_spectrum(f"{scan}#1,0,3,2").values == pytest.approx(CUBE[:, 1:3].mean(axis=(0, 1)))
+    assert read_spectrum(scan).values == pytest.approx(CUBE.mean(axis=(0, 1)))
+    assert read_spectrum(f"{scan}#3,1").name == "scan#3,1"
+    assert SpectralImage.load(scan, box=(1, 0, 3, 2)).size == (2, 2)
+    assert reflectance(f"{scan}#3,1").values[15] == pytest.approx(CUBE[1, 3, 1], abs=0.01)
+    assert light(f"{scan}#3,1").values.min() > 0
+    SpectralImage.load(scan).save(scan.with_suffix(".exr"))
+    assert read_spectrum(f"{scan.with_suffix('.exr')}#3,1").values == pytest.approx(CUBE[1, 3])
+    assert SpectralImage.load(scan.with_suffix(".exr"), box=(1, 0, 3, 2)).size == (2, 2)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("390.0,\n 550.0, 710.0", "0.39, 0.55, 0.71"),
+        ("Nanometers", "Unknown"),
+        ("wavelength units = Nanometers\n", ""),
+        ("\n", "\r\n"),
+        ("samples = 4", "Samples=4"),
+        ("bands   = 3", "; a comment = 5\nbands = 3"),
+    ],
+)
+def test_the_dialects_of_headers_are_read_alike(tmp_path: Path, old: str, new: str) -> None:
+    header = changed(old, new)
+    if "0.39" in new:
+        header = header.replace("Nanometers", "Micrometers")
+    path = write(tmp_path, header)
+    s = read_spectrum(f"{path}#0,0")
+    assert (s.wavelengths_nm.tolist(), s.values.tolist()) == (NM, pytest.approx(CUBE[0, 0]))
+
+
+@pytest.mark.parametrize("data", ["scan", "scan.dat", "scan.BIL", "scan.raw"])
+def test_the_data_are_found_next_to_the_header(tmp_path: Path, data: str) -> None:
+    more = "\n".join(("data units = radiance", "sensor type = µ-scan"))
+    path = write(tmp_path, changed("header offset = 0", "header offset = 5"), more, data=data,
+                 head=b"12345")  # fmt: skip
+    assert read_spectrum(f"{path}#1,1").values == pytest.approx(CUBE[1, 1])
+    assert SpectralImage.load(path).kind == "emissive"
+    assert read_spectrum(path).notes["sensor type"] == "µ-scan"
+
+
+def test_bad_bands_are_left_out_and_overlapping_detectors_sorted(tmp_path: Path) -> None:
+    header = changed("390.0,\n 550.0, 710.0", "710, 390, 550")
+    assert read_spectrum(write(tmp_path, header)).wavelengths_nm.tolist() == NM
+    s = read_spectrum(f"{write(tmp_path, header, 'bbl = {1, 0, 1}')}#2,0")
+    assert (s.wavelengths_nm.tolist(), s.values.tolist()) == (
+        [550, 710],
+        pytest.approx(CUBE[0, 2, [2, 0]]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "field"),
+    [
+        ("ENVI\n", "#?RADIANCE\n", "unsupported", ""),
+        ("ENVI\n", "IDL\n", "unsupported", ""),
+        ("samples = 4", "", "missing", "samples"),
+        ("samples = 4", "samples = 4.5", "syntax", "samples"),
+        ("samples = 4", "samples = 0", "syntax", "samples"),
+        ("samples = 4", "samples = 999999999999", "size", ""),
+        ("samples = 4", "samples = 5", "damaged", ""),
+        ("data type = 4", "data type = 6", "unsupported", "data type"),
+        ("byte order = 0", "byte order = 2", "unknown", "byte order"),
+        ("interleave = bsq", "interleave = tile", "unknown", "interleave"),
+        ("Nanometers", "Wavenumber", "unsupported", "wavelength units"),
+        ("Nanometers", "Micrometers", "range", ""),
+        ("550.0, 710.0", "550.0", "shape", "wavelength"),
+        ("550.0, 710.0", "550.0, red", "syntax", "wavelength"),
+        ("550.0, 710.0", "710.0, 710.0", "range", ""),
+        ("wavelength =", "waves =", "missing", "wavelength"),
+        ("lines   = 2", "lines = 2\nfile compression = 1", "unsupported", ""),
+        ("lines   = 2", "lines = 2\nbbl = {{1, 1}}", "shape", "bbl"),
+        ("lines   = 2", "lines = 2\nbbl = {{0, 0, 1}}", "shape", ""),
+        ("lines   = 2", "lines = 2\nreflectance scale factor = 0", "range",
+         "reflectance scale factor"),
+        ("lines   = 2", "lines = 2\ndata ignore value = 0", "missing", ""),
+    ],
+)  # fmt: skip
+def test_a_header_with_a_fault_is_refused_in_one_line(
+    tmp_path: Path, old: str, new: str, code: str, field: str
+) -> None:
+    path = write(tmp_path, changed(old, new))
+    with raises(SpectrumError, code, field or None):
+        read_spectrum(path)
+
+
+def test_pixels_without_numbers_and_boxes_outside_are_refused(tmp_path: Path, scan: Path) -> None:
+    for selector, code in (("4,0", "range"), ("0,0,5,1", "range"), ("a,b", "syntax")):
+        with raises(SpectrumError, code):
+            read_spectrum(f"{scan}#{selector}")
+    path = write(tmp_path, cube=np.where(CUBE[1, 2, 1] == CUBE, np.nan, CUBE))
+    assert read_spectrum(f"{path}#0,0").values == pytest.approx(CUBE[0, 0])
+    with raises(SpectrumError, "range"):
+        read_spectrum(path)
+    (tmp_path / "scan.img").unlink()
+    with raises(SpectrumError, "not-found"):
+        read_spectrum(path)
+
+
+def test_a_pixel_of_a_picture_beyond_memory_is_read(tmp_path: Path) -> None:
+    path = write(tmp_path, changed("lines   = 2", "lines = 200000000"))
+    with (tmp_path / "scan.img").open("r+b") as file:
+        file.truncate(4 * 3 * 4 * 200_000_000)
+    assert read_spectrum(f"{path}#1,9").values.tolist() == [0, 0, 0]
+    with raises(SpectrumError, "size"):
+        read_spectrum(path)
+
+
+def test_a_spectral_library_is_chosen_from_by_name(tmp_path: Path) -> None:
+    library = changed("ENVI Standard", "ENVI Spectral Library").replace(
+        "samples = 4", "samples = 3"
+    )
+    library = library.replace("bands   = 3", "bands = 1")
+    names = "spectra names = {{grass dry,\n asphalt}}".replace("{{", "{").replace("}}", "}")
+    path = write(tmp_path, library, names, cube=CUBE[:, :1] * 100.0, data="scan.sli",
+                 interleave="bip")  # fmt: skip
+    for selector in ("asphalt", "2"):
+        s = read_spectrum(f"{path}#{selector}", kind="reflective")
+        assert (s.name, s.values.tolist()) == ("scan#asphalt", pytest.approx(CUBE[1, 0]))
+    for text, code in ((path, "missing"), (f"{path}#glass", "unknown")):
+        with raises(SpectrumError, code):
+            read_spectrum(text)
+    with raises(SpectrumError, "type"):
+        SpectralImage.load(path)
+    path.write_text(path.read_text().replace("grass dry,", ""))
+    with raises(SpectrumError, "shape", "spectra names"):
+        read_spectrum(path)
