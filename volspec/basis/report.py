@@ -9,11 +9,12 @@ interreflection and coloured absorption: light * S1 * S2 in full spectra, e * s1
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property, partial
 from itertools import combinations_with_replacement
 from math import comb
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Reflectances = Sequence[Spectrum] | ArrayLike
 Indices = NDArray[np.intp]
+# (J, P) errors by the number of surfaces: componentwise, and of the RGB renderer.
+ProductPairs: TypeAlias = tuple[dict[int, Array], dict[int, Array]]
 
 RGB_PRODUCT = "rgb-product"
 """The RGB renderer's product, for comparison with the modes of a basis."""
@@ -47,9 +50,13 @@ _MOST_PRODUCTS = 4000
 _SEED = 20090128
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PairErrors:
-    """CIEDE2000 of J lights x K reflectances, for three modes and the RGB renderer."""
+    """CIEDE2000 of J lights x K reflectances, for three modes and the RGB renderer.
+
+    Products of reflectances, some hundred times as many, are compared when they are first asked
+    for.
+    """
 
     lights: tuple[str, ...]
     reflectances: tuple[str, ...]
@@ -57,9 +64,21 @@ class PairErrors:
     XYZ: Array  # (J, K, 3) of the full spectra, Y = 100 for white
     shown_XYZ: dict[str, Array]  # (J, K, 3) of the channels, by mode
     white_XYZ: Array  # (J, 3), see `visible_white`
-    # (J, P) for 2 and 3 surfaces, componentwise and RGB renderer; empty without products.
-    products: dict[int, Array]
-    rgb_products: dict[int, Array]
+    compare_products: Callable[[], ProductPairs] = field(repr=False)
+
+    @cached_property
+    def _chains(self) -> ProductPairs:
+        return self.compare_products()
+
+    @property
+    def products(self) -> dict[int, Array]:
+        """(J, P) for 2 and 3 surfaces, componentwise; empty if channels do not multiply."""
+        return self._chains[0]
+
+    @property
+    def rgb_products(self) -> dict[int, Array]:
+        """(J, P) for 2 and 3 surfaces by the RGB renderer."""
+        return self._chains[1]
 
     @property
     def componentwise(self) -> Array:
@@ -85,11 +104,7 @@ def pair_errors(
     Lights are on the basis' grid; reflectances are (K, N) and their channels (K, m). ``chained`` is
     True if channels multiply as spectra do, so that products have an error.
     """
-    chosen = {n: product_rows(len(reflectances), n) for n in PRODUCTS} if chained else {}
-    spectra = {n: reflectances[rows].prod(axis=1) for n, rows in chosen.items()}
-    mixed = {n: channels[rows].prod(axis=1) for n, rows in chosen.items()}
     rgb = sharp_surfaces(reflectances, basis.grid, basis.observer_deg)
-    rgb_mixed = {n: rgb[rows].prod(axis=1) for n, rows in chosen.items()}
     rows: list[dict[Any, Array]] = []
     for light in lights:
         against = _Reference(light, basis.observer_deg)
@@ -103,21 +118,41 @@ def pair_errors(
         for mode, matrix in matrices.items():
             row["shown", mode] = channels @ matrix.T
             row[mode] = against.delta_e(row["shown", mode], true)
-        for n in chosen:
-            chain = against.XYZ(spectra[n])
-            row[n] = against.delta_e(mixed[n] @ matrices["componentwise"].T, chain)
-            row["rgb", n] = against.delta_e(against.lit(rgb_mixed[n]), chain)
         rows.append(row)
     stacked: dict[Any, Array] = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    factors = PRODUCTS if chained else ()
     return PairErrors(
         lights=tuple(light.name or f"light {j + 1}" for j, light in enumerate(lights)),
         reflectances=tuple(names),
-        products={n: stacked.pop(n) for n in chosen},
-        rgb_products={n: stacked.pop(("rgb", n)) for n in chosen},
         delta_e={way: stacked.pop(way) for way in (*MODES, RGB_PRODUCT)},
         shown_XYZ={mode: stacked.pop(("shown", mode)) for mode in MODES},
+        compare_products=partial(
+            _product_errors, basis, lights, factors, reflectances, channels, rgb
+        ),
         **stacked,
     )
+
+
+def _product_errors(
+    basis: SpectralBasis | MaterialBasis,
+    lights: Sequence[Spectrum],
+    factors: Sequence[int],
+    *surfaces: Array,
+) -> ProductPairs:
+    """Compare products of ``factors`` of the surfaces: reflectances, channels and Sharp sensors."""
+    errors: ProductPairs = {}, {}
+    for n in factors:
+        rows = product_rows(len(surfaces[0]), n)
+        spectra, mixed, rgb = (each[rows].prod(axis=1) for each in surfaces)
+        componentwise, rgb_product = [], []
+        for light in lights:
+            against = _Reference(light, basis.observer_deg)
+            true = against.XYZ(spectra)
+            shown = mixed @ basis.colour_matrix(light, "componentwise").T
+            componentwise.append(against.delta_e(shown, true))
+            rgb_product.append(against.delta_e(against.lit(rgb), true))
+        errors[0][n], errors[1][n] = np.array(componentwise), np.array(rgb_product)
+    return errors
 
 
 def product_rows(count: int, factors: int) -> Indices:
@@ -248,7 +283,7 @@ class WorstPair:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BasisReport:
     """Error table of a basis; ``str`` prints it."""
 
@@ -258,12 +293,21 @@ class BasisReport:
     trained_on: str
     errors: dict[str, ErrorSummary]
     """Keyed by `WAYS`."""
-    products: dict[int, ProductErrors]
-    """Keyed by the number of surfaces, 2 and 3; empty if channels do not multiply (materials)."""
     worst: WorstPair
     """Worst pair in the mode for which the method is optimised."""
     pairs: PairErrors = field(repr=False, compare=False)
     """All single errors, for figures."""
+
+    @cached_property
+    def products(self) -> dict[int, ProductErrors]:
+        """Keyed by the number of surfaces, 2 and 3; empty if channels do not multiply (materials).
+
+        Computed when first asked for.
+        """
+        return {
+            n: ProductErrors(ErrorSummary.of(d), ErrorSummary.of(self.pairs.rgb_products[n]))
+            for n, d in self.pairs.products.items()
+        }
 
     @property
     def componentwise(self) -> ErrorSummary:
@@ -349,10 +393,6 @@ def basis_report(
         method=basis.method,
         trained_on=basis.trained_on,
         errors={way: ErrorSummary.of(pairs.delta_e[way]) for way in WAYS},
-        products={
-            n: ProductErrors(ErrorSummary.of(d), ErrorSummary.of(pairs.rgb_products[n]))
-            for n, d in pairs.products.items()
-        },
         worst=WorstPair.at(pairs, j, i, way),
         pairs=pairs,
     )
