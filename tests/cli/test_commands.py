@@ -21,6 +21,7 @@ from tests import conftest
 from tests.cli.test_render import TELLING_BANDS
 from tests.support.commands import call, figures, refusal
 from tests.support.errors import raises
+from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec import doctor
 from volspec._gpu import devices
 from volspec._gpu.sources import asset
@@ -56,8 +57,10 @@ def test_without_a_writable_home_commands_work_with_one_warning(tmp_path: Path) 
     own = ("HOME", "XDG_CACHE_HOME", "XDG_CONFIG_HOME", "POCL_CACHE_DIR", "MPLCONFIGDIR")
     blocked = tmp_path / "file"
     blocked.touch()
+    # One channel, as a kernel without a cache is compiled for each.
+    scene = write_scene_text(tmp_path, BALL + DAY + '[basis]\nmethod = "materials"\n')
     done = subprocess.run(
-        [sys.executable, "-m", "volspec", "render", "engine", "-o", "i.exr", "--size", "8x6"],
+        [sys.executable, "-m", "volspec", "render", scene, "-o", "i.exr", "--size", "8x6"],
         cwd=tmp_path,
         env={k: v for k, v in os.environ.items() if k not in own} | {"HOME": f"{blocked}/home"},
         capture_output=True,

@@ -343,13 +343,13 @@ def test_a_volume_s_saved_scene_exports_the_picture_on_the_screen(tmp_path: Path
 
     values = (200 * phantom.ball(32).values).astype(np.uint8)
     sitk.WriteImage(sitk.GetImageFromArray(values), str(tmp_path / "ball.nii.gz"))
-    with Robot(tmp_path, ["ball.nii.gz"], (900, 600)) as robot:
+    with Robot(tmp_path, ["ball.nii.gz"], (640, 420)) as robot:
         robot.whole()
         robot.rest()
         robot.key("ctrl+p")
         typed(robot, "preset skin")
         robot.rest()
-        robot.drag(along(robot.middle("picture"), (300, 260), 0.1))
+        robot.drag(along(robot.middle("picture"), (200, 180), 0.1))
         robot.rest()
         # The name and the folder that are offered.
         robot.key("ctrl+s")

@@ -41,7 +41,7 @@ def test_warnings_and_errors_stay_readable(tmp_path: Path) -> None:
     values[3, 4, 5] = np.nan
     np.save(tmp_path / "nan.npy", values)
     (tmp_path / "bad.npy").write_text("no numbers", encoding="utf-8")
-    with Robot(tmp_path, ["ball.npy"], (900, 640)) as robot:
+    with Robot(tmp_path, ["ball.npy"], (720, 520)) as robot:
         robot.whole()
         before = robot.rest()
         # A file's warning comes each time that it is opened.
@@ -107,7 +107,7 @@ def test_files_are_found_by_mouse_arrows_and_tab(tmp_path: Path) -> None:
     for name in ("ball.npy", "data/one.npy", "data/two.npy", "data/inner/three.npy"):
         np.save(tmp_path / name, phantom.ball(16).values)
     (data / "notes.txt").touch()
-    with Robot(tmp_path, ["ball.npy"], (800, 560)) as robot:
+    with Robot(tmp_path, ["ball.npy"], (720, 520)) as robot:
 
         def titles(after: float) -> list[str]:
             robot.rest()
@@ -227,7 +227,7 @@ def test_a_cast_image_is_relit_and_says_what_it_cannot(tmp_path: Path) -> None:
     volume = state.document.volume
     image = raycast(volume, state.transfer, state.view.camera(volume), (64, 32), state.shading)
     image.save(tmp_path / "ball.exr")
-    with Robot(tmp_path, ["ball.exr"], (1000, 700)) as robot:
+    with Robot(tmp_path, ["ball.exr"], (720, 520)) as robot:
         robot.whole()
         before = robot.rest()
         # The picture keeps the image's shape; another light is a relight.
