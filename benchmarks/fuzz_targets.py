@@ -159,6 +159,12 @@ def _read_spectrum(path: Path) -> None:
     read_spectrum(path)
 
 
+def _read_beam(path: Path) -> None:
+    from volspec.room import read_beam
+
+    read_beam(path).relative(np.eye(3))
+
+
 def _read_spectral_image(path: Path) -> None:
     from volspec.spectra import SpectralImage
 
@@ -386,6 +392,23 @@ def _envi() -> Iterable[bytes]:
     )
 
 
+def _ies() -> Iterable[bytes]:
+    for planes in ("0", "0 45 90"):
+        count = len(planes.split())
+        yield (
+            f"IESNA:LM-63-1995\n[TEST] 1\nTILT=NONE\n1 1000 1 3 {count} 1 2 0 0 0\n1 1 20\n"
+            f"0 45 90\n{planes}\n" + "300 200 100\n" * count
+        ).encode()
+
+
+def _ldt() -> Iterable[bytes]:
+    for symmetry, rows in (1, 1), (3, 3), (4, 2):
+        head = ["Lamps", "1", str(symmetry), "4", "90", "3", "45", *["0"] * 16, "1", "0", "1"]
+        numbers = ["0", "90", "180", "270", "0", "45", "90", *["300", "200", "100"] * rows]
+        lamp = ["1", "LED", "1000", "3000", "80", "20"]
+        yield "\n".join([*head, *lamp, *["0.5"] * 10, *numbers]).encode()
+
+
 def _scene_parts() -> dict[str, bytes]:
     """Return the ball and the spectra that shipped scenes name."""
     tables = {f"spectra/{path.name}": path for path in (ROOT / "data/spectra").glob("e*.csv")}
@@ -457,6 +480,13 @@ TARGETS: Mapping[str, Target] = {
             *(b"bands = 9\n", b"lines = 999999999999\n", b"data type = 12\n", b"{", b"}", b"nan"),
             *(b"interleave = bil\n", b"file type = ENVI Spectral Library\n", b"1e999", b"\xb5"),
         ),
+    ),
+    "ies": Target(
+        *(_read_beam, _ies, "input.ies"),
+        tokens=(b"TILT=NONE\n", b"TILT=INCLUDE\n", b"0 180 360\n", b"999999 ", b"1e308 ", b"-1 "),
+    ),
+    "ldt": Target(
+        *(_read_beam, _ldt, "input.ldt"), tokens=(b"0\n", b"4\n", b"0,5\n", b"1e308\n", b"-1\n")
     ),
     "spectral-exr": Target(
         _read_spectral_image, _spectral_images, "input.exr", tokens=_EXR, most=1 << 15

@@ -39,7 +39,7 @@ def test_the_corpus_is_small() -> None:
 
 def test_every_seed_is_read(tmp_path: Path) -> None:
     names = "csv", "triples", "icc", "basis", "tm27", "cgats", "cxf", "envi", "spectral-exr"
-    for name in (*names, "image-exr", "cache"):
+    for name in (*names, "ies", "ldt", "image-exr", "cache"):
         target = TARGETS[name]
         target.lay_out(tmp_path)
         for data in target.seeds():

@@ -1,5 +1,6 @@
 """Rooms with painted walls: the light that they exchange, and paints that look as wanted."""
 
+from volspec.room.beam import Beam, read_beam
 from volspec.room.brick import Brick
 from volspec.room.cube import cube_irradiance, cube_radiosity
 from volspec.room.eye import (
@@ -34,6 +35,7 @@ from volspec.room.wall_paint import (
 )
 
 __all__ = [
+    "Beam",
     "Brick",
     "Eye",
     "EyeConditions",
@@ -64,6 +66,7 @@ __all__ = [
     "panel",
     "present_appearance",
     "rank_paints",
+    "read_beam",
     "rectangle",
     "room_picture",
     "solve_room",

@@ -52,7 +52,7 @@ def panel_irradiance(
 def beam_irradiance(room: Room, rays: Rays, points: Array, normals: Array) -> Array:
     """Return (L, P): light of lamps, I cos / d², and suns, E cos, per unit of a light's spectrum.
 
-    Rows are the room's lights; those of panels are 0.
+    I is 1, or a lamp's `Beam` with a mean of 1. Rows are the room's lights; those of panels are 0.
     """
     raised, names = points + rays.offset * normals, list(room.lights)
     found = np.zeros((len(names), len(points)))
@@ -62,6 +62,8 @@ def beam_irradiance(room: Room, rays: Rays, points: Array, normals: Array) -> Ar
         cosine = np.einsum("pc,pc->p", way, normals) / distance
         lit = np.flatnonzero(cosine > 0)
         clear = rays.clear(raised[lit], raised[lit] + way[lit])
+        if lamp.beam is not None:
+            cosine[lit] *= lamp.beam.relative(-way[lit])
         found[names.index(lamp.name), lit] += cosine[lit] / distance[lit] ** 2 * clear
     for sun in room.suns:
         direction = np.asarray(sun.direction)

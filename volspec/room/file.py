@@ -21,6 +21,7 @@ from pydantic import Field
 from volspec._files import captured_output
 from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.errors import InputError, RoomError, SpectrumError, nearest
+from volspec.room.beam import Beam, read_beam
 from volspec.room.mesh import SIDES, RoomMesh, box, panel
 from volspec.room.model import Eye, Metres, PointLamp, Room, SunBeam
 from volspec.room.quantities import irradiance_from_lux
@@ -30,6 +31,7 @@ from volspec.settings import (
     Name,
     Positive,
     Unit,
+    Vector,
     row_names,
     settings,
     try_table,
@@ -83,6 +85,14 @@ class LampSpec:
     """Its x, y (or the first two that the side has), width and height; default: the whole side."""
     position_m: Metres | None = None
     """Place of a small lamp."""
+    beam: Annotated[str, Field(examples=["spot.ies"])] | None = None
+    """FILE.ies (IES LM-63) or FILE.ldt (EULUMDAT): the intensity of a small lamp by direction. Its
+    own lumens are used if neither lumen nor watt is given."""
+    aim: Vector | None = None
+    """Where the beam's middle points to; default: down, 0, 0, -1."""
+    turn_deg: Annotated[Finite, Unit("degrees")] | None = None
+    """Turn of the beam about its aim, counter-clockwise seen against it; at 0, C 0 of a lamp that
+    aims down is +x, and C 90 +y."""
     azimuth_deg: Annotated[Finite, Unit("degrees")] | None = None
     """Direction of the sun: 0 at −y, 90 at +x."""
     elevation_deg: Annotated[float, Field(ge=-90, le=90), Unit("degrees")] = 45.0
@@ -106,15 +116,23 @@ class LampSpec:
                 code="conflict",
             )
         given = [self.lux is not None, self.lumen is not None, self.watt is not None]
-        if sum(given) != 1 or (kinds[2] and not given[0]) or (kinds[1] and given[0]):
+        least = self.beam is None
+        if not least <= sum(given) <= 1 or (kinds[2] and not given[0]) or (kinds[1] and given[0]):
             wanted = "one of lux, lumen and watt" if kinds[0] else "lumen or watt"
             remedy = f"give {'lux' if kinds[2] else wanted}"
             raise RoomError("has no power, or several, or of another kind", remedy, code="conflict")
         if self.place_m is not None and self.on is None:
             raise RoomError("", "leave place_m out: only panels have one", field="place_m")
+        if self.beam is not None and not kinds[1]:
+            raise RoomError("", "leave beam out: only small lamps have one", field="beam")
+        for key in ("aim", "turn_deg"):
+            if getattr(self, key) is not None and self.beam is None:
+                raise RoomError("", f"leave {key} out, or give a beam", field=key)
+        if self.aim is not None and not any(self.aim):
+            raise RoomError.refused("aim", self.aim, "give a direction, such as 0, 0, -1", "range")
 
     def flux_lumen(self) -> float | None:
-        """Return the luminous flux; None if lux are given.
+        """Return the luminous flux; None if lux are given, or only a beam.
 
         Raises RoomError if watts are given and the efficacy is not known.
         """
@@ -280,9 +298,13 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
             assert lux is not None
             exitances[surface] = exitances.get(surface, 0.0) + per_lux * lux
         elif row.position_m is not None:
-            assert flux is not None
+            with _in_row("light", row.name):
+                beam = _beam(row, folder)
+            if flux is None:
+                assert beam is not None
+                flux = beam.lumen
             intensity = per_lux * (flux / (4.0 * math.pi))
-            lamps.append(PointLamp(row.position_m, intensity, row.name))
+            lamps.append(PointLamp(row.position_m, intensity, row.name, beam))
         else:
             assert row.lux is not None and row.azimuth_deg is not None
             turn, up = math.radians(row.azimuth_deg), math.radians(row.elevation_deg)
@@ -304,6 +326,17 @@ def build_room(file: RoomFile, folder: Path, grid: SpectralGrid = DEFAULT_GRID) 
         file.open,
         file.title,
     )
+
+
+def _beam(row: LampSpec, folder: Path) -> Beam | None:
+    """Return the light distribution of a small lamp, if it has a file."""
+    if row.beam is None:
+        return None
+    beam = read_beam(folder / row.beam)
+    if row.lumen is None and row.watt is None and not beam.lumen:
+        remedy = "give lumen or watt"
+        raise RoomError(f"{row.beam}: states no luminous flux", remedy, code="missing")
+    return beam.aimed(row.aim or beam.aim, row.turn_deg or 0.0)
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from volspec.errors import RoomError
+from volspec.room.beam import Beam
 from volspec.room.mesh import RoomMesh
 from volspec.room.quantities import require_emission, require_reflectance
 from volspec.settings import Unit, Vector, settings
@@ -31,11 +32,12 @@ Metres = Annotated[Vector, Unit("m")]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PointLamp:
-    """Small lamp that shines alike in all directions."""
+    """Small lamp that shines alike in all directions, or as a luminaire's file has it."""
 
     position_m: tuple[float, float, float]
-    intensity: Array  # (B,) W/sr per band
+    intensity: Array  # (B,) W/sr per band, the mean over all directions
     name: str = ""
+    beam: Beam | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)

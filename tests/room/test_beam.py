@@ -1,0 +1,288 @@
+"""Light distributions of luminaires: IES LM-63 and EULUMDAT, alone and as lamps of rooms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.errors import RoomError, SpectrumError
+from volspec.room import PointLamp, Room, box, load_room, lux_from_irradiance, read_beam, solve_room
+from volspec.room.direct import beam_irradiance
+from volspec.room.form_factors import Rays
+from volspec.room.mesh import SIDES
+
+GAMMA = (0, 30, 60, 90, 120, 150, 180)
+
+
+def ies(
+    rows: dict[float, list[float]],
+    gamma: tuple[float, ...] = GAMMA,
+    *,
+    scale: float = 1,
+    tilt: str = "NONE",
+    photometry: int = 1,
+    edition: str = "IESNA:LM-63-2002",
+    factor: float = 1,
+) -> str:
+    values = "\n".join(" ".join(map(str, row)) for row in rows.values())
+    return (
+        f"{edition}\n[TEST] 1\n[MANUFAC] Lamps\nTILT={tilt}\n"
+        f"1 -1 {scale:g} {len(gamma)} {len(rows)} {photometry} 2 0 0 0\n1.0 {factor:g} 20\n"
+        f"{' '.join(map(str, gamma))}\n{' '.join(map(str, rows))}\n{values}\n"
+    )
+
+
+def ldt(
+    symmetry: int, step: int, rows: list[list[float]], *, flux: float = 2000, sets: int = 1
+) -> str:
+    planes = 360 // step
+    head = ["Lamps", "1", str(symmetry), str(planes), str(step), str(len(GAMMA)), "30"]
+    head += ["report", "name", "number", "file", "2024-01-01", *["0"] * 11, "1,0", "0", str(sets)]
+    lamps = ["1", "LED", str(flux), "3000", "80", "20"] * sets
+    numbers = [*range(0, 360, step), *GAMMA, *(value for row in rows for value in row)]
+    body = [str(number).replace(".", ",") for number in numbers]
+    return "\r\n".join([*head, *lamps, *["0,5"] * 10, *body]) + "\r\n"
+
+
+EVEN = ies({0: [100] * 7})
+SPOT = ies({0: [1000, 500, 0, 0, 0, 0, 0]})
+
+
+def beam_file(folder: Path, text: str, name: str = "a.ies") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="latin-1", newline="")
+    return path
+
+
+def along(c_deg: float, gamma_deg: float) -> np.ndarray:
+    c, gamma = np.radians([c_deg, gamma_deg])
+    return np.array([np.sin(gamma) * np.cos(c), np.sin(gamma) * np.sin(c), -np.cos(gamma)])
+
+
+def candela(beam, c_deg: float, gamma_deg: float) -> float:
+    """Intensity by the file's own flux."""
+    return float(beam.relative([along(c_deg, gamma_deg)])[0] * beam.lumen / (4 * np.pi))
+
+
+def test_the_integral_over_the_sphere_is_the_flux(tmp_path: Path) -> None:
+    assert read_beam(beam_file(tmp_path, EVEN)).lumen == pytest.approx(400 * np.pi)
+    spot = read_beam(beam_file(tmp_path, SPOT))
+    # Directions of a Fibonacci lattice, and the integral by hand.
+    count = np.arange(200_000) + 0.5
+    z, turn = 1 - 2 * count / len(count), np.pi * (1 + 5**0.5) * count
+    flat = np.sqrt(1 - z * z)
+    every = np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+    assert spot.relative(every).mean() == pytest.approx(1.0, rel=1e-4)
+    gamma = np.linspace(0, np.pi / 3, 100_001)
+    by_hand = np.trapezoid(np.interp(gamma, np.radians(GAMMA), [1000, 500, 0, 0, 0, 0, 0])
+                           * np.sin(gamma), gamma) * 2 * np.pi  # fmt: skip
+    assert spot.lumen == pytest.approx(by_hand, rel=1e-6)
+    assert candela(spot, 77, 0) == pytest.approx(1000)
+    assert candela(spot, 200, 45) == pytest.approx(250)
+    assert candela(spot, 0, 61) == 0
+
+
+@pytest.mark.parametrize(
+    ("angles", "expected"),
+    [
+        ((0, 45, 90), (4, 4, 4, 4)),
+        ((0, 90, 180), (4, 16, 16, 4)),
+        ((0, 90, 180, 270, 360), (4, 16, 22, 10)),
+        ((0, 90, 180, 270), (4, 16, 22, 10)),
+    ],
+)
+def test_planes_follow_from_the_symmetry_of_their_angles(
+    tmp_path: Path, angles: tuple[float, ...], expected: tuple[float, ...]
+) -> None:
+    """Each plane has 1 cd, and 1 more for every 10° of C."""
+    rows = {angle: [1 + angle % 360 / 10] * 7 for angle in angles}
+    beam = read_beam(beam_file(tmp_path, ies(rows)))
+    assert [candela(beam, c, 90) for c in (30, 150, 210, 330)] == pytest.approx(expected)
+    assert candela(beam, 90, 90) == pytest.approx(10)
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "planes"),
+    [
+        (0, [0, 90, 180, 270]),
+        (1, [0]),
+        (2, [0, 90, 180]),
+        (3, [270, 0, 90]),
+        (4, [0, 90]),
+    ],
+)
+def test_eulumdat_has_the_planes_of_its_symmetry(
+    tmp_path: Path, symmetry: int, planes: list[int]
+) -> None:
+    value = {0: 100, 90: 200, 180: 300 if symmetry in (0, 2) else 100, 270: 200}
+    value[270] = {0: 400, 3: 400}.get(symmetry, 200)
+    text = ldt(symmetry, 90, [[value[plane]] * 7 for plane in planes])
+    beam = read_beam(beam_file(tmp_path, text, "a.ldt"))
+    for plane in (0, 90, 180, 270):  # cd for 1000 of 2000 lm
+        expected = 100 if symmetry == 1 else value[plane]
+        assert candela(beam, plane, 60) == pytest.approx(2 * expected)
+
+
+def test_a_factor_scales_the_candelas_and_decimal_commas_are_read(tmp_path: Path) -> None:
+    old = ies({0: [100] * 7}, scale=2, edition="IESNA:LM-63-1995", factor=0.5)
+    assert read_beam(beam_file(tmp_path, old)).lumen == pytest.approx(400 * np.pi)
+    new = ies({0: [100] * 7}, scale=2, edition="IES:LM-63-2019", factor=1.10001)
+    assert read_beam(beam_file(tmp_path, new)).lumen == pytest.approx(800 * np.pi)
+    text = ldt(1, 90, [[79.5] * 7], sets=2)
+    assert read_beam(beam_file(tmp_path, text, "a.ldt")).lumen == pytest.approx(636 * np.pi)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("no lamp", "damaged"),
+        (ies({0: [1] * 7}, tilt="INCLUDE"), "unsupported"),
+        (ies({0: [1] * 7}, photometry=2), "unsupported"),
+        (ies({0: [1] * 7}, photometry=3), "unsupported"),
+        (ies({0: [1] * 6}), "damaged"),
+        (ies({0: [0] * 7}), "damaged"),
+        (ies({0: [-1] * 7}), "range"),
+        (ies({0: [1e300] * 7}, scale=1e300), "damaged"),
+        (ies({0: ["x"] * 7}), "syntax"),
+        (ies({0: [1] * 7, 45: [1] * 7}), "unsupported"),
+        (ies({90: [1] * 7, 270: [1] * 7}), "unsupported"),
+        (ies({0: [1] * 7}, (0, 30, 20, 90, 120, 150, 180)), "damaged"),
+        (ies({0: [1] * 2}, (0, 200)), "range"),
+        (ies({0: [1]}, (0,)), "range"),
+        (EVEN.replace(" 7 1 1 ", " 7.5 1 1 "), "syntax"),
+        (EVEN.replace(" 7 1 1 ", " 999999999999 1 1 "), "damaged"),
+    ],
+)
+def test_ies_files_that_cannot_be_used_are_refused_in_one_line(
+    tmp_path: Path, text: str, code: str
+) -> None:
+    with raises(RoomError, code, "beam"):
+        read_beam(beam_file(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("a\n" * 20, "damaged"),
+        (ldt(5, 90, [[1] * 7]), "unknown"),
+        (ldt(0, 90, [[1] * 7] * 3), "damaged"),
+        (ldt(1, 90, [["x"] * 7]), "syntax"),
+        (ldt(1, 90, [[1] * 7], flux=-1), "range"),
+    ],
+)
+def test_eulumdat_files_that_cannot_be_used_are_refused_in_one_line(
+    tmp_path: Path, text: str, code: str
+) -> None:
+    with raises(RoomError, code, "beam"):
+        read_beam(beam_file(tmp_path, text, "a.ldt"))
+    with raises(SpectrumError, "not-found"):
+        read_beam(tmp_path / "none.ldt")
+    with raises(RoomError, "unsupported"):
+        read_beam(tmp_path / "a.csv")
+
+
+def test_light_falls_off_with_the_square_and_the_cosine_along_the_beam(tmp_path: Path) -> None:
+    mesh = box((0, 0, 0), (4, 4, 4), SIDES, inside=True)
+    rays, dark, up = Rays(mesh), np.zeros((6, 31)), np.array([[0.0, 0.0, 1.0]] * 2)
+    spot = read_beam(beam_file(tmp_path, SPOT))
+    mean = spot.lumen / (4 * np.pi)
+    below = np.array([[2.0, 2.0, 0.0], [2.0 + 3 * np.tan(np.radians(30)), 2.0, 0.0]])
+    room = Room(mesh, dark, lamps=(PointLamp((2.0, 2.0, 3.0), np.ones(31), beam=spot),))
+    [found] = beam_irradiance(room, rays, below, up) * mean
+    # 500 cd at 30°, farther by 1 / cos 30°, at cos 30°
+    assert found == pytest.approx([1000 / 9, 500 / 9 * np.cos(np.radians(30)) ** 3], rel=1e-4)
+    for aim, turn, to in (((1, 0, 0), 0.0, (4, 2, 3)), ((0, 3, 4), 50.0, (2.0, 2.6, 3.8))):
+        lamp = PointLamp((2.0, 2.0, 3.0), np.ones(31), beam=spot.aimed(aim, turn))
+        way = np.array(to) - lamp.position_m
+        assert lamp.beam.relative([way]) == pytest.approx(1000 / mean)
+        assert not lamp.beam.relative([-way]).any()
+
+
+def test_a_beam_is_turned_about_its_aim(tmp_path: Path) -> None:
+    rows = {0: [1] * 7, 90: [2] * 7, 180: [3] * 7, 270: [4] * 7}
+    beam = read_beam(beam_file(tmp_path, ies(rows)))
+    parts = beam.candela[:, 0] * 4 * np.pi / beam.integral
+    sides = [(1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, -1, 0)]
+    assert beam.relative(sides) == pytest.approx(parts[:4])
+    assert beam.aimed((0, 0, -2), 90).relative(sides) == pytest.approx(parts[[3, 0, 1, 2]])
+    # Upwards, C 0 stays, and C turns the other way.
+    assert beam.aimed((0, 0, 1)).relative(sides) == pytest.approx(parts[[0, 3, 2, 1]])
+
+
+ROOM = """size_m = [4.0, 5.0, 2.7]
+surface = [
+    { name = "walls", reflectance = "grey:0.7" },
+    { name = "floor", reflectance = "grey:0.3" },
+    { name = "ceiling", reflectance = "grey:0.8" },
+]
+[[light]]
+name = "lamp"
+spectrum = "A"
+position_m = [2, 2.5, 2.2]
+"""
+
+
+def room_file(folder: Path, more: str) -> Path:
+    path = folder / "room.toml"
+    path.write_text(ROOM + more)
+    return path
+
+
+def test_an_even_beam_is_a_lamp_without_one(tmp_path: Path) -> None:
+    beam_file(tmp_path, EVEN, "even.ies")
+    plain = solve_room(load_room(room_file(tmp_path, "lumen = 900\n")), 400)
+    even = solve_room(load_room(room_file(tmp_path, 'lumen = 900\nbeam = "even.ies"\n')), 400)
+    for surface in ("floor", "ceiling", "left"):
+        expected = plain.mean_irradiance(surface)
+        assert even.mean_irradiance(surface) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path: Path) -> None:
+    beam_file(tmp_path, SPOT, "spot.ies")
+    own = read_beam(tmp_path / "spot.ies").lumen
+    for more, lumen in (
+        ("", own),
+        ("lumen = 900\n", 900),
+        ("watt = 10\nlumen_per_watt = 80\n", 800),
+    ):
+        [lamp] = load_room(room_file(tmp_path, more + 'beam = "spot.ies"\n')).lamps
+        assert lux_from_irradiance(lamp.intensity) * 4 * np.pi == pytest.approx(lumen)
+
+
+def test_a_spot_lights_what_it_aims_at(tmp_path: Path) -> None:
+    beam_file(tmp_path, SPOT, "spot.ies")
+    spot = 'beam = "spot.ies"\nlumen = 900\n'
+    down = solve_room(load_room(room_file(tmp_path, spot)), 400)
+    left = solve_room(load_room(room_file(tmp_path, spot + "aim = [-1, 0, 0]\n")), 400)
+    for lit, dark, surface in ((down, left, "floor"), (left, down, "left")):
+        bright, dim = (lux_from_irradiance(each.mean_irradiance(surface)) for each in (lit, dark))
+        assert bright > 2 * dim
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "field"),
+    [
+        ("aim = [0, 0, -1]\nlumen = 9\n", "", "aim"),
+        ("turn_deg = 9\nlumen = 9\n", "", "turn_deg"),
+        ('beam = "spot.ies"\naim = [0, 0, 0]\n', "range", "aim"),
+        ('beam = "spot.ies"\nlux = 9\n', "conflict", ""),
+        ('beam = "spot.ies"\nlumen = 9\nwatt = 9\n', "conflict", ""),
+        ('beam = "spot.csv"\n', "unsupported", ""),
+        ('beam = "none.ies"\n', "not-found", ""),
+        ('beam = "dark.ldt"\n', "missing", ""),
+        ('beam = "spot.ies"\n[[light]]\nname = "sky"\nspectrum = "A"\non = "left"\n'
+         'lux = 9\nbeam = "spot.ies"\n', "", "beam"),
+    ],
+)  # fmt: skip
+def test_a_lamp_with_a_wrong_beam_is_refused(
+    tmp_path: Path, more: str, code: str, field: str
+) -> None:
+    beam_file(tmp_path, SPOT, "spot.ies")
+    beam_file(tmp_path, ldt(1, 90, [[1] * 7], flux=0), "dark.ldt")
+    with raises(RoomError, code or None) as caught:
+        load_room(room_file(tmp_path, more))
+    assert field in f"{caught.value.field} {caught.value}"
+    assert "lamp" in str(caught.value) or "sky" in str(caught.value)
