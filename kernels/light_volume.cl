@@ -258,7 +258,7 @@ __kernel void converging(__global const float *restrict sigma, const float4 plac
     store(&p, nodes, exp_minus(depth), layer, layers);
 }
 
-// Takes what opaque surfaces keep from the nodes: parts of 65535 that arrive, of one layer.
+// Takes what surfaces keep from the nodes: parts of 65535 that arrive, of one layer.
 __kernel void blocked(__global const ushort *restrict parts, const int nodes, const int layer,
                       __global ushort *restrict layers) {
     const uint item = get_global_id(0);

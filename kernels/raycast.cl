@@ -23,8 +23,8 @@
 //         filters      floatV[last_entry + 2][2][VECTORS], with FILTERED: transmittance of one
 //                      whole step, channel by channel, and its difference; the last is white
 //         sources, light_volume  (include/shade.clh, include/light.clh)
-//         stops        float[height][width], with STOPS: distances from the camera, in smallest
-//                      spacings, at which rays end
+//         spans        float2[height][width], with SPANS: distances from the camera, in smallest
+//                      spacings, between which rays are cast
 //         cast         settings of the cast: CAST in volspec/raycast/kernel_arguments.py
 // Writes  coefficients_out float[height][width][GROUPS][CHANNELS] premultiplied; alpha_out,
 //         depth_out and first_out float[height][width] (expected and first depth in smallest
@@ -48,13 +48,13 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
                       __global const floatV *restrict filters,
                       __global const float4 *restrict sources,
                       __global const ushort *restrict light_volume,
-                      __global const float *restrict stops, const Cast cast,
+                      __global const float2 *restrict spans, const Cast cast,
                       __global float *restrict coefficients_out, __global float *restrict alpha_out,
                       __global float *restrict depth_out, __global float *restrict first_out,
                       const int first_tile) {
     const int2 pixel = tile_pixel(first_tile);
     if (pixel.x >= cast.width || pixel.y >= cast.height) return;
-    const Rays r = make_rays(&cast, stops, pixel);
+    const Rays r = make_rays(&cast, spans, pixel);
     const float per_step = 1.0f / cast.step;
     March m = start_march(&cast, &r);
     Accumulator g;

@@ -45,13 +45,13 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
                        __global const float *restrict channels,
                        __global const float4 *restrict sources,
                        __global const ushort *restrict light_volume,
-                       __global const float *restrict stops, const Cast cast,
+                       __global const float2 *restrict spans, const Cast cast,
                        __global float *restrict coefficients_out,
                        __global float *restrict alpha_out, __global float *restrict depth_out,
                        __global float *restrict first_out, const int first_tile) {
     const int2 pixel = tile_pixel(first_tile);
     if (pixel.x >= cast.width || pixel.y >= cast.height) return;
-    const Rays r = make_rays(&cast, stops, pixel);
+    const Rays r = make_rays(&cast, spans, pixel);
     March m = start_march(&cast, &r);
     Accumulator g;
     clear(&g);

@@ -13,12 +13,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.behind import Behind, OpacityCaster
+from volspec.raycast.behind import Behind, OpacityCaster, Surfaces
 from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.projection import Projection
@@ -81,7 +79,7 @@ def raycast(
     notes : {str: str}, optional
         Added to the image's notes.
     behind : sequence of Behind, optional
-        Opaque surfaces behind the volume and between its parts: meshes, then a room.
+        Surfaces behind the volume and between its parts: meshes, then a room.
 
     Returns
     -------
@@ -132,11 +130,13 @@ def raycast(
         shape = height, width, len(spec.groups) * table.size
         # What is behind is added on the host.
         slot = into.place(shape, spec.groups, None if behind else caster.sharing)
-    depths = [each.depth_mm(camera, checked_size(size)) for each in behind]
-    stop_mm = np.minimum.reduce(depths) if depths else None
-    clear = next((each.clear for each in behind if each.clear is not None), None)
-    cast = caster.cast(table, camera, size, spec, progress, cancel, slot, stop_mm, clear)
-    if not cast.alpha.any():
+    opacity = OpacityCaster(caster, table, spec)
+    surfaces = Surfaces.of(behind, camera, checked_size(size), opacity)
+    casts = [
+        caster.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
+        for part, span_mm in surfaces.spans(progress)
+    ]
+    if not any(cast.alpha.any() for cast in casts):
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
             if behind:
@@ -151,20 +151,20 @@ def raycast(
         "device": caster.device,
         **(notes or {}),
     }
-    image = CoefficientImage(
-        cast.coefficients,
-        cast.alpha,
-        cast.depth_mm,
-        transfer.basis,
-        notes,
-        groups=spec.shares(),
-        first_mm=cast.first_mm,
-        fov_deg=None if camera.height_mm is not None else camera.fov_deg,
-    )
-    for each in behind:
-        assert stop_mm is not None
-        opacity = OpacityCaster(caster, table, spec)
-        image = image.before(*each(camera, checked_size(size), opacity, stop_mm))
+    images = [
+        CoefficientImage(
+            cast.coefficients,
+            cast.alpha,
+            cast.depth_mm,
+            transfer.basis,
+            notes,
+            groups=spec.shares(),
+            first_mm=cast.first_mm,
+            fov_deg=None if camera.height_mm is not None else camera.fov_deg,
+        )
+        for cast in casts
+    ]
+    image = surfaces.composite(images)
     if into is not None:
         into.update(image, slot)
     return image

@@ -12,7 +12,7 @@ import pyvista
 
 import volspec as vs
 from tests.support.errors import raises
-from volspec._rays import TriangleRays
+from volspec._triangles import TriangleRays
 from volspec.errors import MeshError, SceneError
 from volspec.raycast import reference
 
@@ -127,11 +127,12 @@ def test_a_mesh_ends_rays_at_its_depth_and_shades_the_volume_as_the_reference() 
     size, caster, spec = (20, 20), vs.Raycaster(volume), FEW_NODES
     table, stop_mm = caster.bake(transfer), meshes.depth_mm(camera, size)
     assert np.isfinite(stop_mm).any()
-    ours = caster.cast(table, camera, size, spec, stop_mm=stop_mm, clear=meshes.clear)
+    span_mm = np.stack([np.zeros_like(stop_mm), stop_mm], axis=2)
+    ours = caster.cast(table, camera, size, spec, span_mm=span_mm, clear=meshes.clear)
     given = volume, table, camera, size, spec
-    true = reference.cast(*given, stop_mm, meshes.clear)
+    true = reference.cast(*given, span_mm, meshes.clear)
     assert np.abs(ours.coefficients - true[0]).max() < 2e-3
-    assert np.abs(true[0] - reference.cast(*given, stop_mm)[0]).max() > 0.05  # its shadow
+    assert np.abs(true[0] - reference.cast(*given, span_mm)[0]).max() > 0.05  # its shadow
 
 
 def test_the_volume_s_light_at_points_is_that_of_its_nodes() -> None:

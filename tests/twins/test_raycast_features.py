@@ -250,10 +250,10 @@ def test_shadows_and_occlusion_match_reference(
         *(pytest.param(m, marks=pytest.mark.slow) for m in ("maximum", "average", "preintegrated")),
     ],
 )
-def test_rays_end_at_opaque_surfaces(
+def test_rays_are_cast_within_their_spans(
     engine: Volume, engine_table: TransferTable, mode: Any
 ) -> None:
-    """Half of the picture ends in the middle of the volume, a corner before it."""
+    """A half ends in the middle of the volume, a corner before it; the last rows begin there."""
     table: TransferTable | SurfaceTable = engine_table
     spec = RaycastSpec(jitter=0.5)
     if mode == "surfaces":
@@ -264,15 +264,16 @@ def test_rays_end_at_opaque_surfaces(
     else:
         spec = RaycastSpec(jitter=0.5, mode=mode)
     camera, size = Camera.orbit(engine, azimuth_deg=30), (40, 32)
-    stop_mm = np.full(size[::-1], np.inf, np.float32)
-    stop_mm[:, 20:] = camera.distance_mm + np.linspace(-20, 20, 20)
-    stop_mm[:8, :8] = 1.0
-    ours = Raycaster(engine).cast(table, camera, size, spec, stop_mm=stop_mm)
+    span_mm = np.full((*size[::-1], 2), (0.0, np.inf), np.float32)
+    span_mm[:, 20:, 1] = camera.distance_mm + np.linspace(-20, 20, 20)
+    span_mm[:8, :8, 1] = 1.0
+    span_mm[24:, :, 0] = camera.distance_mm - 5.0
+    ours = Raycaster(engine).cast(table, camera, size, spec, span_mm=span_mm)
     whole = Raycaster(engine).cast(table, camera, size, spec)
-    true = reference.cast(engine, table, camera, size, spec, stop_mm)
+    true = reference.cast(engine, table, camera, size, spec, span_mm)
     for a, b in zip(ours[:2], true[:2], strict=True):
         assert a == pytest.approx(b, abs=1e-3)
     assert not ours.alpha[:8, :8].any()
-    assert np.array_equal(ours.alpha[8:, :20], whole.alpha[8:, :20])
+    assert np.array_equal(ours.alpha[8:24, :20], whole.alpha[8:24, :20])
     # A mean over less of a ray may be greater.
     assert mode == "average" or ours.alpha[:, 20:].sum() < 0.95 * whole.alpha[:, 20:].sum()

@@ -3,32 +3,36 @@
 meshes, camera -> [cast] -> channels by light group, opacity, depth -> CoefficientImage
 
 Light is that of the raycaster: Lambert's and Blinn and Phong's laws, by light group, on the side
-that faces the eye, with shadows and ambient occlusion by rays. Surfaces are opaque.
+that faces the eye, with shadows and ambient occlusion by rays. Mirrors multiply channels, and
+gratings give each light group its own reflectance: lights change without a new cast.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._rays import TriangleRays
-from volspec.basis import Basis
-from volspec.errors import MeshError, nearest
+from volspec._triangles import TriangleRays
+from volspec.basis import Basis, SpectralBasis
+from volspec.errors import MeshError, VolspecWarning
 from volspec.mesh.model import Mesh
+from volspec.mesh.paint import mesh_paint
+from volspec.mesh.shading import Lighting, Seen
 from volspec.raycast.behind import BehindImage, OpacityCaster
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import checked_size
 from volspec.raycast.edges import further_points, mean_of_points, next_to
 from volspec.raycast.image import CoefficientImage
-from volspec.raycast.kernel_arguments import numbered_sources
-from volspec.raycast.light_volume import FAR, Arrives, Clear
-from volspec.raycast.lights import Ambient, Directional, Point, Source
-from volspec.raycast.sampling import source_at, world_rays
+from volspec.raycast.light_volume import FAR, Arrives
+from volspec.raycast.projection import Projection
+from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.spectra import Spectrum
 
@@ -36,25 +40,66 @@ Array = NDArray[np.float64]
 Size = tuple[int, int]
 # An edge passes between pixels whose normals' cosine is less, or whose distances differ by more.
 _SAME_SIDE, _SAME_DEPTH = 0.9, 0.02
-# Rays of ambient occlusion from each point.
-_OCCLUSION = 32
+# Translucent surfaces behind each other, and mirrors in mirrors.
+_MOST_SHEETS, _BOUNCES = 16, 3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Seen:
-    """Points of meshes that K rays see first; rows of rays that see nothing are 0."""
+class _Surfaces:
+    """Some of the meshes, and what rays see of them; ``numbers`` are theirs among all."""
 
-    along_mm: Array  # (K,); inf for nothing
-    points_mm: Array  # (K, 3)
-    normals: Array  # (K, 3), towards the eye
-    directions: Array  # (K, 3)
-    mesh: NDArray[np.intp]  # (K,); -1 for nothing
-    triangle: NDArray[np.intp]  # (K,), of the mesh
-    shares: Array  # (K, 3) of the triangle's corners
+    def __init__(self, meshes: Sequence[Mesh], numbers: Sequence[int]) -> None:
+        self.meshes, self.numbers = meshes, numbers
+        self._ends = np.cumsum([len(meshes[k].triangles) for k in numbers])
+        corners = [meshes[k].points_mm[meshes[k].triangles] for k in numbers]
+        self.rays = TriangleRays(np.concatenate(corners), "meshes", "use another system")
+
+    def first(self, origins: Array, directions: Array) -> Seen:
+        """Return what rays see first."""
+        hits = self.rays.hits(origins, directions)
+        count = len(directions)
+        points, normals = np.zeros((2, count, 3))
+        part = np.searchsorted(self._ends, hits.triangle, "right")
+        found = np.full(count, -1)
+        for place, number in enumerate(self.numbers):
+            mesh = self.meshes[number]
+            rows = np.flatnonzero((part == place) & (hits.triangle >= 0))
+            found[rows] = number
+            hits.triangle[rows] -= self._ends[place] - len(mesh.triangles)
+            corners, shares = mesh.triangles[hits.triangle[rows]], hits.shares[rows]
+            points[rows] = np.einsum("ki,kic->kc", shares, mesh.points_mm[corners])
+            normals[rows] = _facing(mesh, corners, shares, directions[rows])
+        return Seen(hits.along, points, normals, directions, found, hits.triangle, hits.shares)
+
+    def sheets(self, origins: Array, directions: Array) -> Iterator[Seen]:
+        """Yield what rays see first, then second, until nothing is left."""
+        along = np.zeros(len(directions))
+        while True:
+            # A ray that has seen all goes on from far behind.
+            start = np.minimum(along, FAR)
+            seen = self.first(origins + start[:, None] * directions, directions)
+            if not (seen.mesh >= 0).any():
+                return
+            seen = replace(seen, along_mm=seen.along_mm + along)
+            yield seen
+            along = seen.along_mm + self.rays.offset
+
+    def passed(self, starts: Array, ends: Array) -> Array:
+        """Return the part (K,) of light that passes between two points."""
+        way = ends - starts
+        length = np.linalg.norm(way, axis=1)
+        opacity = np.array([*(mesh.opacity for mesh in self.meshes), 0.0])
+        found = np.ones(len(way))
+        directions = way / np.maximum(length, 1e-30)[:, None]
+        for seen in islice(self.sheets(starts, directions), _MOST_SHEETS):
+            between = seen.along_mm < length - self.rays.offset
+            if not between.any():
+                break
+            found *= 1.0 - opacity[seen.mesh] * between
+        return found
 
 
 class MeshCaster:
-    """Opaque meshes around and in a volume.
+    """Meshes around and in a volume.
 
     Parameters
     ----------
@@ -62,13 +107,16 @@ class MeshCaster:
     materials : {str: Spectrum}
         Reflectances of their materials.
     basis : SpectralBasis or MaterialBasis
+        For colours of textures and for gratings a SpectralBasis.
 
     Raises
     ------
     MeshError
-        If there is no mesh, or a material is unknown.
+        If there is no mesh, a material is unknown, or the basis does not fit.
     DeviceError
         Where Embree is not installed.
+    OpenCLError
+        If a texture has colours and there is no device, or it does not fit there.
     """
 
     def __init__(
@@ -76,193 +124,203 @@ class MeshCaster:
     ) -> None:
         if not meshes:
             raise MeshError("no meshes are given", "give one at least", code="missing")
-        self.meshes, self.basis = tuple(meshes), basis
-        self._channels = _channels(meshes, materials, basis)
-        self._ends = np.cumsum([len(mesh.triangles) for mesh in meshes])
-        corners = [mesh.points_mm[mesh.triangles] for mesh in meshes]
-        self._rays = TriangleRays(np.concatenate(corners), "meshes", "use another system")
-        # What the last camera sees; also that of `painted` ones.
-        self._views: dict[tuple[Camera, Size], Seen] = {}
+        self.meshes = tuple(meshes)
+        self._take(materials, basis)
+        opaque = [k for k, mesh in enumerate(meshes) if mesh.opacity == 1.0]
+        rest = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
+        self._opaque = _Surfaces(self.meshes, opaque) if opaque else None
+        self._translucent = _Surfaces(self.meshes, rest) if rest else None
+        self._offset = 2.0 * max(
+            each.rays.offset for each in (self._opaque, self._translucent) if each is not None
+        )
+        corners = np.concatenate([mesh.points_mm for mesh in meshes])
+        self._extent = float(np.linalg.norm(np.ptp(corners, axis=0)))
+        # What the last camera sees, opaque and then sheets; also that of `painted` ones.
+        self._views: dict[tuple[Camera, Size], list[Seen]] = {}
+
+    def _take(self, materials: Mapping[str, Spectrum], basis: Basis) -> None:
+        for mesh in self.meshes:
+            if mesh.grating is not None and not isinstance(basis, SpectralBasis):
+                remedy = "use a spectral basis"
+                problem = f"{mesh.name}: a basis of materials cannot store what gratings diffract"
+                raise MeshError(problem, remedy, code="conflict")
+        self.basis = basis
+        self._paints = [mesh_paint(mesh, materials, basis) for mesh in self.meshes]
 
     def painted(self, materials: Mapping[str, Spectrum], basis: Basis) -> MeshCaster:
         """Return the same meshes with other reflectances, or in another basis.
 
-        Raises MeshError if a material is unknown.
+        Raises as the constructor does.
         """
         made = copy(self)
-        made.basis, made._channels = basis, _channels(self.meshes, materials, basis)
+        made._take(materials, basis)
         return made
 
-    @property
-    def clear(self) -> Clear:
-        """(K, 3) starts and ends in mm -> (K,), True where no mesh is between them."""
-        return self._rays.clear
+    def clear(self, starts: Array, ends: Array) -> Array:
+        """Return the part (K,) of light that meshes let pass between points (K, 3) in mm."""
+        found = np.ones(len(starts))
+        if self._opaque is not None:
+            found *= self._opaque.rays.clear(starts, ends)
+        if self._translucent is not None:
+            found *= self._translucent.passed(starts, ends)
+        return found
 
     def depth_mm(self, camera: Camera, size: Size) -> NDArray[np.float32]:
-        """Return (H, W) distances from the camera; inf where no mesh is seen."""
+        """Return (H, W) distances to opaque meshes; inf where there are none."""
         width, height = size
-        return np.float32(self._look(camera, size).along_mm).reshape(height, width)
+        return np.float32(self._look(camera, size)[0].along_mm).reshape(height, width)
 
     def __call__(
         self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
     ) -> BehindImage:
-        """Return the meshes, as `volspec.raycast.behind.Behind`."""
-        arrives = opacity.caster.arrivals(opacity.table, opacity.spec, camera, self.clear)
-        channels, alpha = self.layers(camera, size, opacity.spec, arrives, stop_mm)
-        return BehindImage(channels, alpha, self.depth_mm(camera, size))
+        """Return the opaque meshes, as `volspec.raycast.behind.Behind`."""
+        arrives = opacity.arrivals(camera, self.clear)
+        return self._pictures(camera, size, opacity.spec, arrives, stop_mm, slice(1))[0]
 
-    def layers(
+    def sheets(
+        self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
+    ) -> list[BehindImage]:
+        """Return translucent meshes, front to back, as `volspec.raycast.behind.Behind`."""
+        if self._translucent is None:
+            return []
+        arrives = opacity.arrivals(camera, self.clear)
+        return self._pictures(camera, size, opacity.spec, arrives, stop_mm, slice(1, None))
+
+    def alone(self, camera: Camera, size: Size, spec: RaycastSpec) -> CoefficientImage:
+        """Return a picture of the meshes without a volume."""
+        width, height = size
+        behind, *sheets = self._pictures(camera, size, spec, {}, None, slice(None))
+        image = CoefficientImage(
+            np.zeros(behind.channels.shape, np.float16 if spec.half else np.float32),
+            np.zeros((height, width), np.float32),
+            np.full((height, width), np.inf, np.float32),
+            self.basis,
+            {"camera": repr(camera), "raycast": repr(spec)},
+            groups=spec.shares(),
+            first_mm=np.full((height, width), np.inf, np.float32),
+            fov_deg=None if camera.height_mm is not None else camera.fov_deg,
+        )
+        for picture in (*sheets, behind):
+            image = image.before(*picture)
+        return image
+
+    def _pictures(
         self,
         camera: Camera,
         size: Size,
         spec: RaycastSpec,
-        arrives: Mapping[int, Arrives] | None = None,
-        stop_mm: NDArray[np.float32] | None = None,
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return channels (H, W, L·M), premultiplied by opacity, and opacity (H, W).
+        arrives: Mapping[int, Arrives],
+        stop_mm: NDArray[np.float32] | None,
+        which: slice,
+    ) -> list[BehindImage]:
+        """Return some of: what is opaque, and sheets of what is translucent in front of that.
 
         ``arrives`` is what a volume lets pass of a source's light, by number; meshes behind
         ``stop_mm`` (H, W) are hidden.
         """
         width, height = size
-        given = camera, spec, arrives or {}
-        seen = self._look(camera, size)
+        light = Lighting(camera, spec, arrives, self.clear, self._extent, self.basis)
+        field = camera.ray_field(width, height)
+        pixel_mm = float(np.linalg.norm(field.down))
+        # Width of a pixel, and its growth by distance.
+        beam = (0.0, pixel_mm / field.distance) if field.perspective else (pixel_mm, 0.0)
+        views = self._look(camera, size)
         stops = np.full(width * height, np.inf) if stop_mm is None else stop_mm.ravel()
-        channels, clear = self._send(seen, stops, *given)
-        edges = _edges(seen, clear, size)
-        further = self._seen(*world_rays(camera, *size, further_points(edges, width)))
-        more = np.repeat(stops[edges], len(further.mesh) // max(len(edges), 1))
-        channels = np.concatenate([channels, self._send(further, more, *given)[0]])
-        found = (mean_of_points(edges, width * height) @ channels).reshape(height, width, -1)
-        return found[..., :-1], found[..., -1]
+        found = []
+        for number in range(len(views))[which]:
+            seen = views[number]
+            channels, sees = self._send(seen, stops, light, beam)
+            edges = _edges(seen, sees, size)
+            points = world_rays(camera, *size, further_points(edges, width))
+            further = self._seen(number, *points)
+            more = np.repeat(stops[edges], len(further.mesh) // max(len(edges), 1))
+            channels = np.concatenate([channels, self._send(further, more, light, beam)[0]])
+            mean = (mean_of_points(edges, width * height) @ channels).reshape(height, width, -1)
+            depth = np.float32(seen.along_mm).reshape(height, width)
+            found.append(BehindImage(mean[..., :-1], mean[..., -1], depth))
+        return found
+
+    def _look(self, camera: Camera, size: Size) -> list[Seen]:
+        """Return what the middles of pixels see: what is opaque, then sheets."""
+        found = self._views.get((camera, size))
+        if found is None:
+            self._warn_of_unseen(camera, size)
+            rays = world_rays(camera, *size)
+            found = [self._seen(0, *rays)]
+            if self._translucent is not None:
+                for seen in islice(self._translucent.sheets(*rays), _MOST_SHEETS):
+                    if not (seen.along_mm < found[0].along_mm).any():
+                        break
+                    found.append(seen)
+            self._views.clear()
+            self._views[camera, size] = found
+        return found
+
+    def _warn_of_unseen(self, camera: Camera, size: Size) -> None:
+        projection = Projection(camera, (0, 0, *size))
+        for mesh in self.meshes:
+            low, high = mesh.points_mm.min(axis=0), mesh.points_mm.max(axis=0)
+            corners = np.array([np.where(each, high, low) for each in np.ndindex(2, 2, 2)])
+            if not projection.shows(corners):
+                place = ", ".join(f"{x:.4g}" for x in (low + high) / 2.0)
+                text = f"{mesh.name}: is outside the view, around ({place}) mm"
+                warnings.warn(f"{text}; check unit_mm and move_mm", VolspecWarning, stacklevel=2)
+
+    def _seen(self, number: int, origins: Array, directions: Array) -> Seen:
+        """Return what rays see: what is opaque, or the sheet of a number from 1."""
+        if number == 0:
+            if self._opaque is None:
+                return Seen.nothing(directions)
+            return self._opaque.first(origins, directions)
+        assert self._translucent is not None
+        sheets = self._translucent.sheets(origins, directions)
+        return next(islice(sheets, number - 1, None), Seen.nothing(directions))
 
     def _send(
         self,
         seen: Seen,
         stops: NDArray[Any],
-        camera: Camera,
-        spec: RaycastSpec,
-        arrives: Mapping[int, Arrives],
+        light: Lighting,
+        beam: tuple[float, float],
+        bounces: int = _BOUNCES,
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return channels and opacity (K, L·M + 1) of points, and what lights see them (K, S)."""
         lit = np.flatnonzero(seen.along_mm <= stops * (1.0 + _SAME_DEPTH))
-        lit = lit[seen.mesh[lit] >= 0]
-        factor, highlight, clear = self._shade(seen, lit, camera, spec, arrives)
-        light = factor[:, :, None] * self._materials(seen, lit)[:, None]
-        light += highlight[:, :, None] * self.basis.white
-        width = light.shape[1] * light.shape[2]
-        channels = np.zeros((len(stops), width + 1), np.float32)
-        channels[lit, :-1], channels[lit, -1] = light.reshape(len(lit), width), 1.0
-        sees = np.zeros((len(stops), clear.shape[1]), np.bool_)
-        sees[lit] = clear
+        groups, size = len(light.spec.groups), self.basis.size
+        channels = np.zeros((len(stops), groups * size + 1), np.float32)
+        sees = np.zeros((len(stops), len(light.sources)), np.bool_)
+        for number, mesh in enumerate(self.meshes):
+            rows = lit[seen.mesh[lit] == number]
+            if not rows.size:
+                continue
+            own = seen.rows(rows)
+            raised = own.points_mm + self._offset * own.normals
+            shading = light.shade(own, raised, mesh.grating)
+            sees[rows] = shading.sees
+            cosine = np.abs(np.einsum("kc,kc->k", own.normals, own.directions))
+            # The mean of a pixel's two widths on the surface.
+            width = (beam[0] + beam[1] * own.along_mm) / np.sqrt(np.maximum(cosine, 1e-4))
+            material = self._paints[number](own.triangle, own.shares, width)
+            if mesh.grating is not None:
+                material = material * (1.0 - mesh.grating.part)
+            sent = (1.0 - mesh.mirror) * shading.factor[:, :, None] * material[:, None]
+            sent += shading.added
+            if mesh.mirror and bounces:
+                mirrored = self._mirrored(own, raised, light, beam, bounces)
+                sent += mesh.mirror * mirrored.reshape(sent.shape)
+            channels[rows, :-1] = mesh.opacity * sent.reshape(len(rows), -1)
+            channels[rows, -1] = mesh.opacity
         return channels, sees
 
-    def _look(self, camera: Camera, size: Size) -> Seen:
-        """Return what the middles of pixels see."""
-        found = self._views.get((camera, size))
-        if found is None:
-            found = self._seen(*world_rays(camera, *size))
-            self._views.clear()
-            self._views[camera, size] = found
-        return found
-
-    def _seen(self, origins: Array, directions: Array) -> Seen:
-        hits = self._rays.hits(origins, directions)
-        count = len(directions)
-        points, normals = np.zeros((2, count, 3))
-        number = np.where(
-            hits.triangle < 0, -1, np.searchsorted(self._ends, hits.triangle, "right")
-        )
-        for k, mesh in enumerate(self.meshes):
-            rows = np.flatnonzero(number == k)
-            hits.triangle[rows] -= self._ends[k] - len(mesh.triangles)
-            corners, shares = mesh.triangles[hits.triangle[rows]], hits.shares[rows]
-            points[rows] = np.einsum("ki,kic->kc", shares, mesh.points_mm[corners])
-            normals[rows] = _facing(mesh, corners, shares, directions[rows])
-        return Seen(hits.along, points, normals, directions, number, hits.triangle, hits.shares)
-
-    def _materials(self, seen: Seen, rows: NDArray[np.intp]) -> Array:
-        """Return the channels (K, M) of the materials at points."""
-        found = np.zeros((len(rows), self.basis.size))
-        for k, mesh in enumerate(self.meshes):
-            own = np.flatnonzero(seen.mesh[rows] == k)
-            if isinstance(mesh.material, str):
-                found[own] = self._channels[mesh.material]
-                continue
-            triangle, shares = seen.triangle[rows[own]], seen.shares[rows[own]]
-            for name, given in mesh.material.items():
-                values = np.asarray(given)
-                at_points = len(values) == len(mesh.points_mm)
-                part = values[triangle]
-                if at_points:
-                    part = (values[mesh.triangles[triangle]] * shares).sum(axis=1)
-                found[own] += part[:, None] * self._channels[name]
-        return found
-
-    def _shade(
-        self,
-        seen: Seen,
-        rows: NDArray[np.intp],
-        camera: Camera,
-        spec: RaycastSpec,
-        arrives: Mapping[int, Arrives],
-    ) -> tuple[Array, Array, NDArray[np.bool_]]:
-        """Return factors of the reflectance, and highlights to add, (K, L); and who sees whom.
-
-        The last, (K, S), is True where no mesh is before a source.
-        """
-        points, normals, directions = (
-            each[rows] for each in (seen.points_mm, seen.normals, seen.directions)
-        )
-        factor, highlight = np.zeros((2, len(rows), len(spec.groups)))
-        sources = numbered_sources(spec)
-        sees = np.ones((len(rows), len(sources)), np.bool_)
-        raised = points + 2.0 * self._rays.offset * normals
-        for number, (group, source) in enumerate(sources):
-            towards, light = source_at(camera, source, points, directions)
-            if number in arrives:
-                light = light * arrives[number](points)
-            if isinstance(source, Ambient):
-                if source.occlusion:
-                    light = light * self._open(raised, normals, source.radius_mm)
-                factor[:, group] += light * spec.ambient
-                continue
-            cosine = np.einsum("kc,kc->k", normals, towards)
-            if isinstance(source, Directional | Point) and source.shadows:
-                sees[:, number] = self._sees(raised, cosine, towards, camera, source)
-                light = light * sees[:, number]
-            if not spec.shaded:
-                factor[:, group] += light * spec.diffuse
-                continue
-            half = towards - directions
-            half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
-            n_dot_h = np.clip(np.einsum("kc,kc->k", normals, half), 0.0, 1.0)
-            factor[:, group] += light * spec.diffuse * np.maximum(cosine, 0.0)
-            highlight[:, group] += light * spec.specular * (cosine > 0) * n_dot_h**spec.shininess
-        return factor, highlight, sees
-
-    def _sees(
-        self, points: Array, cosine: Array, towards: Array, camera: Camera, source: Source
-    ) -> NDArray[np.bool_]:
-        """Return (K,) True where a source is above the horizon and no mesh is before it."""
-        facing = np.flatnonzero(cosine > 0.0)
-        if isinstance(source, Point):
-            ends = np.broadcast_to(camera.place_mm(source.position_mm, source.frame), towards.shape)
-        else:
-            ends = points + FAR * towards
-        found = np.zeros(len(points), np.bool_)
-        found[facing] = self._rays.clear(points[facing], ends[facing])
-        return found
-
-    def _open(self, points: Array, normals: Array, radius_mm: float | None) -> Array:
-        """Return the part (K,) of the hemisphere, by its cosine, that no mesh closes."""
-        corners = self._rays.corners.reshape(-1, 3)
-        radius = radius_mm or float(np.linalg.norm(np.ptp(corners, axis=0))) / 10.0
-        found = np.zeros(len(points))
-        for share in _hemisphere(_OCCLUSION):
-            ways = _around(normals, share)
-            found += self._rays.clear(points, points + radius * ways)
-        return found / _OCCLUSION
+    def _mirrored(
+        self, seen: Seen, raised: Array, light: Lighting, beam: tuple[float, float], bounces: int
+    ) -> NDArray[np.float32]:
+        """Return the channels (K, L·M) of the opaque meshes that points mirror."""
+        cosine = np.einsum("kc,kc->k", seen.directions, seen.normals)[:, None]
+        met = self._seen(0, raised, seen.directions - 2.0 * cosine * seen.normals)
+        met = replace(met, along_mm=met.along_mm + seen.along_mm)
+        stops = np.full(len(raised), np.inf)
+        return self._send(met, stops, light, beam, bounces - 1)[0][:, :-1]
 
 
 def cast_meshes(
@@ -293,7 +351,7 @@ def cast_meshes(
 
     Raises
     ------
-    MeshError, DeviceError
+    MeshError, DeviceError, OpenCLError
         As `MeshCaster`; RaycastError if the picture's size is wrong.
 
     Examples
@@ -308,37 +366,7 @@ def cast_meshes(
     True
     """
     spec = RaycastSpec() if spec is None else spec
-    width, height = checked_size(size)
-    caster = MeshCaster(meshes, materials, basis)
-    channels, alpha = caster.layers(camera, (width, height), spec)
-    depth = caster.depth_mm(camera, (width, height))
-    return CoefficientImage(
-        channels.astype(np.float16 if spec.half else np.float32),
-        alpha,
-        depth,
-        basis,
-        {"camera": repr(camera), "raycast": repr(spec)},
-        groups=spec.shares(),
-        first_mm=depth,
-        fov_deg=None if camera.height_mm is not None else camera.fov_deg,
-    )
-
-
-def _channels(
-    meshes: Sequence[Mesh], materials: Mapping[str, Spectrum], basis: Basis
-) -> dict[str, Array]:
-    """Return the channels (M,) of the meshes' materials."""
-    found = {}
-    for mesh in meshes:
-        for name in mesh.materials:
-            if name not in materials:
-                raise MeshError(
-                    f"{mesh.name}: no material is named {name!r}",
-                    f"{nearest(name, materials)}there is {', '.join(materials)}",
-                    code="unknown",
-                )
-            found[name] = basis.channels_for_materials({name: materials[name]})[0]
-    return found
+    return MeshCaster(meshes, materials, basis).alone(camera, checked_size(size), spec)
 
 
 def _facing(mesh: Mesh, corners: NDArray[np.intp], shares: Array, ways: Array) -> Array:
@@ -353,24 +381,6 @@ def _facing(mesh: Mesh, corners: NDArray[np.intp], shares: Array, ways: Array) -
     found = found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-30)
     away = np.einsum("kc,kc->k", flat, ways) > 0.0
     return np.where(away[:, None], -found, found)
-
-
-def _hemisphere(count: int) -> Array:
-    """Return (count, 3) directions about z with the density of their cosine."""
-    k = np.arange(count) + 0.5
-    radius, turn = np.sqrt(k / count), np.pi * (1.0 + np.sqrt(5.0)) * k
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), np.sqrt(1.0 - k / count)], 1)
-
-
-def _around(normals: Array, share: Array) -> Array:
-    """Return a direction about z (3,) as it is about each normal (K, 3) [Duff et al. 2017]."""
-    x, y, z = normals.T
-    sign = np.where(z < 0.0, -1.0, 1.0)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    first = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=1)
-    second = np.stack([b, sign + y * y * a, -y], axis=1)
-    return share[0] * first + share[1] * second + share[2] * normals
 
 
 def _edges(seen: Seen, sees: NDArray[np.bool_], size: Size) -> NDArray[np.intp]:

@@ -1,6 +1,6 @@
 """A mesh: triangles, their normals and what they are made of.
 
-file or arrays -> [Mesh] -> caster
+file, shapes or arrays -> [Mesh] -> caster
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,14 +17,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from volspec._files import captured_output
-from volspec.errors import Code, MeshError, VolspecWarning, nearest
+from volspec._triangles import read_triangles
+from volspec.errors import Code, MeshError, VolspecWarning
+from volspec.mesh.grating import Grating
+from volspec.mesh.texture import Texture
 
 if TYPE_CHECKING:
     import pyvista
 
 Array = NDArray[np.float64]
-FILES = (".ply", ".obj", ".stl", ".vtp", ".vtk", ".gltf", ".glb")
 # Edges are smooth where normals turn by less.
 SMOOTH_DEG = 30.0
 # A triangle is degenerate if its height is below this part of its longest side.
@@ -34,7 +36,7 @@ _UNITS = 100.0
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles with a material, or with shares of several.
+    """Triangles and what they are made of.
 
     Parameters
     ----------
@@ -42,11 +44,19 @@ class Mesh:
         Points of the volume's world.
     triangles : (T, 3) array_like of int
         Indices of points.
-    material : str or {str: (N,) or (T,) array_like}
-        Name of the material; or the share of each at points, or in triangles. Shares are divided
-        by their sum.
+    material : str, {str: (N,) or (T,) array_like} or Texture
+        Name of the material; or the share of each at points, or in triangles, which are divided
+        by their sum; or a texture.
     normals : (N, 3) array_like, optional
         Of smooth edges; if left out, triangles are flat.
+    uv : (N, 2) array_like, optional
+        Texture coordinates; (0, 0) is the lower left corner. Needed for a texture.
+    opacity : float
+        Below 1, what is behind shines through, volumes included.
+    mirror : float
+        Part of the light that is reflected as by a mirror, in which other meshes are seen.
+    grating : Grating, optional
+        Lines that diffract light.
     name : str
         For messages.
 
@@ -54,7 +64,7 @@ class Mesh:
     ------
     MeshError
         If there is no triangle, an index is out of range, or numbers are not finite, shares have
-        the wrong size, are negative or all 0.
+        the wrong size, are negative or all 0; or a texture has no coordinates.
 
     Warns
     -----
@@ -70,16 +80,21 @@ class Mesh:
 
     points_mm: Array
     triangles: NDArray[np.intp]
-    material: str | Mapping[str, ArrayLike] = "white"
+    material: str | Mapping[str, ArrayLike] | Texture = "white"
     normals: Array | None = None
     name: str = "mesh"
+    uv: Array | None = None
+    opacity: float = 1.0
+    mirror: float = 0.0
+    grating: Grating | None = None
 
     def __repr__(self) -> str:
         count = len(self.triangles)
-        return f"Mesh({count} triangle{'s' * (count != 1)}, {', '.join(self.materials)})"
+        made = self.material if isinstance(self.material, Texture) else ", ".join(self.materials)
+        return f"Mesh({count} triangle{'s' * (count != 1)}, {made})"
 
     def __post_init__(self) -> None:
-        points = self._finite("points_mm", self.points_mm)
+        points = self._finite("points_mm", self.points_mm, 3)
         triangles = np.asarray(self.triangles)
         if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
             raise self._error(f"triangles have shape {triangles.shape}", "give (T, 3) of int")
@@ -92,13 +107,22 @@ class Mesh:
             raise self._error("has no triangle with an area", "give a surface", "missing")
         object.__setattr__(self, "points_mm", points)
         object.__setattr__(self, "triangles", triangles[whole])
-        if self.normals is not None:
-            normals = self._finite("normals", self.normals)
-            if normals.shape != points.shape:
-                raise self._error(f"normals have shape {normals.shape}", f"give {points.shape}")
-            object.__setattr__(self, "normals", normals)
-        if not isinstance(self.material, str):
-            self._take_shares(whole)
+        for what, columns in (("normals", 3), ("uv", 2)):
+            if (given := getattr(self, what)) is not None:
+                found = self._finite(what, given, columns)
+                if len(found) != len(points):
+                    shape = f"{what} have shape {found.shape}"
+                    raise self._error(shape, f"give {(len(points), columns)}")
+                object.__setattr__(self, what, found)
+        if isinstance(self.material, Texture):
+            if self.uv is None:
+                remedy = "unwrap it where it was made, or give uv"
+                raise self._error("has no texture coordinates", remedy, "missing")
+        elif not isinstance(self.material, str):
+            object.__setattr__(self, "material", self._shares(self.material, whole))
+        for what, least in (("opacity", 1e-3), ("mirror", 0.0)):
+            if not least <= getattr(self, what) <= 1.0:
+                raise self._error(f"{what} is {getattr(self, what):g}", "give 0 to 1", "range")
         if lost := int((~whole).sum()):
             text = f"{self.name}: {lost} of its triangles have no area, and are left out"
             warnings.warn(text, VolspecWarning, stacklevel=3)
@@ -106,10 +130,10 @@ class Mesh:
     def _error(self, problem: str, remedy: str, code: Code = "shape") -> MeshError:
         return MeshError(f"{self.name}: {problem}", remedy, code=code)
 
-    def _finite(self, what: str, given: ArrayLike) -> Array:
+    def _finite(self, what: str, given: ArrayLike, columns: int) -> Array:
         array = np.asarray(given, np.float64)
-        if array.ndim != 2 or array.shape[1] != 3:
-            raise self._error(f"{what} have shape {array.shape}", "give (N, 3)")
+        if array.ndim != 2 or array.shape[1] != columns:
+            raise self._error(f"{what} have shape {array.shape}", f"give (N, {columns})")
         if not np.isfinite(array).all():
             row = int((~np.isfinite(array)).any(axis=1).argmax())
             raise self._error(f"{what}: number {row} is not finite", "repair the mesh", "range")
@@ -123,50 +147,50 @@ class Mesh:
         twice = np.linalg.norm(np.cross(b - a, c - a), axis=1)
         return np.asarray(twice > _LEAST_HEIGHT * longest)
 
-    def _take_shares(self, whole: NDArray[np.bool_]) -> None:
-        """Check and store shares of materials."""
-        assert not isinstance(self.material, str)
-        found, counts = {}, {"points": len(self.points_mm), "triangles": len(whole)}
-        for name, given in self.material.items():
-            shares = np.asarray(given, np.float64)
+    def _shares(
+        self, material: Mapping[str, ArrayLike], whole: NDArray[np.bool_]
+    ) -> dict[str, Array]:
+        """Return checked shares of materials; triangles without an area are left out."""
+        counts = {"points": len(self.points_mm), "triangles": len(whole)}
+        found = {name: np.asarray(given, np.float64) for name, given in material.items()}
+        for name, shares in found.items():
             if shares.ndim != 1 or len(shares) not in counts.values():
                 sizes = " or ".join(f"{count} ({what})" for what, count in counts.items())
                 raise self._error(f"shares of {name} have shape {shares.shape}", f"give {sizes}")
             if not (shares >= 0.0).all():
                 raise self._error(f"shares of {name} are negative or NaN", "clip them", "range")
-            found[name] = shares
         if len({len(each) for each in found.values()}) != 1:
             raise self._error("shares of materials differ in size", "give all at points")
         total = np.sum([*found.values()], axis=0)
-        per_triangle = len(total) == len(whole) and len(total) != len(self.points_mm)
-        used = whole if per_triangle else np.isin(np.arange(len(total)), self.triangles)
+        at_points = len(total) == len(self.points_mm)
+        used = np.isin(np.arange(len(total)), self.triangles) if at_points else whole
         if not total[used].all():
             raise self._error("somewhere no material has a share", "give one at least", "range")
         total = np.where(total > 0.0, total, 1.0)
-        kept = whole if per_triangle else slice(None)
-        parts = {name: (each / total)[kept] for name, each in found.items()}
-        object.__setattr__(self, "material", parts)
+        return {name: (each / total)[... if at_points else whole] for name, each in found.items()}
 
     @property
     def materials(self) -> tuple[str, ...]:
         """Names of its materials."""
+        if isinstance(self.material, Texture):
+            return tuple(self.material.materials)
         return (self.material,) if isinstance(self.material, str) else tuple(self.material)
 
     @classmethod
     def load(
         cls,
         path: str | os.PathLike[str],
-        material: str = "white",
+        material: str | Texture = "white",
         *,
         unit_mm: float = 1.0,
         smooth_deg: float = SMOOTH_DEG,
     ) -> Mesh:
-        """Read PLY, OBJ, STL, VTP, VTK or glTF.
+        """Read PLY, OBJ, STL, VTP, VTK or glTF, with texture coordinates.
 
         Parameters
         ----------
         path : path
-        material : str
+        material : str or Texture
         unit_mm : float
             Millimetres of the file's unit.
         smooth_deg : float
@@ -175,33 +199,36 @@ class Mesh:
         Raises
         ------
         MeshError
-            If the file cannot be read or has no triangles.
+            If the file cannot be read or has no triangles, or no coordinates for a texture.
         """
-        surface = _read(Path(path))
-        try:
-            shaded = surface.compute_normals(
+        path = Path(path)
+        surface = read_triangles(path, MeshError)
+        with suppress(RuntimeError):  # VTK finds no cell with an area; refused by name below
+            surface = surface.compute_normals(
                 cell_normals=False,
                 split_vertices=True,
                 feature_angle=smooth_deg,
                 consistent_normals=False,
                 auto_orient_normals=False,
             )
-        except RuntimeError:  # VTK finds no cell with an area; refused by name below
-            shaded = surface
-        normals = shaded.point_data.get("Normals")
-        points = np.asarray(shaded.points, np.float64) * unit_mm
-        triangles = shaded.faces.reshape(-1, 4)[:, 1:]
-        return cls(points, triangles, material, normals, Path(path).name)
+        mesh = cls.of(surface, material, path.name)
+        uv = mesh.uv
+        if uv is not None and path.suffix.lower() in (".gltf", ".glb"):
+            uv = uv * (1.0, -1.0) + (0.0, 1.0)  # from the upper left corner
+        return replace(mesh, points_mm=mesh.points_mm * unit_mm, uv=uv)
 
     @classmethod
-    def of(cls, surface: pyvista.DataSet, material: str = "white", name: str = "mesh") -> Mesh:
+    def of(
+        cls, surface: pyvista.DataSet, material: str | Texture = "white", name: str = "mesh"
+    ) -> Mesh:
         """Return a pyvista data set's surface, in mm; its point normals, if any, make it smooth.
 
         Raises MeshError if it has no triangles.
         """
         faces = surface.extract_surface(algorithm=None).triangulate()
-        normals = faces.point_data.get("Normals")
-        return cls(faces.points, faces.faces.reshape(-1, 4)[:, 1:], material, normals, name)
+        normals, uv = faces.point_data.get("Normals"), faces.active_texture_coordinates
+        triangles = faces.faces.reshape(-1, 4)[:, 1:]
+        return cls(faces.points, triangles, material, normals, name, uv)
 
     def warn_of_unit(self, around_mm: Array) -> None:
         """Warn if the mesh and what it belongs to (N, 3) differ in size as units do."""
@@ -215,38 +242,8 @@ class Mesh:
     def placed(self, move_mm: ArrayLike, turn_deg: ArrayLike = (0.0, 0.0, 0.0)) -> Mesh:
         """Return the mesh turned about x, then y, then z, and then moved."""
         rotation = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
+        move = np.asarray(move_mm, np.float64)
         normals = None if self.normals is None else self.normals @ rotation.T
-        points = self.points_mm @ rotation.T + np.asarray(move_mm, np.float64)
-        return replace(self, points_mm=points, normals=normals)
-
-
-def _read(path: Path) -> pyvista.PolyData:
-    """Return a file's triangles."""
-    import pyvista
-
-    if path.suffix.lower() not in FILES:
-        known = ", ".join(FILES)
-        guess = nearest(path.suffix.lower(), FILES)
-        raise MeshError(
-            f"{path}: not a known format of meshes", f"{guess}known are {known}", code="unsupported"
-        )
-    if not path.exists():
-        raise MeshError(f"{path}: no such file", "check the path", code="not-found")
-    with warnings.catch_warnings(), captured_output([]):
-        warnings.simplefilter("ignore")  # what is read is checked below
-        try:
-            read = pyvista.read(path)
-            if isinstance(read, pyvista.MultiBlock):
-                read = read.combine()
-            surface = read.extract_surface(algorithm=None).triangulate()
-        except Exception as error:  # of any of VTK's readers
-            raise _no_mesh(path) from error
-    if not surface.n_cells:
-        raise _no_mesh(path)
-    return surface
-
-
-def _no_mesh(path: Path) -> MeshError:
-    return MeshError(
-        f"{path}: no triangles can be read from it", "give PLY, OBJ, STL or VTP", code="damaged"
-    )
+        grating = None if self.grating is None else self.grating.placed(1.0, rotation, move)
+        points = self.points_mm @ rotation.T + move
+        return replace(self, points_mm=points, normals=normals, grating=grating)

@@ -136,7 +136,7 @@ class Raycaster:
         progress: Progress | None = None,
         cancel: Cancel | None = None,
         receiver: Receiver | None = None,
-        stop_mm: NDArray[np.float32] | None = None,
+        span_mm: NDArray[np.float32] | None = None,
         clear: Clear | None = None,
     ) -> Result:
         """Cast a picture.
@@ -155,10 +155,11 @@ class Raycaster:
             Called between bands, about every `RaycastSpec.tile_ms`; True ends the cast.
         receiver : Receiver, optional
             Receives each band on the device; its picture is incomplete if the cast fails.
-        stop_mm : (H, W) float32, optional
-            Distances from the camera at which rays end, such as at opaque surfaces; may be inf.
+        span_mm : (H, W, 2) float32, optional
+            Distances from the camera between which rays are cast, such as to opaque surfaces; may
+            be inf.
         clear : callable, optional
-            What opaque surfaces keep from the volume: True where nothing is between two points,
+            What surfaces keep from the volume: the part of light that passes between two points,
             (K, 3) starts and ends in mm -> (K,).
 
         Raises
@@ -180,7 +181,7 @@ class Raycaster:
                 )
             self._casting = True
             try:
-                given = progress, cancel, receiver, stop_mm, clear
+                given = progress, cancel, receiver, span_mm, clear
                 return self._cast(table, camera, size, spec, *given)
             finally:
                 self._casting = False
@@ -194,7 +195,7 @@ class Raycaster:
         progress: Progress | None,
         cancel: Cancel | None,
         receiver: Receiver | None,
-        stop_mm: NDArray[np.float32] | None,
+        span_mm: NDArray[np.float32] | None,
         clear: Clear | None,
     ) -> Result:
         width, height = checked_size(size)
@@ -235,10 +236,10 @@ class Raycaster:
         except MemoryError:
             raise OpenCLError(f"raycast: no memory for {picture}", remedy, code="size") from None
         unit = np.float32(min(self.volume.spacing_mm))
-        ends = np.zeros(1, np.float32) if stop_mm is None else stop_mm.astype(np.float32) / unit
-        stops = self._compute.upload(np.ascontiguousarray(ends))
-        kernel = self._kernel(program, spec, numbers, stops=stop_mm is not None)
-        arguments = self._voxels, self._codes(table, spec), *inputs, light, stops, struct
+        given = np.zeros(2, np.float32) if span_mm is None else span_mm.astype(np.float32) / unit
+        spans = self._compute.upload(np.ascontiguousarray(given))
+        kernel = self._kernel(program, spec, numbers, spans=span_mm is not None)
+        arguments = self._voxels, self._codes(table, spec), *inputs, light, spans, struct
         tile, group = TILES[self.lanes], GROUPS[self.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
             bands = RowBatches(self._compute, result, tile, group, spec.tile_ms, pack)
@@ -311,7 +312,7 @@ class Raycaster:
         spec: RaycastSpec,
         layers: list[int],
         *,
-        stops: bool,
+        spans: bool,
     ) -> Any:
         tile_width, tile_height = TILES[self.lanes]
         constants = {
@@ -321,7 +322,7 @@ class Raycaster:
             "BRICK": BRICK,
             "STRIDES": STRIDES,
             "ADAPTIVE": int(spec.adaptive > 0),
-            "STOPS": int(stops),
+            "SPANS": int(spans),
             "VOXEL": C_TYPES[self.volume.values.dtype.name],
             "VOXEL_BYTES": self.volume.values.itemsize,
             "VOXEL_SIGNED": int(self.volume.values.dtype.kind == "i"),

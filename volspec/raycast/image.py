@@ -137,13 +137,29 @@ class CoefficientImage:
         first = list(self.groups).index(group) * size
         return self.coefficients[..., first : first + size]
 
+    def emptied(self) -> CoefficientImage:
+        """Return the image without anything in it."""
+        far = np.full_like(self.alpha, np.inf)
+        return replace(
+            self,
+            coefficients=np.zeros_like(self.coefficients),
+            alpha=np.zeros_like(self.alpha),
+            depth_mm=far,
+            first_mm=far,
+        )
+
     def before(
-        self, behind: ArrayLike, alpha: ArrayLike = 1.0, depth_mm: NDArray[np.float32] | None = None
+        self,
+        behind: ArrayLike,
+        alpha: ArrayLike = 1.0,
+        depth_mm: NDArray[np.float32] | None = None,
+        first_mm: NDArray[np.float32] | None = None,
     ) -> CoefficientImage:
         """Return the image in front of another, (H, W, K·M), of the last K light groups.
 
         The other's channels are premultiplied by its ``alpha``; depths stay as they are where its
-        own are left out or inf. Raises ShapeError if its size or its channels differ.
+        own are left out or inf, and its first hits are at its depths if left out. Raises
+        ShapeError if its size or its channels differ.
         """
         layers = np.asarray(behind, np.float32)
         kind, channels = self.coefficients.dtype, self.coefficients.shape[2]
@@ -161,10 +177,15 @@ class CoefficientImage:
         found[own] = np.clip(seen, -most, most)
         part = through * np.broadcast_to(np.asarray(alpha, np.float32), through.shape)
         image = replace(self, coefficients=found, alpha=self.alpha + part)
-        return image if depth_mm is None else image._with_depth(part, depth_mm)
+        if depth_mm is None:
+            return image
+        return image._with_depth(part, depth_mm, depth_mm if first_mm is None else first_mm)
 
     def _with_depth(
-        self, part: NDArray[np.float32], depth_mm: NDArray[np.float32]
+        self,
+        part: NDArray[np.float32],
+        depth_mm: NDArray[np.float32],
+        first_mm: NDArray[np.float32],
     ) -> CoefficientImage:
         """Return the image with depths of what a part (H, W) of its opacity has been added for."""
         there = np.isfinite(depth_mm) & (part > 0.0)
@@ -173,7 +194,7 @@ class CoefficientImage:
         own = np.where(before > 0.0, self.depth_mm[there], 0.0)
         depth[there] = (before * own + part[there] * depth_mm[there]) / self.alpha[there]
         if first is not None:
-            first = np.where(there, np.minimum(first, depth_mm), first)
+            first = np.where(there, np.minimum(first, first_mm), first)
         return replace(self, depth_mm=depth, first_mm=first)
 
     def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:

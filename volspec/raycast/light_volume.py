@@ -58,7 +58,7 @@ CUT_TOLERANCE = 1e-3
 # In mm: as far as directional lights are away.
 FAR = 1e7
 # (K, 3) starts, ends -> (K,): nothing opaque is between them.
-Clear = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
+Clear = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -198,7 +198,7 @@ def arriving(
 
 
 def unblocked_part(layer: LightLayer, grid: LightGrid, clear: Clear) -> NDArray[np.float64]:
-    """Return the part (nodes,) of a source's light that opaque surfaces let pass to each node."""
+    """Return the part (nodes,) of a source's light that surfaces let pass to each node."""
     nodes = grid.positions()
     if layer.kind == "point":
         return clear(nodes, np.broadcast_to(layer.vector, nodes.shape)).astype(np.float64)
@@ -294,7 +294,7 @@ class LightVolume:
         The extinction is reused while the table (by identity, not equality), the cuts and the grid
         are the same; a layer, while its light is the same, too. The buffer is
         ushort[layer][nz][ny][nx] in order of `light_layers`, 65535 if all light arrives, valid
-        until the next call. ``clear`` is what opaque surfaces keep from the nodes. Raises
+        until the next call. ``clear`` is what surfaces keep from the nodes. Raises
         OpenCLError if the device has no room for the grid.
         """
         grid = LightGrid.of(self._volume, spec.light_cells)

@@ -69,12 +69,12 @@ def cast(
     camera: Camera,
     size: tuple[int, int],
     spec: RaycastSpec,
-    stop_mm: NDArray[np.float32] | None = None,
+    span_mm: NDArray[np.float32] | None = None,
     clear: Clear | None = None,
 ) -> Result:
-    """Cast every pixel of a picture of (width, height); rays end at ``stop_mm`` (H, W), if given.
+    """Cast every pixel of a picture of (width, height), within ``span_mm`` (H, W, 2), if given.
 
-    ``clear`` is what opaque surfaces keep from the volume, as `Raycaster.cast`.
+    ``clear`` is what surfaces keep from the volume, as `Raycaster.cast`.
 
     Returns coefficients (H, W, L·M), premultiplied by opacity; alpha; depth_mm, the expected
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
@@ -91,8 +91,9 @@ def cast(
     elif table.filters is not None:
         kind = _Filtered
     rays = make_rays(volume, camera, size, spec)
-    if stop_mm is not None:
-        rays = replace(rays, far=np.minimum(rays.far, stop_mm.ravel()))
+    if span_mm is not None:
+        begin, end = span_mm.reshape(-1, 2).T
+        rays = replace(rays, near=np.maximum(rays.near, begin), far=np.minimum(rays.far, end))
     cast = kind(volume, table, camera, spec, rays, clear)
     cast.march()
     shape = (height, width)

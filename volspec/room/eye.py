@@ -23,13 +23,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from volspec._triangles import frames
 from volspec.appearance.gamut_mapping import screen_for_viewing
 from volspec.appearance.models.base import Appearance
 from volspec.appearance.scene_to_display import forward_for, view_transform
 from volspec.appearance.spec import Viewing
 from volspec.errors import RoomError
 from volspec.room.direct import direct_irradiance
-from volspec.room.form_factors import Rays, frames, sobol
+from volspec.room.form_factors import Rays, sobol
 from volspec.room.model import Eye, Room
 from volspec.room.quantities import lux_from_irradiance
 from volspec.room.radiosity import Progress, RoomLight, no_progress

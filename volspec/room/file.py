@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -18,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from volspec._files import captured_output
 from volspec._parse import parse_toml, read_text, toml_remedy
+from volspec._triangles import read_triangles
 from volspec.errors import InputError, RoomError, SpectrumError, nearest
 from volspec.room.beam import Beam, read_beam
 from volspec.room.mesh import SIDES, RoomMesh, box, panel
@@ -405,24 +404,7 @@ def _sides(size: NDArray[np.float64], lights: Sequence[LampSpec]) -> list[RoomMe
 
 def _from_file(spec: MeshSpec, folder: Path) -> RoomMesh:
     """Return the triangles of a mesh's file."""
-    import pyvista
-
-    path = folder / spec.file
-    if not path.exists():
-        raise RoomError(f"{path}: no such file", "check the path", code="not-found")
-    with warnings.catch_warnings(), captured_output([]):
-        warnings.simplefilter("ignore")  # what is read is checked below
-        try:
-            read = pyvista.read(path)
-        except Exception as error:  # of any of VTK's readers
-            raise _no_mesh(path) from error
-    if not isinstance(read, pyvista.PolyData) or not read.n_cells:
-        raise _no_mesh(path)
-    surface = read.triangulate()
+    surface = read_triangles(folder / spec.file, RoomError)
     faces = surface.faces.reshape(-1, 4)[:, 1:]
     corners = np.asarray(surface.points, np.float64)[faces] * spec.unit_m + spec.move_m
     return RoomMesh(corners, np.zeros(len(faces), np.intp), (spec.name,))
-
-
-def _no_mesh(path: Path) -> RoomError:
-    return RoomError(f"{path}: has no triangles", "give PLY, OBJ, STL or VTP", code="damaged")

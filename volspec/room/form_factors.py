@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.stats import qmc
 
-from volspec._rays import TriangleRays
+from volspec._triangles import TriangleRays, cosine_directions
 from volspec.room.mesh import RoomMesh
 
 Array = NDArray[np.float64]
@@ -52,22 +52,6 @@ class FormFactors:
     halves: tuple[csr_array, csr_array]
     lost: Array  # (N,) part of the rays that leave the room
     backs: Array  # (N,) part of the rays that hit the back of a triangle
-
-
-def frames(normals: Array) -> tuple[Array, Array]:
-    """Return two unit vectors (..., 3) across each normal."""
-    helper = np.where(np.abs(normals[..., :1]) < 0.6, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
-    first = np.cross(normals, helper)
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
-    return first, np.cross(normals, first)
-
-
-def cosine_directions(normals: Array, shares: Array) -> Array:
-    """Return directions (..., 3) about normals, with the density of their cosine, by squares."""
-    first, second = frames(normals)
-    radius, turn = np.sqrt(shares[..., :1]), 2.0 * np.pi * shares[..., 1:]
-    height = np.sqrt(np.maximum(1.0 - shares[..., :1], 0.0))
-    return radius * (np.cos(turn) * first + np.sin(turn) * second) + height * normals
 
 
 def sobol(count: int, dimensions: int, seed: int) -> Array:

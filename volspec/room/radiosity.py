@@ -23,9 +23,10 @@ import psutil
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array, diags_array
 
+from volspec._triangles import cosine_directions
 from volspec.errors import RoomError
 from volspec.room.direct import direct_irradiance
-from volspec.room.form_factors import FormFactors, Rays, cosine_directions, form_factors, sobol
+from volspec.room.form_factors import FormFactors, Rays, form_factors, sobol
 from volspec.room.mesh import RoomMesh
 from volspec.room.model import Room
 from volspec.room.quantities import lux_from_irradiance

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from volspec._triangles import frames
 from volspec.basis import SpectralBasis
 from volspec.raycast import Camera
 from volspec.raycast.behind import BehindImage, OpacityCaster
@@ -30,7 +31,7 @@ from volspec.raycast.edges import further_points, mean_of_points, next_to
 from volspec.raycast.projection import Projection
 from volspec.raycast.sampling import world_rays
 from volspec.room.backdrop import LitMesh, Seen, room_colours
-from volspec.room.form_factors import frames, sobol
+from volspec.room.form_factors import sobol
 from volspec.room.response import RoomResponse
 from volspec.settings import Vector
 
@@ -193,10 +194,16 @@ class Backdrop:
 
     clear = None  # the room's light on the volume knows its furniture
 
+    def sheets(
+        self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
+    ) -> tuple[BehindImage, ...]:
+        """Return nothing: rooms are opaque."""
+        return ()
+
     def __call__(
         self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
     ) -> BehindImage:
-        """Return the room, as `volspec.pipeline.Behind`; it is seen to its end."""
+        """Return the room, as `volspec.raycast.behind.Behind`; it is seen to its end."""
         layers = self.layers(camera, size, opacity)
         return BehindImage(layers, np.ones(layers.shape[:2], np.float32))
 

@@ -65,8 +65,14 @@ class WhiteWalls:
     _cast: tuple[Camera, OpacityCaster] | None = None
 
     def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Return where rays end, as `volspec.pipeline.Behind`."""
+        """Return where rays end, as `volspec.raycast.behind.Behind`."""
         return self.backdrop.depth_mm(camera, size)
+
+    def sheets(
+        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster, stop_mm: Layers
+    ) -> tuple[BehindImage, ...]:
+        """Return nothing: rooms are opaque."""
+        return ()
 
     def __call__(
         self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster, stop_mm: Layers

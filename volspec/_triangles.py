@@ -1,18 +1,27 @@
-"""Rays and triangles, by Embree.
+"""Triangles: files of them, rays to them by Embree, directions about their normals.
 
-triangles -> [rays] -> first hits, free ways -> room, mesh
+file -> [triangles] -> first hits, free ways -> room, mesh
 """
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import DeviceError
+from volspec._files import captured_output
+from volspec.errors import DeviceError, InputError, nearest
+
+if TYPE_CHECKING:
+    import pyvista
 
 Array = NDArray[np.float64]
+FILES = (".ply", ".obj", ".stl", ".vtp", ".vtk", ".gltf", ".glb")
+"""Suffixes of `read_triangles`."""
 # Rays begin this fraction of the triangles' extent in front of theirs, and shadow rays end so.
 _OFFSET = 1e-5
 
@@ -95,3 +104,49 @@ class TriangleRays:
             np.float32(origins - self._middle), directions, reach, query="OCCLUDED"
         )
         return np.asarray(found) != 0
+
+
+def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
+    """Return the triangles of a PLY, OBJ, STL, VTP, VTK or glTF file.
+
+    Raises ``refused`` if the file is missing, of another format, or has no triangles.
+    """
+    import pyvista
+
+    if path.suffix.lower() not in FILES:
+        known = ", ".join(FILES)
+        guess = nearest(path.suffix.lower(), FILES)
+        problem = f"{path}: not a known format of meshes"
+        raise refused(problem, f"{guess}known are {known}", code="unsupported")
+    if not path.exists():
+        raise refused(f"{path}: no such file", "check the path", code="not-found")
+    cause = None
+    with warnings.catch_warnings(), captured_output([]):
+        warnings.simplefilter("ignore")  # what is read is checked below
+        try:
+            read = pyvista.read(path)
+            if isinstance(read, pyvista.MultiBlock):
+                read = read.combine()
+            surface = read.extract_surface(algorithm=None).triangulate()
+        except Exception as error:  # of any of VTK's readers
+            cause, surface = error, pyvista.PolyData()
+    if not surface.n_cells:
+        remedy = "give PLY, OBJ, STL or VTP"
+        raise refused(f"{path}: no triangles can be read", remedy, code="damaged") from cause
+    return surface
+
+
+def frames(normals: Array) -> tuple[Array, Array]:
+    """Return two unit vectors (..., 3) across each normal."""
+    helper = np.where(np.abs(normals[..., :1]) < 0.6, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    first = np.cross(normals, helper)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return first, np.cross(normals, first)
+
+
+def cosine_directions(normals: Array, shares: Array) -> Array:
+    """Return directions (..., 3) about normals, with the density of their cosine, by squares."""
+    first, second = frames(normals)
+    radius, turn = np.sqrt(shares[..., :1]), 2.0 * np.pi * shares[..., 1:]
+    height = np.sqrt(np.maximum(1.0 - shares[..., :1], 0.0))
+    return radius * (np.cos(turn) * first + np.sin(turn) * second) + height * normals

@@ -1,0 +1,108 @@
+"""Gratings: light of each wavelength goes to directions of its own.
+
+directions of the light and the eye -> [grating] -> reflectances (K, N) -> caster
+
+The orders of reference [1], eq. 9, are smeared by the waviness of the surface and the size of the
+light: a Gaussian in the cosines of direction along the surface takes the delta functions' place.
+dα dβ = cos θ dω, so what is diffracted is neither more nor less than the light that arrives.
+
+References
+----------
+[1] Wang, Xu & Sun (2004), "Practical Construction of Reflectances for Spectral Rendering".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from scipy.special import ndtr
+
+from volspec.errors import MeshError
+from volspec.settings import Positive, Unit, Vector, settings
+from volspec.spectra.grid import SpectralGrid
+
+Array = NDArray[np.float64]
+# Peaks farther away than this many widths are left out.
+_REACH = 5.0
+
+
+@settings(MeshError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grating:
+    """``grating``: fine lines on a surface, such as the tracks of a disc, which diffract light."""
+
+    spacing_um: Annotated[Positive, Unit("µm")]
+    """Distance between lines; 1.6 for a compact disc, 0.74 for a DVD."""
+    cross_um: Annotated[Positive, Unit("µm")] | None = None
+    """Distance between lines of a second set, across the first."""
+    across: Vector | None = None
+    """Direction across the lines, in the file's axes; if left out, lines are circles about
+    ``centre``."""
+    centre: Vector = (0.0, 0.0, 0.0)
+    """Middle of the circles, in the file's axes and units."""
+    orders: Annotated[int, Field(ge=1, le=9)] = 3
+    """Highest order, to either side; all have the same part of the light."""
+    part: Annotated[float, Field(gt=0.0, le=1.0)] = 0.5
+    """Part of the light that is diffracted; the material reflects the rest."""
+    spread_deg: Annotated[float, Field(ge=0.05, le=30.0), Unit("degrees")] = 1.0
+    """Width (standard deviation) of the stripes: waviness of the surface, size of the light."""
+
+    def placed(self, unit_mm: float, rotation: Array, move_mm: Array) -> Grating:
+        """Return the grating of a mesh that is scaled, turned and moved."""
+        centre = tuple(np.array(self.centre) * unit_mm @ rotation.T + move_mm)
+        across = None if self.across is None else tuple(np.array(self.across) @ rotation.T)
+        return replace(self, centre=centre, across=across)
+
+    def frames(self, points_mm: Array, normals: Array) -> tuple[Array, Array]:
+        """Return unit vectors (K, 3) across and along the lines, in the surface."""
+        centre = np.array(self.centre)
+        across = points_mm - centre if self.across is None else np.array([self.across])
+        across = (
+            across
+            - np.einsum("kc,kc->k", across * np.ones_like(normals), normals)[:, None] * normals
+        )
+        across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+        return across, np.cross(normals, across)
+
+    def reflectance(
+        self, grid: SpectralGrid, points_mm: Array, normals: Array, q: Array
+    ) -> tuple[NDArray[np.intp], Array]:
+        """Return the points (R,) that diffract towards the eye, and their reflectances (R, N).
+
+        ``q`` (K, 3) is the sum of the directions to the light and to the eye, [1]'s with the other
+        sign, which swaps the orders of either side. 1 is what a white surface reflects.
+        """
+        across, along = self.frames(points_mm, normals)
+        s, t = (np.einsum("kc,kc->k", q, each) for each in (across, along))
+        width = np.radians(self.spread_deg)
+        edges = np.append(
+            grid.wavelengths_nm - grid.step_nm / 2.0, grid.wavelengths_nm[-1] + grid.step_nm / 2.0
+        )
+        cross = [0] if self.cross_um is None else range(-self.orders, self.orders + 1)
+        orders = [(j, k) for j in range(-self.orders, self.orders + 1) for k in cross]
+        found = np.zeros((len(q), grid.size))
+        for j, k in orders:
+            # Cosines per nanometre; the two deltas' product is a Gaussian of the wavelength.
+            a = j / (1e3 * self.spacing_um)
+            b = k / (1e3 * self.cross_um) if self.cross_um is not None else 0.0
+            square = a * a + b * b
+            if not square:
+                rows = np.flatnonzero(s * s + t * t < (_REACH * width) ** 2)
+                found[rows] += np.exp(-0.5 * (s[rows] ** 2 + t[rows] ** 2) / width**2)[:, None]
+                continue
+            peak = (s * a + t * b) / square
+            off, narrow = np.maximum(s * s + t * t - peak**2 * square, 0.0), width / square**0.5
+            reach = _REACH * narrow
+            seen = (peak > edges[0] - reach) & (peak < edges[-1] + reach)
+            rows = np.flatnonzero(seen & (off < (_REACH * width) ** 2))
+            bands = np.diff(ndtr((edges - peak[rows, None]) / narrow), axis=1) / grid.step_nm
+            height = np.exp(-0.5 * off[rows] / width**2) * narrow * np.sqrt(2.0 * np.pi)
+            found[rows] += height[:, None] * bands
+        # π: of a BRDF, what a white surface reflects is 1/π.
+        found *= np.pi * self.part / len(orders) / (2.0 * np.pi * width**2)
+        rows = np.flatnonzero(found.any(axis=1))
+        return rows, found[rows]

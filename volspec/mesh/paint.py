@@ -1,0 +1,89 @@
+"""Reflectances at points of a mesh, in channels: of materials, of their shares, of textures.
+
+mesh, reflectances, basis -> [paint] -> caster
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import Basis
+from volspec.errors import MeshError, nearest
+from volspec.mesh.model import Mesh
+from volspec.mesh.texture import (
+    Texels,
+    Texture,
+    channel_lattice,
+    interpolate_on_device,
+    pyramid,
+    sample,
+)
+from volspec.spectra import Spectrum
+
+Array = NDArray[np.float64]
+Paint = Callable[[NDArray[np.intp], Array, Array], Array]
+"""(K,) triangles, (K, 3) shares of their corners and (K,) widths in mm -> channels (K, M)."""
+
+
+def mesh_paint(mesh: Mesh, materials: Mapping[str, Spectrum], basis: Basis) -> Paint:
+    """Return a function of points that returns the channels of what the mesh is made of.
+
+    Raises MeshError if a material is unknown, or a texture's colours do not fit the basis.
+    """
+    channels = {name: _channels(mesh, name, materials, basis) for name in mesh.materials}
+    if isinstance(mesh.material, Texture):
+        return _texture_paint(mesh, pyramid(texel_channels(mesh.material, channels, basis)))
+    if isinstance(mesh.material, str):
+        only = channels[mesh.material]
+        return lambda triangle, shares, width_mm: np.tile(only, (len(triangle), 1))
+    parts = {name: np.asarray(given, np.float64) for name, given in mesh.material.items()}
+    values = np.sum([parts[name][:, None] * channels[name] for name in parts], axis=0)
+
+    def mixed(triangle: NDArray[np.intp], shares: Array, width_mm: Array) -> Array:
+        if len(values) != len(mesh.points_mm):
+            return np.asarray(values[triangle])
+        return np.einsum("ki,kim->km", shares, values[mesh.triangles[triangle]])
+
+    return mixed
+
+
+def texel_channels(texture: Texture, channels: Mapping[str, Array], basis: Basis) -> Texels:
+    """Return the channels (H, W, M) of a texture's texels; ``channels`` are its materials'."""
+    if not texture.materials:
+        codes = texture.texels.reshape(-1, 3)
+        found = interpolate_on_device(channel_lattice(basis, texture.name), codes)
+        return found.reshape(*texture.texels.shape[:2], basis.size)
+    table = np.array([channels[name] for name in texture.materials])
+    if texture.texels.ndim == 2:
+        return table.astype(np.float16)[texture.texels]
+    return (texture.texels @ table.astype(np.float32)).astype(np.float16)
+
+
+def _texture_paint(mesh: Mesh, levels: list[Texels]) -> Paint:
+    assert mesh.uv is not None
+    uv = mesh.uv[mesh.triangles]
+    a, b, c = mesh.points_mm[mesh.triangles].transpose(1, 0, 2)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    (du, dv), (eu, ev) = (uv[:, 1] - uv[:, 0]).T, (uv[:, 2] - uv[:, 0]).T
+    texels = levels[0].shape[0] * levels[0].shape[1] * np.abs(du * ev - dv * eu)
+    per_mm = np.sqrt(texels / np.maximum(area, 1e-30))
+
+    def found(triangle: NDArray[np.intp], shares: Array, width_mm: Array) -> Array:
+        at = np.einsum("ki,kic->kc", shares, uv[triangle])
+        return sample(levels, at, width_mm * per_mm[triangle]).astype(np.float64)
+
+    return found
+
+
+def _channels(mesh: Mesh, name: str, materials: Mapping[str, Spectrum], basis: Basis) -> Array:
+    """Return the channels (M,) of a material."""
+    if name not in materials:
+        raise MeshError(
+            f"{mesh.name}: no material is named {name!r}",
+            f"{nearest(name, materials)}there is {', '.join(materials) or 'none'}",
+            code="unknown",
+        )
+    return basis.channels_for_materials({name: materials[name]})[0]

@@ -1,0 +1,146 @@
+"""Light at points of meshes, by light group: Lambert, Blinn and Phong, gratings, shadows.
+
+points, lights -> [shading] -> factors of the material, what is added -> caster
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._triangles import cosine_directions
+from volspec.basis import Basis, SpectralBasis
+from volspec.mesh.grating import Grating
+from volspec.raycast.camera import Camera
+from volspec.raycast.kernel_arguments import numbered_sources
+from volspec.raycast.light_volume import FAR, Arrives, Clear
+from volspec.raycast.lights import Ambient, Directional, Point, Source
+from volspec.raycast.sampling import source_at
+from volspec.raycast.spec import RaycastSpec
+
+Array = NDArray[np.float64]
+# Rays of ambient occlusion from each point; without a radius they reach this part of the meshes.
+_OCCLUSION, _REACH = 32, 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """Points of meshes that K rays see; rows of rays that see nothing are 0."""
+
+    along_mm: Array  # (K,); inf for nothing
+    points_mm: Array  # (K, 3)
+    normals: Array  # (K, 3), towards the eye
+    directions: Array  # (K, 3)
+    mesh: NDArray[np.intp]  # (K,); -1 for nothing
+    triangle: NDArray[np.intp]  # (K,), of the mesh
+    shares: Array  # (K, 3) of the triangle's corners
+
+    def rows(self, rows: NDArray[np.intp]) -> Seen:
+        """Return some of the points."""
+        return Seen(*(getattr(self, name)[rows] for name in Seen.__slots__))
+
+    @classmethod
+    def nothing(cls, directions: Array) -> Seen:
+        """Return what rays (K, 3) see where there is no mesh."""
+        count, zeros = len(directions), np.zeros((len(directions), 3))
+        none = np.full(count, -1)
+        return cls(np.full(count, np.inf), zeros, zeros, directions, none, none, zeros)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shading:
+    """Light that K points reflect."""
+
+    factor: Array  # (K, L) of the material
+    added: Array  # (K, L, M): highlights, and what gratings diffract
+    sees: NDArray[np.bool_]  # (K, S): no mesh is before a source
+
+
+@dataclass(frozen=True, eq=False)
+class Lighting:
+    """The lights of a cast, and what is before them.
+
+    ``arrives`` is what a volume lets pass of a source's light, by number; ``clear`` what meshes
+    let pass; ``extent_mm`` the meshes' size.
+    """
+
+    camera: Camera
+    spec: RaycastSpec
+    arrives: Mapping[int, Arrives]
+    clear: Clear
+    extent_mm: float
+    basis: Basis
+
+    @cached_property
+    def sources(self) -> list[tuple[int, Source]]:
+        """Every source with its group's number."""
+        return numbered_sources(self.spec)
+
+    def shade(self, seen: Seen, raised: Array, grating: Grating | None) -> Shading:
+        """Return the light that points reflect; ``raised`` (K, 3) is in front of the surface."""
+        spec = self.spec
+        count, groups = len(raised), len(spec.groups)
+        factor = np.zeros((count, groups))
+        added = np.zeros((count, groups, self.basis.size))
+        sees = np.ones((count, len(self.sources)), np.bool_)
+        for number, (group, source) in enumerate(self.sources):
+            towards, light = source_at(self.camera, source, seen.points_mm, seen.directions)
+            if number in self.arrives:
+                light = light * self.arrives[number](seen.points_mm)
+            if isinstance(source, Ambient):
+                if source.occlusion:
+                    light = light * self._open(raised, seen.normals, source.radius_mm)
+                factor[:, group] += light * spec.ambient
+                continue
+            cosine = np.einsum("kc,kc->k", seen.normals, towards)
+            if isinstance(source, Directional | Point) and source.shadows:
+                passed = self._passed(raised, cosine, towards, source)
+                sees[:, number] = passed > 0.0
+                light = light * passed
+            if not spec.shaded:
+                factor[:, group] += light * spec.diffuse
+                continue
+            lit = light * spec.diffuse * np.maximum(cosine, 0.0)
+            factor[:, group] += lit
+            half = towards - seen.directions
+            half = half / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
+            n_dot_h = np.clip(np.einsum("kc,kc->k", seen.normals, half), 0.0, 1.0)
+            shine = light * spec.specular * (cosine > 0) * n_dot_h**spec.shininess
+            added[:, group] += shine[:, None] * self.basis.white
+            if grating is not None:
+                assert isinstance(self.basis, SpectralBasis)
+                q = towards - seen.directions
+                rows, reflected = grating.reflectance(
+                    self.basis.grid, seen.points_mm, seen.normals, q
+                )
+                added[rows, group] += lit[rows, None] * self.basis.analyse(reflected)
+        return Shading(factor, added, sees)
+
+    def _passed(
+        self, points: Array, cosine: Array, towards: Array, source: Directional | Point
+    ) -> Array:
+        """Return the part (K,) of a source's light that meshes let pass; 0 below the horizon."""
+        facing = np.flatnonzero(cosine > 0.0)
+        if isinstance(source, Point):
+            place = self.camera.place_mm(source.position_mm, source.frame)
+            ends = np.broadcast_to(place, towards.shape)
+        else:
+            ends = points + FAR * towards
+        found = np.zeros(len(points))
+        found[facing] = self.clear(points[facing], ends[facing])
+        return found
+
+    def _open(self, points: Array, normals: Array, radius_mm: float | None) -> Array:
+        """Return the part (K,) of the hemisphere, by its cosine, that no mesh closes."""
+        radius = radius_mm or self.extent_mm * _REACH
+        found = np.zeros(len(points))
+        for k in range(_OCCLUSION):
+            # A spiral of the golden angle.
+            shares = np.array([[(k + 0.5) / _OCCLUSION, k * (np.sqrt(5.0) - 1.0) / 2.0]])
+            ways = cosine_directions(normals, shares)
+            found += self.clear(points, points + radius * ways)
+        return found / _OCCLUSION

@@ -1,0 +1,318 @@
+"""Textures of meshes: materials or colours by texture coordinates.
+
+image files, arrays -> [texture] -> channels of texels, at every size -> caster
+
+Texels of an RGB texture get the reflectances of reference [1] under D65: they are constructed for
+a lattice over the cube of sRGB codes, kept in the cache, and interpolated between.
+
+References
+----------
+[1] Wang, Xu & Sun (2004), "Practical Construction of Reflectances for Spectral Rendering".
+[2] Williams (1983), "Pyramidal parametrics", SIGGRAPH '83. doi:10.1145/800059.801126
+"""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._cache import cached_arrays
+from volspec._files import captured_output
+from volspec._gpu.opencl import Compute
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
+from volspec.basis import Basis, SpectralBasis
+from volspec.errors import Code, MeshError
+from volspec.spectra import light, reflectances_from_colours, white_XYZ
+from volspec.spectra.construct.colours import XYZ_from_sRGB
+from volspec.spectra.grid import SpectralGrid
+
+Array = NDArray[np.float64]
+Texels = NDArray[np.float16]
+SIDE = 33
+"""Nodes along each side of the lattice of colours."""
+_LARGEST_CODE = 65535
+# Version of the lattice's reflectances in the cache.
+_MAKER = "delaunay D65 1"
+_FORMATS = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp")
+_MOST_TEXELS = 2**28
+_GROUP = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """Materials or colours over texture coordinates; (0, 0) is the lower left corner.
+
+    Parameters
+    ----------
+    texels : (H, W) array_like of int, (H, W, K) or (H, W, 3) array_like
+        Numbers of materials; or the share of each of K materials, which are divided by their sum;
+        or without materials, sRGB codes: 8 or 16 bits, or 0 to 1. The first row is the top.
+    materials : sequence of str
+        Names.
+    name : str
+        For messages.
+
+    Raises
+    ------
+    MeshError
+        If the shape is another, a number names no material, shares are negative or all 0,
+        or codes are out of range.
+
+    Examples
+    --------
+    >>> Texture([[0, 1], [1, 0]], ("copper", "gold"))
+    Texture(2 x 2, copper, gold)
+    """
+
+    texels: NDArray[Any]
+    materials: Sequence[str] = ()
+    name: str = "texture"
+
+    def __repr__(self) -> str:
+        height, width = self.texels.shape[:2]
+        return f"Texture({width} x {height}, {', '.join(self.materials) or 'sRGB'})"
+
+    def __post_init__(self) -> None:
+        texels = np.asarray(self.texels)
+        object.__setattr__(self, "materials", tuple(self.materials))
+        if texels.ndim not in (2, 3) or not texels.size:
+            raise self._error(f"texels have shape {texels.shape}", "give (H, W) or (H, W, K)")
+        if texels.shape[0] * texels.shape[1] > _MOST_TEXELS:
+            raise self._error(f"texels have shape {texels.shape}", "give up to 16384²", "size")
+        if not self.materials:
+            texels = self._codes(texels)
+        elif texels.ndim == 2:
+            texels = self._numbers(texels)
+        else:
+            texels = self._shares(texels)
+        object.__setattr__(self, "texels", texels)
+
+    def _error(self, problem: str, remedy: str, code: Code = "shape") -> MeshError:
+        return MeshError(f"{self.name}: {problem}", remedy, code=code)
+
+    def _codes(self, texels: NDArray[Any]) -> NDArray[np.uint16]:
+        """Return sRGB codes of 16 bits."""
+        if texels.ndim == 2:
+            texels = np.repeat(texels[..., None], 3, axis=2)
+        if texels.shape[2] == 4:
+            opaque = np.iinfo(texels.dtype).max if texels.dtype.kind == "u" else 1.0
+            if (texels[..., 3] != opaque).any():
+                remedy = "paint it on a background, and use the mesh's opacity"
+                raise self._error("has transparent texels", remedy, "unsupported")
+            texels = texels[..., :3]
+        if texels.shape[2] != 3:
+            raise self._error(f"texels have shape {texels.shape}", "give (H, W, 3)")
+        if texels.dtype == np.uint8:
+            return texels.astype(np.uint16) * np.uint16(257)
+        if texels.dtype == np.uint16:
+            return np.ascontiguousarray(texels)
+        if texels.dtype.kind != "f":
+            raise self._error(f"texels are {texels.dtype}", "give uint8, uint16 or 0 to 1", "type")
+        if not ((texels >= 0.0) & (texels <= 1.0)).all():
+            raise self._error("has codes that are not within 0 to 1", "divide them", "range")
+        return np.rint(texels * _LARGEST_CODE).astype(np.uint16)
+
+    def _numbers(self, texels: NDArray[Any]) -> NDArray[np.intp]:
+        if texels.dtype.kind not in "iub":
+            raise self._error(f"numbers of materials are {texels.dtype}", "give integers", "type")
+        most = max(int(texels.max()), -int(texels.min()))
+        if texels.min() < 0 or texels.max() >= len(self.materials):
+            known = f"0 to {len(self.materials) - 1} are {', '.join(self.materials)}"
+            raise self._error(f"has the number {most}", known, "range")
+        return texels.astype(np.intp)
+
+    def _shares(self, texels: NDArray[Any]) -> NDArray[np.float32]:
+        if texels.shape[2] != len(self.materials):
+            raise self._error(
+                f"texels have shape {texels.shape}", f"give (H, W, {len(self.materials)})"
+            )
+        shares = texels.astype(np.float32)
+        if not (shares >= 0.0).all():
+            raise self._error("shares are negative or NaN", "clip them", "range")
+        total = shares.sum(axis=2, keepdims=True)
+        if not total.all():
+            raise self._error("somewhere no material has a share", "give one at least", "range")
+        return shares / total
+
+    @classmethod
+    def load(cls, path: str | Path, materials: Sequence[str] = ()) -> Texture:
+        """Read PNG, JPEG, TIFF or BMP: sRGB colours, or numbers of materials as grey values.
+
+        Raises MeshError if the file cannot be read or does not fit.
+        """
+        texels = _read(Path(path))
+        name = Path(path).name
+        if materials and texels.ndim == 3:
+            raise MeshError(
+                f"{name}: has {texels.shape[2]} channels",
+                "numbers of materials are grey values; leave out material for colours",
+                code="shape",
+            )
+        return cls(texels, materials, name)
+
+    @classmethod
+    def load_shares(cls, files: Mapping[str, str | Path]) -> Texture:
+        """Read the share of each material, {name: file}, from grey values.
+
+        Raises MeshError if a file cannot be read, has colours, or their sizes differ.
+        """
+        found: dict[str, NDArray[Any]] = {}
+        for name, path in files.items():
+            grey = _read(Path(path))
+            if grey.ndim != 2:
+                channels = f"{path}: has {grey.shape[2]} channels"
+                raise MeshError(channels, "shares are grey values", code="shape")
+            if found and (first := next(iter(found.values()))).shape != grey.shape:
+                sizes = " and ".join(f"{w} x {h}" for h, w in (first.shape, grey.shape))
+                problem = f"{path}: textures of a mesh have {sizes} texels"
+                raise MeshError(problem, "give all the same size", code="shape")
+            found[name] = grey / (np.iinfo(grey.dtype).max if grey.dtype.kind == "u" else 1.0)
+        return cls(np.stack([*found.values()], axis=2), tuple(found), ", ".join(map(str, found)))
+
+
+def _read(path: Path) -> NDArray[Any]:
+    """Return an image file's texels (H, W) or (H, W, channels)."""
+    import pyvista
+
+    if path.suffix.lower() not in _FORMATS:
+        raise MeshError(
+            f"{path}: not a known format of images", f"known: {', '.join(_FORMATS)}", code="type"
+        )
+    if not path.exists():
+        raise MeshError(f"{path}: no such file", "check the path", code="not-found")
+    cause: Exception | None = None
+    image: Any = None
+    with warnings.catch_warnings(), captured_output([]):
+        warnings.simplefilter("ignore")
+        try:
+            # VTK's readers keep 16 bits.
+            image = pyvista.read(path)
+        except Exception as error:  # of any of VTK's readers
+            cause = error
+    scalars = None if image is None else image.active_scalars
+    if scalars is None or not len(scalars):
+        raise MeshError(f"{path}: cannot be read", "save it again", code="damaged") from cause
+    width, height, _ = image.dimensions
+    return np.asarray(scalars).reshape(height, width, *scalars.shape[1:])[::-1]
+
+
+def reflectance_lattice(grid: SpectralGrid) -> NDArray[np.float32]:
+    """Return reflectances (SIDE, SIDE, SIDE, N) of evenly spaced sRGB codes under D65 [1].
+
+    The first call takes seconds; then they are in the cache.
+    """
+    key = hashlib.sha256(grid.wavelengths_nm.tobytes()).hexdigest()[:16]
+
+    def make() -> dict[str, NDArray[np.float32]]:
+        codes = np.linspace(0.0, 1.0, SIDE)
+        cube = np.stack(np.meshgrid(codes, codes, codes, indexing="ij"), axis=3)
+        colours = XYZ_from_sRGB(cube, white_XYZ(light("D65", grid)))
+        made = reflectances_from_colours(colours, grid=grid)
+        return {"reflectances": made.values.astype(np.float32)}
+
+    return cached_arrays(f"spectra/rgb-{key}", _MAKER, make)["reflectances"]
+
+
+def channel_lattice(basis: Basis, name: str) -> NDArray[np.float32]:
+    """Return the channels (SIDE, SIDE, SIDE, M) of `reflectance_lattice`.
+
+    Raises MeshError if a basis of materials is given; ``name`` is the texture's.
+    """
+    if not isinstance(basis, SpectralBasis):
+        remedy = "use a spectral basis, or a texture of materials"
+        raise MeshError(f"{name}: a basis of materials has no colours", remedy, code="conflict")
+    return basis.analyse(reflectance_lattice(basis.grid)).astype(np.float32)
+
+
+def interpolate(lattice: NDArray[np.float32], codes: NDArray[np.uint16]) -> Texels:
+    """Return channels (P, M) of sRGB codes (P, 3), between the nodes of a lattice (S, S, S, M)."""
+    side = len(lattice)
+    at = codes * np.float32((side - 1) / _LARGEST_CODE)
+    cell = np.minimum(at.astype(np.intp), side - 2)
+    high = at - cell
+    found = np.zeros((len(codes), lattice.shape[-1]), np.float32)
+    for far in np.ndindex(2, 2, 2):
+        weight = np.where(far, high, 1.0 - high).prod(axis=1)
+        found += weight[:, None].astype(np.float32) * lattice[tuple((cell + far).T)]
+    return found.astype(np.float16)
+
+
+def interpolate_on_device(
+    lattice: NDArray[np.float32], codes: NDArray[np.uint16], device: str | None = None
+) -> Texels:
+    """Return the same by kernels/colour_lattice.cl, to the rounding of half-floats.
+
+    Raises OpenCLError if there is no device or not enough memory.
+    """
+    compute = Compute.open(device)
+    side, channels = lattice.shape[0], lattice.shape[3]
+    vectors = -(-channels // 4)
+    nodes = np.pad(lattice, (*[(0, 0)] * 3, (0, 4 * vectors - channels)))
+    constants = prelude({"SIDE": side, "VECTORS": vectors}, "opencl")
+    kernel = compute.kernel(assemble("kernels/colour_lattice.cl", constants), "interpolate")
+    found = np.empty((len(codes), 4 * vectors), np.float16)
+    compute.require(2 * found.nbytes + codes.nbytes, "a texture", "give a smaller one")
+    out = compute.output(found.nbytes, found)
+    inputs = compute.upload(codes, share=True), compute.upload(nodes)
+    items = -(-len(codes) // _GROUP) * _GROUP
+    kernel(compute.queue, (items,), (_GROUP,), *inputs, out, np.uint32(len(codes)))
+    compute.download(out, found)
+    return found[:, :channels]
+
+
+def pyramid(texels: Texels) -> list[Texels]:
+    """Return texels (H, W, M) and their means at half the size, a quarter and so on, to 1 x 1."""
+    levels = [texels]
+    while max(levels[-1].shape[:2]) > 1:
+        last = levels[-1]
+        height, width = last.shape[:2]
+        odd = [(0, side % 2 * (side > 1)) for side in (height, width)]
+        mean: NDArray[Any] = np.pad(last, (*odd, (0, 0)), "edge").astype(np.float32)
+        if height > 1:
+            mean = 0.5 * (mean[::2] + mean[1::2])
+        if width > 1:
+            mean = 0.5 * (mean[:, ::2] + mean[:, 1::2])
+        levels.append(mean.astype(np.float16))
+    return levels
+
+
+def sample(levels: Sequence[Texels], uv: Array, texels_wide: Array) -> NDArray[np.float32]:
+    """Return channels (K, M) at texture coordinates (K, 2), which repeat [2].
+
+    ``texels_wide`` (K,) is the width of what is seen, in texels: the mean over so many is
+    interpolated between two levels, and within them linearly.
+    """
+    level = np.log2(np.clip(texels_wide, 1.0, 2.0 ** (len(levels) - 1)))
+    below = np.floor(level).astype(np.intp)
+    part = level - below
+    found = np.zeros((len(uv), levels[0].shape[2]), np.float32)
+    for number in np.unique(np.concatenate([below, below + 1])):
+        weight = np.where(below == number, 1.0 - part, np.where(below + 1 == number, part, 0.0))
+        rows = np.flatnonzero(weight)
+        if rows.size:
+            texels = _bilinear(levels[number], uv[rows])
+            found[rows] += weight[rows, None].astype(np.float32) * texels
+    return found
+
+
+def _bilinear(texels: Texels, uv: Array) -> NDArray[np.float32]:
+    height, width = texels.shape[:2]
+    x, y = uv[:, 0] * width - 0.5, (1.0 - uv[:, 1]) * height - 0.5
+    column, row = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+    right, low = ((at - cell).astype(np.float32)[:, None] for at, cell in ((x, column), (y, row)))
+    flat = texels.reshape(height * width, -1)
+
+    def texel(dx: int, dy: int) -> NDArray[np.float16]:
+        return flat[(row + dy) % height * width + (column + dx) % width]
+
+    upper = (1.0 - right) * texel(0, 0) + right * texel(1, 0)
+    lower = (1.0 - right) * texel(0, 1) + right * texel(1, 1)
+    return (1.0 - low) * upper + low * lower
