@@ -109,11 +109,11 @@ class SceneFile:
                 raise fault(f"material[{i}].filter", problem, "leave it out")
         known = [row.name for row in self.material]
         for j, surface in enumerate(self.mesh):
-            if surface.material not in known:
-                problem = f"no [[material]] is named {surface.material!r}"
-                remedy = f"{nearest(surface.material, known)}there is {', '.join(known)}"
-                where = f"mesh[{j}].material"
-                raise fault(where, problem, remedy, "unknown", surface.material)
+            for name in surface.used:
+                if name not in known:
+                    problem = f"no [[material]] is named {name!r}"
+                    remedy = f"{nearest(name, known)}there is {', '.join(known)}"
+                    raise fault(f"mesh[{j}].material", problem, remedy, "unknown", name)
         check_export(self.export, self.keyframe, list(rows_by_name(self.light)), self.camera)
 
     def _check_lights(self, groups: Sequence[str]) -> None:

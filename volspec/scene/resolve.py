@@ -196,19 +196,14 @@ class Resolver:
         if not rows:
             return None
         # Imported late: few scenes have meshes.
-        from volspec.mesh import Mesh, MeshCaster
+        from volspec.mesh import MeshCaster
 
         found = []
         for number, row in rows:
             with self.at(f"mesh[{number}]"):
-                mesh = Mesh.load(
-                    self.path.parent / row.file,
-                    row.material,
-                    unit_mm=row.unit_mm,
-                    smooth_deg=row.smooth_deg,
-                )
+                mesh = row.mesh(self.path.parent)
                 mesh.warn_of_unit(volume.corners_mm)
-                found.append(mesh.placed(row.move_mm, row.turn_deg))
+                found.append(mesh)
         return MeshCaster(found, materials, basis)
 
     def lights(

@@ -8,15 +8,16 @@ Lights are in `volspec.scene.lights`, transfer functions in `volspec.scene.trans
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from volspec.errors import Code, SceneError, SpectrumError
+from volspec.mesh.grating import Grating
 from volspec.raycast.camera import Orbit
 from volspec.settings import (
     Finite,
@@ -32,6 +33,10 @@ from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
 from volspec.spectra.lights import as_light
 from volspec.spectra.reflectances import as_reflectance
 
+if TYPE_CHECKING:
+    from volspec.mesh import Mesh
+
+Shape = Literal["plane", "disc", "sphere", "triad"]
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 
 
@@ -225,12 +230,24 @@ class CameraSpec(Orbit):
 @settings(SceneError)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeshSpec:
-    """``[[mesh]]``: an opaque surface in the volume's world, lit as the volume is."""
+    """``[[mesh]]``: a surface in the volume's world, lit as the volume is."""
 
-    file: Annotated[str, Field(examples=["implant.stl"])]
+    file: Annotated[str, Field(examples=["implant.stl"])] | None = None
     """PLY, OBJ, STL, VTP, VTK or glTF."""
-    material: Annotated[Name, Field(examples=["titanium"])]
+    shape: Shape | None = None
+    """Instead of a file: a plane or a disc that looks to +z, a sphere, or a triad of axes, about
+    the origin."""
+    size_mm: Annotated[Positive, Unit("mm")] = 10.0
+    """Side, diameter or length of a shape."""
+    material: Annotated[Name, Field(examples=["titanium"])] | None = None
     """Name of a [[material]]."""
+    texture: Annotated[str, Field(examples=["photo.png"])] | None = None
+    """PNG, JPEG, TIFF or BMP over the texture coordinates: sRGB colours, or with ``materials``
+    numbers."""
+    materials: Annotated[tuple[Name, ...], Field(strict=False)] = ()
+    """Names of [[material]]s, whose numbers from 0 are the texture's grey values."""
+    shares: dict[str, str] = field(default_factory=dict)
+    """Shares of materials, as grey images: copper = "copper.png"."""
     unit_mm: Annotated[Positive, Unit("mm")] = 1.0
     """Millimetres of the file's unit; 1000 for metres."""
     move_mm: Annotated[Vector, Unit("mm")] = (0.0, 0.0, 0.0)
@@ -239,8 +256,63 @@ class MeshSpec:
     """Turns about x, then y, then z, counter-clockwise as seen from the axis' end."""
     smooth_deg: Annotated[float, Field(ge=0.0, le=180.0), Unit("degrees")] = 30.0
     """Edges at which the surface turns by less look smooth."""
+    opacity: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
+    """Below 1, the volume and other meshes behind and within shine through."""
+    mirror: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    """Part of the light that is reflected as by a mirror, in which other meshes are seen."""
+    grating: Grating | None = None
+    """Lines that diffract light, such as a disc's: {spacing_um = 1.6}."""
     shown: bool = True
     """False hides it."""
+
+    def __post_init__(self) -> None:
+        if (self.file is None) == (self.shape is None):
+            raise fault("", "has no surface, or two", "give one of file and shape")
+        looks = [self.material is not None, self.texture is not None, bool(self.shares)]
+        if sum(looks) != 1 and not (self.shape == "triad" and not any(looks)):
+            raise fault("", "has no look, or several", "give one of material, texture and shares")
+        if self.materials and self.texture is None:
+            raise fault("materials", "number a texture", "give texture, or material alone")
+
+    @property
+    def used(self) -> tuple[str, ...]:
+        """Names of its materials."""
+        one = () if self.material is None else (self.material,)
+        return (*one, *self.materials, *self.shares)
+
+    @property
+    def name(self) -> str:
+        """Name for messages and lists: the file's, or the shape."""
+        return Path(self.file).name if self.file is not None else str(self.shape)
+
+    def moved(self, change: Callable[[str], str]) -> MeshSpec:
+        """Return the mesh with other names of files."""
+        file, texture = (given and change(given) for given in (self.file, self.texture))
+        shares = {name: change(given) for name, given in self.shares.items()}
+        return replace(self, file=file, texture=texture, shares=shares)
+
+    def mesh(self, folder: Path) -> Mesh:
+        """Return the surface in its place.
+
+        Raises MeshError if a file cannot be used.
+        """
+        # Imported late: few scenes have meshes.
+        from volspec.mesh import Mesh, Texture, shape_mesh
+
+        look: str | Texture | None = self.material
+        if self.texture is not None:
+            look = Texture.load(folder / self.texture, self.materials)
+        elif self.shares:
+            look = Texture.load_shares({name: folder / file for name, file in self.shares.items()})
+        if self.shape is not None:
+            mesh = shape_mesh(self.shape, self.size_mm, look)
+        else:
+            assert self.file is not None and look is not None
+            path = folder / self.file
+            mesh = Mesh.load(path, look, unit_mm=self.unit_mm, smooth_deg=self.smooth_deg)
+        grating = self.grating and self.grating.placed(self.unit_mm, np.eye(3), np.zeros(3))
+        mesh = replace(mesh, opacity=self.opacity, mirror=self.mirror, grating=grating)
+        return mesh.placed(self.move_mm, self.turn_deg)
 
 
 @settings(SceneError)

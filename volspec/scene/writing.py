@@ -154,7 +154,7 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
         material=tuple(map(material, file.material)),
         light=tuple(map(light, file.light)),
         basis=basis,
-        mesh=tuple(replace(row, file=rebase_path(row.file, folder, to)) for row in file.mesh),
+        mesh=tuple(row.moved(lambda name: rebase_path(name, folder, to)) for row in file.mesh),
         room=room,
     )
 
