@@ -1,0 +1,263 @@
+"""Looks of meshes: textures, colours made spectral, translucency, mirrors, gratings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import colour
+import numpy as np
+import pytest
+from PIL import Image
+
+import volspec as vs
+from tests.support.errors import raises
+from volspec.errors import MeshError, VolspecWarning
+from volspec.mesh import texture
+from volspec.spectra import white_XYZ
+from volspec.spectra.construct.colours import XYZ_from_sRGB
+
+BASIS = vs.SpectralBasis.load("general-7")
+MATERIALS = {
+    "white": vs.reflectance("grey:1"),
+    "black": vs.reflectance("grey:0"),
+    "red": vs.reflectance("ColorChecker/red"),
+}
+SUN = vs.RaycastSpec(
+    groups=(vs.LightGroup("sun", (vs.Directional((0.0, 0.0, 1.0), shadows=True),)),),
+    ambient=0.0,
+    diffuse=1.0,
+    specular=0.0,
+)
+ABOVE = vs.Camera((0.0, 0.0, 200.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), height_mm=64.0)
+SIZE = (64, 64)
+CODES = np.random.default_rng(5).integers(0, 256, (64, 64, 3), np.uint8)
+
+
+def cast(*meshes: vs.Mesh, camera: vs.Camera = ABOVE) -> vs.CoefficientImage:
+    return vs.cast_meshes(meshes, MATERIALS, BASIS, camera, SIZE, SUN)
+
+
+def channels(name: str) -> np.ndarray:
+    return BASIS.channels_for_materials({name: MATERIALS[name]})[0]
+
+
+def plane(material: str | vs.Texture = "white", size: float = 64.0, z: float = 0.0) -> vs.Mesh:
+    return vs.shape_mesh("plane", size, material).placed((0.0, 0.0, z))
+
+
+def test_numbers_of_materials_are_seen_where_they_are_in_the_picture() -> None:
+    """The upper left quarter is red: rows run down, texture coordinates up."""
+    numbers = np.zeros((2, 2), int)
+    numbers[0, 0] = 1
+    image = cast(plane(vs.Texture(np.kron(numbers, np.ones((8, 8), int)), ("white", "red"))))
+    assert image.coefficients[16, 16] == pytest.approx(channels("red"), abs=2e-3)
+    for corner in ((16, 48), (48, 16), (48, 48)):
+        assert image.coefficients[corner] == pytest.approx(channels("white"), abs=2e-3)
+
+
+def test_shares_are_mixtures_and_numbers_far_away_their_mean() -> None:
+    shares = np.array([[[3.0, 1.0]]])
+    mixed = 0.75 * channels("red") + 0.25 * channels("white")
+    near = cast(plane(vs.Texture(shares, ("red", "white"))))
+    assert near.coefficients[20, 40] == pytest.approx(mixed, abs=2e-3)
+    board = np.indices((256, 256)).sum(axis=0) % 2
+    far = cast(plane(vs.Texture(board, ("red", "white"))))
+    mean = 0.5 * channels("red") + 0.5 * channels("white")
+    assert np.abs(far.coefficients - mean).max() < 5e-3
+
+
+def test_the_device_interpolates_colours_as_numpy() -> None:
+    lattice = texture.channel_lattice(BASIS, "twin")
+    codes = CODES.reshape(-1, 3).astype(np.uint16) * np.uint16(257)
+    ours = texture.interpolate_on_device(lattice, codes)
+    assert ours.shape == (4096, 7)
+    # Half-float's last bit.
+    assert ours == pytest.approx(texture.interpolate(lattice, codes), abs=1e-3)
+
+
+@pytest.mark.parametrize("codes", [CODES, CODES.astype(np.uint16) * 257, CODES / 255.0])
+def test_colours_made_spectral_are_themselves_under_d65(codes: np.ndarray) -> None:
+    image = cast(plane(vs.Texture(codes)))
+    day = vs.light("D65")
+    white = white_XYZ(day)
+    wanted = XYZ_from_sRGB(CODES / 255.0, white)
+    seen = BASIS.xyz(image.coefficients.astype(np.float64), day)
+    x, y = white[:2] / white.sum()
+    lab = [colour.XYZ_to_Lab(each / 100.0, (x, y)) for each in (wanted, seen)]
+    assert colour.delta_E(*lab, method="CIE 2000").mean() <= 0.3
+
+
+def test_textures_are_read_with_16_bits_and_without_alpha(tmp_path: Path) -> None:
+    deep = np.uint16([[0, 30000], [40001, 65535]])
+    Image.fromarray(deep).save(tmp_path / "deep.png")
+    assert (vs.Texture.load(tmp_path / "deep.png").texels[..., 1] == deep).all()
+    for alpha, fits in ((255, True), (100, False)):
+        colours = np.dstack([CODES, np.full((64, 64, 1), alpha, np.uint8)])
+        Image.fromarray(colours).save(tmp_path / "alpha.png")
+        if fits:
+            assert (vs.Texture.load(tmp_path / "alpha.png").texels // 257 == CODES).all()
+        else:
+            with raises(MeshError, "unsupported"):
+                vs.Texture.load(tmp_path / "alpha.png")
+
+
+def test_bad_textures_are_refused(tmp_path: Path) -> None:
+    with raises(MeshError, "range"):
+        vs.Texture([[0, 2]], ("red", "white"))
+    with raises(MeshError, "range"):
+        vs.Texture(np.zeros((2, 2, 2)), ("red", "white"))
+    with raises(MeshError, "range"):
+        vs.Texture(np.full((2, 2, 3), 255.0))
+    with raises(MeshError, "missing"):
+        vs.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], vs.Texture([[0]], ("red",)))
+    Image.fromarray(CODES[..., 0]).save(tmp_path / "a.png")
+    Image.fromarray(CODES[:9, :, 0]).save(tmp_path / "b.png")
+    with raises(MeshError, "shape"):
+        vs.Texture.load_shares({"red": tmp_path / "a.png", "white": tmp_path / "b.png"})
+    Image.fromarray(CODES).save(tmp_path / "c.png")
+    with raises(MeshError, "shape"):
+        vs.Texture.load(tmp_path / "c.png", ("red",))
+    (tmp_path / "d.png").write_bytes(b"no picture")
+    with raises(MeshError, "damaged"):
+        vs.Texture.load(tmp_path / "d.png")
+    materials = vs.MaterialBasis(MATERIALS)
+    with raises(MeshError, "conflict"):
+        vs.cast_meshes([plane(vs.Texture(CODES))], MATERIALS, materials, ABOVE, SIZE, SUN)
+
+
+def test_translucent_meshes_are_composited_and_let_part_of_the_light_pass() -> None:
+    sheet = replace(plane("red", z=10.0), opacity=0.4)
+    image = cast(sheet, plane("white"))
+    wanted = 0.4 * channels("red") + 0.6 * 0.6 * channels("white")
+    assert image.coefficients[32, 32] == pytest.approx(wanted, abs=2e-3)
+    assert image.alpha == pytest.approx(1.0)
+    assert cast(sheet).alpha == pytest.approx(0.4)
+
+
+def test_a_faint_sheet_in_a_volume_changes_nothing_and_a_dense_one_hides_half() -> None:
+    """Spans of rays add up to the whole cast; behind an opaque sheet nothing is seen."""
+    volume = vs.phantom.ball(48)
+    points = [(0.3, 0.0, "white"), (0.5, 0.02, "white")]
+    transfer = vs.TransferFunction(points=points, materials=MATERIALS, basis=BASIS)
+    middle = volume.corners_mm.mean(axis=0)
+    camera = vs.Camera.orbit(volume)
+    whole = vs.raycast(volume, transfer, camera, (40, 40), SUN)
+    sheet = plane("black", 400.0).placed(middle)
+
+    def with_sheet(opacity: float) -> vs.CoefficientImage:
+        meshes = vs.MeshCaster([replace(sheet, opacity=opacity)], MATERIALS, transfer.basis)
+        return vs.raycast(volume, transfer, camera, (40, 40), SUN, behind=(meshes,))
+
+    assert np.abs(with_sheet(0.001).coefficients - whole.coefficients).max() < 4e-3
+    half, opaque = with_sheet(0.5), with_sheet(1.0)
+    nearly = with_sheet(0.999)
+    assert np.abs(nearly.coefficients - opaque.coefficients).max() < 8e-3
+    assert nearly.alpha.max() <= 1.0 + 1e-6
+    between = half.coefficients - 0.5 * (opaque.coefficients + whole.coefficients)
+    assert np.abs(between).max() < 0.15  # but for the shadow's square
+
+
+def test_a_mirror_shows_the_mesh_above_it_upside_down() -> None:
+    camera = vs.Camera((0.0, -200.0, 0.0), (0.0, 0.0, 0.0), height_mm=64.0)
+    red = vs.shape_mesh("sphere", 20.0, "red").placed((0.0, 0.0, 16.0))
+    floor = replace(plane("black", 200.0), mirror=0.5)
+    tilted = vs.Camera((0.0, -200.0, 60.0), (0.0, 0.0, 8.0), height_mm=64.0)
+    image = vs.cast_meshes([red, floor], MATERIALS, BASIS, tilted, SIZE, SUN)
+    y = image.coefficients[..., -1]
+    alone = cast(red, camera=camera).coefficients[..., -1]
+    assert alone.any()
+    # Below the ball's own picture, half as bright at most.
+    column = y[:, 32]
+    lower = column[column.argmax() + 20 :]
+    assert 0.05 * column.max() < lower.max() <= 0.51 * column.max()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("tilt", [0.0, 20.0, 35.0])
+def test_stripes_are_where_the_grating_equation_has_them(tilt: float, order: int) -> None:
+    """d (sin θi + sin θo) = m λ on a plane under a sun, seen in perspective, to a pixel."""
+    spacing_um, nm = 2.5, 550.0
+    lines = vs.Grating(
+        spacing_um=spacing_um, across=(1.0, 0.0, 0.0), orders=order, spread_deg=0.2, part=1.0
+    )
+    mesh = replace(plane("black", 2000.0), grating=lines)
+    sun = vs.Directional((np.sin(np.radians(tilt)), 0.0, np.cos(np.radians(tilt))))
+    spec = replace(SUN, groups=(vs.LightGroup("sun", (sun,)),))
+    camera = vs.Camera((0.0, 0.0, 200.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), fov_deg=70.0)
+    bands = vs.SpectralBasis.bands()
+    width = 401
+    image = vs.cast_meshes([mesh], MATERIALS, bands, camera, (width, 101), spec)
+    band = int(np.abs(bands.grid.wavelengths_nm - nm).argmin())
+    row = image.coefficients[50, :, band].astype(float)
+    # Direction cosines of what is seen; orders of either sign.
+    pixel_mm = 2.0 * 200.0 * np.tan(np.radians(35.0)) / 101.0
+    found = 0
+    for sign in (-1, 1):
+        sine = sign * order * nm / (1e3 * spacing_um) - np.sin(np.radians(tilt))
+        if abs(sine) >= 1.0:
+            continue
+        # The eye is above the middle: its direction from x is -x / length.
+        x = -200.0 * sine / np.sqrt(1.0 - sine**2)
+        at = 200.0 + x / pixel_mm
+        if not 8 < at < width - 8:
+            continue
+        near = np.arange(int(at) - 7, int(at) + 9)
+        assert row[near].max() > 0.5
+        centre = (near * row[near]).sum() / row[near].sum()
+        assert centre == pytest.approx(at, abs=1.0)
+        found += 1
+    assert found
+
+
+def test_a_grating_sends_on_no_more_light_than_arrives() -> None:
+    """The integral over the hemisphere of f cos θ is the part that is diffracted."""
+    lines = vs.Grating(spacing_um=5.0, across=(1.0, 0.0, 0.0), orders=2, spread_deg=3.0, part=0.8)
+    side = np.linspace(-1.0, 1.0, 401)
+    s, t = (each.ravel() for each in np.meshgrid(side, side))
+    inside = s * s + t * t < 1.0
+    s, t = s[inside], t[inside]
+    out = np.stack([s, t, np.sqrt(1.0 - s * s - t * t)], axis=1)
+    normals = np.tile([0.0, 0.0, 1.0], (len(out), 1))
+    rows, found = lines.reflectance(BASIS.grid, np.zeros_like(out), normals, out + normals)
+    total = found.sum(axis=0) / np.pi * (side[1] - side[0]) ** 2
+    assert len(rows) > 100
+    assert total == pytest.approx(0.8, rel=1e-2)
+
+
+def test_a_new_light_recolours_stripes_without_a_cast() -> None:
+    lines = vs.Grating(spacing_um=1.6, spread_deg=2.0)
+    disc = replace(vs.shape_mesh("disc", 60.0, "white"), grating=lines)
+    sun = vs.Directional((0.5, 0.2, 0.84))
+    spec = replace(SUN, groups=(vs.LightGroup("sun", (sun,)),))
+    image = vs.cast_meshes([disc], MATERIALS, BASIS, ABOVE, SIZE, spec)
+    day, night = (vs.relight(image, vs.light(name)) for name in ("D65", "HP1"))
+    assert image.coefficients.max() > 1.5 * channels("white").max()
+    assert np.abs(np.int64(day) - np.int64(night)).max() > 40
+
+
+def test_bad_looks_are_refused_and_meshes_out_of_view_warned_of() -> None:
+    with raises(MeshError):
+        vs.Grating(spacing_um=0.0)
+    with raises(MeshError, "range"):
+        replace(plane(), opacity=0.0)
+    with raises(MeshError, "unknown"):
+        vs.shape_mesh("plain")  # type: ignore[arg-type]  # a wrong name
+    with pytest.warns(VolspecWarning, match="outside the view"):
+        cast(plane(), plane(z=0.0).placed((900.0, 0.0, 0.0)))
+    fans = vs.Mesh(
+        [[0, 0, 0], [0, 0, 9], [9, 0, 0], [0, 9, 0], [-9, 0, 0]],
+        [[0, 1, 2], [0, 1, 3], [0, 1, 4]],
+    )
+    assert cast(fans, camera=vs.Camera((50, 60, 50), (0, 0, 0))).alpha.any()  # not manifold
+
+
+def test_a_triad_has_an_axis_of_each_colour() -> None:
+    camera = vs.Camera((120.0, 120.0, 120.0), (0.0, 0.0, 0.0), height_mm=64.0)
+    head = replace(SUN, groups=(vs.LightGroup("head", (vs.Headlight(),)),))
+    image = vs.cast_meshes([vs.shape_mesh("triad", 30.0)], {}, BASIS, camera, SIZE, head)
+    seen = np.float64(vs.relight(image, vs.light("D65")))
+    for channel, place in enumerate([(40, 18), (40, 45), (14, 32)]):
+        y, x = place
+        patch = seen[y - 4 : y + 5, x - 4 : x + 5].reshape(-1, 3)
+        assert (patch.argmax(axis=1) == channel).any()
