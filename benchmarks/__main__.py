@@ -19,6 +19,7 @@ from benchmarks import (
     reading,
     rooms,
     session,
+    surfaces,
     viewer,
     webpage,
 )
@@ -29,7 +30,14 @@ from volspec._gpu.opencl import Compute
 FIGURES = (
     *(memory.figures, reading.figures, cast.channel_figures, cast.edit_figures),
     *(cast.shadow_figures, palette.figures, limits.figures, models.figures, picture.figures),
-    *(rooms.figures, export.figures, cast.figures, cast.vtk_gpu_figures, cast.light_figures),
+    *(
+        rooms.figures,
+        surfaces.figures,
+        export.figures,
+        cast.figures,
+        cast.vtk_gpu_figures,
+        cast.light_figures,
+    ),
     *(viewer.figures, webpage.figures, session.figures),
 )
 

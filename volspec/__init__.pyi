@@ -15,14 +15,11 @@ from .errors import (
 from .export import write_frame as write_frame
 from .export.exporter import Exported as Exported, export as export
 from .export.notebook import notebook as notebook
-from .mesh import (
-    Grating as Grating,
-    Mesh as Mesh,
-    MeshCaster as MeshCaster,
-    Texture as Texture,
-    cast_meshes as cast_meshes,
-    shape_mesh as shape_mesh,
-)
+from .mesh.caster import MeshCaster as MeshCaster, cast_meshes as cast_meshes
+from .mesh.grating import Grating as Grating
+from .mesh.model import Mesh as Mesh
+from .mesh.shapes import shape_mesh as shape_mesh
+from .mesh.texture import Texture as Texture
 from .palette import (
     Cell as Cell,
     Criteria as Criteria,

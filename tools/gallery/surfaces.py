@@ -13,13 +13,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import colour
 import numpy as np
 from PIL import Image
 
 import volspec as vs
+from benchmarks.surfaces import flame_paints, paint_difference
 from tools.gallery.studio import ROOT, Picture
-from volspec.spectra import XYZ_from_spectra, white_XYZ
 
 FOLDER = ROOT / "docs" / "gallery"
 SIZE = (1280, 800)
@@ -55,8 +54,7 @@ def relit(image: vs.CoefficientImage, lamps: dict[str, str]) -> dict[str, Pictur
 
 def flames_on_a_car() -> tuple[dict[str, Picture], str]:
     """Return figure 5 of [1], and a table of the two paints' difference."""
-    made = vs.design(vs.load_palette(ROOT / "data" / "palettes" / "figure-1.toml"))
-    paints = {name: made.reflectance(name) for name in ("flame", "paint")}
+    paints = flame_paints()
     materials = {
         **paints,
         "tyre": vs.reflectance("grey:0.03"),
@@ -81,14 +79,7 @@ def flames_on_a_car() -> tuple[dict[str, Picture], str]:
     lamps = {key: LAMPS[key] for key in ("daylight", "sodium street lamp")}
     table = ["| | CIEDE2000 between flame and body |", "|---|---|"]
     for label, lamp in lamps.items():
-        light = vs.light(lamp)
-        white = white_XYZ(light)
-        xy = white[:2] / white.sum()
-        lab = [
-            colour.XYZ_to_Lab(XYZ_from_spectra(light, each.values) / 100.0, xy)
-            for each in paints.values()
-        ]
-        table.append(f"| {label} | {float(colour.delta_E(*lab, method='CIE 2000')):.2f} |")
+        table.append(f"| {label} | {paint_difference(paints, lamp):.2f} |")
     print("\n".join(table))
     return relit(image, lamps), "\n".join(table)
 

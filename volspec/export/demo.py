@@ -151,7 +151,7 @@ def run_demo(
 
 
 def copy_scene(scene: Scene, folder: Path) -> Path:
-    """Copy a scene, its volume and its materials' spectra into a folder that can be moved.
+    """Copy a scene, its volume, meshes and materials' spectra into a folder that can be moved.
 
     The volume has to be a file. Returns the new scene's path.
     """
@@ -176,5 +176,6 @@ def copy_scene(scene: Scene, folder: Path) -> Path:
         scene.file,
         volume=replace(scene.file.volume, file=copied(scene.file.volume.file)),
         material=tuple(map(material, scene.file.material)),
+        mesh=tuple(row.moved(copied) for row in scene.file.mesh),
     )
     return write_scene(file, folder / scene.path.name, scene)

@@ -19,7 +19,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.special import ndtr
 
 from volspec.errors import MeshError
 from volspec.settings import Positive, Unit, Vector, settings
@@ -76,6 +75,9 @@ class Grating:
         ``q`` (K, 3) is the sum of the directions to the light and to the eye, [1]'s with the other
         sign, which swaps the orders of either side. 1 is what a white surface reflects.
         """
+        # Imported late: scenes without gratings know the settings, too.
+        from scipy.special import ndtr
+
         across, along = self.frames(points_mm, normals)
         s, t = (np.einsum("kc,kc->k", q, each) for each in (across, along))
         width = np.radians(self.spread_deg)

@@ -40,7 +40,7 @@ from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
-    from volspec.mesh import MeshCaster
+    from volspec.mesh.caster import MeshCaster
     from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 

@@ -32,7 +32,7 @@ from volspec.volume import Volume, load_volume
 from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
-    from volspec.mesh import MeshCaster
+    from volspec.mesh.caster import MeshCaster
     from volspec.scene.room import SceneRoom
 
 # Relative difference of two spacings that causes a warning.
@@ -196,7 +196,7 @@ class Resolver:
         if not rows:
             return None
         # Imported late: few scenes have meshes.
-        from volspec.mesh import MeshCaster
+        from volspec.mesh.caster import MeshCaster
 
         found = []
         for number, row in rows:

@@ -34,7 +34,7 @@ from volspec.spectra.lights import as_light
 from volspec.spectra.reflectances import as_reflectance
 
 if TYPE_CHECKING:
-    from volspec.mesh import Mesh
+    from volspec.mesh.model import Mesh
 
 Shape = Literal["plane", "disc", "sphere", "triad"]
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
@@ -297,7 +297,9 @@ class MeshSpec:
         Raises MeshError if a file cannot be used.
         """
         # Imported late: few scenes have meshes.
-        from volspec.mesh import Mesh, Texture, shape_mesh
+        from volspec.mesh.model import Mesh
+        from volspec.mesh.shapes import shape_mesh
+        from volspec.mesh.texture import Texture
 
         look: str | Texture | None = self.material
         if self.texture is not None:

@@ -33,7 +33,7 @@ from volspec.viewer.model.view import View
 from volspec.volume import Choice, Volume
 
 if TYPE_CHECKING:
-    from volspec.mesh import MeshCaster
+    from volspec.mesh.caster import MeshCaster
     from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 
