@@ -289,3 +289,9 @@ def test_a_wrong_unit_is_warned_of(folder: Path) -> None:
     (folder / "scene.toml").write_text(SCENE.replace("move_mm", "unit_mm = 1000\nmove_mm"))
     with pytest.warns(vs.VolspecWarning, match="is unit_mm right"):
         vs.Scene.load(folder / "scene.toml").render(size=(8, 8))
+
+
+def test_other_paint_keeps_what_the_volume_s_light_was_found_for() -> None:
+    """The light volume's cache goes by this object: a new one would be a new light volume."""
+    caster = vs.MeshCaster([plane(0.0)], WHITE, BASIS)
+    assert caster.painted(WHITE, BASIS).clear == caster.clear

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from itertools import islice
 from typing import Any
 
@@ -30,7 +31,7 @@ from volspec.raycast.camera import Camera
 from volspec.raycast.checks import checked_size
 from volspec.raycast.edges import further_points, mean_of_points, next_to
 from volspec.raycast.image import CoefficientImage
-from volspec.raycast.light_volume import FAR, Arrives
+from volspec.raycast.light_volume import FAR, Arrives, Clear
 from volspec.raycast.projection import Projection
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
@@ -98,6 +99,18 @@ class _Surfaces:
         return found
 
 
+def _passed(
+    opaque: _Surfaces | None, translucent: _Surfaces | None, starts: Array, ends: Array
+) -> Array:
+    """Return the part (K,) of light that meshes let pass between points (K, 3) in mm."""
+    found = np.ones(len(starts))
+    if opaque is not None:
+        found *= opaque.rays.clear(starts, ends)
+    if translucent is not None:
+        found *= translucent.passed(starts, ends)
+    return found
+
+
 class MeshCaster:
     """Meshes around and in a volume.
 
@@ -130,6 +143,8 @@ class MeshCaster:
         rest = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
         self._opaque = _Surfaces(self.meshes, opaque) if opaque else None
         self._translucent = _Surfaces(self.meshes, rest) if rest else None
+        # One object also for `painted` ones, as what is cached by it does not depend on paint.
+        self.clear: Clear = partial(_passed, self._opaque, self._translucent)
         self._offset = 2.0 * max(
             each.rays.offset for each in (self._opaque, self._translucent) if each is not None
         )
@@ -155,15 +170,6 @@ class MeshCaster:
         made = copy(self)
         made._take(materials, basis)
         return made
-
-    def clear(self, starts: Array, ends: Array) -> Array:
-        """Return the part (K,) of light that meshes let pass between points (K, 3) in mm."""
-        found = np.ones(len(starts))
-        if self._opaque is not None:
-            found *= self._opaque.rays.clear(starts, ends)
-        if self._translucent is not None:
-            found *= self._translucent.passed(starts, ends)
-        return found
 
     def depth_mm(self, camera: Camera, size: Size) -> NDArray[np.float32]:
         """Return (H, W) distances to opaque meshes; inf where there are none."""
