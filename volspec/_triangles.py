@@ -38,11 +38,14 @@ class Hits:
         Distance from the origin; inf for nothing.
     shares : (M, 3) array
         Barycentric coordinates: shares of the triangle's three corners.
+    across : (M, 3) array
+        Across the triangle, by the right hand; its length is twice the area, 0 for nothing.
     """
 
     triangle: NDArray[np.intp]
     along: Array
     shares: Array
+    across: Array
 
 
 class TriangleRays:
@@ -89,10 +92,12 @@ class TriangleRays:
         second = -np.einsum("kc,kc->k", c - a, turned) / volume
         third = np.einsum("kc,kc->k", b - a, turned) / volume
         shares = np.stack([1.0 - second - third, second, third], axis=1).clip(0.0, 1.0)
-        along, all_shares = np.full(len(triangle), np.inf), np.zeros((len(triangle), 3))
+        along = np.full(len(triangle), np.inf)
+        all_shares, all_across = np.zeros((2, len(triangle), 3))
         along[seen] = -np.einsum("kc,kc->k", start, across) / volume
         all_shares[seen] = shares / shares.sum(axis=1, keepdims=True)
-        return Hits(triangle, along, all_shares)
+        all_across[seen] = across
+        return Hits(triangle, along, all_shares, all_across)
 
     def clear(self, origins: Array, ends: Array) -> NDArray[np.bool_]:
         """(M,) True where nothing is between two points."""

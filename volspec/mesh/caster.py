@@ -67,8 +67,9 @@ class _Surfaces:
             found[rows] = number
             hits.triangle[rows] -= self._ends[place] - len(mesh.triangles)
             corners, shares = mesh.triangles[hits.triangle[rows]], hits.shares[rows]
-            points[rows] = np.einsum("ki,kic->kc", shares, mesh.points_mm[corners])
-            normals[rows] = _facing(mesh, corners, shares, directions[rows])
+            points[rows] = origins[rows] + hits.along[rows, None] * directions[rows]
+            flat = hits.across[rows]
+            normals[rows] = _facing(mesh, corners, shares, flat, directions[rows])
         return Seen(hits.along, points, normals, directions, found, hits.triangle, hits.shares)
 
     def sheets(self, origins: Array, directions: Array) -> Iterator[Seen]:
@@ -375,10 +376,10 @@ def cast_meshes(
     return MeshCaster(meshes, materials, basis).alone(camera, checked_size(size), spec)
 
 
-def _facing(mesh: Mesh, corners: NDArray[np.intp], shares: Array, ways: Array) -> Array:
-    """Return unit normals (K, 3) at points of triangles, towards the eye."""
-    a, b, c = mesh.points_mm[corners].transpose(1, 0, 2)
-    flat = np.cross(b - a, c - a)
+def _facing(
+    mesh: Mesh, corners: NDArray[np.intp], shares: Array, flat: Array, ways: Array
+) -> Array:
+    """Return unit normals (K, 3) at points of triangles, towards the eye; ``flat`` are theirs."""
     found = flat
     if mesh.normals is not None:
         found = np.einsum("ki,kic->kc", shares, mesh.normals[corners])
