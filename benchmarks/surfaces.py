@@ -50,7 +50,7 @@ def figures() -> Iterator[Figure]:
     for name, limit, at_most in (("D65", 1.0, True), ("HP1", 15.0, False)):
         off = float(paint_difference(paints, name))
         yield Figure(
-            f"surfaces/flame and body under {name}, CIEDE2000", off, limit, at_most=at_most
+            f"surfaces/flame and body under {name}, CIEDE2000", off, limit, at_most, unit=""
         )
     yield from _casts()
 

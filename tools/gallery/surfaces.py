@@ -28,7 +28,6 @@ SKY = vs.LightGroup("sky", (vs.Ambient(occlusion=True),))
 STUDIO = vs.RaycastSpec(
     groups=(KEY, SKY), ambient=0.45, diffuse=0.75, specular=0.25, shininess=80, half=True
 )
-Image.MAX_IMAGE_PIXELS = None
 
 
 def main() -> None:
@@ -42,7 +41,7 @@ def main() -> None:
             half = (codes.shape[1] // 2, codes.shape[0] // 2)
             Image.fromarray(codes).resize(half, Image.Resampling.LANCZOS).save(file, quality=90)
             print(file)
-    (FOLDER / "surfaces.md").write_text(PAGE.format(table=table), encoding="utf-8")
+    (FOLDER / "surfaces.md").write_text(PAGE.format(table=table, **CELLS), encoding="utf-8")
 
 
 def relit(image: vs.CoefficientImage, lamps: dict[str, str]) -> dict[str, Picture]:
@@ -168,6 +167,15 @@ def discs() -> tuple[dict[str, Picture], dict[str, Picture]]:
     return found[0], found[1]
 
 
+NAMES = {
+    "globe": "A photograph and a chequered globe",
+    "disc": "A compact disc and its mirror image",
+    "ball": "The disc with a ball",
+}
+CELLS = {
+    name: f"| {' | '.join(f'![{alt}]({name}-{lamp.split()[0]}.jpg)' for lamp in LAMPS)} |"
+    for name, alt in NAMES.items()
+}
 PAGE = """# Surfaces
 
 Meshes and volumes share the light: each lamp's part of the picture is stored in coefficients, and
@@ -190,7 +198,7 @@ Möller 2009).
 
 | daylight | tungsten | sodium street lamp |
 | --- | --- | --- |
-| ![](globe-daylight.jpg) | ![](globe-tungsten.jpg) | ![](globe-sodium.jpg) |
+{globe}
 
 Each sRGB colour of the photograph and of the ball became a plausible reflectance that has that
 colour under D65 (figure 4a of Wang, Xu & Sun 2004).
@@ -199,12 +207,12 @@ colour under D65 (figure 4a of Wang, Xu & Sun 2004).
 
 | daylight | tungsten | sodium street lamp |
 | --- | --- | --- |
-| ![](disc-daylight.jpg) | ![](disc-tungsten.jpg) | ![](disc-sodium.jpg) |
-| ![](ball-daylight.jpg) | ![](ball-tungsten.jpg) | ![](ball-sodium.jpg) |
+{disc}
+{ball}
 
 Tracks 1.6 µm apart send each wavelength in directions of its own. The stripes of the disc and of
-its mirror image differ, as they depend on the direction of view; under the sodium lamp only its
-lines are left (figures 4b and 4c of Wang, Xu & Sun 2004).
+its mirror image differ, as they depend on the direction of view; each lamp's spectrum recolours
+them without a new cast (figures 4b and 4c of Wang, Xu & Sun 2004).
 """
 
 if __name__ == "__main__":

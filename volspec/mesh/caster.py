@@ -24,7 +24,7 @@ from volspec._triangles import TriangleRays
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import MeshError, VolspecWarning
 from volspec.mesh.model import Mesh
-from volspec.mesh.paint import mesh_paint
+from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
 from volspec.raycast.behind import BehindImage, OpacityCaster
 from volspec.raycast.camera import Camera
@@ -139,6 +139,8 @@ class MeshCaster:
         if not meshes:
             raise MeshError("no meshes are given", "give one at least", code="missing")
         self.meshes = tuple(meshes)
+        # The last paint of each mesh and what it was made from; also that of `painted` ones.
+        self._made: dict[int, tuple[object, Paint]] = {}
         self._take(materials, basis)
         opaque = [k for k, mesh in enumerate(meshes) if mesh.opacity == 1.0]
         rest = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
@@ -149,8 +151,12 @@ class MeshCaster:
         self._offset = 2.0 * max(
             each.rays.offset for each in (self._opaque, self._translucent) if each is not None
         )
-        corners = np.concatenate([mesh.points_mm for mesh in meshes])
-        self._extent = float(np.linalg.norm(np.ptp(corners, axis=0)))
+        ends = [(each.points_mm.min(axis=0), each.points_mm.max(axis=0)) for each in meshes]
+        self._boxes = [
+            np.array([np.where(far, high, low) for far in np.ndindex(2, 2, 2)])
+            for low, high in ends
+        ]
+        self._extent = float(np.linalg.norm(np.ptp(np.concatenate(self._boxes), axis=0)))
         # What the last camera sees, opaque and then sheets; also that of `painted` ones.
         self._views: dict[tuple[Camera, Size], list[Seen]] = {}
 
@@ -160,8 +166,21 @@ class MeshCaster:
                 remedy = "use a spectral basis"
                 problem = f"{mesh.name}: a basis of materials cannot store what gratings diffract"
                 raise MeshError(problem, remedy, code="conflict")
-        self.basis = basis
-        self._paints = [mesh_paint(mesh, materials, basis) for mesh in self.meshes]
+        self.basis, self._paints = basis, []
+        for number, mesh in enumerate(self.meshes):
+            spectra = [materials.get(name) for name in mesh.materials]
+            key = (
+                basis.fingerprint,
+                *(
+                    (each.wavelengths_nm.tobytes(), each.values.tobytes())
+                    for each in spectra
+                    if each
+                ),
+            )
+            made = self._made.get(number)
+            if made is None or made[0] != key:
+                made = self._made[number] = key, mesh_paint(mesh, materials, basis)
+            self._paints.append(made[1])
 
     def painted(self, materials: Mapping[str, Spectrum], basis: Basis) -> MeshCaster:
         """Return the same meshes with other reflectances, or in another basis.
@@ -236,11 +255,16 @@ class MeshCaster:
         found = []
         for number in range(len(views))[which]:
             seen = views[number]
-            channels, sees = self._send(seen, stops, light, beam)
+            if number == 0:
+                # It ends rays itself, of which others in a pixel may see it farther away.
+                ends = stops * (1.0 + _SAME_DEPTH)
+            else:
+                ends = np.minimum(stops, views[0].along_mm)
+            channels, sees = self._send(seen, ends, light, beam)
             edges = _edges(seen, sees, size)
             points = world_rays(camera, *size, further_points(edges, width))
             further = self._seen(number, *points)
-            more = np.repeat(stops[edges], len(further.mesh) // max(len(edges), 1))
+            more = np.repeat(ends[edges], len(further.mesh) // max(len(edges), 1))
             channels = np.concatenate([channels, self._send(further, more, light, beam)[0]])
             mean = (mean_of_points(edges, width * height) @ channels).reshape(height, width, -1)
             depth = np.float32(seen.along_mm).reshape(height, width)
@@ -265,11 +289,9 @@ class MeshCaster:
 
     def _warn_of_unseen(self, camera: Camera, size: Size) -> None:
         projection = Projection(camera, (0, 0, *size))
-        for mesh in self.meshes:
-            low, high = mesh.points_mm.min(axis=0), mesh.points_mm.max(axis=0)
-            corners = np.array([np.where(each, high, low) for each in np.ndindex(2, 2, 2)])
+        for mesh, corners in zip(self.meshes, self._boxes, strict=True):
             if not projection.shows(corners):
-                place = ", ".join(f"{x:.4g}" for x in (low + high) / 2.0)
+                place = ", ".join(f"{x:.4g}" for x in corners.mean(axis=0))
                 text = f"{mesh.name}: is outside the view, around ({place}) mm"
                 warnings.warn(f"{text}; check unit_mm and move_mm", VolspecWarning, stacklevel=2)
 
@@ -292,7 +314,7 @@ class MeshCaster:
         bounces: int = _BOUNCES,
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return channels and opacity (K, L·M + 1) of points, and what lights see them (K, S)."""
-        lit = np.flatnonzero(seen.along_mm <= stops * (1.0 + _SAME_DEPTH))
+        lit = np.flatnonzero(seen.along_mm <= stops)
         groups, size = len(light.spec.groups), self.basis.size
         channels = np.zeros((len(stops), groups * size + 1), np.float32)
         sees = np.zeros((len(stops), len(light.sources)), np.bool_)

@@ -5,17 +5,17 @@ size, material -> [shapes] -> Mesh
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import MeshError, nearest
+from volspec.mesh import Shape
 from volspec.mesh.model import Mesh
 from volspec.mesh.texture import Texture
 
 Array = NDArray[np.float64]
-Shape = Literal["plane", "disc", "sphere", "triad"]
 # Divisions of a whole turn.
 _TURN = 256
 

@@ -123,10 +123,10 @@ class Texture:
     def _numbers(self, texels: NDArray[Any]) -> NDArray[np.intp]:
         if texels.dtype.kind not in "iub":
             raise self._error(f"numbers of materials are {texels.dtype}", "give integers", "type")
-        most = max(int(texels.max()), -int(texels.min()))
-        if texels.min() < 0 or texels.max() >= len(self.materials):
+        least, most = int(texels.min()), int(texels.max())
+        if least < 0 or most >= len(self.materials):
             known = f"0 to {len(self.materials) - 1} are {', '.join(self.materials)}"
-            raise self._error(f"has the number {most}", known, "range")
+            raise self._error(f"has the number {least if least < 0 else most}", known, "range")
         return texels.astype(np.intp)
 
     def _shares(self, texels: NDArray[Any]) -> NDArray[np.float32]:
@@ -184,7 +184,9 @@ def _read(path: Path) -> NDArray[Any]:
 
     if path.suffix.lower() not in _FORMATS:
         raise MeshError(
-            f"{path}: not a known format of images", f"known: {', '.join(_FORMATS)}", code="type"
+            f"{path}: not a known format of images",
+            f"known: {', '.join(_FORMATS)}",
+            code="unsupported",
         )
     if not path.exists():
         raise MeshError(f"{path}: no such file", "check the path", code="not-found")
@@ -287,7 +289,7 @@ def pyramid(texels: Texels) -> list[Texels]:
 def sample(levels: Sequence[Texels], uv: Array, texels_wide: Array) -> NDArray[np.float32]:
     """Return channels (K, M) at texture coordinates (K, 2), which repeat [2].
 
-    ``texels_wide`` (K,) is the width of what is seen, in texels: the mean over so many is
+    ``texels_wide`` (K,) is the width of a pixel's footprint, in texels: the mean over so many is
     interpolated between two levels, and within them linearly.
     """
     level = np.log2(np.clip(texels_wide, 1.0, 2.0 ** (len(levels) - 1)))

@@ -66,11 +66,12 @@ class BehindImage(NamedTuple):
 
 
 class Behind(Protocol):
-    """Surfaces around and in a volume, such as meshes or a room's."""
+    """Surfaces around and in a volume, such as meshes or a room's; opaque, unless they say so."""
 
     @property
     def clear(self) -> Clear | None:
         """Return the light they let pass, as for `Raycaster.cast`; None if all."""
+        return None
 
     def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
         """Return (H, W) distances from the camera at which rays end; inf where nothing is seen."""
@@ -92,6 +93,7 @@ class Behind(Protocol):
         stop_mm: NDArray[np.float32],
     ) -> Sequence[BehindImage]:
         """Return pictures of translucent surfaces in front of ``stop_mm``, front to back."""
+        return ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

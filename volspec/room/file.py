@@ -88,7 +88,7 @@ class LampSpec:
     """FILE.ies (IES LM-63) or FILE.ldt (EULUMDAT): the intensity of a small lamp by direction. Its
     own lumens are used if neither lumen nor watt is given."""
     aim: Vector | None = None
-    """Where the beam's middle points to; default: down, 0, 0, -1."""
+    """Direction of the beam's middle; default: down, 0, 0, -1."""
     turn_deg: Annotated[Finite, Unit("degrees")] | None = None
     """Turn of the beam about its aim, counter-clockwise seen against it; at 0, C 0 of a lamp that
     aims down is +x, and C 90 +y."""

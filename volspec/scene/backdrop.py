@@ -25,7 +25,7 @@ from scipy.sparse import csr_array
 from volspec._triangles import frames
 from volspec.basis import SpectralBasis
 from volspec.raycast import Camera
-from volspec.raycast.behind import BehindImage, OpacityCaster
+from volspec.raycast.behind import Behind, BehindImage, OpacityCaster
 from volspec.raycast.camera import level_axes
 from volspec.raycast.edges import further_points, mean_of_points, next_to
 from volspec.raycast.projection import Projection
@@ -151,7 +151,7 @@ class _View:
     mean: csr_array  # (H·W, points): of the points in each pixel
 
 
-class Backdrop:
+class Backdrop(Behind):
     """The room's picture behind a volume, for any camera.
 
     Caches what the last camera sees, and the last shadows.
@@ -191,14 +191,6 @@ class Backdrop:
     def colours(self, response: RoomResponse) -> NDArray[np.float32]:
         """Return the `room_colours` of the room with other paints."""
         return room_colours(response, self._basis, self._parts, self._lit)
-
-    clear = None  # the room's light on the volume knows its furniture
-
-    def sheets(
-        self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
-    ) -> tuple[BehindImage, ...]:
-        """Return nothing: rooms are opaque."""
-        return ()
 
     def __call__(
         self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]

@@ -17,6 +17,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from volspec.errors import Code, SceneError, SpectrumError
+from volspec.mesh import Shape
 from volspec.mesh.grating import Grating
 from volspec.raycast.camera import Orbit
 from volspec.settings import (
@@ -36,7 +37,6 @@ from volspec.spectra.reflectances import as_reflectance
 if TYPE_CHECKING:
     from volspec.mesh.model import Mesh
 
-Shape = Literal["plane", "disc", "sphere", "triad"]
 Numbers = Annotated[tuple[float, ...], Field(strict=False)]
 
 

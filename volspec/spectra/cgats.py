@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import SpectrumError, quoted
 from volspec.spectra.samples import QUANTITY, Sample, SampleSet, fits
-from volspec.spectra.tables import decoded_text, read_number
+from volspec.spectra.tables import decoded_text, positive_number, read_number
 
 # Names of fields with a wavelength, of which programs write many.
 _BAND = re.compile(
@@ -169,19 +169,7 @@ def _full(name: str) -> float:
 def _keyword_number(path: str, table: _Table, keyword: str) -> float | None:
     if keyword not in table.keywords:
         return None
-    text = table.keywords[keyword]
-    try:
-        value = read_number(text)
-    except ValueError:
-        value = np.nan
-    if not 0 < value < np.inf:
-        raise SpectrumError(
-            f"{path}: {keyword} is {quoted(text)}, expected a positive number; correct it",
-            code="syntax",
-            field=keyword,
-            given=text,
-        )
-    return value
+    return positive_number(path, keyword, table.keywords[keyword])
 
 
 def _samples(path: str, table: _Table, bands: _Bands) -> Iterator[Sample]:

@@ -20,10 +20,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from volspec._parse import parse_xml
 from volspec.errors import SpectrumError, quoted
 from volspec.spectra.samples import QUANTITY, Sample, SampleSet
-from volspec.spectra.tables import file_content, read_number
+from volspec.spectra.tables import positive_number, read_number, xml_root
 
 _QUANTITIES = {
     "ReflectanceSpectrum": "reflectance",
@@ -57,13 +56,7 @@ def read_cxf(path: str) -> SampleSet:
     SpectrumError
         If the file cannot be read or has no spectra; names the object.
     """
-    content = file_content(path)
-    try:
-        root = parse_xml(content)
-    except ValueError as error:
-        raise SpectrumError(
-            f"{path}: damaged XML ({error}); export the file again", code="damaged"
-        ) from None
+    root = xml_root(path)
     if _tag(root) != "CxF":
         raise SpectrumError(
             f"{path}: its root is <{_tag(root)}>, expected <CxF>; export it as CxF3",
@@ -137,18 +130,7 @@ def _positive(where: str, attribute: str, text: str | None) -> float:
             code="missing",
             field=attribute,
         )
-    try:
-        value = read_number(text)
-    except ValueError:
-        value = np.nan
-    if not 0 < value < np.inf:
-        raise SpectrumError(
-            f"{where}: {attribute} is {quoted(text)}, expected nm above 0; correct it",
-            code="syntax",
-            field=attribute,
-            given=text,
-        )
-    return value
+    return positive_number(where, attribute, text)
 
 
 def _specification(element: Element) -> _Specification:

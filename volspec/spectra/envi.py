@@ -43,7 +43,7 @@ _LONGEST_MICROMETRES = 20.0
 # Names of the file of numbers: the header's without .hdr, with one of these.
 _DATA = ("", ".img", ".dat", ".raw", ".bin", ".bsq", ".bil", ".bip", ".sli", ".hyspex")
 _MOST_BYTES = 1 << 32
-"""Of pixels in memory, as float32."""
+"""Largest picture in memory, as float32."""
 _NOTES = ("description", "sensor type", "acquisition time", "data units", "interleave")
 _LONGEST_NOTE = 200
 _ENTRY = re.compile(r"^[ \t]*([^=;\n{}]+?)[ \t]*=[ \t]*(\{[^}]*\}|[^\n{]*)", re.MULTILINE)

@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._parse import parse_xml
 from volspec.errors import SpectrumError, VolspecWarning, one_line
 from volspec.spectra.cgats import is_cgats, read_cgats
 from volspec.spectra.cxf import read_cxf
@@ -36,11 +35,11 @@ from volspec.spectra.spectrum import Kind, Spectrum
 from volspec.spectra.tables import (
     TextTable,
     decoded_text,
-    file_content,
     path_text,
     read_number,
     read_table,
     require_nanometres,
+    xml_root,
 )
 
 Address = str | os.PathLike[str]
@@ -255,13 +254,7 @@ def _tm27(path: str, selector: str, kind: Kind | None) -> Spectrum:
 
 def _check_tm27(path: str) -> None:
     """Refuse XML that colour-science would misread: it accepts any and joins distributions."""
-    content = file_content(path)
-    try:
-        root = parse_xml(content)
-    except ValueError as error:
-        raise SpectrumError(
-            f"{path}: damaged XML ({error}); export the file again", code="damaged"
-        ) from None
+    root = xml_root(path)
     tag = root.tag.rpartition("}")[2]
     if tag != "IESTM2714" or "}" not in root.tag:
         raise SpectrumError(

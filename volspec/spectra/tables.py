@@ -11,12 +11,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._files import require_suffix, write_whole
-from volspec.errors import SpectrumError, nearest
+from volspec._parse import parse_xml
+from volspec.errors import SpectrumError, nearest, quoted
 from volspec.spectra.spectrum import Spectrum
 
 # "# Key: value"; sentences and web addresses in comments do not count as notes.
@@ -178,6 +180,34 @@ def file_content(path: str | os.PathLike[str]) -> bytes:
         raise SpectrumError(
             f"{path}: cannot be read: {error.strerror}; check the path and its permissions",
             code="damaged",
+        ) from None
+
+
+def positive_number(where: str, what: str, text: str) -> float:
+    """Parse a number above 0; raise SpectrumError, which says where and what it is."""
+    try:
+        value = read_number(text)
+    except ValueError:
+        value = np.nan
+    if not 0 < value < np.inf:
+        raise SpectrumError(
+            f"{where}: {what} is {quoted(text)}, expected a number above 0; correct it",
+            code="syntax",
+            field=what,
+            given=text,
+        )
+    return value
+
+
+def xml_root(path: str) -> Element:
+    """Return the root of an XML file; raise SpectrumError if it cannot be read or is damaged."""
+    try:
+        return parse_xml(file_content(path))
+    except ValueError as error:
+        if isinstance(error, SpectrumError):
+            raise
+        raise SpectrumError(
+            f"{path}: damaged XML ({error}); export the file again", code="damaged"
         ) from None
 
 

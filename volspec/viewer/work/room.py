@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from volspec.errors import VolspecError, one_line
 from volspec.raycast import Camera, CoefficientImage
-from volspec.raycast.behind import BehindImage, OpacityCaster
+from volspec.raycast.behind import Behind, BehindImage, OpacityCaster
 from volspec.relight.layers import PackedLayers
 from volspec.viewer.work.background import LatestWorker
 
@@ -52,7 +52,7 @@ class Walls:
 
 
 @dataclass(slots=True, eq=False)
-class WhiteWalls:
+class WhiteWalls(Behind):
     """A room in which each channel of the walls is 1: a cast then has what the volume lets through.
 
     `replaced` gives the picture its walls.
@@ -61,18 +61,11 @@ class WhiteWalls:
     room: SceneRoom
     backdrop: Backdrop
     channels: int  # of all walls
-    clear: None = None
     _cast: tuple[Camera, OpacityCaster] | None = None
 
     def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
         """Return where rays end, as `volspec.raycast.behind.Behind`."""
         return self.backdrop.depth_mm(camera, size)
-
-    def sheets(
-        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster, stop_mm: Layers
-    ) -> tuple[BehindImage, ...]:
-        """Return nothing: rooms are opaque."""
-        return ()
 
     def __call__(
         self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster, stop_mm: Layers
