@@ -136,8 +136,9 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
         except Exception as error:  # of any of VTK's readers
             cause, surface = error, pyvista.PolyData()
     if not surface.n_cells:
-        remedy = "give PLY, OBJ, STL or VTP"
-        raise refused(f"{path}: no triangles can be read", remedy, code="damaged") from cause
+        problem = "no triangles can be read" if path.stat().st_size else "is empty"
+        remedy = "save it again where it was made"
+        raise refused(f"{path}: {problem}", remedy, code="damaged") from cause
     return surface
 
 

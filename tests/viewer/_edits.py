@@ -23,6 +23,7 @@ from volspec.viewer.model import (
     lights,
     materials,
     measure,
+    meshes,
     palette_edits,
     quality,
     room,
@@ -35,7 +36,18 @@ from volspec.viewer.model.state import ViewState
 
 MODULES = (
     *(camera, commands, cuts, effects, labels, light_parts, light_states, lights),
-    *(materials, measure, palette_edits, slices, transfer_edits, viewing, lighting, quality, room),
+    *(
+        materials,
+        measure,
+        meshes,
+        palette_edits,
+        slices,
+        transfer_edits,
+        viewing,
+        lighting,
+        quality,
+        room,
+    ),
 )
 NUMBERS = st.floats(-2, 30) | st.floats(-1e9, 1e9) | st.sampled_from([0.0, math.nan, math.inf])
 INDICES = st.integers(-2, 12)

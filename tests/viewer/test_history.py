@@ -18,6 +18,7 @@ from volspec.palette import Cell
 from volspec.raycast import Ambient, ClipPlane, Headlight, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.scene.annotation import Annotation
+from volspec.scene.specs import MeshSpec
 from volspec.spectra import DEFAULT_GRID, light, reflectance
 from volspec.viewer.model import (
     camera,
@@ -76,6 +77,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "fade": Fade(state.lights, state.relight, 1.0),
         "palette": PaletteState(),
         "annotations": (Annotation(points_mm=((0.0, 0.0, 0.0),), text="here"),),
+        "meshes": (MeshSpec(shape="triad"),),
         "thickness": 2.0,
         "unthickened": (state.transfer, 1.0, state.transfer),
     }
@@ -90,7 +92,7 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
 _COSTS = dict.fromkeys(("camera", "cuts", "transfer_edits", "materials", "palette_edits"), "cast")
 _COSTS |= dict.fromkeys(("lights", "light_parts", "viewing", "light_states.recall"), "relight")
 _COSTS |= dict.fromkeys(("slices", "light_states", "cuts.choose_plane", "lights.choose"), "frame")
-_COSTS |= dict.fromkeys(("lighting", "quality"), "cast")
+_COSTS |= dict.fromkeys(("lighting", "quality", "meshes"), "cast")
 _COSTS |= {"lighting.choose_source": "frame", "lighting.set_spectrum": "relight"}
 _COSTS |= {"transfer_edits.choose_part": "frame", "measure.show": "frame"}
 # The first target makes the materials channels, which is the one cast; these relight.
@@ -143,7 +145,7 @@ _WORDS = {
 
 @pytest.fixture
 def cut(state: ViewState) -> ViewState:
-    """Something to remove: a crop, two planes, two sources, two saved states, a material."""
+    """Something to remove: a crop, planes, sources, saved states, meshes, a material."""
     planes = (ClipPlane((3.0, 3.0, 3.0), (1.0, 0.0, 0.0)),) * 2
     shading = replace(state.shading, crop_voxels=((1, 6), (0, 7), (0, 7)), clip_planes=planes)
     groups = LightGroup("sky", (Ambient(),)), LightGroup("lamp", (Point((9.0, 0.0, 0.0)),))
@@ -151,7 +153,8 @@ def cut(state: ViewState) -> ViewState:
     kept = tuple(LightState(name, state.lights[1:], state.relight) for name in "ab")
     metals = {**state.transfer.materials, "silver": reflectance("silver")}
     transfer = replace(state.transfer, materials=metals)
-    return replace(state, shading=shading, saved_lights=kept, transfer=transfer)
+    rows = (MeshSpec(shape="triad"), MeshSpec(shape="disc", material="silver", shown=False))
+    return replace(state, shading=shading, saved_lights=kept, transfer=transfer, meshes=rows)
 
 
 @pytest.mark.parametrize("name", edits_of(*MODULES))

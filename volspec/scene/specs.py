@@ -263,7 +263,7 @@ class MeshSpec:
     grating: Grating | None = None
     """Lines that diffract light, such as a disc's: {spacing_um = 1.6}."""
     shown: bool = True
-    """False hides it."""
+    """False leaves it out: it is not seen and casts no shadow."""
 
     def __post_init__(self) -> None:
         if (self.file is None) == (self.shape is None):

@@ -17,6 +17,7 @@ from volspec.viewer.model import (
     lighting,
     lights,
     measure,
+    meshes,
     palette_edits,
     quality,
     room,
@@ -85,8 +86,8 @@ def _panel(title: str, *keys: str, words: str) -> Command:
     """Return the command that opens or closes a panel."""
 
     def toggle(state: ViewState) -> ViewState | Edited:
-        if title == room.PANEL and state.room is None:
-            return Edited(state, room.NONE)
+        if not has_panel(state, title):
+            return Edited(state, _NEEDED[title])
         return with_interface(state, panels=state.interface.panels ^ {title})
 
     return Command(
@@ -100,8 +101,14 @@ def _panel(title: str, *keys: str, words: str) -> Command:
     )
 
 
+# Messages where there is nothing for a panel to show.
+_NEEDED = {room.PANEL: room.NONE, meshes.PANEL: meshes.NONE}
+
+
 def has_panel(state: ViewState, title: str) -> bool:
-    """Return True if a panel is of use: that of the room needs one."""
+    """Return True if a panel is of use: those of the room and of meshes need some."""
+    if title == meshes.PANEL:
+        return bool(state.meshes)
     return title != room.PANEL or state.room is not None
 
 
@@ -147,6 +154,7 @@ _PANELS = {
     "Lights": "spectrum illuminant lamp",
     "Viewing": "appearance adaptation display exposure",
     room.PANEL: "wall paint colour floor ceiling adaptation lux",
+    meshes.PANEL: "surface model STL OBJ PLY glTF implant",
     "Transfer": "opacity transparent colour map curve label segment",
     "Palette": "design",
     "Lighting": "light source direction shadow occlusion material shininess specular shading",
@@ -161,7 +169,7 @@ def open_panel(state: ViewState, title: str) -> ViewState:
     if title not in _PANELS:
         return state
     if not has_panel(state, title):
-        raise InputError(room.NONE, code="missing")
+        raise InputError(_NEEDED[title], code="missing")
     return with_interface(state, panels=state.interface.panels | {title})
 
 

@@ -10,6 +10,7 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +27,8 @@ from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
+from volspec.scene.meshes import MeshCache
+from volspec.scene.specs import MeshSpec
 from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer, presets
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
@@ -33,7 +36,6 @@ from volspec.viewer.model.view import View
 from volspec.volume import Choice, Volume
 
 if TYPE_CHECKING:
-    from volspec.mesh.caster import MeshCaster
     from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 
@@ -118,7 +120,7 @@ class Document:
     # of the one that was cast.
     image: CoefficientImage | None = None
     room: SceneRoom | None = None  # the volume is in it; its lamps are the lights
-    meshes: MeshCaster | None = None  # shown in and around the volume
+    meshes: MeshCache = field(default_factory=lambda: MeshCache(Path()))
     joint: JointHistogram = field(init=False)
 
     def __post_init__(self) -> None:
@@ -131,11 +133,13 @@ class Document:
             raise SceneError(f"{self.title}: {problem}", code="missing")
         return self.file, self.path
 
-    def surfaces(self, transfer: Transfer) -> tuple[Behind, ...]:
-        """Return the meshes, if any, in the transfer function's materials; MeshError without."""
-        if self.meshes is None:
-            return ()
-        return (self.meshes.painted(transfer.materials, transfer.basis),)
+    def surfaces(self, rows: Sequence[MeshSpec], transfer: Transfer) -> tuple[Behind, ...]:
+        """Return the meshes shown, if any, in the transfer function's materials.
+
+        Raises MeshError if a file or a material cannot be used.
+        """
+        caster = self.meshes.caster(rows, transfer.materials, transfer.basis)
+        return () if caster is None else (caster,)
 
     @property
     def folder(self) -> str:
@@ -190,7 +194,7 @@ class Document:
             path=scene.path.absolute(),
             fault=fault,
             room=scene.room,
-            meshes=scene.meshes(volume),
+            meshes=MeshCache(scene.path.absolute().parent, scene.file.mesh, scene.meshes(volume)),
         )
 
 

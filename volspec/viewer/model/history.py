@@ -33,6 +33,7 @@ STAGES: dict[str, Stage] = {
     "fade": "frame",
     "palette": "relight",
     "annotations": "frame",
+    "meshes": "cast",
     "thickness": "cast",
     "unthickened": "frame",
 }
@@ -46,6 +47,7 @@ _WORDS = (
     ("lights", ("lights", "other", "divide")),
     ("light states", ("saved_lights",)),
     ("transfer function", ("transfer", "shift", "thickness")),
+    ("meshes", ("meshes",)),
     ("viewing", ("relight",)),
     ("annotations", ("annotations",)),
 )

@@ -229,6 +229,7 @@ def scene_from_state(state: ViewState) -> SceneFile:
         viewing=file.viewing if same_viewing else as_typed(state.relight),
         output=OutputSpec(width, height),
         annotation=as_typed(state.annotations),
+        mesh=file.mesh if state.meshes == file.mesh else as_typed(state.meshes),
     )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from volspec.raycast import RaycastSpec
 from volspec.relight import RelightSpec
 from volspec.scene.annotation import Annotation
+from volspec.scene.specs import MeshSpec
 from volspec.settings import Vector
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
@@ -60,7 +61,7 @@ class Interface:
     probe: bool = True  # show the values under the mouse
     error_map: bool = False
     panels: frozenset[str] = frozenset(
-        {"Lights", "Viewing", "Transfer", "Palette", "Lighting", "Room"}
+        {"Lights", "Viewing", "Transfer", "Palette", "Lighting", "Room", "Meshes"}
     )  # open
     overlays: Overlays = field(default_factory=Overlays)
     slices: Slices = field(default_factory=Slices)
@@ -91,6 +92,7 @@ class ViewState:
     # Targets only: the designed spectra are in `transfer` and `lights`.
     palette: PaletteState = field(default_factory=PaletteState)
     annotations: tuple[Annotation, ...] = ()
+    meshes: tuple[MeshSpec, ...] = ()  # in and around the volume; paths are as in its file
     thickness: float = 1.0  # factor by which the transfer function was thickened
     # The transfer function before it was thickened, its thickness, and the result: valid while the
     # result is `transfer`. Opacities that were rounded to 1 are restored from it.
@@ -114,5 +116,6 @@ class ViewState:
             document.relight,
             size=size,
             annotations=document.file.annotation if document.file else (),
+            meshes=document.file.mesh if document.file else (),
             room=document.room,
         )

@@ -18,6 +18,7 @@ from volspec.viewer.ui import (
     lighting,
     measure,
     menus,
+    meshes,
     messages,
     overlays,
     quality,
@@ -44,6 +45,7 @@ _PANELS = (
     ("Lights", lights.draw, "upper"),
     ("Viewing", viewing.draw, "lower"),
     (PANEL, room.draw, "lower"),
+    ("Meshes", meshes.draw, "lower"),
     ("Transfer", transfer.draw, "lower"),
     ("Cuts", cuts.draw, "lower"),
     ("Slices", slices.draw, "left"),
@@ -69,7 +71,7 @@ _OVERLAYS = (
 )
 # Overlays and panels of what was settled by the cast.
 _OF_VOLUME = cuts.draw_handles, lighting.draw_handles, overlays.draw_cube, overlays.draw_scale
-_OF_CAST = ("Transfer", "Cuts", "Slices", "Lighting", "Quality")
+_OF_CAST = ("Meshes", "Transfer", "Cuts", "Slices", "Lighting", "Quality")
 _D = imgui.DockNodeFlags_
 _DOCKED = _D.passthru_central_node | _D.no_docking_over_central_node
 

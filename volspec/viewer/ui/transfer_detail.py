@@ -242,12 +242,13 @@ def draw_opacity(
 
 def draw_remove(state: ViewState, ui: UiContext, index: int, text: str) -> ViewState:
     """Draw the small button that removes a part."""
-    pressed = _cross(ui)
+    pressed = draw_cross(ui)
     ui.note("remove part", text)
     return transfer_edits.remove_point(state, index) if pressed else state
 
 
-def _cross(ui: UiContext) -> bool:
+def draw_cross(ui: UiContext) -> bool:
+    """Draw the small button that removes; return True if pressed."""
     imgui.push_style_color(imgui.Col_.button, (0.0, 0.0, 0.0, 0.0))
     pressed = imgui.button("×", (ui.px(_REMOVE), 0))
     imgui.pop_style_color()
@@ -346,7 +347,7 @@ def _material_row(
     imgui.same_line()
     why = uses_of_material(new.transfer, name)
     imgui.begin_disabled(bool(why))
-    pressed = _cross(ui)
+    pressed = draw_cross(ui)
     imgui.end_disabled()
     ui.note(f"take out {name}")
     free = f"Remove {as_one_line(name)}: no part is made of it"

@@ -22,6 +22,7 @@ from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarn
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.relight.layers import PackedLayers
+from volspec.scene.specs import MeshSpec
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.quality import cast_spec
@@ -71,6 +72,7 @@ class CastJob:
     size: tuple[int, int]  # width and height of the whole picture
     divisors: tuple[int, ...]  # its sides are divided by these, one pass for each
     room: SceneRoom | None = None  # to be seen behind the volume
+    meshes: tuple[MeshSpec, ...] = ()  # to be seen in and around it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -115,7 +117,7 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         done = CastDone(job, divisor, 0.0)
         started = time.perf_counter()
         try:
-            surfaces = job.document.surfaces(job.transfer)
+            surfaces = job.document.surfaces(job.meshes, job.transfer)
             white = None if job.room is None else self._white_walls(job, job.room)
             image = raycast(
                 job.document.volume,
@@ -263,5 +265,6 @@ class CastScheduler:
                 state.size,
                 divisors,
                 state.room if has_walls(state) else None,
+                state.meshes,
             )
         )

@@ -135,7 +135,7 @@ def _cast(
     room = state.room
     seen = room is not None and has_walls(state)
     behind = room.behind(volume, state.transfer.basis) if room and seen else None
-    surfaces = state.document.surfaces(state.transfer)
+    surfaces = state.document.surfaces(state.meshes, state.transfer)
     try:
         return raycast(
             *what,

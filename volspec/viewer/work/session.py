@@ -20,6 +20,7 @@ from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec.errors import InputError, SceneError, one_line, quoted
 from volspec.scene.file import SceneFile
+from volspec.scene.meshes import MeshCache
 from volspec.scene.resolve import Resolver
 from volspec.settings import plain, read_table
 from volspec.transfer.presets import histogram
@@ -187,6 +188,7 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         reader = Reader(data["objects"])
         of_document = reader.field_values(Document, data["document"], but=_REMADE)
         of_state = reader.field_values(ViewState, data["state"], but=_PASSING)
+        of_state.setdefault("meshes", file.mesh)  # a session without them
     except SceneError as error:
         raise BrokenSession(f"session: file: {error}", code="damaged") from error
     except (ValueFault, TypeError) as error:
@@ -205,10 +207,12 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     if room is not None:
         painted = room.with_paint(_paint(data))
     caster, fault = make_caster(volume, device) if cast else (None, "")
-    transfer = of_document["transfer"]
+    transfer = of_state["transfer"]
+    meshes = MeshCache(session.path.parent)
+    meshes.caster(of_state["meshes"], transfer.materials, transfer.basis)
     document = Document(
         **of_document,
-        meshes=names.meshes(volume, transfer.materials, transfer.basis),
+        meshes=meshes,
         volume=volume,
         caster=caster,
         fault=fault,

@@ -213,5 +213,5 @@ def _require(fits: bool, data: Any, wanted: str, where: str) -> None:
 
 @cache
 def _hints(kind: type) -> dict[str, Any]:
-    # Rooms and meshes are not stored but made again; their modules are only imported then.
-    return get_type_hints(kind, localns={"SceneRoom": Any, "MeshCaster": Any})
+    # Rooms are not stored but made again; their module is only imported then.
+    return get_type_hints(kind, localns={"SceneRoom": Any})

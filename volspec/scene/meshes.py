@@ -1,0 +1,75 @@
+"""Meshes of a scene whose rows change: each file is read once.
+
+MeshSpec -> [meshes] -> MeshCaster -> viewer
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING
+
+from volspec.basis import Basis
+from volspec.scene.specs import MeshSpec
+from volspec.spectra import Spectrum
+
+if TYPE_CHECKING:
+    from volspec.mesh.caster import MeshCaster
+    from volspec.mesh.model import Mesh
+
+
+class MeshCache:
+    """Surfaces of rows of ``[[mesh]]``, relative to a folder; threads may share it.
+
+    ``caster`` has those of ``rows`` that are shown.
+    """
+
+    def __init__(
+        self, folder: Path, rows: Sequence[MeshSpec] = (), caster: MeshCaster | None = None
+    ) -> None:
+        self._folder, self._lock = folder, Lock()
+        shown = tuple(row for row in rows if row.shown)
+        self._last = shown, caster
+        meshes = () if caster is None else caster.meshes
+        self._read = {_geometry(row): mesh for row, mesh in zip(shown, meshes, strict=True)}
+
+    def mesh(self, row: MeshSpec) -> Mesh:
+        """Return the surface of a row; MeshError if a file cannot be used."""
+        with self._lock:
+            return self._mesh(row)
+
+    def _mesh(self, row: MeshSpec) -> Mesh:
+        key = _geometry(row)
+        if key not in self._read:
+            self._read[key] = row.mesh(self._folder)
+        mesh = self._read[key]
+        look = mesh.material if row.material is None else row.material
+        return replace(mesh, material=look, opacity=row.opacity)
+
+    def caster(
+        self, rows: Sequence[MeshSpec], materials: Mapping[str, Spectrum], basis: Basis
+    ) -> MeshCaster | None:
+        """Return the rows that are shown, in materials and a basis; None without any.
+
+        Raises MeshError if a file, a material or the basis cannot be used.
+        """
+        shown = tuple(row for row in rows if row.shown)
+        if not shown:
+            return None
+        # Imported late: few scenes have meshes.
+        from volspec.mesh.caster import MeshCaster
+
+        with self._lock:
+            before, caster = self._last
+            if caster is None or shown != before:
+                caster = MeshCaster([self._mesh(row) for row in shown], materials, basis)
+                self._last = shown, caster
+        return caster.painted(materials, basis)
+
+
+def _geometry(row: MeshSpec) -> str:
+    """Return a key of what a mesh's file or shape gives: all but its material and opacity."""
+    material = None if row.material is None else "any"
+    return repr(replace(row, material=material, opacity=1.0, shown=True))
