@@ -9,13 +9,15 @@ gratings give each light group its own reflectance: lights change without a new 
 
 from __future__ import annotations
 
+import os
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import islice
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,10 +41,13 @@ from volspec.spectra import Spectrum
 
 Array = NDArray[np.float64]
 Size = tuple[int, int]
+_Part = TypeVar("_Part")
 # An edge passes between pixels whose normals' cosine is less, or whose distances differ by more.
 _SAME_SIDE, _SAME_DEPTH = 0.9, 0.02
 # Translucent surfaces behind each other, and mirrors in mirrors.
 _MOST_SHEETS, _BOUNCES = 16, 3
+# Rays of a strip: its arrays stay in a core's cache.
+_STRIP = 32768
 
 
 class _Surfaces:
@@ -260,12 +265,12 @@ class MeshCaster:
                 ends = stops * (1.0 + _SAME_DEPTH)
             else:
                 ends = np.minimum(stops, views[0].along_mm)
-            channels, sees = self._send(seen, ends, light, beam)
+            channels, sees = self._send_all(seen, ends, light, beam)
             edges = _edges(seen, sees, size)
             points = world_rays(camera, *size, further_points(edges, width))
-            further = self._seen(number, *points)
+            further = self._see_all(number, *points)
             more = np.repeat(ends[edges], len(further.mesh) // max(len(edges), 1))
-            channels = np.concatenate([channels, self._send(further, more, light, beam)[0]])
+            channels = np.concatenate([channels, self._send_all(further, more, light, beam)[0]])
             mean = (mean_of_points(edges, width * height) @ channels).reshape(height, width, -1)
             depth = np.float32(seen.along_mm).reshape(height, width)
             found.append(BehindImage(mean[..., :-1], mean[..., -1], depth))
@@ -277,7 +282,7 @@ class MeshCaster:
         if found is None:
             self._warn_of_unseen(camera, size)
             rays = world_rays(camera, *size)
-            found = [self._seen(0, *rays)]
+            found = [self._see_all(0, *rays)]
             if self._translucent is not None:
                 for seen in islice(self._translucent.sheets(*rays), _MOST_SHEETS):
                     if not (seen.along_mm < found[0].along_mm).any():
@@ -294,6 +299,25 @@ class MeshCaster:
                 place = ", ".join(f"{x:.4g}" for x in corners.mean(axis=0))
                 text = f"{mesh.name}: is outside the view, around ({place}) mm"
                 warnings.warn(f"{text}; check unit_mm and move_mm", VolspecWarning, stacklevel=2)
+
+    def _see_all(self, number: int, origins: Array, directions: Array) -> Seen:
+        """As `_seen`, in threads."""
+        origins = np.broadcast_to(origins, directions.shape)
+        return Seen.join(
+            _in_strips(
+                lambda rows: self._seen(number, origins[rows], directions[rows]), len(origins)
+            )
+        )
+
+    def _send_all(
+        self, seen: Seen, stops: NDArray[Any], light: Lighting, beam: tuple[float, float]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """As `_send`, in threads."""
+        parts = _in_strips(
+            lambda rows: self._send(seen.rows(rows), stops[rows], light, beam), len(stops)
+        )
+        channels, sees = zip(*parts, strict=True)
+        return np.concatenate(channels), np.concatenate(sees)
 
     def _seen(self, number: int, origins: Array, directions: Array) -> Seen:
         """Return what rays see: what is opaque, or the sheet of a number from 1."""
@@ -396,6 +420,15 @@ def cast_meshes(
     """
     spec = RaycastSpec() if spec is None else spec
     return MeshCaster(meshes, materials, basis).alone(camera, checked_size(size), spec)
+
+
+def _in_strips(work: Callable[[slice], _Part], count: int) -> list[_Part]:
+    """Return what a function returns for strips of rays, one at least, in order, by threads."""
+    strips = [slice(start, start + _STRIP) for start in range(0, max(count, 1), _STRIP)]
+    if len(strips) == 1:
+        return [work(strips[0])]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return list(pool.map(work, strips))
 
 
 def _facing(

@@ -5,7 +5,7 @@ points, lights -> [shading] -> factors of the material, what is added -> caster
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,9 +39,16 @@ class Seen:
     triangle: NDArray[np.intp]  # (K,), of the mesh
     shares: Array  # (K, 3) of the triangle's corners
 
-    def rows(self, rows: NDArray[np.intp]) -> Seen:
+    def rows(self, rows: NDArray[np.intp] | slice) -> Seen:
         """Return some of the points."""
         return Seen(*(getattr(self, name)[rows] for name in Seen.__slots__))
+
+    @classmethod
+    def join(cls, parts: Sequence[Seen]) -> Seen:
+        """Return the points of several, in order."""
+        return cls(
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__slots__)
+        )
 
     @classmethod
     def nothing(cls, directions: Array) -> Seen:
