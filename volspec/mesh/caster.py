@@ -11,30 +11,30 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
 from functools import partial
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._triangles import TriangleRays
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import MeshError, VolspecWarning
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
+from volspec.mesh.surfaces import MOST_SHEETS, Surfaces, passed
 from volspec.raycast.behind import BehindImage, OpacityCaster
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import checked_size
 from volspec.raycast.edges import further_points, mean_of_points, next_to
 from volspec.raycast.image import CoefficientImage
-from volspec.raycast.light_volume import FAR, Arrives, Clear
-from volspec.raycast.projection import Projection
+from volspec.raycast.light_volume import Arrives, Clear
+from volspec.raycast.projection import NEAR, Projection
 from volspec.raycast.sampling import world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.spectra import Spectrum
@@ -44,77 +44,54 @@ Size = tuple[int, int]
 _Part = TypeVar("_Part")
 # An edge passes between pixels whose normals' cosine is less, or whose distances differ by more.
 _SAME_SIDE, _SAME_DEPTH = 0.9, 0.02
-# Translucent surfaces behind each other, and mirrors in mirrors.
-_MOST_SHEETS, _BOUNCES = 16, 3
+# Mirrors in mirrors.
+_BOUNCES = 3
 # Rays of a strip: its arrays stay in a core's cache.
 _STRIP = 32768
 
 
-class _Surfaces:
-    """Some of the meshes, and what rays see of them; ``numbers`` are theirs among all."""
+class _Window(NamedTuple):
+    """Rectangle of a picture's pixels, beyond which no mesh is seen."""
 
-    def __init__(self, meshes: Sequence[Mesh], numbers: Sequence[int]) -> None:
-        self.meshes, self.numbers = meshes, numbers
-        self._ends = np.cumsum([len(meshes[k].triangles) for k in numbers])
-        corners = [meshes[k].points_mm[meshes[k].triangles] for k in numbers]
-        self.rays = TriangleRays(np.concatenate(corners), "meshes", "use another system")
+    left: int
+    top: int
+    width: int
+    height: int
 
-    def first(self, origins: Array, directions: Array) -> Seen:
-        """Return what rays see first."""
-        hits = self.rays.hits(origins, directions)
-        count = len(directions)
-        points, normals = np.zeros((2, count, 3))
-        part = np.searchsorted(self._ends, hits.triangle, "right")
-        found = np.full(count, -1)
-        for place, number in enumerate(self.numbers):
-            mesh = self.meshes[number]
-            rows = np.flatnonzero((part == place) & (hits.triangle >= 0))
-            found[rows] = number
-            hits.triangle[rows] -= self._ends[place] - len(mesh.triangles)
-            corners, shares = mesh.triangles[hits.triangle[rows]], hits.shares[rows]
-            points[rows] = origins[rows] + hits.along[rows, None] * directions[rows]
-            flat = hits.across[rows]
-            normals[rows] = _facing(mesh, corners, shares, flat, directions[rows])
-        return Seen(hits.along, points, normals, directions, found, hits.triangle, hits.shares)
+    @classmethod
+    def around(cls, boxes: Sequence[Array], camera: Camera, size: Size) -> _Window:
+        """Return the rectangle of boxes' corners (8, 3); all if one is behind the camera."""
+        x, y, depth = Projection(camera, (0, 0, *size)).to_window(np.concatenate(boxes)).T
+        if (depth < NEAR).any():
+            return cls(0, 0, *size)
+        # One more pixel around, as an edge is between two.
+        (left, top), (right, bottom) = (
+            np.clip((further, lower), 0, size).astype(int)
+            for further, lower in ((x.min() - 2, y.min() - 2), (x.max() + 2, y.max() + 2))
+        )
+        return cls(int(left), int(top), int(right - left), int(bottom - top))
 
-    def sheets(self, origins: Array, directions: Array) -> Iterator[Seen]:
-        """Yield what rays see first, then second, until nothing is left."""
-        along = np.zeros(len(directions))
-        while True:
-            # A ray that has seen all goes on from far behind.
-            start = np.minimum(along, FAR)
-            seen = self.first(origins + start[:, None] * directions, directions)
-            if not (seen.mesh >= 0).any():
-                return
-            seen = replace(seen, along_mm=seen.along_mm + along)
-            yield seen
-            along = seen.along_mm + self.rays.offset
+    @property
+    def size(self) -> Size:
+        """Width and height in pixels."""
+        return self.width, self.height
 
-    def passed(self, starts: Array, ends: Array) -> Array:
-        """Return the part (K,) of light that passes between two points."""
-        way = ends - starts
-        length = np.linalg.norm(way, axis=1)
-        opacity = np.array([*(mesh.opacity for mesh in self.meshes), 0.0])
-        found = np.ones(len(way))
-        directions = way / np.maximum(length, 1e-30)[:, None]
-        for seen in islice(self.sheets(starts, directions), _MOST_SHEETS):
-            between = seen.along_mm < length - self.rays.offset
-            if not between.any():
-                break
-            found *= 1.0 - opacity[seen.mesh] * between
-        return found
+    @property
+    def part(self) -> tuple[slice, slice]:
+        """Its rows and columns."""
+        return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
 
+    def pixels(self) -> Array:
+        """(R, 2) x and y of its pixels, row by row."""
+        down, across = np.mgrid[self.part]
+        return np.stack([across.ravel(), down.ravel()], axis=1).astype(np.float64)
 
-def _passed(
-    opaque: _Surfaces | None, translucent: _Surfaces | None, starts: Array, ends: Array
-) -> Array:
-    """Return the part (K,) of light that meshes let pass between points (K, 3) in mm."""
-    found = np.ones(len(starts))
-    if opaque is not None:
-        found *= opaque.rays.clear(starts, ends)
-    if translucent is not None:
-        found *= translucent.passed(starts, ends)
-    return found
+    def framed(self, values: NDArray[Any], size: Size, outside: float) -> NDArray[np.float32]:
+        """Return a picture (H, W, ...) with values (R, ...) of its pixels."""
+        width, height = size
+        picture = np.full((height, width, *values.shape[1:]), outside, np.float32)
+        picture[self.part] = values.reshape(self.height, self.width, *values.shape[1:])
+        return picture
 
 
 class MeshCaster:
@@ -149,10 +126,10 @@ class MeshCaster:
         self._take(materials, basis)
         opaque = [k for k, mesh in enumerate(meshes) if mesh.opacity == 1.0]
         rest = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
-        self._opaque = _Surfaces(self.meshes, opaque) if opaque else None
-        self._translucent = _Surfaces(self.meshes, rest) if rest else None
+        self._opaque = Surfaces(self.meshes, opaque) if opaque else None
+        self._translucent = Surfaces(self.meshes, rest) if rest else None
         # One object also for `painted` ones, as what is cached by it does not depend on paint.
-        self.clear: Clear = partial(_passed, self._opaque, self._translucent)
+        self.clear: Clear = partial(passed, self._opaque, self._translucent)
         self._offset = 2.0 * max(
             each.rays.offset for each in (self._opaque, self._translucent) if each is not None
         )
@@ -163,7 +140,7 @@ class MeshCaster:
         ]
         self._extent = float(np.linalg.norm(np.ptp(np.concatenate(self._boxes), axis=0)))
         # What the last camera sees, opaque and then sheets; also that of `painted` ones.
-        self._views: dict[tuple[Camera, Size], list[Seen]] = {}
+        self._views: dict[tuple[Camera, Size], tuple[_Window, list[Seen]]] = {}
 
     def _take(self, materials: Mapping[str, Spectrum], basis: Basis) -> None:
         for mesh in self.meshes:
@@ -198,8 +175,8 @@ class MeshCaster:
 
     def depth_mm(self, camera: Camera, size: Size) -> NDArray[np.float32]:
         """Return (H, W) distances to opaque meshes; inf where there are none."""
-        width, height = size
-        return np.float32(self._look(camera, size)[0].along_mm).reshape(height, width)
+        window, views = self._look(camera, size)
+        return window.framed(views[0].along_mm, size, np.inf)
 
     def __call__(
         self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
@@ -255,8 +232,9 @@ class MeshCaster:
         pixel_mm = float(np.linalg.norm(field.down))
         # Width of a pixel, and its growth by distance.
         beam = (0.0, pixel_mm / field.distance) if field.perspective else (pixel_mm, 0.0)
-        views = self._look(camera, size)
-        stops = np.full(width * height, np.inf) if stop_mm is None else stop_mm.ravel()
+        window, views = self._look(camera, size)
+        count = window.width * window.height
+        stops = np.full(count, np.inf) if stop_mm is None else stop_mm[window.part].ravel()
         found = []
         for number in range(len(views))[which]:
             seen = views[number]
@@ -266,31 +244,35 @@ class MeshCaster:
             else:
                 ends = np.minimum(stops, views[0].along_mm)
             channels, sees = self._send_all(seen, ends, light, beam)
-            edges = _edges(seen, sees, size)
-            points = world_rays(camera, *size, further_points(edges, width))
-            further = self._see_all(number, *points)
+            edges = _edges(seen, sees, window.size)
+            places = further_points(edges, window.width) + (window.left, window.top)
+            further = self._see_all(number, *world_rays(camera, *size, places))
             more = np.repeat(ends[edges], len(further.mesh) // max(len(edges), 1))
             channels = np.concatenate([channels, self._send_all(further, more, light, beam)[0]])
-            mean = (mean_of_points(edges, width * height) @ channels).reshape(height, width, -1)
-            depth = np.float32(seen.along_mm).reshape(height, width)
+            mean = window.framed(mean_of_points(edges, count) @ channels, size, 0.0)
+            depth = window.framed(seen.along_mm, size, np.inf)
             found.append(BehindImage(mean[..., :-1], mean[..., -1], depth))
         return found
 
-    def _look(self, camera: Camera, size: Size) -> list[Seen]:
-        """Return what the middles of pixels see: what is opaque, then sheets."""
-        found = self._views.get((camera, size))
-        if found is None:
+    def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[Seen]]:
+        """Return where meshes may be seen, and what the middles of its pixels see.
+
+        The latter is what is opaque, then sheets.
+        """
+        made = self._views.get((camera, size))
+        if made is None:
             self._warn_of_unseen(camera, size)
-            rays = world_rays(camera, *size)
+            window = _Window.around(self._boxes, camera, size)
+            rays = world_rays(camera, *size, window.pixels())
             found = [self._see_all(0, *rays)]
             if self._translucent is not None:
-                for seen in islice(self._translucent.sheets(*rays), _MOST_SHEETS):
+                for seen in islice(self._translucent.sheets(*rays), MOST_SHEETS):
                     if not (seen.along_mm < found[0].along_mm).any():
                         break
                     found.append(seen)
             self._views.clear()
-            self._views[camera, size] = found
-        return found
+            made = self._views[camera, size] = window, found
+        return made
 
     def _warn_of_unseen(self, camera: Camera, size: Size) -> None:
         projection = Projection(camera, (0, 0, *size))
@@ -301,7 +283,7 @@ class MeshCaster:
                 warnings.warn(f"{text}; check unit_mm and move_mm", VolspecWarning, stacklevel=2)
 
     def _see_all(self, number: int, origins: Array, directions: Array) -> Seen:
-        """As `_seen`, in threads."""
+        """Do as `_seen`, in threads."""
         origins = np.broadcast_to(origins, directions.shape)
         return Seen.join(
             _in_strips(
@@ -312,7 +294,7 @@ class MeshCaster:
     def _send_all(
         self, seen: Seen, stops: NDArray[Any], light: Lighting, beam: tuple[float, float]
     ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """As `_send`, in threads."""
+        """Do as `_send`, in threads."""
         parts = _in_strips(
             lambda rows: self._send(seen.rows(rows), stops[rows], light, beam), len(stops)
         )
@@ -429,20 +411,6 @@ def _in_strips(work: Callable[[slice], _Part], count: int) -> list[_Part]:
         return [work(strips[0])]
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         return list(pool.map(work, strips))
-
-
-def _facing(
-    mesh: Mesh, corners: NDArray[np.intp], shares: Array, flat: Array, ways: Array
-) -> Array:
-    """Return unit normals (K, 3) at points of triangles, towards the eye; ``flat`` are theirs."""
-    found = flat
-    if mesh.normals is not None:
-        found = np.einsum("ki,kic->kc", shares, mesh.normals[corners])
-        # Files may wind their triangles the other way.
-        found = np.where(np.einsum("kc,kc->k", found, flat)[:, None] < 0.0, -found, found)
-    found = found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-30)
-    away = np.einsum("kc,kc->k", flat, ways) > 0.0
-    return np.where(away[:, None], -found, found)
 
 
 def _edges(seen: Seen, sees: NDArray[np.bool_], size: Size) -> NDArray[np.intp]:

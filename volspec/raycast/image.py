@@ -169,13 +169,16 @@ class CoefficientImage:
                 f"expected {self.alpha.shape} and up to {channels} channels",
                 field="coefficient image: behind",
             )
-        found, own = self.coefficients.copy(), np.s_[..., channels - layers.shape[2] :]
+        through = 1.0 - self.alpha
+        part = through * np.broadcast_to(np.asarray(alpha, np.float32), through.shape)
+        # The other is often small: an electrode, an implant.
+        where = _extent(part, 1), _extent(part, 0)
+        found = self.coefficients.copy()
+        own = found[where][..., channels - layers.shape[2] :]
+        seen = own.astype(np.float32) + through[where][..., None] * layers[where]
         # A lamp that is seen may be brighter than half-float can store.
         most = np.finfo(kind).max
-        through = 1.0 - self.alpha
-        seen = found[own].astype(np.float32) + through[..., None] * layers
-        found[own] = np.clip(seen, -most, most)
-        part = through * np.broadcast_to(np.asarray(alpha, np.float32), through.shape)
+        own[...] = np.clip(seen, -most, most)
         image = replace(self, coefficients=found, alpha=self.alpha + part)
         if depth_mm is None:
             return image
@@ -340,3 +343,9 @@ def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
                 "if these are per cent, divide by 100",
                 code="range",
             )
+
+
+def _extent(part: NDArray[np.float32], axis: int) -> slice:
+    """Return the least slice along the other axis that has all that is not 0."""
+    found = np.flatnonzero(part.any(axis=axis))
+    return slice(found[0], found[-1] + 1) if found.size else slice(0)
