@@ -153,7 +153,7 @@ def cut(state: ViewState) -> ViewState:
     kept = tuple(LightState(name, state.lights[1:], state.relight) for name in "ab")
     metals = {**state.transfer.materials, "silver": reflectance("silver")}
     transfer = replace(state.transfer, materials=metals)
-    rows = (MeshSpec(shape="triad"), MeshSpec(shape="disc", material="silver", shown=False))
+    rows = (MeshSpec(shape="triad"), MeshSpec(shape="disc", material="copper", shown=False))
     return replace(state, shading=shading, saved_lights=kept, transfer=transfer, meshes=rows)
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import struct
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,16 +14,22 @@ import pytest
 import pyvista
 from numpy.typing import NDArray
 
+from tests.support.errors import raises
+from tests.support.window import Robot, along
+from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene
 from volspec.scene.specs import MeshSpec
-from volspec.viewer.model import meshes
+from volspec.transfer import TransferFunction
+from volspec.viewer.model import materials, meshes
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.casts import make_caster
+from volspec.viewer.work.documents import read_meshes
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
+from volspec.viewer.work.script import script_from_state
 from volspec.viewer.work.session import read_session, restore_state, save_session
 from volspec.volume import phantom
 
@@ -129,3 +138,116 @@ def test_a_material_replaces_a_texture(opened: ViewState) -> None:
         for row, name in zip(state.meshes, ("wax", "bone"), strict=True)
     )
     assert meshes.set_material(state, 0, "no such") is state
+
+
+def write_glb(path: Path, size: float) -> None:
+    """Write a square about the origin, moved by a node as glTF's writers do."""
+    half = size / 2
+    points = np.float32([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
+    triangles = np.uint32([0, 1, 2, 0, 2, 3])
+    data = points.tobytes() + triangles.tobytes()
+    ends = {"min": points.min(axis=0).tolist(), "max": points.max(axis=0).tolist()}
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": [5.5, 5.5, 12.0]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", **ends},
+            {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": points.nbytes},
+            {"buffer": 0, "byteOffset": points.nbytes, "byteLength": triangles.nbytes},
+        ],
+        "buffers": [{"byteLength": len(data)}],
+    }
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text
+    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+@pytest.mark.filterwarnings("error")
+def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
+    write_glb(tmp_path / "tile.glb", 8.0)
+    for name in ("empty.ply", "noise.obj", "noise.glb"):
+        (tmp_path / name).write_text("no mesh" * name.startswith("noise"), encoding="utf-8")
+    names = ("tile.glb", "empty.ply", "noise.obj", "noise.glb", "gone.stl")
+    read = read_meshes(opened, tuple(str(tmp_path / name) for name in names))
+    assert read.rows == (MeshSpec(file="tile.glb", material="wax"),)
+    for name, error in zip(names[1:], read.errors, strict=True):
+        assert error.startswith(str(tmp_path / name))
+        assert "\n" not in error
+    new = meshes.add(opened, read.rows)
+    corners = new.document.meshes.mesh(new.meshes[2]).points_mm
+    assert corners.min(axis=0) == pytest.approx([1.5, 1.5, 12.0])
+    assert np.abs(frame(new) - frame(opened)).max() > 20
+    write_glb(tmp_path / "metres.glb", 8000.0)
+    with pytest.warns(VolspecWarning, match="unit_mm"):
+        assert read_meshes(opened, (str(tmp_path / "metres.glb"),)).rows
+
+
+def test_other_transfer_functions_keep_the_meshes_materials(opened: ViewState) -> None:
+    assert materials.remove_material(opened, "wax") is opened
+    assert isinstance(opened.transfer, TransferFunction)
+    bare = materials.without_material(opened.transfer, "wax")
+    new = meshes.with_own_materials(opened, replace(opened, transfer=bare))
+    assert list(new.transfer.materials) == ["bone", "wax"]
+    np.testing.assert_array_equal(frame(new), frame(opened))
+    free = meshes.remove(opened, 0)
+    assert list(materials.remove_material(free, "wax").transfer.materials) == ["bone"]
+
+
+def test_a_script_cannot_have_meshes(opened: ViewState) -> None:
+    with raises(SceneError, "unsupported"):
+        script_from_state(opened)
+
+
+def test_the_list_in_the_window(screen: None, tmp_path: Path) -> None:
+    write_scene(tmp_path)
+    write_glb(tmp_path / "tile.glb", 8.0)
+    write_glb(tmp_path / "metres.glb", 8000.0)
+    (tmp_path / "broken.stl").write_bytes(b"solid")
+    with Robot(tmp_path, ["scene.toml"], (760, 520)) as robot:
+
+        def events(*names: str) -> list[dict[str, Any]]:
+            """Return the events of some names since the last call."""
+            nonlocal before
+            robot.rest()
+            found = [row for row in robot.since(before) if row["event"] in names]
+            before = robot.now()
+            return found
+
+        robot.whole()
+        before = robot.rest()
+        robot.drop(*((tmp_path / name).as_uri() for name in ("broken.stl", "metres.glb")))
+        told = [row["message"] for row in events("error", "warning")]
+        assert all(any(word in text for text in told) for word in ("broken.stl", "unit_mm"))
+        robot.key("ctrl+z")
+        robot.drop((tmp_path / "tile.glb").as_uri())
+        assert events("cast")
+        robot.click("mesh shown 1")
+        robot.click("mesh material 2")
+        robot.rest()
+        robot.key("Down")
+        robot.key("Up")
+        robot.key("Return")
+        x, y, width, height = robot.area("mesh opacity 0")
+        start = x + width - 4.0, y + height / 2
+        robot.drag(along(start, (x + width / 2, start[1]), 0.5))
+        robot.click("remove mesh 1")
+        robot.key("ctrl+z")
+        robot.rest()
+        robot.key("ctrl+s")
+        robot.rest()
+        robot.key("Return")
+        path = tmp_path / "scene-view.toml"
+        assert robot.until(path.exists)
+        pin, triad, tile = tomllib.loads(path.read_text(encoding="utf-8"))["mesh"]
+        assert 0.3 < pin["opacity"] < 0.9
+        assert triad == {"shape": "triad", "shown": False}
+        assert tile == {"file": "tile.glb", "material": "bone"}
+        assert not events("gl-error")

@@ -98,7 +98,7 @@ class Mesh:
         triangles = np.asarray(self.triangles)
         if triangles.ndim != 2 or triangles.shape[1] != 3 or triangles.dtype.kind not in "iu":
             raise self._error(f"triangles have shape {triangles.shape}", "give (T, 3) of int")
-        triangles = triangles.astype(np.intp)
+        triangles = triangles.astype(np.intp, copy=False)
         if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(points):
             worst = triangles.max() if triangles.max() >= len(points) else triangles.min()
             raise self._error(f"a triangle has point {worst}", f"there are {len(points)}", "range")
@@ -106,7 +106,7 @@ class Mesh:
         if not whole.any():
             raise self._error("has no triangle with an area", "give a surface", "missing")
         object.__setattr__(self, "points_mm", points)
-        object.__setattr__(self, "triangles", triangles[whole])
+        object.__setattr__(self, "triangles", triangles if whole.all() else triangles[whole])
         for what, columns in (("normals", 3), ("uv", 2)):
             if (given := getattr(self, what)) is not None:
                 found = self._finite(what, given, columns)

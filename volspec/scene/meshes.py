@@ -64,7 +64,8 @@ class MeshCache:
         with self._lock:
             before, caster = self._last
             if caster is None or shown != before:
-                caster = MeshCaster([self._mesh(row) for row in shown], materials, basis)
+                meshes = [self._mesh(row) for row in shown]
+                caster = MeshCaster(meshes, materials, basis)
                 self._last = shown, caster
         return caster.painted(materials, basis)
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from imgui_bundle import imgui, implot
 
 from volspec.errors import InputError
-from volspec.viewer.model import measure, room
+from volspec.viewer.model import measure, meshes, room
 from volspec.viewer.model.commands import BY_KEY, MENUS
 from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
@@ -210,7 +210,7 @@ class _App:
             self._relight(self._shown)  # now, so that it is shown a frame earlier
         news, opened = self._file_commands.take(first=self._history is None)
         if self._history is not None:
-            history = self._designs.take(self._history)
+            history = self._file_commands.add_meshes(self._designs.take(self._history))
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
@@ -264,6 +264,8 @@ class _App:
                 state = self._without_cast(present, state)
             if present is not None and state.room is not None:
                 state = self._with_room_light(present, state)
+            if present is not None and state.meshes:
+                state = self._with_own_materials(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
             if self._docks.settled:
@@ -316,6 +318,13 @@ class _App:
             self._notice.show_warning(room.LIGHTS)
         return possible
 
+    def _with_own_materials(self, present: ViewState, state: ViewState) -> ViewState:
+        """Return the state with the materials of its meshes; say so if there are too many."""
+        possible = meshes.with_own_materials(present, state)
+        if possible is not state and possible.transfer is present.transfer:
+            self._notice.show_warning(meshes.NO_ROOM)
+        return possible
+
     def _wait_for_file(self, inputs: list[Input]) -> None:
         """Use inputs while nothing is open: the start screen's, and the keys once that failed."""
         drops = [given for given in inputs if given.name == "drop" and given.paths]
@@ -324,7 +333,7 @@ class _App:
         if not failed:
             self._early += drops
         for given in drops if failed else ():
-            self._file_commands.documents.drop(given.paths)
+            self._file_commands.drop(given.paths, None)
         for given in inputs if failed else ():
             command = BY_KEY.get(given.key) if given.name == "key" else None
             if command is not None and command.name in ("open", "quit"):
@@ -378,7 +387,7 @@ class _App:
             if given.name != "move":
                 self._trace.note(given.name, key=given.key, button=given.button)
             if given.name == "drop" and given.paths:
-                self._file_commands.documents.drop(given.paths)
+                self._file_commands.drop(given.paths, state)
                 continue
             # The command palette takes keys before its field has the focus, too.
             typing = writing or self._ui.commands is not None

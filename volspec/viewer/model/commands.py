@@ -115,6 +115,7 @@ def has_panel(state: ViewState, title: str) -> bool:
 _FILES = (
     Command("open", "File", "Open …", ("ctrl+o",), words="load import volume file"),
     Command("open-folder", "File", "Open a folder of slices …"),
+    Command("add-mesh", "File", "Add a mesh …", words="surface model import STL OBJ PLY glTF"),
     Command("demonstrations", "File", "Demonstrations …"),
     Command("reload", "File", "Reload the file, keeping the view", ("f5", "ctrl+r")),
     Command("export-scene", "File", "Save as a scene …", ("ctrl+s",)),

@@ -8,7 +8,7 @@ materials may not represent a new one, whereas a channel of its own is exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
 from typing import TypeVar
@@ -17,6 +17,7 @@ import numpy as np
 
 from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, quoted
+from volspec.scene.specs import MeshSpec
 from volspec.spectra import SpectralGrid, Spectrum, reflectance, reflectance_from_colour
 from volspec.transfer import (
     MAX_CHANNELS,
@@ -105,7 +106,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
                 code="size",
             )
         materials = {each: materials[each] for each in names}
-    more = _with_materials(transfer, {**materials, name: spectrum})
+    more = with_materials(transfer, {**materials, name: spectrum})
     return with_mix(with_material_basis(more), index, name)
 
 
@@ -123,14 +124,14 @@ def without_material(transfer: Transfer, name: str) -> Transfer:
             transfer = with_mix(transfer, index, _without(part.mix, name))
     if isinstance(transfer, TransferFunction) and transfer.filters:
         transfer = replace(transfer, filters=_without(transfer.filters, name) or None)
-    return _with_materials(transfer, _without(transfer.materials, name))
+    return with_materials(transfer, _without(transfer.materials, name))
 
 
 def _without(own: Mapping[str, Value], name: str) -> dict[str, Value]:
     return {other: value for other, value in own.items() if other != name}
 
 
-def _with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Transfer:
+def with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Transfer:
     """Replace the materials, and the channels too if they are the materials."""
     basis = transfer.basis
     if isinstance(basis, MaterialBasis):
@@ -138,8 +139,8 @@ def _with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Tr
     return replace(transfer, materials=materials, basis=basis)
 
 
-def uses_of_material(transfer: Transfer, name: str) -> str:
-    """Return why a material cannot be removed: the parts made of it; empty if there are none.
+def uses_of_material(transfer: Transfer, name: str, rows: Sequence[MeshSpec] = ()) -> str:
+    """Return why a material cannot be removed: what is made of it; empty if there is nothing.
 
     >>> from volspec.basis import SpectralBasis
     >>> metals = {name: reflectance(name) for name in ("copper", "gold")}
@@ -150,7 +151,8 @@ def uses_of_material(transfer: Transfer, name: str) -> str:
     """
     numbers = _users(transfer).get(name, ())
     if not numbers:
-        return ""
+        mesh = next((row.name for row in rows if name in row.used), None)
+        return f"mesh {mesh} is made of it; give it another material first" if mesh else ""
     what = _PARTS[type(transfer)]
     if len(numbers) == 1:
         return f"{what} {numbers[0]} is made of it; give it another material first"
@@ -202,7 +204,9 @@ def add_material(state: ViewState, index: int, text: str) -> ViewState:
 
 @edit
 def remove_material(state: ViewState, name: str) -> ViewState:
-    """Remove a material that no part is made of."""
+    """Remove a material that no part and no mesh is made of."""
+    if uses_of_material(state.transfer, name, state.meshes):
+        return state
     new = without_material(state.transfer, name)
     return state if new is state.transfer else replace(state, transfer=new)
 

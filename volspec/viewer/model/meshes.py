@@ -5,16 +5,21 @@ panel, dropped files -> [meshes] -> state -> cast, SCENE.toml
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from volspec.errors import VolspecError
 from volspec.scene.specs import MeshSpec
-from volspec.viewer.model.edit import edit
+from volspec.viewer.model.edit import edit, with_interface
+from volspec.viewer.model.materials import with_materials
+from volspec.viewer.model.paths import relative_path
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
 PANEL = "Meshes"
-NONE = "This scene has no meshes; drop a PLY, OBJ, STL, VTP or glTF file onto the picture"
+NONE = "This scene has no meshes; drop a PLY, OBJ, STL, VTP or glTF file onto the window"
+NO_ROOM = "With the materials of the meshes there would be too many; nothing was changed"
 # A mesh that nobody sees is not shown instead.
 LEAST_OPACITY = 0.01
 
@@ -45,6 +50,37 @@ def remove(state: ViewState, index: int) -> ViewState:
     if not 0 <= index < len(state.meshes):
         return state
     return replace(state, meshes=state.meshes[:index] + state.meshes[index + 1 :])
+
+
+def row_for(state: ViewState, path: str) -> MeshSpec:
+    """Return the row for a mesh's file, of the last mesh's material or else the first one."""
+    names = [row.material for row in state.meshes if row.material is not None]
+    material = names[-1] if names else next(iter(state.transfer.materials))
+    return MeshSpec(file=relative_path(path, state.document.folder), material=material)
+
+
+def add(state: ViewState, rows: Sequence[MeshSpec]) -> ViewState:
+    """Add meshes to the scene, and open their panel."""
+    panels = state.interface.panels | {PANEL}
+    return replace(with_interface(state, panels=panels), meshes=(*state.meshes, *rows))
+
+
+def with_own_materials(old: ViewState, new: ViewState) -> ViewState:
+    """Return the state with the materials of its meshes, which another transfer function lacks.
+
+    If there would be too many, the transfer function stays the old one.
+    """
+    if new.transfer is old.transfer or new.document is not old.document:
+        return new
+    known = new.transfer.materials
+    used = {name for row in new.meshes for name in row.used if name not in known}
+    if not used:
+        return new
+    own = {name: each for name, each in old.transfer.materials.items() if name in used}
+    try:
+        return replace(new, transfer=with_materials(new.transfer, {**known, **own}))
+    except VolspecError:
+        return replace(new, transfer=old.transfer, shift=old.shift)
 
 
 def look_text(row: MeshSpec) -> str:

@@ -12,6 +12,7 @@ from functools import lru_cache
 from itertools import takewhile
 from pathlib import Path
 
+from volspec._triangles import FILES
 from volspec.errors import InputError
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import is_dicom
@@ -20,6 +21,10 @@ from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 # Slices: one DICOM file means its series, pictures mean their folder.
 _PICTURES = (TIFF_SUFFIXES, (".png",))
 MOST_ROWS = 2000
+# A .vtk is opened as a volume.
+MESHES = tuple(suffix for suffix in FILES if suffix != ".vtk")
+# Files that belong to meshes: materials, buffers, textures.
+_OF_MESHES = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 
 
 def dropped_path(paths: Sequence[str]) -> str:
@@ -42,6 +47,27 @@ def dropped_path(paths: Sequence[str]) -> str:
         f"{len(paths)} files were dropped; drop one scene or volume, or the folder of its slices",
         code="conflict",
     )
+
+
+def dropped_meshes(paths: Sequence[str]) -> tuple[str, ...]:
+    """Return the meshes among files dropped together; none if they are something else.
+
+    >>> dropped_meshes(("a.obj", "a.mtl", "B.STL")), dropped_meshes(("a.obj", "ball.nrrd"))
+    (('a.obj', 'B.STL'), ())
+    """
+    found = tuple(path for path in paths if _all_end([path], MESHES))
+    rest = [path for path in paths if path not in found]
+    return found if _all_end(rest, _OF_MESHES) else ()
+
+
+def relative_path(path: str, folder: str) -> str:
+    """Return a path relative to a folder; on another drive it stays absolute."""
+    file = Path(path).absolute()
+    file = file.parent.resolve() / file.name
+    try:
+        return Path(os.path.relpath(file, Path(folder).resolve())).as_posix()
+    except ValueError:
+        return file.as_posix()
 
 
 def _all_end(paths: Sequence[str], endings: tuple[str, ...]) -> bool:

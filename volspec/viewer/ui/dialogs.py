@@ -19,6 +19,7 @@ from volspec._gpu.sources import asset
 from volspec.errors import InputError, one_line
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.paths import (
+    MESHES,
     FolderPlace,
     Listing,
     PathRequest,
@@ -372,6 +373,7 @@ def _save(kind: str, title: str, *suffixes: str, files: str) -> PathRequest:
 REQUESTS = {
     "open": _open("Open a scene or a volume", *_OPENED, files="Scenes and volumes"),
     "open-folder": _open("Open a folder of slices", files=""),
+    "add-mesh": _open("Add a mesh", *MESHES, files="Meshes", kind="add-mesh"),
     "open-session": _open("Open a session", SUFFIX, files="Sessions", kind="resume"),
     "export-scene": _save("export-scene", "Save as a scene", ".toml", files="Scenes"),
     "export-python": _save("export-python", "Export as Python", ".py", files="Python"),

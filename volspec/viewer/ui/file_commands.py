@@ -9,7 +9,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from volspec.errors import VolspecError
-from volspec.viewer.model.paths import PathRequest
+from volspec.viewer.model import meshes
+from volspec.viewer.model.history import History
+from volspec.viewer.model.paths import PathRequest, dropped_meshes
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.choice_dialog import ChoiceDialog
@@ -23,9 +25,9 @@ from volspec.viewer.ui.output_dialogs import (
 )
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.designs import PALETTES
-from volspec.viewer.work.documents import DocumentService, Opened
+from volspec.viewer.work.documents import DocumentService, Opened, ReadMeshes, read_meshes
 from volspec.viewer.work.films import save_film, save_page
-from volspec.viewer.work.notify import Notice
+from volspec.viewer.work.notify import SHORT_SECONDS, Notice
 from volspec.viewer.work.outputs import CUSTOM, PictureSize, Progress
 from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.screenshot import Shot, copy_shown, copy_values, save_picture
@@ -59,6 +61,7 @@ class FileCommands:
         self._progress: Progress | None = None
         self._state: ViewState | None = None
         self._choice: ChoiceDialog | None = None
+        self._meshes: list[ReadMeshes] = []  # to be added
         self._commands: dict[str, Callable[[ViewState], None]] = {
             "reload": self.documents.reload,
             "restore": self.documents.restore,
@@ -103,6 +106,39 @@ class FileCommands:
         else:
             self._commands[name](state)
 
+    def drop(self, paths: tuple[str, ...], state: ViewState | None) -> None:
+        """Add the meshes, or open the scene or the volume, that was dropped."""
+        if found := dropped_meshes(paths):
+            self._read_meshes(found, state)
+        else:
+            self.documents.drop(paths)
+
+    def _read_meshes(self, paths: tuple[str, ...], state: ViewState | None) -> None:
+        names = ", ".join(Path(path).name for path in paths)
+        if state is None or state.document.image is not None:
+            self._notice.show_error(
+                f"{names}: a mesh is added to a scene or volume; open one first"
+            )
+            return
+        self._notice.show(f"Reading {names} …")
+        # A kind of their own, as those that were dropped before count, too.
+        self._tasks.start(f"add-mesh {paths}", lambda: read_meshes(state, paths))
+
+    def add_meshes(self, history: History) -> History:
+        """Add the meshes that were read since the last call, as a step."""
+        read, self._meshes = self._meshes, []
+        for each in read:
+            for error in each.errors:
+                self._notice.show_error(error)
+            if not each.rows or each.document is not history.present.document:
+                continue
+            history = history.step(meshes.add(history.present, each.rows))
+            self._ui.front = meshes.PANEL
+            if not each.errors:
+                names = ", ".join(row.name for row in each.rows)
+                self._notice.show(f"Added {names}", SHORT_SECONDS)
+        return history
+
     def take(self, first: bool) -> tuple[bool, Opened | None]:
         """Take the threads' results; return True if there are any, and the opened document.
 
@@ -125,6 +161,8 @@ class FileCommands:
                 found = self.documents.finish_open(outcome, first)
             elif outcome.error:
                 self._notice.show_error(outcome.error)
+            elif isinstance(outcome.result, ReadMeshes):
+                self._meshes.append(outcome.result)
             elif outcome.kind != "session":
                 event = "screenshot" if outcome.kind == "picture" else outcome.kind
                 self._notice.trace.note(event, path=str(outcome.result))
@@ -168,6 +206,8 @@ class FileCommands:
             self.documents.open(path)
         elif request.kind == "resume":
             self.documents.resume(Path(path))
+        elif request.kind == "add-mesh":
+            self._read_meshes((path,), state)
         elif state is not None and request.kind in PALETTES:
             self._palette(request.kind, path, state)
         elif state is not None:

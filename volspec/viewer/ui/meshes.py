@@ -17,7 +17,10 @@ _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     new = state
-    if not imgui.begin_table("meshes", 5, _FLAGS):
+    line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
+    room = imgui.get_content_region_avail().y - imgui.get_frame_height_with_spacing()
+    height = max(min(len(state.meshes) * line, room), line)
+    if not imgui.begin_table("meshes", 5, _FLAGS, (0, height)):
         return None
     fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
     imgui.table_setup_column("show", fixed, imgui.get_frame_height())
@@ -32,6 +35,9 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
         new = _row(new, ui, index, state.meshes[index]) if new is state else new
         imgui.pop_id()
     imgui.end_table()
+    if imgui.button("Add …"):
+        new = ui.run(new, "add-mesh")
+    ui.note("add mesh", "PLY, OBJ, STL, VTP or glTF; or drop it onto the window")
     return None if new is state else new
 
 

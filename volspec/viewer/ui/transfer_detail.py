@@ -345,7 +345,7 @@ def _material_row(
     if moved:
         new = transfer_edits.set_material_weight(new, index, name, weight)
     imgui.same_line()
-    why = uses_of_material(new.transfer, name)
+    why = uses_of_material(new.transfer, name, new.meshes)
     imgui.begin_disabled(bool(why))
     pressed = draw_cross(ui)
     imgui.end_disabled()

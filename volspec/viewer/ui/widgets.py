@@ -85,6 +85,8 @@ def set_sizes(imgui: Any, implot: Any) -> None:
     style.tab_bar_border_size = style.tab_bar_overline_size = 0
     style.popup_border_size = 1
     style.docking_separator_size = 1
+    # Five tabs fit next to each other; their close buttons are shown under the mouse.
+    style.tab_min_width_shrink, style.tab_close_button_min_width_selected = 60, 0
     style.frame_rounding = style.grab_rounding = style.tab_rounding = 3
     style.popup_rounding = 5
     style.window_menu_button_position = imgui.Dir.none

@@ -16,10 +16,12 @@ from pathlib import Path
 
 from volspec.errors import InputError, VolspecError, VolumeError, one_line
 from volspec.scene import Scene
+from volspec.scene.specs import MeshSpec
 from volspec.spectra import reflectance_names
 from volspec.viewer.model.choices import Undecided, address_with
 from volspec.viewer.model.document import Document, demo
 from volspec.viewer.model.light_rows import brightest_row
+from volspec.viewer.model.meshes import row_for
 from volspec.viewer.model.paths import check_name, dropped_path
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import Outcome, Tasks
@@ -111,6 +113,29 @@ def open_path(path: str | None, device: str | None) -> Opened | Undecided:
         if all(choice.chosen is not None for choice in choices):
             raise
         return Undecided(path, choices)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReadMeshes:
+    """Meshes that were read to be added to a document, and messages on those that were not."""
+
+    document: Document
+    rows: tuple[MeshSpec, ...]
+    errors: tuple[str, ...]
+
+
+def read_meshes(state: ViewState, paths: tuple[str, ...]) -> ReadMeshes:
+    """Read the files of meshes; warn of units that do not fit the volume."""
+    document, rows, errors = state.document, [], []
+    for path in paths:
+        try:
+            check_name(path)
+            row = row_for(state, path)
+            document.meshes.mesh(row).warn_of_unit(document.volume.corners_mm)
+            rows.append(row)
+        except VolspecError as error:
+            errors.append(one_line(error))
+    return ReadMeshes(document, tuple(rows), tuple(errors))
 
 
 # Choices whose values mean the same in each, so that the transfer function stays.
