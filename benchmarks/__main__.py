@@ -22,6 +22,7 @@ from benchmarks import (
     surfaces,
     viewer,
     webpage,
+    witness_mitsuba,
 )
 from benchmarks.measure import PAGE, commit, replaced, report, save
 from volspec._gpu.opencl import Compute
@@ -33,6 +34,7 @@ FIGURES = (
     *(
         rooms.figures,
         surfaces.figures,
+        witness_mitsuba.figures,
         export.figures,
         cast.figures,
         cast.vtk_gpu_figures,

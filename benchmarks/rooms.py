@@ -1,9 +1,6 @@
-"""Rooms: time and memory of the radiosity, the brick against triangles, Mitsuba, section 5.
+"""Rooms: time and memory of the radiosity, the brick against triangles, section 5.
 
     python -m benchmarks.rooms          also prints the table of section 5 [1]
-
-The peer is Mitsuba 3, an independent path tracer; without it (``pip install
-mitsuba``) its row says so.
 
 References
 ----------
@@ -18,7 +15,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -48,7 +45,6 @@ from volspec.spectra import (
     DEFAULT_GRID,
     SpectralGrid,
     light,
-    reflectance,
     reflectance_from_colour,
 )
 from volspec.volume import Volume
@@ -79,7 +75,6 @@ def figures() -> Iterator[Figure]:
     yield Figure("room/brick, form factors by rays", factors, 1, at_most=True, unit="%")
     yield Figure("room/brick, against 4000 triangles", means, at_most=True, unit="%")
     yield from scenes()
-    yield mitsuba()
 
 
 def _seconds(call: Any) -> float:
@@ -267,131 +262,6 @@ def brick_against_triangles(brick: Brick) -> tuple[float, float]:
         float(np.abs(coarse[:, band] / closed[:, band] - 1.0).max()),
         float(np.abs(means[:, band] / closed[:, band] - 1.0).max()),
     )
-
-
-# Mitsuba.
-
-_NM = (450.0, 500.0, 550.0, 600.0, 650.0)
-_SAMPLES = 1 << 16
-
-
-def cornell() -> Room:
-    """Return a room like Cornell's: a lamp in the ceiling, a red and a green wall, a box."""
-    size = 2.0
-    mesh = panel(
-        (0, 0, size), (0, size, 0), (size, 0, 0), "ceiling", [("lamp", (0.7, 0.7, 0.6, 0.6))]
-    )
-    walls = box(
-        (0, 0, 0), (size,) * 3, ("red", "green", "front", "back", "floor", "-"), inside=True
-    )
-    mesh = mesh + walls.part(walls.surface != walls.names.index("-"))
-    mesh = mesh + box((0.5, 0.6, 0.01), (1.1, 1.2, 0.9), "block")
-    paints = {
-        "red": "ColorChecker/red",
-        "green": "ColorChecker/green",
-        "lamp": "black",
-        "-": "black",
-    }
-    rho = [reflectance(paints.get(name, "grey:0.7")).values for name in mesh.names]
-    return Room(mesh, np.array(rho), {"lamp": irradiance_from_lux(light("A"), 5000.0)})
-
-
-def places() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return 20 points of the room's surfaces, slightly in front, and their normals."""
-    rng = np.random.default_rng(7)
-    points, normals = [], []
-    for axis, end in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 0)):
-        for _ in range(4):
-            point = rng.uniform(0.2, 1.8, 3)
-            point[axis] = 2.0 * end + (1 - 2 * end) * 1e-3
-            if axis == 2 and 0.45 < point[0] < 1.15 and 0.55 < point[1] < 1.25:
-                point[0] += 0.75  # not below the block
-            points.append(point)
-            normals.append(np.eye(3)[axis] * (1 - 2 * end))
-    return np.array(points), np.array(normals)
-
-
-def mitsuba() -> Figure:
-    """Compare irradiances at 20 points and 5 wavelengths with Mitsuba's path tracer."""
-    name = "room/irradiance, against Mitsuba"
-    try:
-        import mitsuba as mi  # type: ignore[import-not-found]  # not installed by default
-    except ImportError:
-        return Figure(name, None, 3, at_most=True, note="no mitsuba: pip install mitsuba")
-    room = cornell()
-    solved = solve_room(room, 5000)
-    points, normals = places()
-    ours = solved.irradiance_at(points, normals)
-    # Three bands at a time: a picture's channels do not mix.
-    mi.set_variant("scalar_rgb")
-    bands = [int(np.flatnonzero(room.grid.wavelengths_nm == nm)[0]) for nm in _NM]
-    parts = [
-        _mitsuba_irradiance(mi, room, chosen, points, normals)
-        for chosen in (bands[:3], [*bands[3:], bands[-1]])
-    ]
-    peer = np.concatenate(parts, axis=1)[:, : len(bands)]
-    off = np.abs(ours[:, bands] / peer - 1.0)
-    print(f"{name}: mean {100 * off.mean():.2g} %, worst {100 * off.max():.2g} %")
-    return Figure(name, 100.0 * float(off.max()), 3, at_most=True, unit="%")
-
-
-def _mitsuba_irradiance(
-    mi: Any,
-    room: Room,
-    bands: Sequence[int],
-    points: NDArray[np.float64],
-    normals: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the irradiance (P, 3) in three bands, as the channels of one picture."""
-    with tempfile.TemporaryDirectory() as folder:
-        scene = _mitsuba_scene(room, bands, Path(folder))
-        film = {"type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}}
-        film |= {"pixel_format": "rgb", "component_format": "float32"}
-        integrator = mi.load_dict({"type": "path", "max_depth": 200, "rr_depth": 50})
-        found = []
-        for number, (point, normal) in enumerate(zip(points, normals, strict=True)):
-            place = mi.ScalarTransform4f().look_at(
-                list(point), list(point + normal), [0.3, 0.5, 0.8]
-            ) @ mi.ScalarTransform4f().scale(1e-3)
-            meter = {
-                "type": "rectangle",
-                "to_world": place,
-                "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}},
-                "sensor": {
-                    "type": "irradiancemeter",
-                    "film": film,
-                    "sampler": {"type": "multijitter", "sample_count": _SAMPLES},
-                },
-            }
-            loaded = mi.load_dict({**scene, "meter": meter})
-            picture = mi.render(loaded, integrator=integrator, seed=number)
-            found.append(np.asarray(picture).ravel()[:3])
-    return np.array(found)
-
-
-def _mitsuba_scene(room: Room, bands: Sequence[int], folder: Path) -> dict[str, Any]:
-    """Return a room as Mitsuba's shapes."""
-    scene: dict[str, Any] = {"type": "scene"}
-    for number, name in enumerate(room.mesh.names):
-        corners = room.mesh.corners_m[room.mesh.surface == number]
-        if not len(corners):
-            continue
-        path = folder / f"{number}.obj"
-        lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in corners.reshape(-1, 3).tolist()]
-        lines += [f"f {n + 1} {n + 2} {n + 3}" for n in range(0, 3 * len(corners), 3)]
-        path.write_text("\n".join(lines), encoding="utf-8")
-        shade = {"type": "rgb", "value": room.reflectances[number, bands].tolist()}
-        shape: dict[str, Any] = {
-            "type": "obj",
-            "filename": str(path),
-            "face_normals": True,
-            "bsdf": {"type": "diffuse", "reflectance": shade},
-        }
-        if name in room.exitances:
-            radiance = (room.exitances[name][bands] / np.pi).tolist()
-            shape["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": radiance}}
-        scene[f"shape{number}"] = shape
-    return scene
 
 
 # Section 5.

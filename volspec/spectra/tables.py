@@ -308,8 +308,14 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
     """
     name = path_text(path)
     target = require_suffix(name, "spectra", *SUFFIXES, error=SpectrumError)
+    with write_whole(name) as temporary:
+        temporary.write_text(spectrum_text(spectrum, target.suffix.lower()), encoding="utf-8")
+
+
+def spectrum_text(spectrum: Spectrum, suffix: str) -> str:
+    """Return the content of a file of one of `SUFFIXES`."""
     # Renderers read blanks between the numbers, and no line with titles.
-    title, separator = ("", " ") if target.suffix.lower() == ".spd" else ("nm,value", ",")
+    title, separator = ("", " ") if suffix == ".spd" else ("nm,value", ",")
     lines = [
         f"# {key}: {' '.join(value.split())}"
         for key, value in spectrum.notes.items()
@@ -320,8 +326,7 @@ def write_spectrum(spectrum: Spectrum, path: str | os.PathLike[str]) -> None:
         f"{w:.10g}{separator}{v:.10g}"
         for w, v in zip(spectrum.wavelengths_nm.tolist(), spectrum.values.tolist(), strict=True)
     ]
-    with write_whole(name) as temporary:
-        temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
 
 
 def path_text(path: object, what: str = "path") -> str:
