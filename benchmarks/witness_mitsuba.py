@@ -1,6 +1,6 @@
 """Mitsuba 3 as a witness: a scene of meshes that volspec writes for it, and a room.
 
-    python -m benchmarks.witness_mitsuba       these figures alone
+    python -m benchmarks.witness_mitsuba       these figures alone; also writes them to the page
 
 A textured sphere and a plane, lit by a directional and a point light, are cast by volspec, and
 rendered by Mitsuba's variant ``scalar_spectral`` from the files of `volspec.save_mitsuba`: the same
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 import volspec as vs
-from benchmarks.measure import Figure, report
+from benchmarks.measure import PAGE, Figure, replaced, report
 from volspec.relight.illumination import Illumination
 from volspec.room import Room, box, irradiance_from_lux, panel, solve_room
 from volspec.spectra import colour_matching_functions, light, reflectance
@@ -263,4 +263,9 @@ def _room_scene(room: Room, bands: Sequence[int], folder: Path) -> dict[str, Any
 
 
 if __name__ == "__main__":
-    print(report(list(figures())))
+    found = list(figures())
+    print(report(found))
+    if all(figure.reached is not None for figure in found):
+        content = f"\n```text\n{report(found)}\n```\n"
+        page = replaced(PAGE.read_text(encoding="utf-8"), "mitsuba", content)
+        PAGE.write_text(page, encoding="utf-8")

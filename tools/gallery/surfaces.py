@@ -181,6 +181,7 @@ PAGE = """# Surfaces
 Meshes and volumes share the light: each lamp's part of the picture is stored in coefficients, and
 every picture of a row below is the same cast under another lamp, as an eye sees it that has adapted
 to the lamp. All of it is made by one command, `python -m tools.gallery.surfaces`.
+Mitsuba 3 sees the same colours in a scene of meshes: [figures](../benchmarks.md#mitsuba).
 
 ## Flames that appear under a street lamp
 
