@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -60,6 +61,19 @@ def test_figures_are_json(good: Path, capsys: pytest.CaptureFixture[str]) -> Non
         "room_error": None,
     }
     assert not second["ok"] and len(second["errors"]) == 4
+
+
+def test_surfaces_are_written_for_mitsuba(good: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    mesh = '[[mesh]]\nshape = "plane"\nsize_mm = 9.0\nmaterial = "core"\n'
+    sun = '[[group]]\nname = "sun"\nsources = [{ kind = "directional", towards = [0, 0, 1], '
+    scene = written(good.with_name("mesh.toml"), f"{SCENE}{sun}shadows = true }}]\n{mesh}")
+    target = good.with_name("mesh.xml")
+    assert call("mitsuba", scene, "-o", target) == 0
+    assert capsys.readouterr().out.startswith(f"{target}: 1 surface under ")
+    root = ElementTree.parse(target).getroot()
+    assert [each.get("type") for each in root.findall("emitter")] == ["directional"]
+    assert call("mitsuba", good, "-o", target) == 1
+    assert call("mitsuba", scene, "-o", target, "--light", "moon") == 1
 
 
 def test_the_schema_is_the_one_that_ships(capsys: pytest.CaptureFixture[str]) -> None:
