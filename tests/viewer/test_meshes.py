@@ -18,6 +18,7 @@ from tests.support.errors import raises
 from tests.support.window import Robot, along
 from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene
+from volspec.scene.meshes import MeshCache
 from volspec.scene.specs import MeshSpec
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import materials, meshes
@@ -108,6 +109,20 @@ def test_the_file_is_read_once(opened: ViewState, tmp_path: Path) -> None:
     hidden = meshes.set_shown(opened, 0, False)
     assert np.abs(frame(meshes.set_shown(hidden, 0, True)) - frame(opened)).max() == 0
     assert np.abs(frame(meshes.set_material(opened, 0, "bone")) - frame(opened)).max() > 20
+
+
+def test_other_looks_use_what_is_known_of_a_surface(opened: ViewState) -> None:
+    """Pictures are those of a scene that begins with them."""
+    for change in (
+        meshes.set_opacity(opened, 0, 0.5),
+        meshes.set_opacity(opened, 0, 0.4),
+        meshes.set_material(opened, 0, "bone"),
+        meshes.set_shown(opened, 1, False),
+        opened,
+    ):
+        cache = MeshCache(Path(opened.document.folder))
+        fresh = replace(change, document=replace(opened.document, meshes=cache))
+        np.testing.assert_array_equal(frame(change), frame(fresh))
 
 
 def test_a_saved_scene_and_a_session_keep_the_list(opened: ViewState, tmp_path: Path) -> None:

@@ -27,7 +27,7 @@ from volspec.errors import MeshError, VolspecWarning
 from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
-from volspec.mesh.surfaces import MOST_SHEETS, Surfaces, passed
+from volspec.mesh.surfaces import MOST_SHEETS, Surfaces, passed, same_surfaces
 from volspec.raycast.behind import BehindImage, OpacityCaster
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import checked_size
@@ -104,6 +104,8 @@ class MeshCaster:
         Reflectances of their materials.
     basis : SpectralBasis or MaterialBasis
         For colours of textures and for gratings a SpectralBasis.
+    like : MeshCaster, optional
+        What was computed for its surfaces is used again for those that are the same.
 
     Raises
     ------
@@ -115,8 +117,15 @@ class MeshCaster:
         If a texture has colours and there is no device, or it does not fit there.
     """
 
+    _opaque: Surfaces | None
+    _translucent: Surfaces | None
+
     def __init__(
-        self, meshes: Sequence[Mesh], materials: Mapping[str, Spectrum], basis: Basis
+        self,
+        meshes: Sequence[Mesh],
+        materials: Mapping[str, Spectrum],
+        basis: Basis,
+        like: MeshCaster | None = None,
     ) -> None:
         if not meshes:
             raise MeshError("no meshes are given", "give one at least", code="missing")
@@ -126,8 +135,10 @@ class MeshCaster:
         self._take(materials, basis)
         opaque = [k for k, mesh in enumerate(meshes) if mesh.opacity == 1.0]
         rest = [k for k, mesh in enumerate(meshes) if mesh.opacity < 1.0]
-        self._opaque = Surfaces(self.meshes, opaque) if opaque else None
-        self._translucent = Surfaces(self.meshes, rest) if rest else None
+        parts: list[Surfaces | None] = [like._opaque, like._translucent] if like else []
+        before = [part for part in parts if part is not None]
+        self._opaque = Surfaces(self.meshes, opaque, before) if opaque else None
+        self._translucent = Surfaces(self.meshes, rest, before) if rest else None
         # One object also for `painted` ones, as what is cached by it does not depend on paint.
         self.clear: Clear = partial(passed, self._opaque, self._translucent)
         self._offset = 2.0 * max(
@@ -141,6 +152,12 @@ class MeshCaster:
         self._extent = float(np.linalg.norm(np.ptp(np.concatenate(self._boxes), axis=0)))
         # What the last camera sees, opaque and then sheets; also that of `painted` ones.
         self._views: dict[tuple[Camera, Size], tuple[_Window, list[Seen]]] = {}
+        if like is not None and same_surfaces(self.meshes, like.meshes):
+            opacities = [mesh.opacity for mesh in like.meshes]
+            if [opacity < 1.0 for opacity in opacities] == [mesh.opacity < 1.0 for mesh in meshes]:
+                self._views = like._views
+            if opacities == [mesh.opacity for mesh in meshes]:
+                self.clear = like.clear
 
     def _take(self, materials: Mapping[str, Spectrum], basis: Basis) -> None:
         for mesh in self.meshes:

@@ -230,6 +230,11 @@ class Mesh:
         triangles = faces.faces.reshape(-1, 4)[:, 1:]
         return cls(faces.points, triangles, material, normals, name, uv)
 
+    def has_surface_of(self, other: Mesh) -> bool:
+        """Return True if another mesh has the same arrays, as one made from it by a new look."""
+        names = ("points_mm", "triangles", "normals", "uv")
+        return all(getattr(self, name) is getattr(other, name) for name in names)
+
     def warn_of_unit(self, around_mm: Array) -> None:
         """Warn if the mesh and what it belongs to (N, 3) differ in size as units do."""
         own, other = (float(np.ptp(each, axis=0).max()) for each in (self.points_mm, around_mm))

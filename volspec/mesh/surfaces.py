@@ -22,14 +22,33 @@ Array = NDArray[np.float64]
 MOST_SHEETS = 16
 
 
-class Surfaces:
-    """Some of the meshes, and what rays see of them; ``numbers`` are theirs among all."""
+def same_surfaces(meshes: Sequence[Mesh], others: Sequence[Mesh]) -> bool:
+    """Return True if meshes differ at most in their looks."""
+    return len(meshes) == len(others) and all(map(Mesh.has_surface_of, meshes, others))
 
-    def __init__(self, meshes: Sequence[Mesh], numbers: Sequence[int]) -> None:
+
+class Surfaces:
+    """Some of the meshes, and what rays see of them; ``numbers`` are theirs among all.
+
+    Rays of one of ``like`` are used again if those are the same surfaces.
+    """
+
+    rays: TriangleRays
+
+    def __init__(
+        self, meshes: Sequence[Mesh], numbers: Sequence[int], like: Sequence[Surfaces] = ()
+    ) -> None:
         self.meshes, self.numbers = meshes, numbers
         self._ends = np.cumsum([len(meshes[k].triangles) for k in numbers])
+        for each in like:
+            if same_surfaces(self._own(), each._own()):
+                self.rays = each.rays
+                return
         corners = [meshes[k].points_mm[meshes[k].triangles] for k in numbers]
         self.rays = TriangleRays(np.concatenate(corners), "meshes", "use another system")
+
+    def _own(self) -> list[Mesh]:
+        return [self.meshes[number] for number in self.numbers]
 
     def first(self, origins: Array, directions: Array) -> Seen:
         """Return what rays see first."""

@@ -65,7 +65,7 @@ class MeshCache:
             before, caster = self._last
             if caster is None or shown != before:
                 meshes = [self._mesh(row) for row in shown]
-                caster = MeshCaster(meshes, materials, basis)
+                caster = MeshCaster(meshes, materials, basis, caster)
                 self._last = shown, caster
         return caster.painted(materials, basis)
 
