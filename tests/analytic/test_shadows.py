@@ -52,7 +52,7 @@ def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
     assert np.abs(-np.log(layer) - expected).max() < LEVEL
 
 
-@pytest.mark.parametrize("cells", [17, 33, 65])
+@pytest.mark.parametrize("cells", [17, pytest.param(33, marks=pytest.mark.slow), 65])
 @pytest.mark.parametrize("towards", [(1.2, 1, 1.1), (-1, 1, 1.2), (1, -1, -1)])
 def test_slanting_light_through_a_slab_matches_beer_lambert(
     towards: tuple[float, float, float], cells: int
@@ -135,7 +135,7 @@ def test_a_point_lights_shadow_widens_with_distance() -> None:
         assert (row[from_middle > half + 1.5] == 1).all()
 
 
-@pytest.mark.parametrize("cells", [24, 48, 96])
+@pytest.mark.parametrize("cells", [pytest.param(24, marks=pytest.mark.slow), 48, 96])
 @pytest.mark.parametrize(
     "source",
     [

@@ -83,6 +83,7 @@ def shows(lab: Lab, wanted: NDArray[np.uint8]) -> bool:
     return any(mean_difference(clear(each), clear(wanted)) <= NEAR for each in pictures)
 
 
+@pytest.mark.slow
 def test_one_picture_goes_to_and_fro(
     lab: Lab, colours: CoefficientImage, turned: CoefficientImage
 ) -> None:

@@ -100,11 +100,11 @@ def breaches(page: Any) -> list[str]:
 @pytest.mark.parametrize(
     ("size", "media", "words"),
     [
-        (WIDE, "light", {"a.weights": "0,0,0"}),
+        pytest.param(WIDE, "light", {"a.weights": "0,0,0"}, marks=SLOW),
         (WIDE, "dark", ALL_ON),
         (PHONE, "light", ALL_ON),
         pytest.param(PHONE, "dark", {"view": 7}, marks=SLOW),
-        (WIDE, "dark forced", ALL_ON),
+        pytest.param(WIDE, "dark forced", ALL_ON, marks=SLOW),
         pytest.param(WIDE, "light forced", {"a.weights": "0,0,0", "a.discount": 1}, marks=SLOW),
     ],
 )

@@ -55,8 +55,17 @@ def test_there_is_an_example_of_each_kind_of_transfer_function(folder: Path) -> 
     assert kinds == {TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces}
 
 
+SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"))
+
+
 # Not the figure-… scenes, where some lights hide what is there.
-@pytest.mark.parametrize("path", sorted((ROOT / "data" / "scenes").glob("engine*.toml")), ids=str)
+@pytest.mark.parametrize(
+    "path",
+    [
+        pytest.param(p, id=p.stem, marks=[pytest.mark.slow] if p.stem == "engine-room" else [])
+        for p in SCENES
+    ],
+)
 def test_scenes_that_ship_are_neither_dark_nor_washed_out(path: Path) -> None:
     scene = Scene.load(path)
     image = scene.render(size=(128, 128))

@@ -118,7 +118,8 @@ def labelled(dtype: type) -> tuple[Volume, TransferTable]:
 
 
 @pytest.mark.parametrize(
-    "dtype", [np.uint8, pytest.param(np.uint16, marks=pytest.mark.slow), np.int16]
+    "dtype",
+    [np.uint8, *(pytest.param(d, marks=pytest.mark.slow) for d in (np.uint16, np.int16))],
 )
 def test_labels_match_reference(dtype: type) -> None:
     """If two labels cover equally within rounding, either may show: few pixels may differ."""
@@ -149,7 +150,7 @@ def test_first_hit_is_where_the_opacity_passes_its_threshold() -> None:
     assert (ours.first_mm[hit] <= ours.depth_mm[hit] + 12).all()
 
 
-@pytest.mark.parametrize("mode", ["maximum", "average"])
+@pytest.mark.parametrize("mode", ["maximum", pytest.param("average", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("lanes", [pytest.param(1, marks=pytest.mark.slow), 8])
 def test_projections_match_reference(
     engine: Volume, tables: dict[int, TransferTable], mode: str, lanes: int

@@ -149,7 +149,9 @@ def test_stripes_of_two_byte_voxels_have_no_gradient_across(
 
 
 @pytest.mark.parametrize("dtype", RANGES)
-@pytest.mark.parametrize("shininess", [24, 63, 64, pytest.param(1024, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "shininess", [24, 63, *(pytest.param(n, marks=pytest.mark.slow) for n in (64, 1024))]
+)
 def test_noise_of_the_whole_range_is_as_glossy(dtype: str, shininess: int) -> None:
     for seed in range(3):
         low, high = RANGES[dtype]

@@ -71,7 +71,10 @@ def tables(monkeypatch: pytest.MonkeyPatch) -> list[Lut3D]:
 
 
 @pytest.mark.parametrize("name", DISPLAYS)
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    "model",
+    [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m in MODELS],
+)
 def test_the_shader_shows_a_model_on_every_display_as_numpy_does(
     model: str, name: str, tables: list[Lut3D]
 ) -> None:

@@ -216,7 +216,10 @@ VIEWINGS = (
 )
 
 
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    "model",
+    [pytest.param(m, marks=[pytest.mark.slow] if m == "Hunt" else []) for m in MODELS],
+)
 def test_designed_spectra_under_designed_lights_give_no_nan(model: str) -> None:
     spectra = designed()
     assert len(spectra) % 3 == 0

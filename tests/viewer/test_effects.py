@@ -99,6 +99,7 @@ def test_a_pixel_s_material_is_found_whatever_the_basis(engine: ViewState) -> No
         assert material_at(image, transfer, (0, 0)) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("screen")
 def test_a_material_is_hidden_by_two_clicks(tmp_path: Path) -> None:
     values = np.zeros((24, 24, 24), np.float32)

@@ -121,6 +121,7 @@ def test_a_saved_scene_keeps_names_opacities_and_hidden_labels(
     assert all(isinstance(row.reflectance, str) for row in rows)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("screen")
 def test_eyes_search_and_solo_in_the_window(tmp_path: Path) -> None:
     segmentation(tmp_path, 20)

@@ -240,6 +240,7 @@ def test_handles_are_hidden_and_shown(state: ViewState) -> None:
     assert not lighting_aim.list_handles(hidden, projection(hidden))
 
 
+@pytest.mark.slow
 def test_sources_and_quality_are_saved_in_scenes(tmp_path: Path) -> None:
     state = added(opened(tmp_path), "directional light", "point light", "sky")
     state = lighting.set_spectrum(state, 1, "A").state
@@ -318,6 +319,7 @@ def casts(robot: Robot, after: float) -> list[object]:
     return [row for row in robot.since(after) if row["event"] == "cast"]
 
 
+@pytest.mark.slow
 def test_a_lamp_is_added_and_aimed_with_mouse_and_keys(window: Robot) -> None:
     before = window.now()
     window.key("ctrl+p")

@@ -63,6 +63,7 @@ def test_texts_and_rows_are_edited(state: ViewState) -> None:
     assert measure.remove_all(new).annotations == ()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("screen")
 def test_points_of_the_picture_are_points_of_the_volume(tmp_path: Path) -> None:
     values = np.zeros((40, 40, 40), np.float32)

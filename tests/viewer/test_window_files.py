@@ -74,6 +74,7 @@ def layout(robot: Robot) -> dict[str, list[int]]:
     return areas
 
 
+@pytest.mark.slow
 def test_arrows_lead_from_menu_to_menu(tmp_path: Path) -> None:
     np.save(tmp_path / "ball.npy", phantom.ball(16).values)
     with Robot(tmp_path, ["ball.npy"], (720, 520)) as robot:
@@ -101,6 +102,7 @@ def test_arrows_lead_from_menu_to_menu(tmp_path: Path) -> None:
         assert "cast" in pressed("Left")
 
 
+@pytest.mark.slow
 def test_files_are_found_by_mouse_arrows_and_tab(tmp_path: Path) -> None:
     data = tmp_path / "data"
     (data / "inner" / "more").mkdir(parents=True)
@@ -181,6 +183,7 @@ def twice(robot: Robot, area: str, done: Callable[[], bool]) -> None:
     raise TimeoutError(area)
 
 
+@pytest.mark.slow
 def test_channels_steps_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> None:
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     ball = (phantom.ball(16).values * 1000).astype(np.uint16)
@@ -253,6 +256,7 @@ def test_a_cast_image_is_relit_and_says_what_it_cannot(tmp_path: Path) -> None:
         assert robot.viewer.wait(20) == 0
 
 
+@pytest.mark.slow
 def test_a_picture_dialog_stays_until_its_folder_can_be_made(tmp_path: Path) -> None:
     np.save(tmp_path / "ball.npy", phantom.ball(16).values)
     with Robot(tmp_path, ["ball.npy"], (720, 520)) as robot:

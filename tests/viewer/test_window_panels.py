@@ -127,6 +127,7 @@ def test_a_colour_is_dragged_and_a_material_hidden_with_one_cast(tmp_path: Path)
         assert robot.viewer.poll() is None
 
 
+@pytest.mark.slow
 def test_a_preset_is_edited_as_regions_and_windowed_in_the_picture(tmp_path: Path) -> None:
     with Robot(tmp_path, small_engine(tmp_path), (900, 640)) as robot:
         robot.whole()
@@ -195,6 +196,7 @@ def slices(robot: Robot, folder: Path) -> list[NDArray[np.int64]]:
     return [screen[y : y + height, x : x + width] for x, y, width, height in areas]
 
 
+@pytest.mark.slow
 def test_handles_cube_and_slices_take_the_mouse(tmp_path: Path) -> None:
     with Robot(tmp_path, small_engine(tmp_path), (1000, 640)) as robot:
         robot.whole()
