@@ -233,8 +233,10 @@ def room_file(folder: Path, more: str) -> Path:
 
 def test_an_even_beam_is_a_lamp_without_one(tmp_path: Path) -> None:
     beam_file(tmp_path, EVEN, "even.ies")
-    plain = solve_room(load_room(room_file(tmp_path, "lumen = 900\n")), 400)
-    even = solve_room(load_room(room_file(tmp_path, 'lumen = 900\nbeam = "even.ies"\n')), 400)
+    plain = solve_room(load_room(room_file(tmp_path, "lumen = 900\n")), 400, rays=1 << 20)
+    even = solve_room(
+        load_room(room_file(tmp_path, 'lumen = 900\nbeam = "even.ies"\n')), 400, rays=1 << 20
+    )
     for surface in ("floor", "ceiling", "left"):
         expected = plain.mean_irradiance(surface)
         assert even.mean_irradiance(surface) == pytest.approx(expected, rel=1e-9)
@@ -255,8 +257,10 @@ def test_a_lamp_has_the_lumens_asked_for_or_those_of_its_file(tmp_path: Path) ->
 def test_a_spot_lights_what_it_aims_at(tmp_path: Path) -> None:
     beam_file(tmp_path, SPOT, "spot.ies")
     spot = 'beam = "spot.ies"\nlumen = 900\n'
-    down = solve_room(load_room(room_file(tmp_path, spot)), 400)
-    left = solve_room(load_room(room_file(tmp_path, spot + "aim = [-1, 0, 0]\n")), 400)
+    down = solve_room(load_room(room_file(tmp_path, spot)), 400, rays=1 << 20)
+    left = solve_room(
+        load_room(room_file(tmp_path, spot + "aim = [-1, 0, 0]\n")), 400, rays=1 << 20
+    )
     for lit, dark, surface in ((down, left, "floor"), (left, down, "left")):
         bright, dim = (lux_from_irradiance(each.mean_irradiance(surface)) for each in (lit, dark))
         assert bright > 2 * dim
