@@ -1,7 +1,9 @@
 """Make docs/gallery/surfaces.md and its pictures: ``python -m tools.gallery.surfaces``.
 
 Figure 5 of reference [1], flames that appear under sodium light, and figure 4 of reference [2], an
-RGB texture, a compact disc and its mirror image, and a ball with them.
+RGB texture, a compact disc and its mirror image, and a ball with them; and an implant in a CT.
+
+    python -m tools.gallery.surfaces implant       one row alone
 
 References
 ----------
@@ -11,18 +13,25 @@ References
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pyvista
+from numpy.typing import NDArray
 from PIL import Image
 
 import volspec as vs
+from benchmarks.scenes import chest
 from benchmarks.surfaces import flame_paints, paint_difference
 from tools.gallery.studio import ROOT, Picture
 
 FOLDER = ROOT / "docs" / "gallery"
 SIZE = (1280, 800)
 LAMPS = {"daylight": "D65", "tungsten": "A", "sodium street lamp": "HP1"}
+TWO_LAMPS = ("daylight", "sodium street lamp")
 KEY = vs.LightGroup("key", (vs.Directional((0.5, -0.7, 0.9), shadows=True),))
 SKY = vs.LightGroup("sky", (vs.Ambient(occlusion=True),))
 STUDIO = vs.RaycastSpec(
@@ -30,18 +39,17 @@ STUDIO = vs.RaycastSpec(
 )
 
 
-def main() -> None:
-    """Write the page and its pictures."""
-    flames, table = flames_on_a_car()
-    disc, with_ball = discs()
-    rows = {"flames": flames, "globe": painted_globe(), "disc": disc, "ball": with_ball}
-    for name, pictures in rows.items():
-        for lamp, codes in pictures.items():
+def main(*only: str) -> None:
+    """Write the pictures, or those of the rows that are named, and with all of them the page."""
+    for name, make in ROWS.items():
+        if only and name not in only:
+            continue
+        for lamp, codes in make().items():
             file = FOLDER / f"{name}-{lamp.split()[0]}.jpg"
             half = (codes.shape[1] // 2, codes.shape[0] // 2)
             Image.fromarray(codes).resize(half, Image.Resampling.LANCZOS).save(file, quality=90)
             print(file)
-    (FOLDER / "surfaces.md").write_text(PAGE.format(table=table, **CELLS), encoding="utf-8")
+    (FOLDER / "surfaces.md").write_text(PAGE.format(table=flame_table(), **CELLS), encoding="utf-8")
 
 
 def relit(image: vs.CoefficientImage, lamps: dict[str, str]) -> dict[str, Picture]:
@@ -51,8 +59,15 @@ def relit(image: vs.CoefficientImage, lamps: dict[str, str]) -> dict[str, Pictur
     return {label: np.asarray(vs.relight(image, light, adapted)) for label, light in lights.items()}
 
 
-def flames_on_a_car() -> tuple[dict[str, Picture], str]:
-    """Return figure 5 of [1], and a table of the two paints' difference."""
+def flame_table() -> str:
+    """Return a table of the difference between figure 5's two paints [1]."""
+    paints = flame_paints()
+    rows = (f"| {label} | {paint_difference(paints, LAMPS[label]):.2f} |" for label in TWO_LAMPS)
+    return "\n".join(["| | CIEDE2000 between flame and body |", "|---|---|", *rows])
+
+
+def flames_on_a_car() -> dict[str, Picture]:
+    """Return figure 5 of [1]."""
     paints = flame_paints()
     materials = {
         **paints,
@@ -75,12 +90,7 @@ def flames_on_a_car() -> tuple[dict[str, Picture], str]:
     camera = vs.Camera((-5.2, -7.4, 2.9), (-0.1, 0.0, 0.55), fov_deg=19)
     bright = replace(STUDIO, ambient=0.9, diffuse=1.6)
     image = vs.cast_meshes([body, *wheels, floor], materials, bands, camera, SIZE, bright)
-    lamps = {key: LAMPS[key] for key in ("daylight", "sodium street lamp")}
-    table = ["| | CIEDE2000 between flame and body |", "|---|---|"]
-    for label, lamp in lamps.items():
-        table.append(f"| {label} | {paint_difference(paints, lamp):.2f} |")
-    print("\n".join(table))
-    return relit(image, lamps), "\n".join(table)
+    return relit(image, {key: LAMPS[key] for key in TWO_LAMPS})
 
 
 def car_body(texture: vs.Texture) -> vs.Mesh:
@@ -138,18 +148,27 @@ def painted_globe() -> dict[str, Picture]:
     return relit(vs.cast_meshes([ball, wall, floor], materials, basis, camera, SIZE, STUDIO), LAMPS)
 
 
-def discs() -> tuple[dict[str, Picture], dict[str, Picture]]:
-    """Return figures 4b and 4c of [2]: a disc and its mirror image, and a ball with them."""
+def disc() -> dict[str, Picture]:
+    """Return figure 4b of [2]: a compact disc and its mirror image."""
+    return relit(_disc_image(()), LAMPS)
+
+
+def disc_with_ball() -> dict[str, Picture]:
+    """Return figure 4c of [2]: the disc, a ball, and their mirror images."""
+    ball = replace(vs.shape_mesh("sphere", 46.0, "orange"), mirror=0.12)
+    return relit(_disc_image((ball.placed((64.0, -46.0, 23.0)),)), LAMPS)
+
+
+def _disc_image(more: tuple[vs.Mesh, ...]) -> vs.CoefficientImage:
     materials = {
         "aluminium": vs.reflectance("grey:0.35"),
         "table": vs.reflectance("grey:0.04"),
         "orange": vs.reflectance_from_colour("#d9641e"),
     }
     lines = vs.Grating(spacing_um=1.6, spread_deg=2.2, part=0.35, orders=3)
-    disc = replace(vs.shape_mesh("disc", 120.0, "aluminium"), grating=lines, mirror=0.12)
-    disc = disc.placed((0.0, 0.0, 57.0), (68.0, 0.0, 0.0))
+    plate = replace(vs.shape_mesh("disc", 120.0, "aluminium"), grating=lines, mirror=0.12)
+    plate = plate.placed((0.0, 0.0, 57.0), (68.0, 0.0, 0.0))
     table = replace(vs.shape_mesh("plane", 900.0, "table"), mirror=0.45)
-    ball = replace(vs.shape_mesh("sphere", 46.0, "orange"), mirror=0.12).placed((64.0, -46.0, 23.0))
     spec = replace(
         STUDIO,
         groups=(
@@ -161,16 +180,81 @@ def discs() -> tuple[dict[str, Picture], dict[str, Picture]]:
     )
     basis = vs.SpectralBasis.bands()
     camera = vs.Camera((30.0, -400.0, 150.0), (14.0, 0.0, 42.0), fov_deg=28)
-    found = []
-    for meshes in ([disc, table], [disc, table, ball]):
-        found.append(relit(vs.cast_meshes(meshes, materials, basis, camera, SIZE, spec), LAMPS))
-    return found[0], found[1]
+    return vs.cast_meshes([plate, table, *more], materials, basis, camera, SIZE, spec)
 
 
+def implant() -> dict[str, Picture]:
+    """Return pedicle screws and rods of titanium in the spine of a chest CT."""
+    ct = chest()
+    # Where the spinal canal is in slices 21, 31, 41 and 51, in voxels.
+    levels = np.array([(266, 325, 21), (259, 341, 31), (255, 356, 41), (248, 366, 51)])
+    canal = levels * np.array(ct.spacing_mm)
+    parts: list[Any] = []
+    for side in (-1.0, 1.0):
+        heads, tips = canal + (side * 18.0, 21.0, 0.0), canal + (side * 7.0, -27.0, 2.0)
+        for head, tip in zip(heads, tips, strict=True):
+            parts.extend(screw(head, tip))
+        axes = tips - heads
+        held = heads - 9.0 * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+        ends = 1.5 * held[[0, -1]] - 0.5 * held[[1, -2]]
+        rod = pyvista.Spline(np.vstack([ends[0], held, ends[1]]), 200)
+        parts.append(rod.tube(radius=2.75, n_sides=48, capping=True))
+    metal = pyvista.merge([part.triangulate().compute_normals(feature_angle=40) for part in parts])
+    metal = metal.extract_surface(algorithm=None)
+    metal.cell_data.clear()
+    looks = {
+        "titanium": vs.reflectance("titanium"),
+        "bone": vs.reflectance("Vrhel/158 fabric white"),
+    }
+    basis = vs.SpectralBasis.load("general-7")
+    mesh = vs.MeshCaster([vs.Mesh.of(metal, "titanium", "implant")], looks, basis)
+    bone = vs.Isosurfaces([(290, 0.95, {"bone": 0.8})], looks, basis)
+    pose = {"azimuth_deg": 206, "elevation_deg": 24}
+    camera = vs.Camera.orbit(
+        ct, **pose, zoom=3.7, target_mm=tuple(canal.mean(axis=0) + (0.0, 0.0, 6.0))
+    )
+    lamp = vs.LightGroup("key", (vs.Directional((-0.9, 0.8, 0.7), shadows=True),))
+    spine = ((198, 350), (270, 425), (10, 70))
+    spec = replace(STUDIO, groups=(lamp, SKY), crop_voxels=spine)
+    return relit(vs.raycast(ct, bone, camera, SIZE, spec, behind=(mesh,)), LAMPS)
+
+
+def screw(head_mm: NDArray[Any], tip_mm: NDArray[Any]) -> Iterator[Any]:
+    """Yield the thread and the slotted head of a screw, as pyvista data."""
+    length = np.linalg.norm(tip_mm - head_mm)
+    axis = (tip_mm - head_mm) / length
+    across = np.cross(axis, (0.0, 0.0, 1.0))
+    across /= np.linalg.norm(across)
+    s, turn = np.meshgrid(
+        np.linspace(0.0, length, 500), np.linspace(0.0, 2.0 * np.pi, 49), indexing="ij"
+    )
+    ridge = np.abs((s / 2.6 - turn / (2.0 * np.pi)) % 1.0 * 2.0 - 1.0)
+    radius = (2.1 + 0.9 * ridge) * np.clip((length - s) / 5.0, 0.0, 1.0) ** 0.6
+    around = np.stack([np.cos(turn), np.sin(turn)], axis=2) @ (across, np.cross(axis, across))
+    points = head_mm + s[..., None] * axis + radius[..., None] * around
+    grid = pyvista.StructuredGrid(*np.moveaxis(points, 2, 0)[..., None])
+    yield grid.extract_surface(algorithm=None)
+    # Two cheeks, between which the rod lies.
+    for side in (-1.0, 1.0):
+        cheek = pyvista.Cylinder(
+            center=head_mm - 6.0 * axis, direction=axis, radius=6.4, height=15.0, resolution=96
+        )
+        cut = head_mm + side * 2.9 * across
+        yield cheek.triangulate().clean().clip_closed_surface(side * across, origin=cut)
+
+
+ROWS = {
+    "flames": flames_on_a_car,
+    "globe": painted_globe,
+    "disc": disc,
+    "ball": disc_with_ball,
+    "implant": implant,
+}
 NAMES = {
     "globe": "A photograph and a chequered globe",
     "disc": "A compact disc and its mirror image",
     "ball": "The disc with a ball",
+    "implant": "Screws and rods of titanium in a spine",
 }
 CELLS = {
     name: f"| {' | '.join(f'![{alt}]({name}-{lamp.split()[0]}.jpg)' for lamp in LAMPS)} |"
@@ -214,7 +298,16 @@ colour under D65 (figure 4a of Wang, Xu & Sun 2004).
 Tracks 1.6 µm apart send each wavelength in directions of its own. The stripes of the disc and of
 its mirror image differ, as they depend on the direction of view; each lamp's spectrum recolours
 them without a new cast (figures 4b and 4c of Wang, Xu & Sun 2004).
+
+## An implant in a CT
+
+| daylight | tungsten | sodium street lamp |
+| --- | --- | --- |
+{implant}
+
+Pedicle screws and rods with the measured reflectance of titanium, in the spine of a chest CT whose
+bone is an isosurface of 290 HU: volume and mesh hide and shade each other.
 """
 
 if __name__ == "__main__":
-    main()
+    main(*sys.argv[1:])
