@@ -214,7 +214,7 @@ def implant() -> dict[str, Picture]:
         ct, **pose, zoom=3.7, target_mm=tuple(canal.mean(axis=0) + (0.0, 0.0, 6.0))
     )
     lamp = vs.LightGroup("key", (vs.Directional((-0.9, 0.8, 0.7), shadows=True),))
-    spine = ((198, 350), (270, 425), (10, 70))
+    spine = ((170, 350), (318, 425), (12, 71))
     spec = replace(STUDIO, groups=(lamp, SKY), crop_voxels=spine)
     return relit(vs.raycast(ct, bone, camera, SIZE, spec, behind=(mesh,)), LAMPS)
 
