@@ -87,6 +87,21 @@ def test_a_square_casts_its_shadow_and_takes_the_sky() -> None:
     assert sky[free, 32] > 0.97 and sky[hidden, 32] == pytest.approx(0.78, abs=0.03)
 
 
+def test_a_ball_hides_its_form_factor_of_the_sky() -> None:
+    """Seen from D away on a plane h below its centre, a ball's form factor is h R² / D³."""
+    h, radius = 24.0, 20.0
+    sky = vs.LightGroup("sky", (vs.Ambient(occlusion=True, radius_mm=500.0),))
+    low = vs.Camera((0.0, -200.0, 100.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), height_mm=64.0)
+    ball = sphere(radius).placed((0.0, 0.0, h))
+    image = vs.cast_meshes(
+        [plane(0.0, 100.0), ball], WHITE, BASIS, low, SIZE, replace(LIT, groups=(sky,))
+    )
+    row, column = np.mgrid[34:64, 0:64]  # in front of the ball
+    x, y = column - 31.5, (31.5 - row) * np.sqrt(5.0)
+    true = 1.0 - h * radius**2 / (x**2 + y**2 + h**2) ** 1.5
+    assert image.layer("sky").mean(axis=2)[34:] == pytest.approx(true, abs=0.035)
+
+
 def test_shares_of_materials_mix() -> None:
     """At points linearly, in triangles evenly."""
     at_points = vs.Mesh(

@@ -23,8 +23,9 @@ from volspec.raycast.sampling import source_at
 from volspec.raycast.spec import RaycastSpec
 
 Array = NDArray[np.float64]
-# Rays of ambient occlusion from each point; without a radius they reach this part of the meshes.
-_OCCLUSION, _REACH = 32, 0.1
+# Rays of ambient occlusion from each point, and where some of them are closed: a step of one in 32
+# would be seen as a band. Without a radius they reach this part of the meshes.
+_RAYS, _MORE_RAYS, _REACH = 32, 128, 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,10 +145,16 @@ class Lighting:
     def _open(self, points: Array, normals: Array, radius_mm: float | None) -> Array:
         """Return the part (K,) of the hemisphere, by its cosine, that no mesh closes."""
         radius = radius_mm or self.extent_mm * _REACH
+        found = self._passing(points, normals, radius, _RAYS)
+        partly = (found > 0.0) & (found < 1.0)
+        found[partly] = self._passing(points[partly], normals[partly], radius, _MORE_RAYS)
+        return found
+
+    def _passing(self, points: Array, normals: Array, radius: float, rays: int) -> Array:
+        """Return the part (K,) of rays, in a spiral of the golden angle, that no mesh closes."""
         found = np.zeros(len(points))
-        for k in range(_OCCLUSION):
-            # A spiral of the golden angle.
-            shares = np.array([[(k + 0.5) / _OCCLUSION, k * (np.sqrt(5.0) - 1.0) / 2.0]])
+        for k in range(rays):
+            shares = np.array([[(k + 0.5) / rays, k * (np.sqrt(5.0) - 1.0) / 2.0]])
             ways = cosine_directions(normals, shares)
             found += self.clear(points, points + radius * ways)
-        return found / _OCCLUSION
+        return found / rays
