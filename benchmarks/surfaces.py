@@ -18,6 +18,7 @@ import colour
 import numpy as np
 import pyvista
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 import volspec as vs
 from benchmarks.measure import Figure, report
@@ -52,6 +53,7 @@ def figures() -> Iterator[Figure]:
         yield Figure(
             f"surfaces/flame and body under {name}, CIEDE2000", off, limit, at_most, unit=""
         )
+    yield from _depth()
     yield from _casts()
 
 
@@ -107,6 +109,40 @@ def _casts() -> Iterator[Figure]:
     count = len(inside.triangles) / 1000
     name = f"surfaces/engine with {count:.0f},000 triangles, by the cast without"
     yield Figure(name, with_mesh / without, 1.3, at_most=True)
+
+
+def _depth() -> Iterator[Figure]:
+    """Yield how a sphere in the engine differs from its isosurface on the engine's voxels."""
+    volume = vs.load_volume(ROOT / "data" / "engine.nrrd")
+    camera, size = vs.Camera.orbit(volume, azimuth_deg=30, elevation_deg=20), (512, 512)
+    grey, radius = {"grey": vs.reflectance("grey:0.6")}, 30.0
+    middle = volume.corners_mm.mean(axis=0)
+    ball = pyvista.Sphere(radius=radius, theta_resolution=320, phi_resolution=160)
+    mesh = vs.Mesh.of(ball.compute_normals(), "grey").placed(middle)
+    # Next to nothing of the engine is in front.
+    clear = vs.TransferFunction([(254, 0.0, "grey"), (255, 1e-6, "grey")], grey, BASIS)
+    within = vs.MeshCaster([mesh], grey, BASIS)
+    found = vs.raycast(volume, clear, camera, size, behind=(within,))
+    steps = zip(volume.values.shape, volume.spacing_mm[::-1], strict=True)
+    z, y, x = (np.arange(n) * mm for n, mm in steps)
+    away = np.sqrt(
+        (z[:, None, None] - middle[2]) ** 2 + (y[:, None] - middle[1]) ** 2 + (x - middle[0]) ** 2
+    )
+    field = vs.Volume((radius - away).astype(np.float32), spacing_mm=volume.spacing_mm)
+    surface = vs.Isosurfaces([(0.0, 1.0, "grey")], grey, BASIS)
+    wanted = vs.raycast(field, surface, camera, size, vs.RaycastSpec(step_mm=0.25))
+    here, there = found.alpha > 0.5, wanted.alpha > 0.5
+    # From each pixel of one silhouette, the pixels to the other.
+    apart = max(
+        (distance_transform_edt(~one) * other).max()
+        for one, other in ((here, there), (there, here))
+    )
+    name = "surfaces/sphere in the engine and its isosurface, silhouettes"
+    yield Figure(name, float(apart), 1.0, at_most=True, unit="px")
+    both = here & there
+    off = np.abs(found.depth_mm[both] - wanted.depth_mm[both]).max() / min(volume.spacing_mm)
+    name = "surfaces/sphere in the engine and its isosurface, depth"
+    yield Figure(name, float(off), 0.5, at_most=True, unit="voxels")
 
 
 def _seconds(action: Callable[[], object]) -> float:
