@@ -13,6 +13,7 @@ from volspec.room import PointLamp, Room, box, load_room, lux_from_irradiance, r
 from volspec.room.direct import beam_irradiance
 from volspec.room.form_factors import Rays
 from volspec.room.mesh import SIDES
+from volspec.spectra import read_spectrum
 
 GAMMA = (0, 30, 60, 90, 120, 150, 180)
 
@@ -290,3 +291,10 @@ def test_a_lamp_with_a_wrong_beam_is_refused(
         load_room(room_file(tmp_path, more))
     assert field in f"{caught.value.field} {caught.value}"
     assert "lamp" in str(caught.value) or "sky" in str(caught.value)
+
+
+def test_a_beam_is_no_spectrum(tmp_path: Path) -> None:
+    beam_file(tmp_path, SPOT, "spot.ies")
+    with raises(SpectrumError, "unsupported") as caught:
+        read_spectrum(tmp_path / "spot.ies")
+    assert "beam of a room's lamp" in str(caught.value)

@@ -99,6 +99,12 @@ def read_spectrum(path: Address, *, kind: Kind | None = None) -> Spectrum:
     if kind is not None:
         require_kind(kind, path_text(path))
     address = split_address(path)
+    if address is None and Path(os.fspath(path)).suffix.lower() in (".ies", ".ldt"):
+        raise SpectrumError(
+            f"{os.fspath(path)}: holds where a luminaire sends its light, but no spectrum; give it "
+            "as the beam of a room's lamp, next to a spectrum such as LED-B3",
+            code="unsupported",
+        )
     if address is None:
         raise SpectrumError(
             f"{os.fspath(path)}: the suffix is not a known format; use .csv, .txt, .tsv, .spd "
