@@ -151,20 +151,17 @@ def raycast(
         "device": caster.device,
         **(notes or {}),
     }
-    images = [
-        CoefficientImage(
-            cast.coefficients,
-            cast.alpha,
-            cast.depth_mm,
-            transfer.basis,
-            notes,
-            groups=spec.shares(),
-            first_mm=cast.first_mm,
-            fov_deg=None if camera.height_mm is not None else camera.fov_deg,
-        )
-        for cast in casts
-    ]
-    image = surfaces.composite(images)
+    cast = surfaces.composite(casts)
+    image = CoefficientImage(
+        cast.coefficients,
+        cast.alpha,
+        cast.depth_mm,
+        transfer.basis,
+        notes,
+        groups=spec.shares(),
+        first_mm=cast.first_mm,
+        fov_deg=None if camera.height_mm is not None else camera.fov_deg,
+    )
     if into is not None:
         into.update(image, slot)
     return image

@@ -140,7 +140,7 @@ def test_a_mesh_ends_rays_at_its_depth_and_shades_the_volume_as_the_reference() 
     volume, transfer = ball()
     camera, meshes = camera_of(volume), inside(volume)
     size, caster, spec = (20, 20), vs.Raycaster(volume), FEW_NODES
-    table, stop_mm = caster.bake(transfer), meshes.depth_mm(camera, size)
+    table, stop_mm = caster.bake(transfer), meshes.depths_mm(camera, size)[0]
     assert np.isfinite(stop_mm).any()
     span_mm = np.stack([np.zeros_like(stop_mm), stop_mm], axis=2)
     ours = caster.cast(table, camera, size, spec, span_mm=span_mm, clear=meshes.clear)
@@ -178,8 +178,22 @@ def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
     assert image.first_mm is not None and alone.first_mm is not None
     assert image.alpha[32, 32] == pytest.approx(1.0)
     assert image.first_mm[32, 32] == pytest.approx(alone.first_mm[32, 32], abs=0.5)
-    outside = ~np.isfinite(meshes.depth_mm(camera, SIZE))
+    outside = ~np.isfinite(meshes.depths_mm(camera, SIZE)[0])
     assert image.alpha[outside] == pytest.approx(alone.alpha[outside], abs=1.0)
+
+
+def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
+    """Within what the end of a ray leaves out, it is the picture of all of the mesh."""
+    volume, thin = ball()
+    camera, meshes = camera_of(volume), inside(volume)
+    thick = replace(thin, points=((0.3, 0.0, "white"), (0.5, 0.9, "white")))
+    for transfer in (thin, thick):
+        image, whole = (
+            vs.raycast(volume, transfer, camera, SIZE, spec, behind=(meshes,))
+            for spec in (replace(LIT, alpha_stop=0.999), replace(LIT, alpha_stop=1.0))
+        )
+        assert image.coefficients == pytest.approx(whole.coefficients, abs=2e-3)
+        assert (image.alpha[32, 32] < 1.0) == (transfer is thick)
 
 
 def test_depth_is_that_of_a_voxelised_surface() -> None:
@@ -191,7 +205,7 @@ def test_depth_is_that_of_a_voxelised_surface() -> None:
     camera, size = camera_of(field), (128, 128)
     voxels = vs.raycast(field, surface, camera, size, vs.RaycastSpec(step_mm=0.25))
     meshes = inside(field, radius)
-    depth = meshes.depth_mm(camera, size)
+    depth = meshes.depths_mm(camera, size)[0]
     seen, true = np.isfinite(depth), voxels.alpha > 0.5
     both = seen & true
     assert np.abs(depth[both] - voxels.first_mm[both]).max() < 0.5

@@ -231,7 +231,7 @@ def test_furniture_in_front_hides_the_volume(folder: Path) -> None:
     volume = scene.volume()
     (behind,) = scene.behind(volume)
     camera = vs.Camera(tuple(volume.corners_mm.mean(axis=0)), (20.0, 100.0, 20.0))
-    middle = behind.depth_mm(camera, (9, 9))[4, 4]
+    middle = behind.depths_mm(camera, (9, 9))[0][4, 4]
     assert middle == pytest.approx(150.0, rel=1e-3)  # 1.5 m to the back, at a scale of 10
 
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
 from functools import partial
-from itertools import islice
+from itertools import islice, repeat
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -28,10 +28,10 @@ from volspec.mesh.model import Mesh
 from volspec.mesh.paint import Paint, mesh_paint
 from volspec.mesh.shading import Lighting, Seen
 from volspec.mesh.surfaces import MOST_SHEETS, Surfaces, passed, same_surfaces
-from volspec.raycast.behind import BehindImage, OpacityCaster
+from volspec.raycast.behind import BehindImage, OpacityCaster, nothing, put_behind
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import checked_size
-from volspec.raycast.edges import further_points, mean_of_points, next_to
+from volspec.raycast.edges import POINTS, further_points, next_to
 from volspec.raycast.image import CoefficientImage
 from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.projection import NEAR, Projection
@@ -47,7 +47,7 @@ _SAME_SIDE, _SAME_DEPTH = 0.9, 0.02
 # Mirrors in mirrors.
 _BOUNCES = 3
 # Rays of a strip: its arrays stay in a core's cache.
-_STRIP = 32768
+_STRIP = 16384
 
 
 class _Window(NamedTuple):
@@ -86,11 +86,11 @@ class _Window(NamedTuple):
         down, across = np.mgrid[self.part]
         return np.stack([across.ravel(), down.ravel()], axis=1).astype(np.float64)
 
-    def framed(self, values: NDArray[Any], size: Size, outside: float) -> NDArray[np.float32]:
-        """Return a picture (H, W, ...) with values (R, ...) of its pixels."""
+    def framed(self, along_mm: Array, size: Size) -> NDArray[np.float32]:
+        """Return a picture (H, W) with distances (R,) of its pixels; inf around them."""
         width, height = size
-        picture = np.full((height, width, *values.shape[1:]), outside, np.float32)
-        picture[self.part] = values.reshape(self.height, self.width, *values.shape[1:])
+        picture = np.full((height, width), np.inf, np.float32)
+        picture[self.part] = along_mm.reshape(self.height, self.width)
         return picture
 
 
@@ -190,44 +190,39 @@ class MeshCaster:
         made._take(materials, basis)
         return made
 
-    def depth_mm(self, camera: Camera, size: Size) -> NDArray[np.float32]:
-        """Return (H, W) distances to opaque meshes; inf where there are none."""
+    def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
+        """Return (H, W) distances, as `volspec.raycast.behind.Behind`."""
         window, views = self._look(camera, size)
-        return window.framed(views[0].along_mm, size, np.inf)
+        return [window.framed(seen.along_mm, size) for seen in views]
 
-    def __call__(
-        self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
-    ) -> BehindImage:
-        """Return the opaque meshes, as `volspec.raycast.behind.Behind`."""
-        arrives = opacity.arrivals(camera, self.clear)
-        return self._pictures(camera, size, opacity.spec, arrives, stop_mm, slice(1))[0]
-
-    def sheets(
-        self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
+    def pictures(
+        self,
+        camera: Camera,
+        size: Size,
+        opacity: OpacityCaster,
+        ends_mm: Sequence[NDArray[np.float32]],
     ) -> list[BehindImage]:
-        """Return translucent meshes, front to back, as `volspec.raycast.behind.Behind`."""
-        if self._translucent is None:
-            return []
+        """Return pictures of the meshes, as `volspec.raycast.behind.Behind`."""
         arrives = opacity.arrivals(camera, self.clear)
-        return self._pictures(camera, size, opacity.spec, arrives, stop_mm, slice(1, None))
+        return self._pictures(camera, size, opacity.spec, arrives, ends_mm)
 
     def alone(self, camera: Camera, size: Size, spec: RaycastSpec) -> CoefficientImage:
         """Return a picture of the meshes without a volume."""
         width, height = size
-        behind, *sheets = self._pictures(camera, size, spec, {}, None, slice(None))
-        image = CoefficientImage(
-            np.zeros(behind.channels.shape, np.float16 if spec.half else np.float32),
-            np.zeros((height, width), np.float32),
-            np.full((height, width), np.inf, np.float32),
+        shape = height, width, len(spec.groups) * self.basis.size
+        found = nothing(shape, np.float16 if spec.half else np.float32)
+        far = np.broadcast_to(np.float32(np.inf), (height, width))
+        opaque, *sheets = self._pictures(camera, size, spec, {}, repeat(far))
+        for picture in (*sheets, opaque):
+            put_behind(found, picture)
+        return CoefficientImage(
+            *found[:3],
             self.basis,
             {"camera": repr(camera), "raycast": repr(spec)},
             groups=spec.shares(),
-            first_mm=np.full((height, width), np.inf, np.float32),
+            first_mm=found.first_mm,
             fov_deg=None if camera.height_mm is not None else camera.fov_deg,
         )
-        for picture in (*sheets, behind):
-            image = image.before(*picture)
-        return image
 
     def _pictures(
         self,
@@ -235,40 +230,37 @@ class MeshCaster:
         size: Size,
         spec: RaycastSpec,
         arrives: Mapping[int, Arrives],
-        stop_mm: NDArray[np.float32] | None,
-        which: slice,
+        ends_mm: Iterable[NDArray[np.float32]],
     ) -> list[BehindImage]:
-        """Return some of: what is opaque, and sheets of what is translucent in front of that.
+        """Return what is opaque, and sheets of what is translucent in front of that.
 
-        ``arrives`` is what a volume lets pass of a source's light, by number; meshes behind
-        ``stop_mm`` (H, W) are hidden.
+        ``arrives`` is what a volume lets pass of a source's light, by number; ``ends_mm`` (H, W)
+        as in `pictures`.
         """
-        width, height = size
         light = Lighting(camera, spec, arrives, self.clear, self._extent, self.basis)
-        field = camera.ray_field(width, height)
+        field = camera.ray_field(*size)
         pixel_mm = float(np.linalg.norm(field.down))
         # Width of a pixel, and its growth by distance.
         beam = (0.0, pixel_mm / field.distance) if field.perspective else (pixel_mm, 0.0)
         window, views = self._look(camera, size)
-        count = window.width * window.height
-        stops = np.full(count, np.inf) if stop_mm is None else stop_mm[window.part].ravel()
         found = []
-        for number in range(len(views))[which]:
-            seen = views[number]
+        for number, (seen, end_mm) in enumerate(zip(views, ends_mm, strict=False)):
+            ends = end_mm[window.part].ravel()
             if number == 0:
                 # It ends rays itself, of which others in a pixel may see it farther away.
-                ends = stops * (1.0 + _SAME_DEPTH)
+                ends = ends * (1.0 + _SAME_DEPTH)
             else:
-                ends = np.minimum(stops, views[0].along_mm)
+                ends = np.minimum(ends, views[0].along_mm)
             channels, sees = self._send_all(seen, ends, light, beam)
-            edges = _edges(seen, sees, window.size)
+            edges = _edges(seen, sees, seen.along_mm <= ends, window.size)
+            edges = edges[ends[edges] > 0.0]
             places = further_points(edges, window.width) + (window.left, window.top)
             further = self._see_all(number, *world_rays(camera, *size, places))
-            more = np.repeat(ends[edges], len(further.mesh) // max(len(edges), 1))
-            channels = np.concatenate([channels, self._send_all(further, more, light, beam)[0]])
-            mean = window.framed(mean_of_points(edges, count) @ channels, size, 0.0)
-            depth = window.framed(seen.along_mm, size, np.inf)
-            found.append(BehindImage(mean[..., :-1], mean[..., -1], depth))
+            sent, _ = self._send_all(further, np.repeat(ends[edges], POINTS), light, beam)
+            channels[edges] = sent.reshape(len(edges), POINTS, channels.shape[1]).mean(axis=1)
+            picture = channels.reshape(window.height, window.width, -1)
+            along = seen.along_mm.astype(np.float32).reshape(picture.shape[:2])
+            found.append(BehindImage(picture[..., :-1], picture[..., -1], along, part=window.part))
         return found
 
     def _look(self, camera: Camera, size: Size) -> tuple[_Window, list[Seen]]:
@@ -430,10 +422,15 @@ def _in_strips(work: Callable[[slice], _Part], count: int) -> list[_Part]:
         return list(pool.map(work, strips))
 
 
-def _edges(seen: Seen, sees: NDArray[np.bool_], size: Size) -> NDArray[np.intp]:
-    """Return the pixels next to others that see another mesh, side, distance or light."""
+def _edges(
+    seen: Seen, sees: NDArray[np.bool_], lit: NDArray[np.bool_], size: Size
+) -> NDArray[np.intp]:
+    """Return the pixels next to others that see another mesh, side, distance or light.
+
+    ``sees`` (K, S) is known of pixels that are ``lit`` (K,).
+    """
     width, height = size
-    lights = sees.reshape(height, width, -1)
+    lights, known = sees.reshape(height, width, -1), lit.reshape(height, width)
     mesh = seen.mesh.reshape(height, width)
     normals = seen.normals.reshape(height, width, 3)
     along = np.where(seen.mesh < 0, 0.0, seen.along_mm).reshape(height, width)
@@ -442,8 +439,8 @@ def _edges(seen: Seen, sees: NDArray[np.bool_], size: Size) -> NDArray[np.intp]:
         turned = np.einsum("yxc,yxc->yx", normals[one], normals[other]) < _SAME_SIDE
         apart = np.abs(along[one] - along[other]) > _SAME_DEPTH * along[one]
         here = mesh[one] >= 0
-        lit = (lights[one] != lights[other]).any(axis=2)
-        return (mesh[one] != mesh[other]) | (here & (turned | apart | lit))
+        shadow = (lights[one] != lights[other]).any(axis=2) & known[one] & known[other]
+        return (mesh[one] != mesh[other]) | (here & (turned | apart | shadow))
 
     whole = slice(None)
     across = differ((whole, slice(None, -1)), (whole, slice(1, None)))

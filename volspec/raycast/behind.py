@@ -7,17 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Protocol
+from itertools import islice, repeat
+from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from volspec.raycast.camera import Camera
 from volspec.raycast.gpu import Raycaster
-from volspec.raycast.image import CoefficientImage
 from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.lights import HEADLIT
-from volspec.raycast.row_batches import Progress
+from volspec.raycast.row_batches import Progress, Result
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 
@@ -58,56 +58,56 @@ class OpacityCaster:
 
 
 class BehindImage(NamedTuple):
-    """Picture of surfaces behind a volume."""
+    """Picture of surfaces behind a volume; ``part`` is the rows and columns that it has."""
 
-    channels: NDArray[np.float32]  # (H, W, K·M) of the last K light groups, times alpha
+    channels: NDArray[np.floating]  # (H, W, K·M) of the last K light groups, times alpha
     alpha: NDArray[np.float32]  # (H, W)
     depth_mm: NDArray[np.float32] | None = None  # (H, W); None if it is not that of the picture
+    first_mm: NDArray[np.float32] | None = None  # (H, W); None if it is depth_mm
+    part: tuple[slice, slice] = (slice(None), slice(None))
 
 
 class Behind(Protocol):
-    """Surfaces around and in a volume, such as meshes or a room's; opaque, unless they say so."""
+    """Surfaces around and in a volume, such as meshes or a room's."""
 
     @property
     def clear(self) -> Clear | None:
         """Return the light they let pass, as for `Raycaster.cast`; None if all."""
         return None
 
-    def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
-        """Return (H, W) distances from the camera at which rays end; inf where nothing is seen."""
+    def depths_mm(self, camera: Camera, size: tuple[int, int]) -> Sequence[NDArray[np.float32]]:
+        """Return (H, W) distances from the camera, inf where nothing is seen.
 
-    def __call__(
+        The first are those at which rays end; then those of translucent surfaces, front to back.
+        """
+
+    def pictures(
         self,
         camera: Camera,
         size: tuple[int, int],
         opacity: OpacityCaster,
-        stop_mm: NDArray[np.float32],
-    ) -> BehindImage:
-        """Return opaque surfaces up to ``stop_mm`` (H, W), in the volume's shadow."""
-
-    def sheets(
-        self,
-        camera: Camera,
-        size: tuple[int, int],
-        opacity: OpacityCaster,
-        stop_mm: NDArray[np.float32],
+        ends_mm: Sequence[NDArray[np.float32]],
     ) -> Sequence[BehindImage]:
-        """Return pictures of translucent surfaces in front of ``stop_mm``, front to back."""
-        return ()
+        """Return pictures of the surfaces in the volume's shadow, in the order of `depths_mm`.
+
+        Each has its ``ends_mm`` (H, W): surfaces that are farther away cannot be seen.
+        """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surfaces:
-    """Pictures of the surfaces around and in a volume, for one camera.
+    """Surfaces around and in a volume, for one camera.
 
-    Rays are cast from sheet to sheet; `over` is associative, so the parts are composited after.
+    Rays are cast from sheet to sheet of what is translucent; `over` is associative, so the parts
+    are composited after. Only what these casts let through is shaded.
     """
 
-    opaque: Sequence[BehindImage]
-    sheets: Sequence[BehindImage]
+    behind: Sequence[Behind]
+    camera: Camera
+    size: tuple[int, int]
+    opacity: OpacityCaster
+    depths_mm: Sequence[Sequence[NDArray[np.float32]]]
     stop_mm: NDArray[np.float32] | None
-    clear: Clear | None
-    projected: bool
 
     @classmethod
     def of(
@@ -117,15 +117,20 @@ class Surfaces:
         size: tuple[int, int],
         opacity: OpacityCaster,
     ) -> Surfaces:
-        """Return the pictures of surfaces; see `volspec.raycast`."""
-        if not behind:
-            return cls((), (), None, None, projected=False)
-        stop_mm = np.minimum.reduce([each.depth_mm(camera, size) for each in behind])
-        clear = next((each.clear for each in behind if each.clear is not None), None)
-        given = camera, size, opacity, stop_mm
-        sheets = [sheet for each in behind for sheet in each.sheets(*given)]
-        opaque = [each(*given) for each in behind]
-        return cls(opaque, sheets, stop_mm, clear, opacity.spec.mode != "composite")
+        """Return the surfaces; see `volspec.raycast`."""
+        depths_mm = [each.depths_mm(camera, size) for each in behind]
+        stop_mm = np.minimum.reduce([opaque for opaque, *_ in depths_mm]) if behind else None
+        return cls(behind, camera, size, opacity, depths_mm, stop_mm)
+
+    @property
+    def clear(self) -> Clear | None:
+        """Light that the surfaces let pass, as for `Raycaster.cast`."""
+        return next((each.clear for each in self.behind if each.clear is not None), None)
+
+    @property
+    def _projected(self) -> bool:
+        """True for a projection, which has no depth: translucent surfaces are in front of it."""
+        return self.opacity.spec.mode != "composite"
 
     def spans(
         self, progress: Progress | None
@@ -134,33 +139,78 @@ class Surfaces:
         if self.stop_mm is None:
             yield progress, None
             return
-        # A projection has no depth: what is translucent is in front of it.
-        ends = [] if self.projected else [_depth(sheet) for sheet in self.sheets]
+        ends = [] if self._projected else [mm for _, *sheets in self.depths_mm for mm in sheets]
         begin = np.zeros_like(self.stop_mm)
         for number, end in enumerate((*ends, self.stop_mm)):
             end = np.minimum(end, self.stop_mm)
             yield _part(progress, number, len(ends) + 1), np.stack([begin, end], axis=2)
             begin = end
 
-    def composite(self, images: Sequence[CoefficientImage]) -> CoefficientImage:
-        """Return the picture of the casts between sheets, front to back, with all surfaces."""
-        image, *later = images
-        parts: list[tuple[Any, ...]] = [*self.sheets]
-        if later:
-            for number, each in enumerate(later):
-                part = each.coefficients, each.alpha, each.depth_mm, each.first_mm
-                parts.insert(2 * number + 1, part)
-        elif parts:  # in front of a projection
-            parts.append((image.coefficients, image.alpha, image.depth_mm, image.first_mm))
-            image = image.emptied()
-        for piece in (*parts, *self.opaque):
-            image = image.before(*piece)
-        return image
+    def composite(self, casts: Sequence[Result]) -> Result:
+        """Return the picture of the casts between sheets, front to back, with all surfaces.
+
+        The first cast is changed in place.
+        """
+        front = casts[0]
+        if not self.behind:
+            return front
+        opaque, sheets = self._pictures(casts)
+        rest = [BehindImage(*cast) for cast in casts]
+        if not self._projected:
+            rest = [layer for pair in zip(sheets, rest[1:], strict=True) for layer in pair]
+        elif sheets:
+            front, rest = nothing(front.coefficients.shape, front.coefficients.dtype), sheets + rest
+        else:
+            rest = []
+        for layer in (*rest, *opaque):
+            put_behind(front, layer)
+        return front
+
+    def _pictures(self, casts: Sequence[Result]) -> tuple[list[BehindImage], list[BehindImage]]:
+        """Return pictures of what is opaque and of sheets, as far as casts let them be seen."""
+        assert self.stop_mm is not None
+        # Where a ray would have ended, nothing is seen.
+        least = 1.0 - self.opacity.spec.alpha_stop
+        through: NDArray[np.float32] | float = 1.0
+        ends_mm = []
+        for cast in casts:
+            through = through * (1.0 - cast.alpha)
+            ends_mm.append(np.where(through > least, self.stop_mm, 0.0))
+        for_sheets = repeat(self.stop_mm) if self._projected else iter(ends_mm)
+        opaque, sheets = [], []
+        for each, (_, *beyond) in zip(self.behind, self.depths_mm, strict=True):
+            ends = [ends_mm[-1], *islice(for_sheets, len(beyond))]
+            first, *others = each.pictures(self.camera, self.size, self.opacity, ends)
+            opaque.append(first)
+            sheets += others
+        return opaque, sheets
 
 
-def _depth(sheet: BehindImage) -> NDArray[np.float32]:
-    assert sheet.depth_mm is not None
-    return sheet.depth_mm
+def nothing(shape: tuple[int, ...], dtype: DTypeLike) -> Result:
+    """Return an empty picture of a shape (H, W, L·M)."""
+    far = np.full(shape[:2], np.inf, np.float32)
+    return Result(np.zeros(shape, dtype), np.zeros(shape[:2], np.float32), far, far.copy())
+
+
+def put_behind(front: Result, other: BehindImage) -> None:
+    """Composite another picture behind one, which is changed in place."""
+    coefficients, alpha, depth_mm, first_mm = (each[other.part] for each in front)
+    own = coefficients[..., coefficients.shape[2] - other.channels.shape[2] :]
+    through = 1.0 - alpha
+    # A lamp that is seen may be brighter than half-float can store.
+    most = np.finfo(own.dtype).max
+    np.clip(own + through[..., None] * other.channels, -most, most, out=own, casting="same_kind")
+    added = through * other.alpha
+    alpha += added
+    if other.depth_mm is None:
+        return
+    there = (added > 0.0) & np.isfinite(other.depth_mm)
+    part, found = added[there], alpha[there]
+    before = found - part
+    own_mm = np.where(before > 0.0, depth_mm[there], 0.0)
+    depth_mm[there] = (before * own_mm + part * other.depth_mm[there]) / found
+    other_first_mm = other.depth_mm if other.first_mm is None else other.first_mm
+    first_mm[there] = np.minimum(first_mm[there], other_first_mm[there])
 
 
 def _part(progress: Progress | None, number: int, count: int) -> Progress | None:

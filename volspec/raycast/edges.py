@@ -12,6 +12,8 @@ from scipy.sparse import csr_array
 Array = NDArray[np.float64]
 # Places in such a pixel, in pixels from its middle.
 _IN_PIXEL = np.array([(-1.0, -3.0), (3.0, -1.0), (1.0, 3.0), (-3.0, 1.0)]) / 8.0
+POINTS = len(_IN_PIXEL)
+"""Further points of each such pixel."""
 
 
 def next_to(across: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.intp]:
@@ -35,12 +37,11 @@ def further_points(pixels: NDArray[np.intp], width: int) -> Array:
 
 def mean_of_points(pixels: NDArray[np.intp], count: int) -> csr_array:
     """Return weights (count, count + 4 E): of a pixel's middle, or of its further points."""
-    each = len(_IN_PIXEL)
     numbers = np.full(count, 1)
-    numbers[pixels] = each
+    numbers[pixels] = POINTS
     ends = np.concatenate([[0], np.cumsum(numbers)])
     columns = np.repeat(np.arange(count), numbers)
-    first = ends[pixels][:, None] + np.arange(each)
+    first = ends[pixels][:, None] + np.arange(POINTS)
     columns[first] = count + np.arange(first.size).reshape(first.shape)
     weights = np.repeat(1.0 / numbers, numbers).astype(np.float32)
-    return csr_array((weights, columns, ends), shape=(count, count + each * len(pixels)))
+    return csr_array((weights, columns, ends), shape=(count, count + POINTS * len(pixels)))

@@ -236,8 +236,8 @@ class Raycaster:
         except MemoryError:
             raise OpenCLError(f"raycast: no memory for {picture}", remedy, code="size") from None
         unit = np.float32(min(self.volume.spacing_mm))
-        given = np.zeros(2, np.float32) if span_mm is None else span_mm.astype(np.float32) / unit
-        spans = self._compute.upload(np.ascontiguousarray(given))
+        given = np.zeros(2, np.float32) if span_mm is None else span_mm
+        spans = self._compute.upload(np.divide(given, unit, dtype=np.float32, order="C"))
         kernel = self._kernel(program, spec, numbers, spans=span_mm is not None)
         arguments = self._voxels, self._codes(table, spec), *inputs, light, spans, struct
         tile, group = TILES[self.lanes], GROUPS[self.lanes]

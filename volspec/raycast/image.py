@@ -137,69 +137,6 @@ class CoefficientImage:
         first = list(self.groups).index(group) * size
         return self.coefficients[..., first : first + size]
 
-    def emptied(self) -> CoefficientImage:
-        """Return the image without anything in it."""
-        far = np.full_like(self.alpha, np.inf)
-        return replace(
-            self,
-            coefficients=np.zeros_like(self.coefficients),
-            alpha=np.zeros_like(self.alpha),
-            depth_mm=far,
-            first_mm=far,
-        )
-
-    def before(
-        self,
-        behind: ArrayLike,
-        alpha: ArrayLike = 1.0,
-        depth_mm: NDArray[np.float32] | None = None,
-        first_mm: NDArray[np.float32] | None = None,
-    ) -> CoefficientImage:
-        """Return the image in front of another, (H, W, K·M), of the last K light groups.
-
-        The other's channels are premultiplied by its ``alpha``; depths stay as they are where its
-        own are left out or inf, and its first hits are at its depths if left out. Raises
-        ShapeError if its size or its channels differ.
-        """
-        layers = np.asarray(behind, np.float32)
-        kind, channels = self.coefficients.dtype, self.coefficients.shape[2]
-        if layers.shape[:2] != self.alpha.shape or layers.shape[2] > channels:
-            raise ShapeError(
-                f"shape {layers.shape}",
-                f"expected {self.alpha.shape} and up to {channels} channels",
-                field="coefficient image: behind",
-            )
-        through = 1.0 - self.alpha
-        part = through * np.broadcast_to(np.asarray(alpha, np.float32), through.shape)
-        # The other is often small: an electrode, an implant.
-        where = _extent(part, 1), _extent(part, 0)
-        found = self.coefficients.copy()
-        own = found[where][..., channels - layers.shape[2] :]
-        seen = own.astype(np.float32) + through[where][..., None] * layers[where]
-        # A lamp that is seen may be brighter than half-float can store.
-        most = np.finfo(kind).max
-        own[...] = np.clip(seen, -most, most)
-        image = replace(self, coefficients=found, alpha=self.alpha + part)
-        if depth_mm is None:
-            return image
-        return image._with_depth(part, depth_mm, depth_mm if first_mm is None else first_mm)
-
-    def _with_depth(
-        self,
-        part: NDArray[np.float32],
-        depth_mm: NDArray[np.float32],
-        first_mm: NDArray[np.float32],
-    ) -> CoefficientImage:
-        """Return the image with depths of what a part (H, W) of its opacity has been added for."""
-        there = np.isfinite(depth_mm) & (part > 0.0)
-        before = self.alpha[there] - part[there]
-        depth, first = self.depth_mm.copy(), self.first_mm
-        own = np.where(before > 0.0, self.depth_mm[there], 0.0)
-        depth[there] = (before * own + part[there] * depth_mm[there]) / self.alpha[there]
-        if first is not None:
-            first = np.where(there, np.minimum(first, first_mm), first)
-        return replace(self, depth_mm=depth, first_mm=first)
-
     def with_reflectances(self, reflectances: Mapping[str, Spectrum]) -> CoefficientImage:
         """Return the same cast with other reflectances of some of its materials, {name: Spectrum}.
 
@@ -343,9 +280,3 @@ def _check_range(spectra: NDArray[np.float64], grid: SpectralGrid) -> None:
                 "if these are per cent, divide by 100",
                 code="range",
             )
-
-
-def _extent(part: NDArray[np.float32], axis: int) -> slice:
-    """Return the least slice along the other axis that has all that is not 0."""
-    found = np.flatnonzero(part.any(axis=axis))
-    return slice(found[0], found[-1] + 1) if found.size else slice(0)

@@ -170,7 +170,7 @@ Arrives = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def arriving(
-    layer: LightLayer, grid: LightGrid, values: NDArray[np.uint16], points: NDArray[np.float64]
+    layer: LightLayer, grid: LightGrid, nodes: NDArray[np.float64], points: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the fraction (K,) of a source's light that a volume lets pass to points, mm.
 
@@ -179,21 +179,19 @@ def arriving(
     last = np.array(grid.shape_xyz) - 1.0
     matrix = grid.grid_from_world
     at = points @ matrix[:3, :3].T + matrix[:3, 3]
-    inside = ((at >= 0.0) & (at <= last)).all(axis=1)
-    if layer.kind == "occlusion":
-        met = inside
-    else:
+    met = np.asarray(((at >= 0.0) & (at <= last)).all(axis=1))
+    if layer.kind != "occlusion" and not met.all():
+        out = np.flatnonzero(~met)
         to = np.array(layer.vector) if layer.kind == "point" else FAR * np.array(layer.vector)
-        to = to + (points if layer.kind == "directional" else 0.0)
-        way = to @ matrix[:3, :3].T + matrix[:3, 3] - at
+        to = to + (points[out] if layer.kind == "directional" else 0.0)
+        way = to @ matrix[:3, :3].T + matrix[:3, 3] - at[out]
         way = np.where(way == 0.0, 1e-30, way)
-        near, far = np.sort([-at / way, (last - at) / way], axis=0)
-        enter = np.maximum(near.max(axis=1), 0.0)
-        met = enter <= np.minimum(far.min(axis=1), 1.0)
-        at = at + np.where(met, enter, 0.0)[:, None] * way
+        one, other = -at[out] / way, (last - at[out]) / way
+        enter = np.maximum(np.minimum(one, other).max(axis=1), 0.0)
+        met[out] = enter <= np.minimum(np.maximum(one, other).min(axis=1), 1.0)
+        at[out] += np.where(met[out], enter, 0.0)[:, None] * way
     x, y, z = grid.shape_xyz
-    nodes = values.reshape(z, y, x)
-    found = trilinear(nodes / 65535.0, np.clip(at, 0.0, last))
+    found = trilinear(nodes.reshape(z, y, x), np.clip(at, 0.0, last))
     return np.where(met, found, 1.0)
 
 
@@ -371,7 +369,7 @@ class LightVolume:
         """Return what the volume lets pass to points (K, 3), mm, by `numbered_sources`."""
         _, grid, wanted = self.layers(table, spec, camera, clear)
         return {
-            layer.source: partial(arriving, layer, grid, self._alone[number])
+            layer.source: partial(arriving, layer, grid, self._alone[number] / 65535.0)
             for number, layer in enumerate(wanted)
         }
 

@@ -68,8 +68,9 @@ def world_rays(
 ) -> tuple[Array, Array]:
     """Return (R, 3) origins in mm and unit directions, row by row; or through (R, 2) pixels."""
     field = camera.ray_field(width, height)
-    middles = np.mgrid[0:height, 0:width].reshape(2, -1)[::-1].T
-    x, y = np.split(middles.astype(np.float64) if at is None else at, 2, axis=1)
+    if at is None:
+        at = np.mgrid[0:height, 0:width].reshape(2, -1)[::-1].T.astype(np.float64)
+    x, y = np.split(at, 2, axis=1)
     offset = (x - field.middle[0]) * field.across + (y - field.middle[1]) * field.down
     straight = field.forward * field.distance
     if field.perspective:

@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -192,12 +193,16 @@ class Backdrop(Behind):
         """Return the `room_colours` of the room with other paints."""
         return room_colours(response, self._basis, self._parts, self._lit)
 
-    def __call__(
-        self, camera: Camera, size: Size, opacity: OpacityCaster, stop_mm: NDArray[np.float32]
-    ) -> BehindImage:
+    def pictures(
+        self,
+        camera: Camera,
+        size: Size,
+        opacity: OpacityCaster,
+        ends_mm: Sequence[NDArray[np.float32]],
+    ) -> list[BehindImage]:
         """Return the room, as `volspec.raycast.behind.Behind`; it is seen to its end."""
         layers = self.layers(camera, size, opacity)
-        return BehindImage(layers, np.ones(layers.shape[:2], np.float32))
+        return [BehindImage(layers, np.ones(layers.shape[:2], np.float32))]
 
     def layers(
         self, camera: Camera, size: Size, opacity: OpacityCaster | None = None
@@ -222,15 +227,15 @@ class Backdrop(Behind):
             self._shown = SeenRoom(size, tuple(weights))
         return self._shown
 
-    def depth_mm(self, camera: Camera, size: Size) -> NDArray[np.float32]:
-        """Return (H, W) distances of the room's surfaces, mm of the volume; inf without one."""
+    def depths_mm(self, camera: Camera, size: Size) -> list[NDArray[np.float32]]:
+        """Return the distances of the room's surfaces, as `volspec.raycast.behind.Behind`."""
         view = self._look(camera, size)
         origins, directions = world_rays(camera, *size)
         count = len(origins)
         along = np.einsum("kc,kc->k", view.points_mm[:count] - origins, directions)
         width, height = size
         found = np.where(view.seen.surface[:count] >= 0, along, np.inf)
-        return found.astype(np.float32).reshape(height, width)
+        return [found.astype(np.float32).reshape(height, width)]
 
     def _look(self, camera: Camera, size: Size) -> _View:
         if self._view is None or self._view.of != (camera, size):

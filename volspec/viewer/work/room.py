@@ -8,7 +8,7 @@ as far as the volume lets them be seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -63,17 +63,21 @@ class WhiteWalls(Behind):
     channels: int  # of all walls
     _cast: tuple[Camera, OpacityCaster] | None = None
 
-    def depth_mm(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.float32]:
+    def depths_mm(self, camera: Camera, size: tuple[int, int]) -> list[Layers]:
         """Return where rays end, as `volspec.raycast.behind.Behind`."""
-        return self.backdrop.depth_mm(camera, size)
+        return self.backdrop.depths_mm(camera, size)
 
-    def __call__(
-        self, camera: Camera, size: tuple[int, int], opacity: OpacityCaster, stop_mm: Layers
-    ) -> BehindImage:
+    def pictures(
+        self,
+        camera: Camera,
+        size: tuple[int, int],
+        opacity: OpacityCaster,
+        ends_mm: Sequence[Layers],
+    ) -> list[BehindImage]:
         """Return ones."""
         self._cast = camera, opacity
-        ones = np.ones((*stop_mm.shape, self.channels), np.float32)
-        return BehindImage(ones, ones[..., 0])
+        ones = np.ones((*size[::-1], self.channels), np.float32)
+        return [BehindImage(ones, ones[..., 0])]
 
     def replaced(self, image: CoefficientImage, shadows: bool) -> tuple[CoefficientImage, Walls]:
         """Return the cast with the room's walls; without new ``shadows``, with those before."""
