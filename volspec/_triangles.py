@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 FILES = (".ply", ".obj", ".stl", ".vtp", ".vtk", ".gltf", ".glb")
 """Suffixes of `read_triangles`."""
+MESHES = tuple(suffix for suffix in FILES if suffix != ".vtk")
+"""Suffixes of meshes alone; a ``.vtk`` is opened as a volume."""
 # Rays begin this fraction of the triangles' extent in front of theirs, and shadow rays end so.
 _OFFSET = 1e-5
 

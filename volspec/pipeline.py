@@ -136,7 +136,7 @@ def raycast(
         caster.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
         for part, span_mm in surfaces.spans(progress)
     ]
-    if not any(cast.alpha.any() for cast in casts):
+    if not (any(cast.alpha.any() for cast in casts) or volume.is_empty):
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
             if behind:

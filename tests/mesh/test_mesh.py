@@ -183,7 +183,7 @@ def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
 
 
 def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
-    """Within what the end of a ray leaves out, it is the picture of all of the mesh."""
+    """The picture of all of the mesh, but for what the ends of rays leave out."""
     volume, thin = ball()
     camera, meshes = camera_of(volume), inside(volume)
     thick = replace(thin, points=((0.3, 0.0, "white"), (0.5, 0.9, "white")))
@@ -324,3 +324,70 @@ def test_other_paint_keeps_what_the_volume_s_light_was_found_for() -> None:
     """The light volume's cache goes by this object: a new one would be a new light volume."""
     caster = vs.MeshCaster([plane(0.0)], WHITE, BASIS)
     assert caster.painted(WHITE, BASIS).clear == caster.clear
+
+
+ALONE = """
+[[material]]
+name = "red"
+reflectance = "ColorChecker/red"
+[basis]
+name = "general-7"
+[[mesh]]
+file = "core.ply"
+material = "red"
+[[light]]
+name = "D65"
+spectrum = "D65"
+"""
+
+
+def test_a_scene_of_meshes_alone_is_their_cast(folder: Path) -> None:
+    """Without [volume] and [transfer]; the camera orbits the box around the meshes."""
+    (folder / "alone.toml").write_text(ALONE)
+    scene = vs.Scene.load(folder / "alone.toml")
+    volume = scene.volume()
+    assert volume.is_empty
+    assert volume.corners_mm.max(axis=0) == pytest.approx([6.0] * 3, abs=0.1)
+    meshes = [vs.Mesh.load(folder / "core.ply", "red")]
+    expected = vs.cast_meshes(
+        meshes, scene.materials, BASIS, scene.camera(volume), SIZE, scene.raycast
+    )
+    found = scene.render(volume, size=SIZE)
+    assert found.coefficients == pytest.approx(expected.coefficients, abs=1e-6)
+    assert np.array_equal(found.alpha, expected.alpha)
+    again = vs.Scene.load(scene.save(folder / "again.toml"))
+    assert "transfer" not in (folder / "again.toml").read_text()
+    assert np.array_equal(again.render(size=SIZE).coefficients, found.coefficients)
+
+
+def test_a_box_keeps_the_camera_when_meshes_are_added(folder: Path) -> None:
+    box = "[volume]\nbox_mm = [[-6, 6], [-6, 6], [-6, 6]]\n"
+    more = ALONE.replace("[[light]]", '[[mesh]]\nshape = "triad"\nsize_mm = 50\n[[light]]')
+    cameras = []
+    for text in (box + ALONE, box + more, more):
+        (folder / "box.toml").write_text(text)
+        scene = vs.Scene.load(folder / "box.toml")
+        cameras.append(scene.camera(scene.volume()))
+    assert cameras[0] == cameras[1] != cameras[2]
+    (folder / "box.toml").write_text(SCENE.replace('"ball.npy"', '"ball.npy"\nbox_mm = [[0, 1]]'))
+    with raises(SceneError, "shape"):
+        vs.Scene.load(folder / "box.toml")
+
+
+def test_a_mesh_s_file_becomes_a_scene(folder: Path) -> None:
+    scene = vs.Scene.from_mesh(folder / "core.ply", lights=["A"])
+    assert [light.name for light in scene.lights] == ["A"]
+    image = scene.render(size=SIZE)
+    assert image.alpha[32, 32] == 1.0 and image.alpha[0, 0] == 0.0
+    assert (image.alpha > 0.5).any(axis=0).sum() > 50  # framed
+    with raises(SceneError, "damaged"):
+        (folder / "bad.ply").write_text("ply\n")
+        vs.Scene.from_mesh(folder / "bad.ply")
+
+
+def test_an_export_of_another_mesh_is_another(folder: Path) -> None:
+    (folder / "alone.toml").write_text(ALONE)
+    vs.Scene.load(folder / "alone.toml").export(folder / "out", size=(16, 16))
+    pyvista.Cube().save(folder / "core.ply")
+    with raises(vs.InputError, "conflict"):
+        vs.Scene.load(folder / "alone.toml").export(folder / "out", size=(16, 16))

@@ -30,8 +30,8 @@ Inputs = Annotated[
     Parameter(
         name="INPUT",
         negative="",
-        help="A scene file, or a volume (file or folder, as for `volspec info`). Several, a folder "
-        "of them or a pattern such as 'scans/*.nii.gz' are a batch.",
+        help="A scene file, a volume (file or folder, as for `volspec info`) or a mesh. Several, a "
+        "folder of them or a pattern such as 'scans/*.nii.gz' are a batch.",
     ),
 ]
 Preset = Annotated[
@@ -65,12 +65,21 @@ def open_scene(
     ``lights`` are for a volume, instead of the default ones; ``image`` is the remedy for a
     coefficient image. Raises VolspecError if the file cannot be read, or has no use for an option.
     """
+    from volspec._triangles import MESHES
     from volspec.scene import Scene
     from volspec.spectra import DEFAULT_GRID, light
-    from volspec.volume import load_volume
+    from volspec.volume import Volume, load_volume
 
     require_scene(Path(address), image)
     wanted = None if camera is None else _camera(camera)
+    if Path(address).suffix.lower() in MESHES:
+        if preset is not None:
+            problem = f"--preset {preset}: {address} is a mesh, without values"
+            raise InputError(f"{problem}; leave out --preset", code="conflict")
+        orbit = (
+            None if wanted is None else _orbit(wanted, lambda: Volume.empty((0, 0, 0), (1, 1, 1)))
+        )
+        return Scene.from_mesh(address, lights=lights or (), camera=orbit), None
     if Path(address).suffix.lower() != ".toml":
         for text in lights or ():
             light(text, DEFAULT_GRID)  # refused before the volume is read

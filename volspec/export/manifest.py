@@ -35,7 +35,7 @@ NAME = "export.json"
 def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
     """Return a hash that is equal for exports of equal frames, on the same device.
 
-    Spectra and the volume are hashed by value, not by file name; ``settings`` is JSON.
+    Spectra, meshes and the volume are hashed by value; ``settings`` is JSON.
     """
     digest = hashlib.blake2b(digest_size=16)
     filters = getattr(scene.transfer, "filters", None) or {}
@@ -45,8 +45,10 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
     lights = [spectrum for light in scene.lights for spectrum in light.rig.lights]
     for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
         digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())
+    for mesh in scene.surfaces():
+        digest.update(mesh.digest())
     file = plain(scene.file)
-    file["volume"].pop("file")  # values count, not the path
+    file.get("volume", {}).pop("file", None)  # values count, not the path
     file.pop("export", None)  # settings
     facts = {
         "volspec": __version__,

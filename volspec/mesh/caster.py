@@ -246,10 +246,7 @@ class MeshCaster:
         found = []
         for number, (seen, end_mm) in enumerate(zip(views, ends_mm, strict=False)):
             ends = end_mm[window.part].ravel()
-            if number == 0:
-                # It ends rays itself, of which others in a pixel may see it farther away.
-                ends = ends * (1.0 + _SAME_DEPTH)
-            else:
+            if number > 0:
                 ends = np.minimum(ends, views[0].along_mm)
             channels, sees = self._send_all(seen, ends, light, beam)
             edges = _edges(seen, sees, seen.along_mm <= ends, window.size)

@@ -5,6 +5,7 @@ file, shapes or arrays -> [Mesh] -> caster
 
 from __future__ import annotations
 
+import hashlib
 import os
 import warnings
 from collections.abc import Mapping
@@ -234,6 +235,16 @@ class Mesh:
         """Return True if another mesh has the same arrays, as one made from it by a new look."""
         names = ("points_mm", "triangles", "normals", "uv")
         return all(getattr(self, name) is getattr(other, name) for name in names)
+
+    def digest(self) -> bytes:
+        """Return a hash of its arrays and texels."""
+        found = hashlib.blake2b(digest_size=16)
+        arrays = [self.points_mm, self.triangles, self.normals, self.uv]
+        if isinstance(self.material, Texture):
+            arrays.append(self.material.texels)
+        for array in arrays:
+            found.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
+        return found.digest()
 
     def warn_of_unit(self, around_mm: Array) -> None:
         """Warn if the mesh and what it belongs to (N, 3) differ in size as units do."""

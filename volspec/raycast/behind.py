@@ -172,14 +172,19 @@ class Surfaces:
         # Where a ray would have ended, nothing is seen.
         least = 1.0 - self.opacity.spec.alpha_stop
         through: NDArray[np.float32] | float = 1.0
-        ends_mm = []
+        seen = []
         for cast in casts:
             through = through * (1.0 - cast.alpha)
-            ends_mm.append(np.where(through > least, self.stop_mm, 0.0))
-        for_sheets = repeat(self.stop_mm) if self._projected else iter(ends_mm)
+            seen.append(through > least)
+        sheets_seen = repeat(np.ones_like(seen[0])) if self._projected else iter(seen)
         opaque, sheets = [], []
-        for each, (_, *beyond) in zip(self.behind, self.depths_mm, strict=True):
-            ends = [ends_mm[-1], *islice(for_sheets, len(beyond))]
+        for number, each in enumerate(self.behind):
+            # Points of a pixel may see more of the same surface behind its middle.
+            rest = [depth_mm for k, (depth_mm, *_) in enumerate(self.depths_mm) if k != number]
+            stop_mm = np.minimum.reduce(rest) if rest else np.float32(np.inf)
+            ends = [np.where(seen[-1], stop_mm, 0.0)]
+            for here in islice(sheets_seen, len(self.depths_mm[number]) - 1):
+                ends.append(np.where(here, self.stop_mm, 0.0))
             first, *others = each.pictures(self.camera, self.size, self.opacity, ends)
             opaque.append(first)
             sheets += others

@@ -38,8 +38,13 @@ def fit_view(
     view: OrbitT, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
 ) -> OrbitT:
     """Fit a view to the visible part of a volume; ``aspect`` is the picture's width / height."""
+    return fit_points(view, volume, shown_mm(volume, transfer, shading), aspect)
+
+
+def fit_points(view: OrbitT, volume: Volume, points_mm: Array, aspect: float) -> OrbitT:
+    """Fit a view of a volume to points (N, 3) of the world, as `fit_view`."""
     axes = np.stack(view.camera(volume).frame())
-    points = shown_mm(volume, transfer, shading) @ axes.T
+    points = points_mm @ axes.T
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     x, y, z = (points - middle).T
     tall = _FILLS * math.tan(math.radians(view.fov_deg) / 2)

@@ -53,12 +53,12 @@ class SceneFile:
     """Version of the file format; usually left out."""
     title: str = ""
     """Caption; stored in the image."""
-    volume: VolumeSpec
-    """The data."""
+    volume: VolumeSpec = field(default_factory=VolumeSpec)
+    """The data; left out for meshes alone."""
     material: Annotated[tuple[MaterialSpec, ...], Field(strict=False, min_length=1)]
     """Materials of the transfer function, at least one."""
-    transfer: TransferSpec
-    """Opacity and material by value."""
+    transfer: TransferSpec = field(default_factory=TransferSpec.transparent)
+    """Opacity and material by value; left out for meshes alone."""
     basis: BasisSpec = field(default_factory=BasisSpec)
     """Channels of the cast."""
     camera: CameraSpec = field(default_factory=CameraSpec)
@@ -92,6 +92,8 @@ class SceneFile:
             if (i := _twice(names)) is not None:
                 problem = f"two [[{kind}]] are named {names[i]!r}"
                 raise fault(f"{kind}[{i}].name", problem, "rename one", "duplicate", names[i])
+        for missing in _without(plain(self)):
+            raise missing
         try:
             spec, own = self.cast, RaycastSpec()
         except RaycastError as error:
@@ -191,8 +193,20 @@ def scene_file(data: Mapping[str, Any], path: str | os.PathLike[str]) -> SceneFi
     """
     file, faults = try_table(SceneFile, data, SceneError, Path(path).parent)
     if file is None:
+        others = [each.code == "missing" for each in faults]
+        at = others.index(True) if any(others) else len(faults)
+        faults = [*faults[:at], *_without(data), *faults[at:]]
         raise SceneFaults(path, faults, row_names(data))
     return file
+
+
+def _without(tables: Mapping[str, Any]) -> list[SceneError]:
+    """Return errors about tables that only a scene of meshes alone can be without."""
+    wanted = ["volume", "transfer"]
+    volume = tables.get("volume", {})
+    if tables.get("mesh") and isinstance(volume, Mapping) and "file" not in volume:
+        wanted = []
+    return [fault(k, "missing", f"add [{k}]", "missing") for k in wanted if k not in tables]
 
 
 def newest() -> int:

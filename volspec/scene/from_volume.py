@@ -1,4 +1,4 @@
-"""Scene for a volume alone: labels or a preset, lights and a framed camera.
+"""Scene for a volume or a mesh alone: labels or a preset, lights and a framed camera.
 
 Volume, preset -> [from_volume] -> SceneFile
 """
@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from volspec.errors import SceneError
-from volspec.raycast import RaycastSpec
 from volspec.raycast.camera import Orbit, radius_mm
-from volspec.raycast.framing import fit_view
+from volspec.raycast.framing import fit_points
 from volspec.scene.file import SceneFile
 from volspec.scene.specs import CameraSpec
 from volspec.scene.transfer import TransferSpec
@@ -78,24 +80,40 @@ def volume_file(
         transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
         materials = preset.materials
     path = volume_path(address)
-    # Files of lights are relative to the current folder, the scene's paths to the volume's.
+    details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
+    tables = {
+        "volume": {"file": path.name + ("?" + details if details else "")},
+        "transfer": plain(TransferSpec.of(transfer)),
+    }
+    # On the voxel steps of labels, highlights are noise.
+    return _new_file(tables, path, materials, 0.3 if preset else 0.0, lights, camera)
+
+
+def mesh_file(path: Path, lights: Sequence[str] = (), camera: Orbit | None = None) -> SceneFile:
+    """Return a scene's file for a mesh alone, of copper; parameters as for `volume_file`."""
+    tables = {"mesh": [{"file": path.name, "material": "copper"}]}
+    return _new_file(tables, path, {"copper": "copper"}, 0.3, lights, camera)
+
+
+def _new_file(
+    tables: Mapping[str, Any],
+    path: Path,
+    materials: Mapping[str, str],
+    specular: float,
+    lights: Sequence[str],
+    camera: Orbit | None,
+) -> SceneFile:
+    """Return a file with ``tables``, titled as the file that it is for."""
+    # Files of lights are relative to the current folder, the scene's paths to that file's.
     given = {name: (rebase_light(name, Path.cwd(), path.parent), "") for name in lights}
     rows = given or LIGHTS
-    details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
     document: dict[str, Any] = {
         "title": path.name,
-        "volume": {"file": path.name + ("?" + details if details else "")},
+        **tables,
         "material": [{"name": k, "reflectance": v} for k, v in materials.items()],
-        "transfer": plain(TransferSpec.of(transfer)),
         # Exact under any light: no fitted basis holds the lines of LEDs.
         "basis": {"method": "materials"},
-        # On the voxel steps of labels, highlights are noise.
-        "raycast": {
-            "ambient": 0.2,
-            "diffuse": 0.8,
-            "specular": 0.3 if preset else 0.0,
-            "jitter": 1.0,
-        },
+        "raycast": {"ambient": 0.2, "diffuse": 0.8, "specular": specular, "jitter": 1.0},
         "light": [
             {"name": name, "spectrum": spectrum} | ({"label": label} if label else {})
             for name, (spectrum, label) in rows.items()
@@ -106,9 +124,9 @@ def volume_file(
     return read_table(SceneFile, document, SceneError)
 
 
-def framed(file: SceneFile, volume: Volume, transfer: Transfer, spec: RaycastSpec) -> SceneFile:
-    """Return the file with its orbit framing the visible part of the volume in a square."""
-    fitted: CameraSpec = fit_view(file.camera, volume, transfer, spec, 1.0)
+def framed(file: SceneFile, volume: Volume, points_mm: NDArray[np.float64]) -> SceneFile:
+    """Return the file with its orbit framing points (N, 3) in a square."""
+    fitted: CameraSpec = fit_points(file.camera, volume, points_mm, 1.0)
     digits = _DIGITS - 1 - math.floor(math.log10(radius_mm(volume)))
     x, y, z = (round(at, digits) for at in fitted.target_mm or ())
     zoom = float(f"{fitted.zoom:.{_DIGITS}g}")

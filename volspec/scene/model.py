@@ -16,6 +16,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
 from volspec.basis import Basis
@@ -23,11 +25,12 @@ from volspec.errors import ImageError, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.camera import Orbit
+from volspec.raycast.framing import shown_mm
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
 from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained
 from volspec.scene.file import SceneFile, scene_data, scene_file
-from volspec.scene.from_volume import framed, volume_file, volume_path
+from volspec.scene.from_volume import framed, mesh_file, volume_file, volume_path
 from volspec.scene.resolve import Resolver
 from volspec.scene.specs import CameraSpec
 from volspec.scene.writing import write_scene
@@ -41,6 +44,7 @@ from volspec.volume.bundled import locate_volume
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
     from volspec.mesh.caster import MeshCaster
+    from volspec.mesh.model import Mesh
     from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 
@@ -214,7 +218,43 @@ class Scene:
         look = None if labelled else preset_named(preset or DEFAULT)
         file = volume_file(address, volume, look, lights, camera)
         scene = cls(file, volume_path(address))
-        scene.file = framed(file, volume, scene.transfer, scene.raycast)
+        scene.file = framed(file, volume, shown_mm(volume, scene.transfer, scene.raycast))
+        return scene
+
+    @classmethod
+    def from_mesh(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        lights: Sequence[str] = (),
+        camera: Orbit | None = None,
+    ) -> Scene:
+        """Make a scene for a mesh alone, of copper, as the viewer opens it.
+
+        Parameters
+        ----------
+        path : path
+            PLY, OBJ, STL, VTP or glTF.
+        lights, camera
+            As for `from_volume`.
+
+        Raises
+        ------
+        SceneError
+            If the mesh cannot be read, or a light is unknown.
+
+        Examples
+        --------
+        >>> import pyvista
+        >>> pyvista.Cone().save("cone.ply")
+        >>> import volspec as vs
+        >>> scene = vs.Scene.from_mesh("cone.ply", lights=["D65"])
+        >>> scene.render(size=(64, 64))
+        CoefficientImage(64x64, 2 channels)
+        """
+        scene = cls(mesh_file(Path(os.path.abspath(path)), lights, camera), os.path.abspath(path))
+        points_mm = np.concatenate([mesh.points_mm for mesh in scene.surfaces()])
+        scene.file = framed(scene.file, scene.volume(), points_mm)
         return scene
 
     def save(self, path: str | os.PathLike[str] | None = None) -> Path:
@@ -306,6 +346,10 @@ class Scene:
         with self._names.at("room"):
             room = None if self.room is None else self.room.behind(volume, self.basis)
         return found if room is None else (*found, room)
+
+    def surfaces(self) -> list[Mesh]:
+        """Return the shown meshes. Raises SceneError if one cannot be read."""
+        return self._names.surfaces()
 
     def meshes(self, volume: Volume) -> MeshCaster | None:
         """Return the shown meshes; None without any. Raises SceneError if one cannot be read."""

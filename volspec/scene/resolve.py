@@ -10,11 +10,12 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, load_basis
@@ -24,7 +25,7 @@ from volspec.raycast import RaycastSpec
 from volspec.scene.basis import LARGEST_ERROR, SceneSpectra, grid_of, use_of
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
-from volspec.scene.specs import ROOM_LIGHT, given_light, given_reflectance
+from volspec.scene.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectance
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.files import palette_grid
 from volspec.spectra.lights import light_terms
@@ -33,6 +34,7 @@ from volspec.volume.bundled import locate_volume
 
 if TYPE_CHECKING:
     from volspec.mesh.caster import MeshCaster
+    from volspec.mesh.model import Mesh
     from volspec.scene.room import SceneRoom
 
 # Relative difference of two spacings that causes a warning.
@@ -51,6 +53,7 @@ class Resolver:
     path: Path
     known: Mapping[str, Spectrum] = field(default_factory=dict)
     faults: list[str] | None = None
+    read: dict[int, Mesh] = field(default_factory=dict)
 
     @contextmanager
     def at(self, field: str) -> Iterator[None]:
@@ -192,19 +195,30 @@ class Resolver:
         self, volume: Volume, materials: Mapping[str, Spectrum], basis: Basis
     ) -> MeshCaster | None:
         """Return the surfaces of ``[[mesh]]`` that are shown; None without any."""
-        rows = [(number, row) for number, row in enumerate(self.file.mesh) if row.shown]
-        if not rows:
+        surfaces = self.surfaces()
+        if not surfaces:
             return None
         # Imported late: few scenes have meshes.
         from volspec.mesh.caster import MeshCaster
 
+        for mesh in surfaces:
+            mesh.warn_of_unit(volume.corners_mm)
+        return MeshCaster(surfaces, materials, basis)
+
+    def surfaces(self) -> list[Mesh]:
+        """Return the rows of ``[[mesh]]`` that are shown."""
         found = []
-        for number, row in rows:
-            with self.at(f"mesh[{number}]"):
-                mesh = row.mesh(self.path.parent)
-                mesh.warn_of_unit(volume.corners_mm)
-                found.append(mesh)
-        return MeshCaster(found, materials, basis)
+        for number, row in enumerate(self.file.mesh):
+            if row.shown:
+                with self.at(f"mesh[{number}]"):
+                    found.append(self._mesh(number))
+        return found
+
+    def _mesh(self, number: int) -> Mesh:
+        """Return the surface of a row of ``[[mesh]]``, which is read once."""
+        if number not in self.read:
+            self.read[number] = self.file.mesh[number].mesh(self.path.parent)
+        return self.read[number]
 
     def lights(
         self, grid: SpectralGrid, spec: RaycastSpec, room: SceneRoom | None
@@ -260,6 +274,9 @@ class Resolver:
         Raises SceneError even with ``faults``, as nothing works without the volume.
         """
         table = self.file.volume
+        if table.file == EMPTY:
+            box_mm = table.box_mm
+            return Volume.empty(*(self._mesh_box() if box_mm is None else np.transpose(box_mm)))
         with Resolver(self.file, self.path).at("volume"):
             try:
                 volume = load_volume(locate_volume(table.file, self.path.parent))
@@ -275,6 +292,17 @@ class Resolver:
                 labels = self.file.transfer.kind == "labels"
                 volume = volume.downsampled(table.downsample, labels=labels)
         return volume
+
+    def _mesh_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return two corners of the box around all meshes, also those that are not shown."""
+        strict = replace(self, faults=None)
+        ends = []
+        for number in range(len(self.file.mesh)):
+            with strict.at(f"mesh[{number}]"):
+                points = self._mesh(number).points_mm
+                ends.append((points.min(axis=0), points.max(axis=0)))
+        low, high = zip(*ends, strict=True)
+        return np.min(low, axis=0), np.max(high, axis=0)
 
     def _warn_of_spacing(self, volume: Volume, given: tuple[float, float, float]) -> None:
         # A file without a spacing loads with a spacing of 1 mm.

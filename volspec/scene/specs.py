@@ -21,6 +21,7 @@ from volspec.mesh import Shape
 from volspec.mesh.grating import Grating
 from volspec.raycast.camera import Orbit
 from volspec.settings import (
+    Box,
     Finite,
     Hint,
     Name,
@@ -132,20 +133,31 @@ def given_reflectance(
     return known.get(given) or reflectance(given, grid, folder=folder)
 
 
+EMPTY = "empty"
+"""The file of a volume with nothing in it, around meshes."""
+
+
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class VolumeSpec:
-    """``[volume]``: the file, and changes to it."""
+    """``[volume]``: the file, and changes to it; left out in a scene of meshes alone."""
 
-    file: Annotated[str, Field(examples=["volume.nrrd"])]
+    file: Annotated[str, Field(examples=["volume.nrrd"])] = EMPTY
     """NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, .npy, FILE.raw?shape=256x256x110&dtype=uint8, or a
     folder: DICOM (?series=3 selects one of several), TIFF or PNG slices, OME-Zarr; of time steps
     and channels ?time=2&channel=0; ?labels=FILE is a table of a segmentation's labels; or the
-    name of a bundled volume: engine, head, frog."""
+    name of a bundled volume: engine, head, frog; or empty, around meshes."""
     spacing_mm: Annotated[Vector, Unit("mm")] | None = None
     """x, y, z instead of the file's spacing; there is a warning if they differ."""
     downsample: int = 1
     """2 keeps one voxel per block of 2³: the mean, or for labels the most frequent."""
+    box_mm: Annotated[Box, Unit("mm")] | None = None
+    """x, y, z from and to of an empty volume, around which the camera orbits; default: those of the
+    meshes."""
+
+    def __post_init__(self) -> None:
+        if self.file != EMPTY and self.box_mm is not None:
+            raise fault("box_mm", f"is of an {EMPTY} volume, not of {self.file}", "leave it out")
 
 
 @settings(SceneError)

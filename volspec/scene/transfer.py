@@ -108,6 +108,11 @@ class TransferSpec:
     reference_step_mm: Annotated[float, Unit("mm")] | None = None
     """Length to which opacities refer; default: the smallest spacing. Not with surfaces."""
 
+    @classmethod
+    def transparent(cls) -> TransferSpec:
+        """Return the table of an empty volume, whose material may be any."""
+        return cls(points=(PointSpec(opacity=0.0, material="", value=0.0),))
+
     @property
     def kind(self) -> str:
         """Kind of function given, one of `KINDS`."""
@@ -161,6 +166,8 @@ class TransferSpec:
 
     def seen(self) -> Iterator[tuple[float, Mapping[str, float]]]:
         """Weigh the mixes: opacity times the range of values that each covers."""
+        if self == self.transparent():
+            return
         if self.points is not None:
             yield from _seen_points(self.points)
         for region in self.regions or ():
@@ -176,6 +183,8 @@ class TransferSpec:
         Raises TransferError for a number out of range or an unknown material.
         """
         step = self.reference_step_mm
+        if self == self.transparent():
+            return TransferFunction([(0.0, 0.0, next(iter(materials)))], materials, basis)
         if self.regions is not None:
             regions = [Region(**asdict(row)) for row in self.regions]
             return TransferFunction2D(regions, materials, basis, step)

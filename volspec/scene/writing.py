@@ -23,7 +23,7 @@ from volspec.appearance.profile import is_profile
 from volspec.errors import SceneError, SpectrumError
 from volspec.scene.file import SceneFile, migrate, newest, scene_file, scene_text
 from volspec.scene.lights import LightSpec
-from volspec.scene.specs import MaterialSpec, SpectrumNumbers
+from volspec.scene.specs import EMPTY, MaterialSpec, SpectrumNumbers
 from volspec.settings import classes_in, hints, item_hint, plain
 from volspec.spectra.files import rebase_address, rebase_path
 from volspec.spectra.lights import rebase_light
@@ -137,7 +137,7 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
             raise SceneError(f"{path}: [[light]] {row.name}: {error}", code=error.code) from error
 
     volume, mark, query = file.volume.file.partition("?")
-    if bundled_volume(volume) is None or (folder / volume).exists():
+    if volume != EMPTY and (bundled_volume(volume) is None or (folder / volume).exists()):
         volume = rebase_path(volume, folder, to)
     basis, room = file.basis, file.room
     if room is not None:

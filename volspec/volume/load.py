@@ -40,7 +40,7 @@ _VTK_SUFFIXES = (".vti", ".vtr", ".vtk")
 # file to make, as Python writes them (!r) or quoted for a shell.
 _ADVICE: dict[tuple[str, ...], str] = {
     (".stl", ".ply", ".obj", ".vtp", ".glb", ".gltf"): (
-        "is a mesh, not a volume; voxelise it in Python: "
+        "is a mesh, not a volume; see it by volspec view {shell}, or voxelise it in Python: "
         "pyvista.read({path!r}).voxelize_binary_mask().save({vti!r})"
     ),
     (".vtu", ".vts"): (

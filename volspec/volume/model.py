@@ -203,6 +203,30 @@ class Volume:
         return cls(given)  # type: ignore[arg-type]
 
     @classmethod
+    def empty(cls, low_mm: ArrayLike, high_mm: ArrayLike) -> Volume:
+        """Return a volume with nothing in it between two corners (3,), for meshes alone.
+
+        Sides of no length become a twentieth of the longest.
+
+        Examples
+        --------
+        >>> Volume.empty((-1, -1, 0), (1, 1, 0)).spacing_mm
+        (2.0, 2.0, 0.1)
+        """
+        low, high = np.asarray(low_mm, np.float64), np.asarray(high_mm, np.float64)
+        sides = high - low
+        thin = np.maximum(sides, (sides.max() or 1.0) / 20.0) - sides
+        world_from_index = np.diag([*(sides + thin), 1.0])
+        world_from_index[:3, 3] = low - thin / 2.0
+        values = np.zeros((2, 2, 2), np.uint8)
+        return cls(values, world_from_index=world_from_index, name="empty volume")
+
+    @property
+    def is_empty(self) -> bool:
+        """True if it is as `empty` makes it: least in size, and all 0."""
+        return self.values.size == 8 and self.range == (0.0, 0.0)
+
+    @classmethod
     def from_pyvista(cls, grid: pyvista.ImageData, scalars: str | None = None) -> Volume:
         """Convert a pyvista ``ImageData``: its point scalars, or cell scalars if it has no others.
 

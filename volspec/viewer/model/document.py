@@ -11,7 +11,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,7 @@ from volspec.scene import Scene
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import rows_by_name
 from volspec.scene.meshes import MeshCache
-from volspec.scene.specs import MeshSpec
+from volspec.scene.specs import EMPTY, MeshSpec
 from volspec.spectra import SpectralGrid
 from volspec.transfer import Transfer, presets
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
@@ -151,7 +151,7 @@ class Document:
         """Path that opens the document again; None for the bundled demo or without a file."""
         if self.file is None or self.path is None or self.path == demo():
             return None
-        if self.path.suffix.lower() == ".toml":
+        if self.path.suffix.lower() == ".toml" or self.file.volume.file == EMPTY:
             return str(self.path)
         return f"{self.path.parent / self.file.volume.file}"
 
@@ -190,7 +190,7 @@ class Document:
             # Conditions in the room follow from the view.
             relight=scene.file.viewing,
             histogram=presets.histogram(volume),
-            file=scene.file,
+            file=_with_box(scene.file, volume),
             path=scene.path.absolute(),
             fault=fault,
             room=scene.room,
@@ -208,3 +208,13 @@ def _file_view(scene: Scene, volume: Volume) -> View:
     if table.position_mm is not None:
         return View.of(scene.camera(volume), volume)
     return View(**{each.name: getattr(table, each.name) for each in fields(Orbit)})
+
+
+def _with_box(file: SceneFile, volume: Volume) -> SceneFile:
+    """Return the file with the box of an empty volume, so that it stays if meshes are added."""
+    if file.volume.file != EMPTY:
+        return file
+    corners = volume.corners_mm
+    x, y, z = zip(corners.min(axis=0).tolist(), corners.max(axis=0).tolist(), strict=True)
+    box_mm = x, y, z
+    return replace(file, volume=replace(file.volume, box_mm=box_mm))

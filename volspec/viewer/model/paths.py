@@ -12,7 +12,7 @@ from functools import lru_cache
 from itertools import takewhile
 from pathlib import Path
 
-from volspec._triangles import FILES
+from volspec._triangles import MESHES
 from volspec.errors import InputError
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import is_dicom
@@ -21,8 +21,6 @@ from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 # Slices: one DICOM file means its series, pictures mean their folder.
 _PICTURES = (TIFF_SUFFIXES, (".png",))
 MOST_ROWS = 2000
-# A .vtk is opened as a volume.
-MESHES = tuple(suffix for suffix in FILES if suffix != ".vtk")
 # Files that belong to meshes: materials, buffers, textures.
 _OF_MESHES = (".mtl", ".bin", ".png", ".jpg", ".jpeg", ".bmp", *TIFF_SUFFIXES)
 

@@ -16,10 +16,10 @@ from imgui_bundle import imgui
 
 from volspec._files import plain_stem, require_writable
 from volspec._gpu.sources import asset
+from volspec._triangles import MESHES
 from volspec.errors import InputError, one_line
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.paths import (
-    MESHES,
     FolderPlace,
     Listing,
     PathRequest,
