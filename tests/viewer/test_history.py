@@ -95,6 +95,7 @@ _COSTS |= dict.fromkeys(("slices", "light_states", "cuts.choose_plane", "lights.
 _COSTS |= dict.fromkeys(("lighting", "quality", "meshes"), "cast")
 _COSTS |= {"lighting.choose_source": "frame", "lighting.set_spectrum": "relight"}
 _COSTS |= {"transfer_edits.choose_part": "frame", "measure.show": "frame"}
+_COSTS["meshes.choose"] = "frame"
 # The first target makes the materials channels, which is the one cast; these relight.
 _COSTS |= {
     f"palette_edits.{name}": "relight"

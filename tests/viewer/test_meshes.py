@@ -94,6 +94,9 @@ def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
         meshes.set_material(opened, 0, "bone"),
         meshes.set_opacity(opened, 0, 0.3),
         meshes.remove(opened, 0),
+        meshes.move(opened, 0, 2, 8.0),
+        meshes.turn(opened, 0, 1, 90.0),
+        meshes.scale(opened, 0, 1.5),
     )
     pictures = [frame(state) for state in edits]
     assert all(np.abs(picture - first).max() > 20 for picture in pictures)
@@ -107,6 +110,7 @@ def test_edits_change_the_picture_and_are_undone(opened: ViewState) -> None:
 def test_the_file_is_read_once(opened: ViewState, tmp_path: Path) -> None:
     (tmp_path / "parts" / "pin.stl").unlink()
     hidden = meshes.set_shown(opened, 0, False)
+    frame(hidden)
     assert np.abs(frame(meshes.set_shown(hidden, 0, True)) - frame(opened)).max() == 0
     assert np.abs(frame(meshes.set_material(opened, 0, "bone")) - frame(opened)).max() > 20
 
@@ -118,6 +122,7 @@ def test_other_looks_use_what_is_known_of_a_surface(opened: ViewState) -> None:
         meshes.set_opacity(opened, 0, 0.4),
         meshes.set_material(opened, 0, "bone"),
         meshes.set_shown(opened, 1, False),
+        meshes.scale(meshes.turn(meshes.move(opened, 1, 0, 5.0), 1, 2, 400.0), 1, 4.0),
         opened,
     ):
         cache = MeshCache(Path(opened.document.folder))
@@ -253,6 +258,10 @@ def test_the_list_in_the_window(screen: None, tmp_path: Path) -> None:
         x, y, width, height = robot.area("mesh opacity 0")
         start = x + width - 4.0, y + height / 2
         robot.drag(along(start, (x + width / 2, start[1]), 0.5))
+        robot.click("mesh name 2")
+        x, y, width, height = robot.area("mesh unit")
+        start = x + width / 4, y + height / 2
+        robot.drag(along(start, (x + width / 2, start[1]), 0.5))
         robot.click("remove mesh 1")
         robot.key("ctrl+z")
         robot.rest()
@@ -264,5 +273,6 @@ def test_the_list_in_the_window(screen: None, tmp_path: Path) -> None:
         pin, triad, tile = tomllib.loads(path.read_text(encoding="utf-8"))["mesh"]
         assert 0.3 < pin["opacity"] < 0.9
         assert triad == {"shape": "triad", "shown": False}
+        assert tile.pop("unit_mm") > 1.2
         assert tile == {"file": "tile.glb", "material": "bone"}
         assert not events("gl-error")

@@ -255,11 +255,13 @@ class Mesh:
             text = f"{self.name}: is {times} the volume's size; is unit_mm right?"
             warnings.warn(text, VolspecWarning, stacklevel=2)
 
-    def placed(self, move_mm: ArrayLike, turn_deg: ArrayLike = (0.0, 0.0, 0.0)) -> Mesh:
-        """Return the mesh turned about x, then y, then z, and then moved."""
+    def placed(
+        self, move_mm: ArrayLike, turn_deg: ArrayLike = (0.0, 0.0, 0.0), scale: float = 1.0
+    ) -> Mesh:
+        """Return the mesh scaled, turned about x, then y, then z, and then moved."""
         rotation = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
         move = np.asarray(move_mm, np.float64)
         normals = None if self.normals is None else self.normals @ rotation.T
-        grating = None if self.grating is None else self.grating.placed(1.0, rotation, move)
-        points = self.points_mm @ rotation.T + move
+        grating = None if self.grating is None else self.grating.placed(scale, rotation, move)
+        points = scale * self.points_mm @ rotation.T + move
         return replace(self, points_mm=points, normals=normals, grating=grating)

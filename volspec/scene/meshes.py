@@ -33,7 +33,9 @@ class MeshCache:
         shown = tuple(row for row in rows if row.shown)
         self._last = shown, caster
         meshes = () if caster is None else caster.meshes
-        self._read = {_geometry(row): mesh for row, mesh in zip(shown, meshes, strict=True)}
+        # As files and shapes have them; and those of the last rows, in their places.
+        self._read: dict[str, Mesh] = {}
+        self._placed = {_place(row): mesh for row, mesh in zip(shown, meshes, strict=True)}
 
     def mesh(self, row: MeshSpec) -> Mesh:
         """Return the surface of a row; MeshError if a file cannot be used."""
@@ -41,10 +43,12 @@ class MeshCache:
             return self._mesh(row)
 
     def _mesh(self, row: MeshSpec) -> Mesh:
-        key = _geometry(row)
-        if key not in self._read:
-            self._read[key] = row.mesh(self._folder)
-        mesh = self._read[key]
+        place, surface = _place(row), _surface(row)
+        if place not in self._placed:
+            if surface not in self._read:
+                self._read[surface] = row.read(self._folder)
+            self._placed[place] = row.placed(self._read[surface])
+        mesh = self._placed[place]
         look = mesh.material if row.material is None else row.material
         return replace(mesh, material=look, opacity=row.opacity)
 
@@ -67,10 +71,20 @@ class MeshCache:
                 meshes = [self._mesh(row) for row in shown]
                 caster = MeshCaster(meshes, materials, basis, caster)
                 self._last = shown, caster
+                # Also of those that are hidden now.
+                places = {_place(row) for row in rows}
+                self._placed = {key: mesh for key, mesh in self._placed.items() if key in places}
         return caster.painted(materials, basis)
 
 
-def _geometry(row: MeshSpec) -> str:
-    """Return a key of what a mesh's file or shape gives: all but its material and opacity."""
+def _place(row: MeshSpec) -> str:
+    """Return a key of the surface in its place: all of a row but its material and opacity."""
     material = None if row.material is None else "any"
     return repr(replace(row, material=material, opacity=1.0, shown=True))
+
+
+def _surface(row: MeshSpec) -> str:
+    """Return a key of what a file or a shape gives."""
+    own = MeshSpec(file=row.file, shape=row.shape, material="any", smooth_deg=row.smooth_deg)
+    look = row.texture, row.materials, row.shares, row.shape == "triad" and row.material is None
+    return repr((own, look))

@@ -308,6 +308,10 @@ class MeshSpec:
 
         Raises MeshError if a file cannot be used.
         """
+        return self.placed(self.read(folder))
+
+    def read(self, folder: Path) -> Mesh:
+        """Return the surface as its file or shape has it; raises as `mesh`."""
         # Imported late: few scenes have meshes.
         from volspec.mesh.model import Mesh
         from volspec.mesh.shapes import shape_mesh
@@ -319,14 +323,15 @@ class MeshSpec:
         elif self.shares:
             look = Texture.load_shares({name: folder / file for name, file in self.shares.items()})
         if self.shape is not None:
-            mesh = shape_mesh(self.shape, self.size_mm, look)
-        else:
-            assert self.file is not None and look is not None
-            path = folder / self.file
-            mesh = Mesh.load(path, look, unit_mm=self.unit_mm, smooth_deg=self.smooth_deg)
-        grating = self.grating and self.grating.placed(self.unit_mm, np.eye(3), np.zeros(3))
-        mesh = replace(mesh, opacity=self.opacity, mirror=self.mirror, grating=grating)
-        return mesh.placed(self.move_mm, self.turn_deg)
+            return shape_mesh(self.shape, material=look)
+        assert self.file is not None and look is not None
+        return Mesh.load(folder / self.file, look, smooth_deg=self.smooth_deg)
+
+    def placed(self, mesh: Mesh) -> Mesh:
+        """Return a surface as `read` gives it in its place."""
+        scale = self.unit_mm if self.shape is None else self.size_mm
+        looks = replace(mesh, opacity=self.opacity, mirror=self.mirror, grating=self.grating)
+        return looks.placed(self.move_mm, self.turn_deg, scale)
 
 
 @settings(SceneError)

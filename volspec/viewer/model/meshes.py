@@ -5,6 +5,7 @@ panel, dropped files -> [meshes] -> state -> cast, SCENE.toml
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -22,6 +23,8 @@ NONE = "This scene has no meshes; drop a PLY, OBJ, STL, VTP or glTF file onto th
 NO_ROOM = "With the materials of the meshes there would be too many; nothing was changed"
 # A mesh that nobody sees is not shown instead.
 LEAST_OPACITY = 0.01
+# Millimetres of a file's unit, and of a shape.
+UNITS_MM = 1e-6, 1e6
 
 
 @edit
@@ -42,6 +45,33 @@ def set_material(state: ViewState, index: int, name: str) -> ViewState:
     if name not in state.transfer.materials:
         return state
     return _changed(state, index, material=name, texture=None, materials=(), shares={})
+
+
+@edit
+def choose(state: ViewState, index: int) -> ViewState:
+    """Choose the mesh whose place is shown."""
+    return with_interface(state, mesh=max(index, 0))
+
+
+@edit
+def move(state: ViewState, index: int, axis: int, mm: float) -> ViewState:
+    """Move a mesh along an axis of the world to an offset."""
+    return _changed_axis(state, index, "move_mm", axis, mm)
+
+
+@edit
+def turn(state: ViewState, index: int, axis: int, degrees: float) -> ViewState:
+    """Turn a mesh about an axis."""
+    return _changed_axis(state, index, "turn_deg", axis, math.remainder(degrees, 360.0))
+
+
+@edit
+def scale(state: ViewState, index: int, mm: float) -> ViewState:
+    """Set the unit of a mesh's file, or the size of a shape."""
+    if not 0 <= index < len(state.meshes):
+        return state
+    key = "unit_mm" if state.meshes[index].shape is None else "size_mm"
+    return _changed(state, index, **{key: clamp(mm, *UNITS_MM)})
 
 
 @edit
@@ -93,6 +123,14 @@ def look_text(row: MeshSpec) -> str:
     if row.texture is not None:
         return row.texture.replace("\\", "/").rpartition("/")[2]
     return ", ".join(row.used) or "axes"
+
+
+def _changed_axis(state: ViewState, index: int, key: str, axis: int, value: float) -> ViewState:
+    if not (0 <= index < len(state.meshes) and 0 <= axis < 3):
+        return state
+    values = list(getattr(state.meshes[index], key))
+    values[axis] = value
+    return _changed(state, index, **{key: tuple(values)})
 
 
 def _changed(state: ViewState, index: int, **changes: Any) -> ViewState:

@@ -69,6 +69,7 @@ class Interface:
     pick: Pick = field(default_factory=Pick)
     tool: str = ""  # that picks points: one of `measure.TOOLS`; empty for none
     tool_points: tuple[Vector, ...] = ()  # the points that it has so far, in mm of the world
+    mesh: int = 0  # the mesh whose place is shown
     part: int = 0  # the point, region, surface or label whose details are shown
 
 

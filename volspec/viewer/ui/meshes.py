@@ -1,7 +1,8 @@
-"""The list of meshes: show, name, material, opacity and removal of each."""
+"""The list of meshes: show, name, material, opacity and removal of each; the place of one."""
 
 from __future__ import annotations
 
+import numpy as np
 from imgui_bundle import imgui
 
 from volspec.scene.specs import MeshSpec
@@ -11,6 +12,10 @@ from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.transfer_detail import draw_cross
 from volspec.viewer.ui.widgets import as_one_line, describe_field, pick, shorten, shown_rows
 
+# Lines under the list: the button, a title, unit, place and turn.
+_LINES = 5
+# The list scrolls if it is longer, and there is no room for more.
+_LEAST_ROWS = 4
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.scroll_y
 
 
@@ -18,8 +23,10 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     """Draw the panel."""
     new = state
     line = imgui.get_frame_height() + 2 * imgui.get_style().cell_padding.y
-    room = imgui.get_content_region_avail().y - imgui.get_frame_height_with_spacing()
-    height = max(min(len(state.meshes) * line, room), line)
+    below = (_LINES if state.meshes else 1) * imgui.get_frame_height_with_spacing()
+    room = imgui.get_content_region_avail().y - below
+    count = len(state.meshes)
+    height = line * max(min(count, room / line), min(max(count, 1), _LEAST_ROWS))
     if not imgui.begin_table("meshes", 5, _FLAGS, (0, height)):
         return None
     fixed, stretch = imgui.TableColumnFlags_.width_fixed, imgui.TableColumnFlags_.width_stretch
@@ -38,7 +45,36 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     if imgui.button("Add …"):
         new = ui.run(new, "add-mesh")
     ui.note("add mesh", "PLY, OBJ, STL, VTP or glTF; or drop it onto the window")
+    if state.meshes:
+        new = _place(new, ui)
     return None if new is state else new
+
+
+def _place(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw unit, place and turn of the chosen mesh."""
+    index = min(state.interface.mesh, len(state.meshes) - 1)
+    row, new = state.meshes[index], state
+    imgui.separator_text(f"Place of {as_one_line(row.name)}")
+    size, unit = ("unit_mm", "1 unit = %.5g mm") if row.shape is None else ("size_mm", "%.5g mm")
+    now = getattr(row, size)
+    imgui.set_next_item_width(-1)
+    moved, mm = imgui.drag_float("##unit", now, 0.01 * now, *meshes.UNITS_MM, unit)
+    ui.note("mesh unit", describe_field(MeshSpec, size))
+    if moved:
+        new = meshes.scale(new, index, mm)
+    step = float(np.ptp(state.document.volume.corners_mm, axis=0).max()) / 500.0
+    for key, change, speed, text in (
+        ("move_mm", meshes.move, step, "%.5g mm"),
+        ("turn_deg", meshes.turn, 0.5, "%.4g°"),
+    ):
+        before = list(getattr(row, key))
+        imgui.set_next_item_width(-1)
+        moved, after = imgui.drag_float3(f"##{key}", before, speed, 0.0, 0.0, text)
+        ui.note(f"mesh {key}", f"x, y, z. {describe_field(MeshSpec, key)} Double-click to type")
+        for axis in range(3):
+            if moved and after[axis] != before[axis]:
+                new = change(new, index, axis, after[axis])
+    return new
 
 
 def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewState:
@@ -52,9 +88,13 @@ def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewStat
     imgui.align_text_to_frame_padding()
     colour = imgui.Col_.text if row.shown else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
-    imgui.text(shorten(row.name, imgui.get_content_region_avail().x))
+    chosen = index == min(state.interface.mesh, len(state.meshes) - 1)
+    name = shorten(row.name, imgui.get_content_region_avail().x)
+    pressed, _ = imgui.selectable(f"{name}##name", chosen)
     imgui.pop_style_color()
-    ui.note(f"mesh name {index}", as_one_line(row.file or row.name))
+    ui.note(f"mesh name {index}", f"{as_one_line(row.file or row.name)}\nClick for its place")
+    if pressed:
+        new = meshes.choose(new, index)
     imgui.table_next_column()
     imgui.set_next_item_width(-1)
     look = meshes.look_text(row)
