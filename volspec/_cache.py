@@ -1,4 +1,4 @@
-"""Cache of arrays in the user's cache folder.
+"""Cache of arrays, and of small facts by key, in the user's cache folder.
 
 Cached arrays equal computed ones to the last bit. If a file is missing, damaged, from another
 version or not writable, the arrays are computed without an error.
@@ -7,6 +7,7 @@ version or not writable, the arrays are computed without an error.
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -22,6 +23,7 @@ from volspec.errors import InputError
 Arrays = dict[str, NDArray[Any]]
 # Most files in a folder; beyond that, the oldest are deleted.
 _MOST_FILES = 100
+_MOST_ROWS, _LARGEST_ROWS = 50, 1 << 20
 
 
 def cache_folder() -> Path:
@@ -45,6 +47,25 @@ def cached_arrays(name: str, maker: str, make: Callable[[], Mapping[str, NDArray
     for array in arrays.values():
         array.flags.writeable = False
     return arrays
+
+
+def cached_rows(name: str) -> dict[str, Any]:
+    """Return the facts of a file of the cache by key; nothing if it is missing or damaged."""
+    file = cache_folder() / name
+    try:
+        if not file.is_file() or file.stat().st_size > _LARGEST_ROWS:
+            return {}
+        return dict(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, RecursionError):
+        return {}
+
+
+def cache_rows(name: str, rows: Mapping[str, Any]) -> None:
+    """Add facts to a file of the cache, as JSON; of more than `_MOST_ROWS`, the oldest go."""
+    kept = {key: row for key, row in cached_rows(name).items() if key not in rows}
+    newest = dict([*kept.items(), *rows.items()][-_MOST_ROWS:])
+    with suppress(OSError, InputError), write_whole(cache_folder() / name) as temporary:
+        temporary.write_text(json.dumps(newest, indent=1), encoding="utf-8")
 
 
 def _read(file: Path, maker: str) -> Arrays | None:

@@ -16,6 +16,7 @@ from volspec import __version__
 from volspec._gpu import devices as opencl_devices
 from volspec._gpu.devices import DeviceInfo, try_all
 from volspec.errors import DeviceError, OpenCLError, OpenGLError
+from volspec.raycast.packets import choose_packet
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -41,6 +42,7 @@ class Examination:
     opencl: tuple[DeviceInfo, ...]
     faults: tuple[str, ...]  # why a device cannot run a kernel; empty if it can
     casts_on: int | None  # index of the device for casts
+    packets: str  # how that device marches rays
     gl: str | None  # renderer and version of the headless context
     no_sharing: str | None  # reason that casts cannot pass pictures to GL on the device, if so
     extras: dict[str, str]  # optional features: versions, or the command that installs them
@@ -59,7 +61,9 @@ class Examination:
         table = Table(title=f"volspec {__version__}, {self.python}", show_header=False)
         for i, device in enumerate(self.opencl):
             memory = f"{device.memory_bytes / 2**30:.1f} GiB"
-            used = "  [green]casts run here[/green]" if i == self.casts_on else ""
+            used = ""
+            if i == self.casts_on:
+                used = f"  [green]casts run here[/green], in {escape(self.packets)}"
             if self.faults[i]:
                 used = f"  [red]not used:[/red] {escape(self.faults[i])}"
             table.add_row(
@@ -103,9 +107,10 @@ def examine() -> Examination:
                 problems.append(f"{package}: pip install {package}")
     devices = opencl_devices.devices()
     faults = try_all(devices)
-    casts_on = None
+    casts_on, packets = None, ""
     try:
         casts_on = opencl_devices.choose_device()
+        packets = str(choose_packet(casts_on))
     except OpenCLError as error:
         problems.append(str(error))
     blocked = bool(problems)
@@ -131,6 +136,7 @@ def examine() -> Examination:
         opencl=tuple(devices),
         faults=faults,
         casts_on=casts_on,
+        packets=packets,
         gl=gl,
         no_sharing=no_sharing,
         extras=_extras(),

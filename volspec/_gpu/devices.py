@@ -12,7 +12,6 @@ by device, driver and version; a failure for a day only, as the user may fix its
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import secrets
@@ -31,10 +30,10 @@ from importlib.metadata import PackageNotFoundError, files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from volspec import _cache
+from volspec._cache import cache_rows, cached_rows
 from volspec._child import child_command, exit_cause
-from volspec._files import ensure_writable_caches, write_whole
-from volspec.errors import InputError, OpenCLError, nearest, one_line, quoted
+from volspec._files import ensure_writable_caches
+from volspec.errors import OpenCLError, nearest, one_line, quoted
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -50,7 +49,7 @@ _VENDOR_VARIABLES, _VENDORS = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH"), "/etc/O
 POCL = "Portable Computing Language"
 _TIMEOUT_S = 60.0
 _FAILURE_CACHED_S = 86400.0
-_MOST_CACHED, _LARGEST_CACHE = 50, 1 << 20
+_FILE = "devices.json"
 _WRONG_NUMBER = "the kernel ran but wrote a wrong number"
 # Prints the error and exits with 1; a driver may crash it at any line.
 _TRIAL = f"""
@@ -92,6 +91,7 @@ class DeviceInfo:
     compute_units: int
     memory_bytes: int
     max_allocation_bytes: int
+    vector_width: int = 1  # numbers in a float vector of the device's instructions
 
 
 def cache_folder() -> Path:
@@ -261,6 +261,7 @@ def describe(device: cl.Device) -> DeviceInfo:
         compute_units=device.max_compute_units,
         memory_bytes=device.global_mem_size,
         max_allocation_bytes=device.max_mem_alloc_size,
+        vector_width=device.native_vector_width_float,
     )
 
 
@@ -269,7 +270,7 @@ def fault(index: int, devices: Sequence[DeviceInfo], *, again: bool = False) -> 
 
     ``again`` tries the device now, whatever the cache contains.
     """
-    key = _key(index, devices)
+    key = device_key(index, devices)
     if not again:
         found, at_s = _cached_faults().get(key, ("never tried", 0.0))
         if not found or abs(time.time() - at_s) < _FAILURE_CACHED_S:
@@ -283,11 +284,11 @@ def try_all(devices: Sequence[DeviceInfo]) -> tuple[str, ...]:
     """Try every device now, all at once, and return each one's `fault`."""
     with ThreadPoolExecutor() as threads:
         found = tuple(threads.map(_try, range(len(devices)), devices))
-    _cache_faults({_key(index, devices): each for index, each in enumerate(found)})
+    _cache_faults({device_key(index, devices): each for index, each in enumerate(found)})
     return found
 
 
-def _key(index: int, devices: Sequence[DeviceInfo]) -> str:
+def device_key(index: int, devices: Sequence[DeviceInfo]) -> str:
     """Return a device's key in the cache; the order distinguishes two drivers of one name."""
     info = devices[index]
     same = devices[:index].count(info)
@@ -353,24 +354,15 @@ def remedy(devices: Sequence[DeviceInfo]) -> str:
     return ", or ".join(ways)
 
 
-def _file() -> Path:
-    return _cache.cache_folder() / "devices.json"
-
-
 def _cached_faults() -> dict[str, tuple[str, float]]:
-    """Return fault and time of each trial, by key; nothing if the file is damaged."""
-    try:
-        if not _file().is_file() or _file().stat().st_size > _LARGEST_CACHE:
-            return {}
-        rows = json.loads(_file().read_text(encoding="utf-8"))
-        return {str(key): (str(found), float(at)) for key, (found, at) in rows.items()}
-    except (OSError, ValueError, TypeError, AttributeError, RecursionError, OverflowError):
-        return {}
+    """Return fault and time of each trial, by key; damaged rows are left out."""
+    found = {}
+    for key, row in cached_rows(_FILE).items():
+        with suppress(ValueError, TypeError, OverflowError):
+            text, at_s = row
+            found[key] = str(text), float(at_s)
+    return found
 
 
 def _cache_faults(faults: dict[str, str]) -> None:
-    rows = {key: row for key, row in _cached_faults().items() if key not in faults}
-    rows |= {key: (found, time.time()) for key, found in faults.items()}
-    newest = dict(list(rows.items())[-_MOST_CACHED:])
-    with suppress(OSError, InputError), write_whole(_file()) as temporary:
-        temporary.write_text(json.dumps(newest, indent=1), encoding="utf-8")
+    cache_rows(_FILE, {key: (found, time.time()) for key, found in faults.items()})

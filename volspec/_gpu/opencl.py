@@ -55,6 +55,7 @@ class Compute:
     queue: cl.CommandQueue
     transfers: cl.CommandQueue
     info: DeviceInfo
+    index: int  # of `devices`
     sharing: Sharing | None = None
     # The most recently used comes last.
     _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
@@ -84,7 +85,7 @@ class Compute:
                 f"choose another device with {DEVICE_VARIABLE}, `volspec doctor` lists them",
                 code="unsupported",
             ) from error
-        return cls(context, queue, transfers, describe(device), sharing)
+        return cls(context, queue, transfers, describe(device), index, sharing)
 
     def kernel(self, source: Source, name: str, options: Sequence[str] = OPTIONS) -> cl.Kernel:
         """Return a program's kernel, cached (the last `MOST_KERNELS`) or built now.

@@ -26,17 +26,16 @@ from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume
+from volspec.raycast.packets import TILES, Packet, choose_packet
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
-# Packet's (width, height) in pixels by LANES; lanes.clh numbers the lanes row by row.
-TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2)}
 # Work-items per group: a packet is a group by itself, as a loop over several takes two fifths
 # longer to compile and runs no faster.
-GROUPS = {1: (8, 8), 4: (1, 1), 8: (1, 1)}
+GROUPS = {1: (8, 8), 4: (1, 1), 8: (1, 1), 16: (1, 1)}
 
 
 class Raycaster:
@@ -48,7 +47,10 @@ class Raycaster:
     device : str, optional
         Part of a device's name; the first GPU, else the first CPU, if left out.
     lanes : int, optional
-        Rays marched together by a work-item: 1, 4 or 8. Default 8 on CPUs, 1 on GPUs.
+        Rays marched together by a work-item: 1, 4, 8 or 16.
+    packet : Packet, optional
+        The same, with the way of loading voxels. Default: the fastest that the device carries, by a
+        trial of a few seconds when it is first used (`volspec.raycast.packets`).
     context : moderngl.Context, optional
         Current on the thread that casts. The device then shares its memory, and
         ``raycast(into=…)`` passes pictures to a Relighter of the same context without the host.
@@ -66,6 +68,7 @@ class Raycaster:
         *,
         device: str | None = None,
         lanes: int | None = None,
+        packet: Packet | None = None,
         context: Any = None,
     ) -> None:
         if not isinstance(volume, Volume):
@@ -74,14 +77,16 @@ class Raycaster:
             raise RaycastError.refused(
                 "Raycaster: context", context, "give a moderngl.Context", "type"
             )
-        # True and 8.0 equal valid numbers, but are not integers.
-        if lanes is not None and (type(lanes) is not int or lanes not in TILES):
-            raise RaycastError.refused(
-                "Raycaster: lanes", lanes, f"give one of {sorted(TILES)}", "range"
-            )
+        if lanes is not None:
+            # True and 8.0 equal valid numbers, but are not integers.
+            if type(lanes) is not int or lanes not in TILES:
+                raise RaycastError.refused(
+                    "Raycaster: lanes", lanes, f"give one of {sorted(TILES)}", "range"
+                )
+            packet = Packet(lanes)
         self.volume = volume
         self._compute = Compute.open(device, context)
-        self.lanes = lanes or (8 if self._compute.info.is_cpu else 1)
+        self.packet = packet or choose_packet(self._compute.index)
         values = volume.values
         if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
             values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
@@ -240,7 +245,7 @@ class Raycaster:
         spans = self._compute.upload(np.divide(given, unit, dtype=np.float32, order="C"))
         kernel = self._kernel(program, spec, numbers, spans=span_mm is not None)
         arguments = self._voxels, self._codes(table, spec), *inputs, light, spans, struct
-        tile, group = TILES[self.lanes], GROUPS[self.lanes]
+        tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
             bands = RowBatches(self._compute, result, tile, group, spec.tile_ms, pack)
             bands.run(kernel, arguments, progress, cancel)
@@ -314,11 +319,12 @@ class Raycaster:
         *,
         spans: bool,
     ) -> Any:
-        tile_width, tile_height = TILES[self.lanes]
+        tile_width, tile_height = TILES[self.packet.lanes]
         constants = {
-            "LANES": self.lanes,
+            "LANES": self.packet.lanes,
             "TILE_WIDTH": tile_width,
             "TILE_HEIGHT": tile_height,
+            "SINGLE_LOADS": int(self.packet.single_loads),
             "BRICK": BRICK,
             "STRIDES": STRIDES,
             "ADAPTIVE": int(spec.adaptive > 0),
@@ -331,7 +337,8 @@ class Raycaster:
         }
         constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
         steps = 2 if constants["NEIGHBOURS"] else 4
-        constants["STEPS"] = steps if self.lanes > 1 else 1
+        # Adaptive steps depend on it, and are to be the same in every packet.
+        constants["STEPS"] = steps if self.packet.lanes > 1 or spec.adaptive > 0 else 1
         text = prelude(constants, "opencl") + kernel_arguments.CAST.declaration
         source = assemble(f"kernels/{program.name}.cl", text)
         return self._compute.kernel(source, program.name)

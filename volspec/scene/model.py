@@ -245,11 +245,12 @@ class Scene:
 
         Examples
         --------
+        >>> from tempfile import TemporaryDirectory
         >>> import pyvista
-        >>> pyvista.Cone().save("cone.ply")
         >>> import volspec as vs
-        >>> scene = vs.Scene.from_mesh("cone.ply", lights=["D65"])
-        >>> scene.render(size=(64, 64))
+        >>> with TemporaryDirectory() as folder:
+        ...     pyvista.Cone().save(f"{folder}/cone.ply")
+        ...     vs.Scene.from_mesh(f"{folder}/cone.ply", lights=["D65"]).render(size=(64, 64))
         CoefficientImage(64x64, 2 channels)
         """
         scene = cls(mesh_file(Path(os.path.abspath(path)), lights, camera), os.path.abspath(path))

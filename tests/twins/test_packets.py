@@ -1,0 +1,100 @@
+"""Packets of rays: the same picture in each, and the choice of the fastest that works."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from volspec import _cache
+from volspec._gpu import devices
+from volspec._gpu.devices import DeviceInfo
+from volspec._gpu.opencl import Compute
+from volspec.raycast import Camera, RaycastSpec, packets
+from volspec.raycast.gpu import Raycaster
+from volspec.raycast.packets import SAFE, Packet, choose_packet
+from volspec.transfer import TransferTable
+from volspec.volume import Volume
+
+WIDE, WIDE_SINGLE = Packet(16), Packet(16, single_loads=True)
+NARROW_SINGLE = Packet(8, single_loads=True)
+# One ray is rounded otherwise than a vector of them; see TOLERANCE in test_raycast.py.
+TOLERANCE = 1e-4
+
+
+@pytest.mark.parametrize(
+    ("dtype", "spec"),
+    [
+        ("uint8", RaycastSpec(ambient=1.0, diffuse=0.0, adaptive=0.02)),
+        ("int16", RaycastSpec(specular=0.3)),
+    ],
+    ids=["adaptive", "shaded"],
+)
+def test_pictures_are_alike_in_all_packets(
+    half_engine: Volume, engine_table: TransferTable, dtype: str, spec: RaycastSpec
+) -> None:
+    volume = Volume(half_engine.values.astype(dtype), spacing_mm=half_engine.spacing_mm)
+    camera, known = Camera.orbit(volume), [Packet(1), NARROW_SINGLE]
+    if choose_packet(Compute.open().index).lanes == 16:  # others may not compile it
+        known += [WIDE, WIDE_SINGLE]
+    first, *rest = (
+        Raycaster(volume, packet=packet).cast(engine_table, camera, (96, 96), spec)
+        for packet in (SAFE, *known)
+    )
+    assert first.alpha.max() > 0.5
+    for packet, picture in zip(known, rest, strict=True):
+        for ours, theirs in zip(picture[:2], first[:2], strict=True):
+            assert np.abs(ours - theirs).max() < TOLERANCE, packet
+
+
+def device(width: int, is_cpu: bool = True) -> DeviceInfo:
+    return DeviceInfo("a device", "a platform", "3.0", "1.2", is_cpu, 8, 2**34, 2**32, width)
+
+
+@pytest.mark.parametrize(
+    ("width", "times", "chosen"),
+    [
+        (16, {SAFE: 20.0, WIDE: 12.0, WIDE_SINGLE: 11.9}, WIDE),  # no gain worth it
+        (16, {SAFE: 20.0, WIDE: 15.0, WIDE_SINGLE: 11.0}, WIDE_SINGLE),
+        (16, {SAFE: 20.0, WIDE: 25.0, WIDE_SINGLE: 24.0}, SAFE),
+        (16, {SAFE: 20.0}, SAFE),  # the compiler ended the process
+        (16, {}, SAFE),
+        (8, {SAFE: 20.0, NARROW_SINGLE: 14.0}, NARROW_SINGLE),
+    ],
+)
+def test_the_fastest_that_works_is_chosen_once(
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    width: int,
+    times: dict[Packet, float],
+    chosen: Packet,
+) -> None:
+    tries: list[list[Packet]] = []
+
+    def measured(index: int, known: list[Packet]) -> dict[Packet, float]:
+        tries.append(known)
+        return times
+
+    monkeypatch.setattr(packets, "devices", lambda: [device(width)])
+    monkeypatch.setattr(packets, "_try", measured)
+    monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
+    assert choose_packet(0) == chosen == choose_packet(0)
+    assert len(tries) == 1 and set(times) <= set(tries[0])
+    (tmp_path / "packets.json").write_text('{"a": [')
+    assert choose_packet(0) == chosen and len(tries) == 2
+
+
+def test_a_gpu_marches_single_rays(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packets, "devices", lambda: [device(1, is_cpu=False)])
+    assert choose_packet(0) == Packet(1)
+
+
+def test_a_device_that_cannot_be_tried_gets_what_all_compile(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """The child fails, as its list of devices is shorter."""
+    monkeypatch.setattr(_cache, "cache_folder", lambda: tmp_path)
+    found = devices.devices()
+    monkeypatch.setattr(packets, "devices", lambda: [*found, device(16)])
+    assert choose_packet(len(found)) == SAFE

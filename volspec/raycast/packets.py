@@ -1,0 +1,139 @@
+"""Packets of rays: how many a work-item of a CPU marches together, and how it loads their voxels.
+
+    device -> [packets] -> Packet -> Raycaster
+
+The fastest that works is found by a trial in a child process, which a driver's compiler may end,
+and cached by device and driver. Pictures are the same.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from volspec import _cache
+from volspec._child import child_command
+from volspec._gpu.devices import DeviceInfo, device_key, devices
+
+# Shapes by lanes, (width, height) in pixels; lanes.clh numbers the lanes row by row.
+TILES = {1: (1, 1), 4: (2, 2), 8: (4, 2), 16: (4, 4)}
+_FILE, _TIMEOUT_S, _RUNS = "packets.json", 120.0, 7
+# Runtimes round differently; a wrong picture differs by more.
+_SAME = 1e-4
+# A later candidate has to take this much less time.
+_GAIN = 0.97
+_TRIAL = """
+import sys
+from volspec.raycast.packets import measure
+for name, ms in measure(*sys.argv[2:]):
+    print(name, ms, flush=True)
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """Rays that a work-item marches together.
+
+    ``single_loads`` keeps compilers from making gather instructions of their loads.
+    """
+
+    lanes: int
+    single_loads: bool = False
+
+    def __str__(self) -> str:
+        rays = "single rays" if self.lanes == 1 else f"packets of {self.lanes} rays"
+        return f"{rays}, single loads" if self.single_loads else rays
+
+
+SAFE = Packet(8)
+"""What every CPU's driver compiles."""
+
+
+def candidates(info: DeviceInfo) -> list[Packet]:
+    """Return the packets to try, the safest first."""
+    if not info.is_cpu:
+        return [Packet(1)]
+    wide = [Packet(16), Packet(16, single_loads=True)] if info.vector_width >= 16 else []
+    return [SAFE, *wide] if wide else [SAFE, Packet(8, single_loads=True)]
+
+
+def choose_packet(index: int, *, again: bool = False) -> Packet:
+    """Return the packet for a device of `volspec._gpu.devices.devices`, tried once per driver.
+
+    ``again`` tries now, whatever the cache has.
+    """
+    found = devices()
+    known = candidates(found[index])
+    if len(known) == 1:
+        return known[0]
+    key = device_key(index, found)
+    if not again:
+        try:
+            return Packet(**_cache.cached_rows(_FILE)[key])
+        except (KeyError, TypeError):  # never tried, or damaged
+            pass
+    times = _try(index, known)
+    best = SAFE
+    for packet in known:
+        if times.get(packet, np.inf) < _GAIN * times.get(best, np.inf):
+            best = packet
+    _cache.cache_rows(_FILE, {key: asdict(best)})
+    return best
+
+
+def _try(index: int, known: list[Packet]) -> dict[Packet, float]:
+    """Return the CPU time of each packet that the device carries, ms."""
+    names = [json.dumps(asdict(packet)) for packet in known]
+    command = [*child_command(_TRIAL), str(index), *names]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, check=False, timeout=_TIMEOUT_S, text=True
+        )
+        output = done.stdout
+    except subprocess.TimeoutExpired as error:
+        output = (error.stdout or b"").decode(errors="replace")
+    except (OSError, TypeError):  # the latter if the interpreter's path is unknown
+        return {}
+    rows = [line.rpartition(" ") for line in output.splitlines() if line.startswith("{")]
+    return {Packet(**json.loads(name)): float(ms) for name, _, ms in rows}
+
+
+def measure(index: str, *names: str) -> Iterator[tuple[str, float]]:
+    """Yield packets, as JSON, with the CPU time of a small cast, ms; in a process of its own.
+
+    Those that differ from the first one's picture are left out.
+    """
+    # Imported late: they import this module.
+    from volspec.basis import SpectralBasis
+    from volspec.raycast.camera import Camera
+    from volspec.raycast.gpu import Raycaster
+    from volspec.raycast.spec import RaycastSpec
+    from volspec.spectra import DEFAULT_GRID, Spectrum
+    from volspec.transfer import TransferFunction
+    from volspec.volume import Volume, phantom
+
+    ball = Volume((255 * phantom.ball(96).values).astype(np.uint8))
+    white = {"white": Spectrum(DEFAULT_GRID.wavelengths_nm, np.ones(DEFAULT_GRID.size))}
+    basis = SpectralBasis.load("general-7")
+    transfer = TransferFunction([(0, 0.0, "white"), (255, 0.05, "white")], white, basis)
+    camera, spec = Camera.orbit(ball), RaycastSpec(ambient=1.0, diffuse=0.0)
+    first = None
+    for name in names:
+        packet = Packet(**json.loads(name))
+        caster = Raycaster(ball, device=index, packet=packet)
+        table = caster.bake(transfer)
+        found = caster.cast(table, camera, (256, 256), spec).coefficients
+        first = found if first is None else first
+        if np.abs(found - first).max() > _SAME:
+            continue
+        times = []
+        for _ in range(_RUNS):
+            start = time.process_time()
+            caster.cast(table, camera, (256, 256), spec)
+            times.append(time.process_time() - start)
+        yield name, 1e3 * min(times)
