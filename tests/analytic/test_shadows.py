@@ -9,8 +9,18 @@ import numpy as np
 import pytest
 
 from tests.twins.test_light_volume import downloaded, lit, opened
-from volspec.raycast import Ambient, Camera, Directional, LightGroup, Point, RaycastSpec, reference
+from volspec.raycast import (
+    Ambient,
+    Camera,
+    ClipPlane,
+    Directional,
+    LightGroup,
+    Point,
+    RaycastSpec,
+    reference,
+)
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.kernel_arguments import LIGHT_MARGIN
 from volspec.raycast.light_volume import LightGrid, sphere_directions
 from volspec.raycast.lights import Source
 from volspec.transfer import SurfaceTable, TransferTable
@@ -34,9 +44,10 @@ def solid() -> TransferTable:
 def layer_of(
     volume: Volume, table: TransferTable | SurfaceTable, source: Source, cells: int
 ) -> np.ndarray:
-    """(nz, ny, nx) 0…1."""
-    camera = Camera.orbit(volume)
-    return downloaded(opened(volume), table, lit(source, cells=cells), camera)[0]
+    """(nz, ny, nx) 0…1, without the nodes around the volume."""
+    camera, inner = Camera.orbit(volume), slice(LIGHT_MARGIN, -LIGHT_MARGIN)
+    layer = downloaded(opened(volume), table, lit(source, cells=cells), camera)[0]
+    return np.asarray(layer[inner, inner, inner])
 
 
 def test_straight_light_through_a_slab_matches_beer_lambert() -> None:
@@ -66,7 +77,8 @@ def test_slanting_light_through_a_slab_matches_beer_lambert(
     way = np.array(towards) / np.linalg.norm(towards)
     grid = LightGrid.of(volume, cells)
     top = np.array(volume.shape_xyz) - 1.0
-    axes = [np.linspace(0, t, n) for t, n in zip(top, grid.shape_xyz, strict=True)]
+    nodes = np.array(grid.shape_xyz) - 2 * LIGHT_MARGIN
+    axes = [np.linspace(0, t, n) for t, n in zip(top, nodes, strict=True)]
     z, y, x = np.meshgrid(*axes[::-1], indexing="ij")
     node = np.stack([x, y, z], axis=-1)
     to_face = (np.where(way > 0, top - node, node) / np.abs(way)).min(axis=-1)
@@ -214,3 +226,32 @@ def test_directions_of_occlusion_balance() -> None:
     assert np.allclose(np.linalg.norm(directions, axis=1), 1)
     assert np.abs(directions.mean(axis=0)).max() < 0.02
     assert np.abs(directions.T @ directions / len(directions) - np.eye(3) / 3).max() < 0.02
+
+
+CUTS = {
+    "the volume's border": (),
+    "a plane": (ClipPlane((0.0, 0.0, 22.0), (0.0, 0.0, -1.0)),),
+    "a slanting plane": (ClipPlane((15.5, 15.5, 20.0), (0.3, 0.2, -1.0)),),
+}
+
+
+@pytest.mark.parametrize("cells", [24, 96])
+@pytest.mark.parametrize("cut", CUTS)
+def test_a_cut_through_opaque_matter_is_open_to_the_sky_and_lit(cut: str, cells: int) -> None:
+    """Without a gradient at the cut; from a point on a plane, half of the sphere is all light.
+
+    Rays from within the first step, which is inside, are the rest: a tenth.
+    """
+    body = Volume(np.ones((32, 32, 32), np.uint8))
+    sky = LightGroup("sky", (Ambient(occlusion=True, radius_mm=10.0),))
+    sun = LightGroup("sun", (Directional((0.0, 0.0, 1.0), shadows=True, frame="world"),))
+    spec = RaycastSpec(
+        ambient=1, diffuse=1, groups=(sky, sun), light_cells=cells, clip_planes=CUTS[cut]
+    )
+    camera = Camera((15.5, 12.0, 100.0), (15.5, 15.5, 15.5), (0, 1, 0), height_mm=10.0)
+    table, size = solid(), (12, 12)
+    image = Raycaster(body).cast(table, camera, size, spec)
+    assert image.alpha.min() > 0.99
+    assert image.coefficients[..., 1::2].min() > 0.9
+    true = reference.cast(body, table, camera, size, spec)
+    assert np.abs(image.coefficients - true[0]).max() < 1e-4

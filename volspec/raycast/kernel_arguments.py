@@ -70,6 +70,8 @@ KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 LOG_OPAQUE = -1e30
 # Iterations of false position that place an isosurface within its step.
 ITERATIONS = 2
+# Nodes of the light volume around the volume, so that light can be read in front of its faces.
+LIGHT_MARGIN = 2
 
 
 def cast_struct(
@@ -315,6 +317,7 @@ def light_constants(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
         "SPECULAR": int(shaded and spec.specular > 0),
         "SHININESS_BITS": next(n for n in SHININESS_BITS if spec.shininess < 1 << n),
         "LIT": int(lit),
+        "LIGHT_MARGIN": float(LIGHT_MARGIN),
         "NORMALS": int(shaded or lit),
         "POINTS": int(KINDS[Point] in kinds and spec.mode == "composite"),
         "MAX_PLANES": MAX_PLANES,

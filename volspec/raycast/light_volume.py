@@ -35,7 +35,7 @@ from volspec._gpu.prelude import C_TYPES, Struct, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import Vector
-from volspec.raycast.kernel_arguments import numbered_sources
+from volspec.raycast.kernel_arguments import LIGHT_MARGIN, numbered_sources
 from volspec.raycast.lights import Ambient, Directional, Point
 from volspec.raycast.sampling import trilinear
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
@@ -63,11 +63,11 @@ Clear = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[Any]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LightGrid:
-    """Nodes spaced evenly from a volume's first to its last voxel along each axis."""
+    """Nodes spaced evenly along each axis of a volume, `LIGHT_MARGIN` more at each end."""
 
-    shape_xyz: tuple[int, int, int]  # nodes, two or more
+    shape_xyz: tuple[int, int, int]  # nodes
     cell_mm: float  # length of a light ray's step: a cell along the longest axis
-    per_index: Vector  # nodes per voxel: a grid position is index * per_index
+    per_index: Vector  # nodes per voxel: a grid position is index * per_index + LIGHT_MARGIN
     grid_from_world: NDArray[np.float64]  # (4, 4)
 
     @classmethod
@@ -75,16 +75,17 @@ class LightGrid:
         """Make a grid of ``cells`` nodes along the longest side, equally dense along the others.
 
         >>> LightGrid.of(Volume(np.zeros((5, 9, 17), np.uint8)), 9).shape_xyz
-        (9, 5, 4)
+        (13, 9, 8)
         """
         voxels = np.array(volume.shape_xyz)
         sides = (voxels - 1) * np.array(volume.spacing_mm)
         cell = sides.max() / (cells - 1)
         nodes = np.maximum(np.rint(sides / cell).astype(int) + 1, MIN_CELLS)
         per_index = (nodes - 1) / (voxels - 1)
-        x, y, z = (int(n) for n in nodes)
+        x, y, z = (int(n) + 2 * LIGHT_MARGIN for n in nodes)
         fx, fy, fz = (float(f) for f in per_index)
         matrix = np.diag([fx, fy, fz, 1.0]) @ volume.index_from_world
+        matrix[:3, 3] += LIGHT_MARGIN
         return cls((x, y, z), float(cell), (fx, fy, fz), matrix)
 
     @property
@@ -403,7 +404,11 @@ def _float4s(*threes: NDArray[np.float64]) -> list[NDArray[np.float32]]:
 
 
 def _spans(voxels: int, nodes: int) -> NDArray[np.void]:
-    """Return each node's voxels along an axis: the nearest ones, or the two around the node."""
+    """Return each node's voxels along an axis: the nearest ones, or the two around the node.
+
+    Those of the margin have none.
+    """
+    nodes -= 2 * LIGHT_MARGIN
     spans = np.zeros(nodes, _SPAN.dtype)
     # In integers, so that halves round the same way everywhere.
     nearest = (2 * np.arange(voxels) * (nodes - 1) + voxels - 1) // (2 * (voxels - 1))
@@ -415,7 +420,7 @@ def _spans(voxels: int, nodes: int) -> NDArray[np.void]:
     first = np.minimum(at.astype(int), voxels - 2)
     spans["first"][empty], spans["count"][empty] = first, 2
     spans["weight"][empty], spans["slope"][empty] = 1 - (at - first), 2 * (at - first) - 1
-    return spans
+    return np.pad(spans, LIGHT_MARGIN)
 
 
 def _steps(

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.kernel_arguments import ITERATIONS, check_reach
+from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, check_reach
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     OCCLUSION_GAIN,
@@ -165,13 +165,20 @@ class _March:
         reflectance: Array,
     ) -> None:
         """Composite samples of opacity alpha."""
-        light = self.light(live, point, gradient, reflectance)
+        light = self.light(live, along, point, gradient, reflectance)
         weight = self.transmittance[live] * alpha
         self.colour[live] += weight[:, None, None] * light
         self.add_alpha(live, along, weight)
         self.transmittance[live] -= weight
 
-    def light(self, live: Index, point: Array, gradient: Array | None, reflectance: Array) -> Array:
+    def light(
+        self,
+        live: Index,
+        along: Array,
+        point: Array,
+        gradient: Array | None,
+        reflectance: Array,
+    ) -> Array:
         """Return (R, L, M) the light that samples reflect, by group."""
         factor, highlight = shade(
             self.volume,
@@ -182,6 +189,7 @@ class _March:
             point,
             self.rays.direction[live],
             gradient if self.normals else None,
+            self.rays.above_cut(live, along, self.lift_mm),
         )
         material = factor[:, :, None] * reflectance[:, None, :]
         return material + highlight[:, :, None] * self.table.white
@@ -215,7 +223,8 @@ class _Filtered(_March):
         j, f = find_entry(self.table, self.sampler.value(point))
         passed = interpolate(entries, j, f) ** ((end - begin) / self.step)[:, None]
         lost = self.channel_transmittance[live] * (1 - passed)
-        self.colour[live] += lost[:, None, :] * self.light(live, point, gradient, reflectance)
+        light = self.light(live, middle, point, gradient, reflectance)
+        self.colour[live] += lost[:, None, :] * light
         self.channel_transmittance[live] *= passed
         left = self.channel_transmittance[live].mean(axis=1)
         self.add_alpha(live, middle, self.transmittance[live] - left)
@@ -349,7 +358,7 @@ def arrivals(
 
 def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:
     """Interpolate a layer (nz, ny, nx) at voxel indices (P, 3) x, y, z."""
-    return trilinear(layer, index * np.array(grid.per_index))
+    return trilinear(layer, index * np.array(grid.per_index) + LIGHT_MARGIN)
 
 
 def extinction(
@@ -438,6 +447,7 @@ def _visible_mask(volume: Volume, spec: RaycastSpec) -> NDArray[np.bool_]:
 
 def _weights(voxels: int, nodes: int) -> Array:
     """Return (nodes, voxels), the weight of each voxel along an axis for each node."""
+    nodes -= 2 * LIGHT_MARGIN
     nearest = np.floor(np.arange(voxels) * (nodes - 1) / (voxels - 1) + 0.5).astype(int)
     weights = np.zeros((nodes, voxels))
     weights[nearest, np.arange(voxels)] = 1 / np.bincount(nearest)[nearest]
@@ -446,7 +456,7 @@ def _weights(voxels: int, nodes: int) -> Array:
         at = node * (voxels - 1) / (nodes - 1)
         j = min(int(at), voxels - 2)
         weights[node, j], weights[node, j + 1] = 1 - (at - j), at - j
-    return weights
+    return np.pad(weights, ((LIGHT_MARGIN, LIGHT_MARGIN), (0, 0)))
 
 
 def _along(

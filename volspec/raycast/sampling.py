@@ -30,7 +30,8 @@ class Rays:
 
     ``start`` (R, 3) index at the camera, ``along`` (R, 3) index per mm, ``direction`` (R, 3) unit
     vectors of the world, ``near`` and ``far`` (R,) mm from the camera, ``shift`` (R,) mm by
-    which the steps are jittered.
+    which the steps are jittered; ``cut_mm`` (R,) where it enters through a cut, whose unit normal
+    in the world, out of the volume, is ``cut_normal`` (R, 3), 0 without one.
     """
 
     start: Array
@@ -39,6 +40,14 @@ class Rays:
     near: Array
     far: Array
     shift: Array
+    cut_mm: Array
+    cut_normal: Array
+
+    def above_cut(self, rays: Index, along: Array, height_mm: float) -> Array:
+        """Return the way (R, 3), mm, from points at ``along`` mm up to a height above their cut."""
+        slope = -(self.cut_normal[rays] * self.direction[rays]).sum(axis=1)
+        depth = (along - self.cut_mm[rays]) * slope
+        return np.maximum(height_mm - depth, 0.0)[:, None] * self.cut_normal[rays]
 
 
 def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> Rays:
@@ -48,19 +57,26 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
     matrix = volume.index_from_world
     start = origin @ matrix[:3, :3].T + matrix[:3, 3]
     along = direction @ matrix[:3, :3].T
-    near, far = _clip(start, along, *spec.kept(volume))
+    near, far, face = _clip(start, along, *spec.kept(volume))
+    outwards = -np.sign(along) * np.eye(3)[:, None]  # of the three faces, in index space
+    cut = np.where(face[:, None] >= 0, outwards[face, np.arange(len(face))], 0.0)
     for plane in spec.index_planes(volume):
         toward, inside = along @ plane[:3], start @ plane[:3] - plane[3]
         with np.errstate(divide="ignore", invalid="ignore"):
             meet = -inside / toward
-        near = np.where(toward > 0, np.maximum(near, meet), near)
+        enters = (toward > 0) & (meet > near)
+        cut[enters] = -plane[:3]
+        near = np.where(enters, meet, near)
         far = np.where(toward < 0, np.minimum(far, meet), far)
         near = np.where((toward == 0) & (inside < 0), np.inf, near)
+    normal = cut @ matrix[:3, :3]
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    cut_mm = near.copy()
     gone = near >= far
     near, far = np.where(gone, 0.0, near), np.where(gone, 0.0, far)
     y, x = (grid.ravel() for grid in np.mgrid[0:height, 0:width])
     shift = spec.jitter * spec.step_of(volume) * _hash(x, y, spec.seed)
-    return Rays(start, along, direction, near, far, shift)
+    return Rays(start, along, direction, near, far, shift, cut_mm, normal)
 
 
 def world_rays(
@@ -82,16 +98,20 @@ def world_rays(
     return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def _clip(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, Array]:
-    """Clip rays to the box low…high (index space); a ray misses it if near ≥ far."""
+def _clip(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, Array, Index]:
+    """Clip rays to the box low…high (index space); a ray misses it if near ≥ far.
+
+    Also returns the axis of the face that a ray enters through; -1 if it begins inside.
+    """
     parallel = along == 0
     between = (start >= low) & (start <= high)
     with np.errstate(divide="ignore", invalid="ignore"):
         a, b = (low - start) / along, (high - start) / along
     # A ray parallel to two faces lies between them entirely or not at all.
-    enter = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(a, b)).max(axis=1)
+    enter = np.where(parallel, np.where(between, -np.inf, np.inf), np.minimum(a, b))
     leave = np.where(parallel, np.where(between, np.inf, -np.inf), np.maximum(a, b)).min(axis=1)
-    return np.maximum(enter, 0.0), np.maximum(leave, 0.0)
+    face = np.where(enter.max(axis=1) > 0.0, enter.argmax(axis=1), -1)
+    return np.maximum(enter.max(axis=1), 0.0), np.maximum(leave, 0.0), face
 
 
 def _hash(x: NDArray[np.int64], y: NDArray[np.int64], seed: int) -> Array:
@@ -201,13 +221,14 @@ def shade(
     point: Array,
     direction: Array,
     gradient: Array | None,
+    above_cut: Array,
 ) -> tuple[Array, Array]:
     """Shade samples by group: factors of the reflectance, and white highlights to add, (R, L).
 
     ``arrives`` holds the shadows and occlusion of sources that have them, numbered as by
-    `numbered_sources`, read ``lift_mm`` in front of surfaces. ``point`` (R, 3) is in index space,
-    ``direction`` the ray's unit vector in the world; ``gradient`` is None if nothing is shaded or
-    shadowed.
+    `numbered_sources`, read ``lift_mm`` in front of surfaces and ``above_cut`` (R, 3), mm, away.
+    ``point`` (R, 3) is in index space, ``direction`` the ray's unit vector in the world;
+    ``gradient`` is None if nothing is shaded or shadowed.
     """
     world = point @ volume.world_from_index[:3, :3].T + volume.world_from_index[:3, 3]
     factor = np.zeros((len(point), len(spec.groups)))
@@ -222,7 +243,8 @@ def shade(
             n_dot_l = (normal * towards).sum(axis=1)
         if number in arrives:
             side = np.where(n_dot_l < 0, -1.0, 1.0) * confidence * lift_mm
-            in_front = point + side[:, None] * normal @ volume.index_from_world[:3, :3].T
+            lift = side[:, None] * normal + above_cut
+            in_front = point + lift @ volume.index_from_world[:3, :3].T
             light = light * arrives[number](in_front)
         if isinstance(source, Ambient):
             factor[:, group] += light * spec.ambient
