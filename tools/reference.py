@@ -15,6 +15,7 @@ from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.spaces import ColourSpace, Transfer
 from volspec.export.page.build import PageSpec
+from volspec.mesh.grating import Grating
 from volspec.palette.tables import (
     CellSpec,
     CriteriaSpec,
@@ -32,7 +33,8 @@ from volspec.raycast import (
     RaycastSpec,
 )
 from volspec.relight import RelightSpec
-from volspec.room.file import BoxSpec, LampSpec, MeshSpec, RoomFile, SurfaceSpec
+from volspec.room.file import BoxSpec, LampSpec, RoomFile, SurfaceSpec
+from volspec.room.file import MeshSpec as RoomMeshSpec
 from volspec.room.model import Eye
 from volspec.scene.export import (
     ExportSpec,
@@ -50,6 +52,7 @@ from volspec.scene.specs import (
     BasisSpec,
     CameraSpec,
     MaterialSpec,
+    MeshSpec,
     OutputSpec,
     RoomSpec,
     SpectrumNumbers,
@@ -88,6 +91,8 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "[camera]": CameraSpec,
             "[[light]]": LightSpec,
             "[room]": RoomSpec,
+            "[[mesh]]": MeshSpec,
+            "grating of a mesh": Grating,
             "[output]": OutputSpec,
         },
     ),
@@ -143,7 +148,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "[[surface]]": SurfaceSpec,
             "[[light]]": LampSpec,
             "[[box]]": BoxSpec,
-            "[[mesh]]": MeshSpec,
+            "[[mesh]]": RoomMeshSpec,
             "[eye]": Eye,
         },
     ),

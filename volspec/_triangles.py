@@ -5,7 +5,8 @@ file -> [triangles] -> first hits, free ways -> room, mesh
 
 from __future__ import annotations
 
-import warnings
+import subprocess
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec._files import captured_output
+from volspec._child import child_command
 from volspec.errors import DeviceError, InputError, nearest
 
 if TYPE_CHECKING:
@@ -26,6 +27,21 @@ MESHES = tuple(suffix for suffix in FILES if suffix != ".vtk")
 """Suffixes of meshes alone; a ``.vtk`` is opened as a volume."""
 # Rays begin this fraction of the triangles' extent in front of theirs, and shadow rays end so.
 _OFFSET = 1e-5
+
+
+# In a process of its own, which VTK's readers may end at damaged files.
+_READER = """
+import os, sys, warnings
+warnings.simplefilter("ignore")
+import pyvista
+read = pyvista.read(sys.argv[2])
+if isinstance(read, pyvista.MultiBlock):
+    read = read.combine()
+surface = read.extract_surface(algorithm=None).triangulate()
+if surface.n_cells:
+    surface.save(sys.argv[3] + ".vtp")
+    os.rename(sys.argv[3] + ".vtp", sys.argv[3])
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,20 +143,15 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
         raise refused(problem, f"{guess}known are {known}", code="unsupported")
     if not path.exists():
         raise refused(f"{path}: no such file", "check the path", code="not-found")
-    cause = None
-    with warnings.catch_warnings(), captured_output([]):
-        warnings.simplefilter("ignore")  # what is read is checked below
-        try:
-            read = pyvista.read(path)
-            if isinstance(read, pyvista.MultiBlock):
-                read = read.combine()
-            surface = read.extract_surface(algorithm=None).triangulate()
-        except Exception as error:  # of any of VTK's readers
-            cause, surface = error, pyvista.PolyData()
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder, "surface.vtp")
+        command = [*child_command(_READER), str(path.absolute()), str(made)]
+        subprocess.run(command, capture_output=True, check=False)
+        surface = pyvista.read(made) if made.exists() else pyvista.PolyData()
     if not surface.n_cells:
         problem = "no triangles can be read" if path.stat().st_size else "is empty"
         remedy = "save it again where it was made"
-        raise refused(f"{path}: {problem}", remedy, code="damaged") from cause
+        raise refused(f"{path}: {problem}", remedy, code="damaged")
     return surface
 
 

@@ -115,6 +115,9 @@ def raycast(
     _check_kinds(transfer, camera, spec, caster, into, notes)
     check_callable("raycast: progress", progress)
     check_callable("raycast: cancel", cancel)
+    if not isinstance(behind, Sequence) or not all(hasattr(each, "depths_mm") for each in behind):
+        remedy = "give a list of MeshCaster"
+        raise RaycastError.refused("raycast: behind", behind, remedy, "type")
     if caster is None:
         caster = Raycaster(volume, device=device)
     elif caster.volume is not volume:
@@ -123,6 +126,13 @@ def raycast(
             "give the caster's volume",
             code="conflict",
         )
+    for each in behind:
+        if each.basis is not None and each.basis.fingerprint != transfer.basis.fingerprint:
+            problem = (
+                f"basis is {each.basis.name!r}, the transfer function's {transfer.basis.name!r}"
+            )
+            remedy = "make the meshes in the transfer function's basis"
+            raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
     table = caster.bake(transfer)
     slot = None
     if into is not None:
@@ -136,7 +146,10 @@ def raycast(
         caster.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
         for part, span_mm in surfaces.spans(progress)
     ]
-    if not (any(cast.alpha.any() for cast in casts) or volume.is_empty):
+    if volume.is_empty and not behind:
+        why = "the picture is empty: no mesh is shown; set shown = true for one"
+        warnings.warn(why, VolspecWarning, stacklevel=2)
+    elif not (any(cast.alpha.any() for cast in casts) or volume.is_empty):
         if Projection(camera, (0, 0, *checked_size(size))).shows(volume.corners_mm):
             why = _empty_picture_warning(volume, table)
             if behind:

@@ -13,8 +13,9 @@ import pyvista
 import volspec as vs
 from tests.support.errors import raises
 from volspec._triangles import TriangleRays
-from volspec.errors import MeshError, SceneError
+from volspec.errors import MeshError, RaycastError, SceneError
 from volspec.raycast import reference
+from volspec.scene.from_volume import mesh_file
 
 BASIS = vs.SpectralBasis.load("general-7")
 WHITE = {"white": vs.reflectance("grey:1"), "red": vs.reflectance("ColorChecker/red")}
@@ -391,3 +392,57 @@ def test_an_export_of_another_mesh_is_another(folder: Path) -> None:
     pyvista.Cube().save(folder / "core.ply")
     with raises(vs.InputError, "conflict"):
         vs.Scene.load(folder / "alone.toml").export(folder / "out", size=(16, 16))
+
+
+@pytest.mark.filterwarnings("ignore:.*outside the view")
+def test_a_mesh_outside_the_view_changes_nothing_of_a_volume() -> None:
+    volume, transfer = ball()
+    camera, alone = camera_of(volume), sphere(5.0)
+    away = [alone.placed((dx, 0.0, dz)) for dx, dz in ((700.0, 0.0), (0.0, 900.0), (-500.0, 40.0))]
+    bare = vs.raycast(volume, transfer, camera, SIZE, FEW_NODES)
+    for mesh in away:
+        caster = vs.MeshCaster([replace(mesh, material="red")], WHITE, BASIS)
+        image = vs.raycast(volume, transfer, camera, SIZE, FEW_NODES, behind=(caster,))
+        assert np.abs(image.alpha - bare.alpha).max() < 1e-6
+
+
+def test_another_basis_than_the_volume_s_is_refused() -> None:
+    volume, transfer = ball()
+    other = vs.SpectralBasis.load("general-9")
+    caster = vs.MeshCaster([sphere()], WHITE, other)
+    with raises(RaycastError, "conflict"):
+        vs.raycast(volume, transfer, camera_of(volume), (8, 8), behind=(caster,))
+
+
+def test_damaged_files_are_refused_wherever_they_end(tmp_path: Path) -> None:
+    """VTK's reader ends the process at some of them."""
+    pyvista.Sphere().save(tmp_path / "ball.ply")
+    whole = (tmp_path / "ball.ply").read_bytes()
+    for part in (0.3, 0.9):
+        (tmp_path / "part.ply").write_bytes(whole[: int(part * len(whole))])
+        with raises(MeshError, "damaged"):
+            vs.Mesh.load(tmp_path / "part.ply")
+
+
+def test_wrong_types_are_refused() -> None:
+    triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+    for wrong in ({"material": 3}, {"opacity": "x"}, {"grating": {"spacing_um": 1.6}}):
+        with raises(MeshError, "type"):
+            vs.Mesh(triangle, [[0, 1, 2]], **wrong)
+    with raises(MeshError, "type"):
+        vs.MeshCaster(sphere(), WHITE, BASIS)
+    volume, transfer = ball()
+    with raises(RaycastError, "type"):
+        vs.raycast(volume, transfer, camera_of(volume), (8, 8), behind=(sphere(),))
+
+
+def test_a_gltf_stands_upright_in_metres(folder: Path) -> None:
+    (folder / "x.glb").write_bytes(b"")
+    row = mesh_file(folder / "x.glb").mesh[0]
+    assert (row.unit_mm, row.turn_deg) == (1000.0, (90.0, 0.0, 0.0))
+
+
+def test_hidden_meshes_alone_are_warned_of(folder: Path) -> None:
+    (folder / "alone.toml").write_text(ALONE.replace("[[light]]", "shown = false\n[[light]]"))
+    with pytest.warns(vs.VolspecWarning, match="no mesh is shown"):
+        vs.Scene.load(folder / "alone.toml").render(size=(8, 8))

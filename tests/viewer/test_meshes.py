@@ -275,4 +275,8 @@ def test_the_list_in_the_window(screen: None, tmp_path: Path) -> None:
         assert triad == {"shape": "triad", "shown": False}
         assert tile.pop("unit_mm") > 1.2
         assert tile == {"file": "tile.glb", "material": "bone"}
+        for _ in range(3):
+            robot.click("remove mesh 0")
+            robot.rest()
+        assert robot.viewer.poll() is None
         assert not events("gl-error")

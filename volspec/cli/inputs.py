@@ -79,7 +79,8 @@ def open_scene(
         orbit = (
             None if wanted is None else _orbit(wanted, lambda: Volume.empty((0, 0, 0), (1, 1, 1)))
         )
-        return Scene.from_mesh(address, lights=lights or (), camera=orbit), None
+        scene = Scene.from_mesh(address, lights=lights or (), camera=orbit)
+        return scene, scene.volume()
     if Path(address).suffix.lower() != ".toml":
         for text in lights or ():
             light(text, DEFAULT_GRID)  # refused before the volume is read
@@ -207,6 +208,7 @@ def _expanded(text: str) -> list[str]:
         if not found:
             raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
         return found
+    from volspec._triangles import MESHES
     from volspec.volume.load import WHOLE_SUFFIXES
 
     folder = Path(text)
@@ -218,7 +220,8 @@ def _expanded(text: str) -> list[str]:
         for path in folder.iterdir()
         if path.name.lower().endswith((*WHOLE_SUFFIXES, ".toml")) and not path.name.startswith(".")
     )
-    return whole or [text]
+    meshes = sorted(str(path) for path in folder.iterdir() if path.suffix.lower() in MESHES)
+    return whole or meshes or [text]
 
 
 Progress = Callable[[str, float], object]

@@ -127,6 +127,8 @@ class MeshCaster:
         basis: Basis,
         like: MeshCaster | None = None,
     ) -> None:
+        if isinstance(meshes, Mesh) or not all(isinstance(each, Mesh) for each in meshes):
+            raise MeshError.refused("meshes", meshes, "give a list of volspec.Mesh", "type")
         if not meshes:
             raise MeshError("no meshes are given", "give one at least", code="missing")
         self.meshes = tuple(meshes)
@@ -255,7 +257,7 @@ class MeshCaster:
             further = self._see_all(number, *world_rays(camera, *size, places))
             sent, _ = self._send_all(further, np.repeat(ends[edges], POINTS), light, beam)
             channels[edges] = sent.reshape(len(edges), POINTS, channels.shape[1]).mean(axis=1)
-            picture = channels.reshape(window.height, window.width, -1)
+            picture = channels.reshape(window.height, window.width, channels.shape[1])
             along = seen.along_mm.astype(np.float32).reshape(picture.shape[:2])
             found.append(BehindImage(picture[..., :-1], picture[..., -1], along, part=window.part))
         return found
@@ -427,7 +429,7 @@ def _edges(
     ``sees`` (K, S) is known of pixels that are ``lit`` (K,).
     """
     width, height = size
-    lights, known = sees.reshape(height, width, -1), lit.reshape(height, width)
+    lights, known = sees.reshape(height, width, sees.shape[1]), lit.reshape(height, width)
     mesh = seen.mesh.reshape(height, width)
     normals = seen.normals.reshape(height, width, 3)
     along = np.where(seen.mesh < 0, 0.0, seen.along_mm).reshape(height, width)

@@ -27,6 +27,8 @@ from volspec.spectra.grid import SpectralGrid
 Array = NDArray[np.float64]
 # Peaks farther away than this many widths are left out.
 _REACH = 5.0
+# Where less of the direction across the lines is in the surface, there are no lines.
+_LEAST_ACROSS = 0.03
 
 
 @settings(MeshError)
@@ -50,6 +52,10 @@ class Grating:
     spread_deg: Annotated[float, Field(ge=0.05, le=30.0), Unit("degrees")] = 1.0
     """Width (standard deviation) of the stripes: waviness of the surface, size of the light."""
 
+    def __post_init__(self) -> None:
+        if self.across is not None and not any(self.across):
+            raise MeshError.refused("across", self.across, "give a direction", "range")
+
     def placed(self, unit_mm: float, rotation: Array, move_mm: Array) -> Grating:
         """Return the grating of a mesh that is scaled, turned and moved."""
         centre = tuple(np.array(self.centre) * unit_mm @ rotation.T + move_mm)
@@ -57,14 +63,16 @@ class Grating:
         return replace(self, centre=centre, across=across)
 
     def frames(self, points_mm: Array, normals: Array) -> tuple[Array, Array]:
-        """Return unit vectors (K, 3) across and along the lines, in the surface."""
+        """Return unit vectors (K, 3) of a surface, across and along its lines; 0 without lines."""
         centre = np.array(self.centre)
         across = points_mm - centre if self.across is None else np.array([self.across])
+        whole = np.linalg.norm(across, axis=1, keepdims=True)
         across = (
             across
             - np.einsum("kc,kc->k", across * np.ones_like(normals), normals)[:, None] * normals
         )
-        across = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+        length = np.linalg.norm(across, axis=1, keepdims=True)
+        across = np.where(length > _LEAST_ACROSS * whole, across / np.maximum(length, 1e-30), 0.0)
         return across, np.cross(normals, across)
 
     def reflectance(
@@ -104,6 +112,7 @@ class Grating:
             bands = np.diff(ndtr((edges - peak[rows, None]) / narrow), axis=1) / grid.step_nm
             height = np.exp(-0.5 * off[rows] / width**2) * narrow * np.sqrt(2.0 * np.pi)
             found[rows] += height[:, None] * bands
+        found[~across.any(axis=1)] = 0.0
         # π: of a BRDF, what a white surface reflects is 1/π.
         found *= np.pi * self.part / len(orders) / (2.0 * np.pi * width**2)
         rows = np.flatnonzero(found.any(axis=1))

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from volspec._triangles import read_triangles
-from volspec.errors import Code, MeshError, VolspecWarning
+from volspec.errors import Code, MeshError, VolspecWarning, quoted
 from volspec.mesh.grating import Grating
 from volspec.mesh.texture import Texture
 
@@ -119,11 +119,20 @@ class Mesh:
             if self.uv is None:
                 remedy = "unwrap it where it was made, or give uv"
                 raise self._error("has no texture coordinates", remedy, "missing")
-        elif not isinstance(self.material, str):
+        elif isinstance(self.material, Mapping):
             object.__setattr__(self, "material", self._shares(self.material, whole))
+        elif not isinstance(self.material, str):
+            remedy = "give a name, shares of names or a Texture"
+            raise self._error(f"material is {quoted(self.material)}", remedy, "type")
         for what, least in (("opacity", 1e-3), ("mirror", 0.0)):
-            if not least <= getattr(self, what) <= 1.0:
-                raise self._error(f"{what} is {getattr(self, what):g}", "give 0 to 1", "range")
+            given = getattr(self, what)
+            if not isinstance(given, int | float):
+                raise self._error(f"{what} is {quoted(given)}", "give a number", "type")
+            if not least <= given <= 1.0:
+                raise self._error(f"{what} is {given:g}", "give 0 to 1", "range")
+        if not isinstance(self.grating, Grating | None):
+            remedy = "give a volspec.Grating"
+            raise self._error(f"grating is {quoted(self.grating)}", remedy, "type")
         if lost := int((~whole).sum()):
             text = f"{self.name}: {lost} of its triangles have no area, and are left out"
             warnings.warn(text, VolspecWarning, stacklevel=3)

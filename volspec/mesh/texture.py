@@ -153,7 +153,7 @@ class Texture:
         if materials and texels.ndim == 3:
             raise MeshError(
                 f"{name}: has {texels.shape[2]} channels",
-                "numbers of materials are grey values; leave out material for colours",
+                "numbers of materials are grey values; leave out materials for colours",
                 code="shape",
             )
         return cls(texels, materials, name)
@@ -190,6 +190,7 @@ def _read(path: Path) -> NDArray[Any]:
         )
     if not path.exists():
         raise MeshError(f"{path}: no such file", "check the path", code="not-found")
+    _require_whole(path)
     cause: Exception | None = None
     image: Any = None
     with warnings.catch_warnings(), captured_output([]):
@@ -201,7 +202,7 @@ def _read(path: Path) -> NDArray[Any]:
             cause = error
     scalars = None if image is None else image.active_scalars
     if scalars is None or not len(scalars):
-        raise MeshError(f"{path}: cannot be read", "save it again", code="damaged") from cause
+        raise _damaged(path) from cause
     width, height, _ = image.dimensions
     return np.asarray(scalars).reshape(height, width, *scalars.shape[1:])[::-1]
 
@@ -318,3 +319,21 @@ def _bilinear(texels: Texels, uv: Array) -> NDArray[np.float32]:
     upper = (1.0 - right) * texel(0, 0) + right * texel(1, 0)
     lower = (1.0 - right) * texel(0, 1) + right * texel(1, 1)
     return (1.0 - low) * upper + low * lower
+
+
+def _require_whole(path: Path) -> None:
+    """Raise MeshError if a picture ends early; VTK's readers crash then, or say nothing."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            image.load()
+    except UnidentifiedImageError as error:
+        if path.suffix.lower() not in (".tif", ".tiff"):  # of which VTK reads more
+            raise _damaged(path) from error
+    except (OSError, SyntaxError, ValueError) as error:
+        raise _damaged(path) from error
+
+
+def _damaged(path: Path) -> MeshError:
+    return MeshError(f"{path}: cannot be read", "save it again", code="damaged")

@@ -13,6 +13,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from volspec.basis import Basis
 from volspec.raycast.camera import Camera
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.light_volume import Arrives, Clear
@@ -73,6 +74,11 @@ class Behind(Protocol):
     @property
     def clear(self) -> Clear | None:
         """Return the light they let pass, as for `Raycaster.cast`; None if all."""
+        return None
+
+    @property
+    def basis(self) -> Basis | None:
+        """Return the basis of their channels, which has to be the volume's; None for any."""
         return None
 
     def depths_mm(self, camera: Camera, size: tuple[int, int]) -> Sequence[NDArray[np.float32]]:

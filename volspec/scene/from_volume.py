@@ -91,7 +91,10 @@ def volume_file(
 
 def mesh_file(path: Path, lights: Sequence[str] = (), camera: Orbit | None = None) -> SceneFile:
     """Return a scene's file for a mesh alone, of copper; parameters as for `volume_file`."""
-    tables = {"mesh": [{"file": path.name, "material": "copper"}]}
+    row: dict[str, Any] = {"file": path.name, "material": "copper"}
+    if path.suffix.lower() in (".gltf", ".glb"):  # in metres, and y is up
+        row |= {"unit_mm": 1000.0, "turn_deg": (90.0, 0.0, 0.0)}
+    tables = {"mesh": [row]}
     return _new_file(tables, path, {"copper": "copper"}, 0.3, lights, camera)
 
 

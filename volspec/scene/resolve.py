@@ -201,9 +201,13 @@ class Resolver:
         # Imported late: few scenes have meshes.
         from volspec.mesh.caster import MeshCaster
 
-        for mesh in surfaces:
-            mesh.warn_of_unit(volume.corners_mm)
-        return MeshCaster(surfaces, materials, basis)
+        if self.file.volume.file != EMPTY:
+            for mesh in surfaces:
+                mesh.warn_of_unit(volume.corners_mm)
+        found = None
+        with self.at("mesh"):
+            found = MeshCaster(surfaces, materials, basis)
+        return found
 
     def surfaces(self) -> list[Mesh]:
         """Return the rows of ``[[mesh]]`` that are shown."""

@@ -25,6 +25,7 @@ NO_ROOM = "With the materials of the meshes there would be too many; nothing was
 LEAST_OPACITY = 0.01
 # Millimetres of a file's unit, and of a shape.
 UNITS_MM = 1e-6, 1e6
+FURTHEST_MM = 1e6
 
 
 @edit
@@ -47,6 +48,11 @@ def set_material(state: ViewState, index: int, name: str) -> ViewState:
     return _changed(state, index, material=name, texture=None, materials=(), shares={})
 
 
+def chosen(state: ViewState) -> int:
+    """Return the number of the mesh whose place is shown; -1 without any."""
+    return min(state.interface.mesh, len(state.meshes) - 1)
+
+
 @edit
 def choose(state: ViewState, index: int) -> ViewState:
     """Choose the mesh whose place is shown."""
@@ -56,7 +62,7 @@ def choose(state: ViewState, index: int) -> ViewState:
 @edit
 def move(state: ViewState, index: int, axis: int, mm: float) -> ViewState:
     """Move a mesh along an axis of the world to an offset."""
-    return _changed_axis(state, index, "move_mm", axis, mm)
+    return _changed_axis(state, index, "move_mm", axis, clamp(mm, -FURTHEST_MM, FURTHEST_MM))
 
 
 @edit
@@ -90,9 +96,9 @@ def row_for(state: ViewState, path: str) -> MeshSpec:
 
 
 def add(state: ViewState, rows: Sequence[MeshSpec]) -> ViewState:
-    """Add meshes to the scene, and open their panel."""
-    panels = state.interface.panels | {PANEL}
-    return replace(with_interface(state, panels=panels), meshes=(*state.meshes, *rows))
+    """Add meshes to the scene, choose the last, and open their panel."""
+    panels, found = state.interface.panels | {PANEL}, (*state.meshes, *rows)
+    return replace(with_interface(state, panels=panels, mesh=len(found) - 1), meshes=found)
 
 
 def with_own_materials(old: ViewState, new: ViewState) -> ViewState:

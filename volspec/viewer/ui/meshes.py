@@ -45,15 +45,15 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     if imgui.button("Add …"):
         new = ui.run(new, "add-mesh")
     ui.note("add mesh", "PLY, OBJ, STL, VTP or glTF; or drop it onto the window")
-    if state.meshes:
+    if new.meshes:
         new = _place(new, ui)
     return None if new is state else new
 
 
 def _place(state: ViewState, ui: UiContext) -> ViewState:
     """Draw unit, place and turn of the chosen mesh."""
-    index = min(state.interface.mesh, len(state.meshes) - 1)
-    row, new = state.meshes[index], state
+    index, new = meshes.chosen(state), state
+    row = state.meshes[index]
     imgui.separator_text(f"Place of {as_one_line(row.name)}")
     size, unit = ("unit_mm", "1 unit = %.5g mm") if row.shape is None else ("size_mm", "%.5g mm")
     now = getattr(row, size)
@@ -88,7 +88,7 @@ def _row(state: ViewState, ui: UiContext, index: int, row: MeshSpec) -> ViewStat
     imgui.align_text_to_frame_padding()
     colour = imgui.Col_.text if row.shown else imgui.Col_.text_disabled
     imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(colour))
-    chosen = index == min(state.interface.mesh, len(state.meshes) - 1)
+    chosen = index == meshes.chosen(state)
     name = shorten(row.name, imgui.get_content_region_avail().x)
     pressed, _ = imgui.selectable(f"{name}##name", chosen)
     imgui.pop_style_color()
