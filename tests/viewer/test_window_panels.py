@@ -47,7 +47,8 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Pat
         click("lux given")
         robot.rest()
         x, y, width, height = robot.area("lux")
-        robot.drag([(x + width * 0.5, y + height / 2), (x + width * 0.05, y + height / 2)])
+        ends = (x + width * 0.5, y + height / 2), (x + width * 0.05, y + height / 2)
+        robot.drag(along(*ends, 0.5))
         dim = picture(robot, tmp_path)
         assert np.abs(dim - drawn).max() > 5
 

@@ -51,7 +51,7 @@ class Packet:
 
 
 SAFE = Packet(8)
-"""What every CPU's driver compiles."""
+"""Packet that every CPU's driver compiles."""
 
 
 def candidates(info: DeviceInfo) -> list[Packet]:
