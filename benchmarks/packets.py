@@ -59,8 +59,9 @@ def main() -> None:
         if not info.is_cpu or devices.fault(index, found):
             continue
         print(f"\n{info.name}, {info.platform} {info.driver}: {choose_packet(index)}\n")
-        known = " | ".join(map(str, others(index)))
-        print(f"| CPU ms (gain) | {SAFE} | {known} | difference |")
+        known = others(index)
+        print(f"| CPU ms (gain) | {SAFE} | {' | '.join(map(str, known))} | difference |")
+        print("|---" * (len(known) + 3) + "|")
         for scene in bench_scenes():
             if isinstance(scene, tuple):
                 print(f"| {scene[0]} | {scene[1]} |")

@@ -267,7 +267,10 @@ class Mesh:
     def placed(
         self, move_mm: ArrayLike, turn_deg: ArrayLike = (0.0, 0.0, 0.0), scale: float = 1.0
     ) -> Mesh:
-        """Return the mesh scaled, turned about x, then y, then z, and then moved."""
+        """Return the mesh scaled, turned about x, then y, then z, and then moved.
+
+        ``move_mm`` and ``turn_deg`` are (3,), counter-clockwise as seen from the axis' end.
+        """
         rotation = Rotation.from_euler("xyz", turn_deg, degrees=True).as_matrix()
         move = np.asarray(move_mm, np.float64)
         normals = None if self.normals is None else self.normals @ rotation.T

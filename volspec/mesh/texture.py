@@ -326,8 +326,12 @@ def _require_whole(path: Path) -> None:
     from PIL import Image, UnidentifiedImageError
 
     try:
-        with Image.open(path) as image:
-            image.load()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of large ones, which VTK reads
+            with Image.open(path) as image:
+                image.load()
+    except Image.DecompressionBombError:
+        return
     except UnidentifiedImageError as error:
         if path.suffix.lower() not in (".tif", ".tiff"):  # of which VTK reads more
             raise _damaged(path) from error

@@ -12,11 +12,12 @@ import json
 import subprocess
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from volspec import _cache
+from volspec import __version__, _cache
 from volspec._child import child_command
 from volspec._gpu.devices import DeviceInfo, device_key, devices
 
@@ -62,21 +63,16 @@ def candidates(info: DeviceInfo) -> list[Packet]:
     return [SAFE, *wide] if wide else [SAFE, Packet(8, single_loads=True)]
 
 
-def choose_packet(index: int, *, again: bool = False) -> Packet:
-    """Return the packet for a device of `volspec._gpu.devices.devices`, tried once per driver.
-
-    ``again`` tries now, whatever the cache has.
-    """
+def choose_packet(index: int) -> Packet:
+    """Return the packet for a device of `volspec._gpu.devices.devices`, tried once per driver."""
     found = devices()
     known = candidates(found[index])
     if len(known) == 1:
         return known[0]
-    key = device_key(index, found)
-    if not again:
-        try:
-            return Packet(**_cache.cached_rows(_FILE)[key])
-        except (KeyError, TypeError):  # never tried, or damaged
-            pass
+    # Another version has other kernels.
+    key = f"{__version__} | {device_key(index, found)}"
+    with suppress(KeyError, TypeError):  # never tried, or damaged
+        return Packet(**_cache.cached_rows(_FILE)[key])
     times = _try(index, known)
     best = SAFE
     for packet in known:
