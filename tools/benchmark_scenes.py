@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image
 
-from benchmarks.cast import SPECS
 from benchmarks.measure import PAGE
-from benchmarks.scenes import BenchScene, bench_scenes
+from benchmarks.scenes import SPECS, BenchScene, bench_scenes
 from volspec.pipeline import Raycaster, raycast, relight
 from volspec.relight import RelightSpec
 from volspec.spectra import light
