@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -63,6 +64,13 @@ def test_the_first_device_that_works_is_chosen_and_tried_once(put_devices: Calla
     assert choose_device() == 0 and tries == ["2026.22"]
     tries = put_devices(OLD, NEW, faults={"3.0-rc2": NO_TARGET})
     assert choose_device() == 1 and tries == []
+
+
+def test_a_device_is_the_same_with_other_memory() -> None:
+    """PoCL 5 states another size at each start of a process."""
+    first = devices.devices()[0]
+    later = replace(first, memory_bytes=first.memory_bytes + 4096)
+    assert later == first and devices._try(0, later) == ""
 
 
 def test_a_device_that_is_named_is_refused_with_its_fault(put_devices: Callable) -> None:

@@ -22,7 +22,7 @@ from volspec.appearance.presets import preset
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
 from volspec.appearance.spec import MODELS
 from volspec.basis import SpectralBasis
-from volspec.relight import Illumination, LightRig, RelightSpec
+from volspec.relight import Illumination, LightRig, RelightSpec, gpu
 from volspec.relight.gpu import GLEngine
 from volspec.relight.reference import CpuEngine
 from volspec.spectra import Spectrum, light
@@ -63,8 +63,13 @@ def test_a_table_is_near_the_closed_form(model: str, name: str) -> None:
     assert error.mean() <= 0.10 and error.max() <= 0.8
 
 
+@pytest.mark.parametrize("software", [gpu.SOFTWARE, ()], ids=["sampler", "interpolated"])
 @pytest.mark.parametrize("model", ["CIECAM02", "Guth"])
-def test_a_table_filled_on_the_device_is_numpys(model: str) -> None:
+def test_a_table_filled_on_the_device_is_numpys(
+    model: str, software: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a GPU the shader interpolates, as a sampler's weights have 8 bits there."""
+    monkeypatch.setattr(gpu, "SOFTWARE", software)
     white = white_XYZ(light("A"))
     viewing = Viewing(model=model)
     space = LutSpace.between(white, colour_space("sRGB"))

@@ -23,7 +23,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from glob import glob
 from importlib.metadata import PackageNotFoundError, files
@@ -61,7 +61,7 @@ import numpy as np
 import pyopencl as cl
 from volspec._gpu.devices import all_devices, describe
 device = all_devices()[index]
-if repr(describe(device)) != expected:
+if repr(describe(device).identity) != expected:
     sys.exit("error: the list of devices has changed; try again")
 text = "__kernel void f(__global int *x) {{ x[0] = %d; }}" % number
 written = np.zeros(1, np.int32)
@@ -89,9 +89,15 @@ class DeviceInfo:
     driver: str
     is_cpu: bool
     compute_units: int
-    memory_bytes: int
-    max_allocation_bytes: int
+    # PoCL follows what is free: another at each start of a process.
+    memory_bytes: int = field(compare=False)
+    max_allocation_bytes: int = field(compare=False)
     vector_width: int = 1  # numbers in a float vector of the device's instructions
+
+    @property
+    def identity(self) -> tuple[str, str, str, str]:
+        """Name, platform, version and driver, alike in all processes."""
+        return self.name, self.platform, self.version, self.driver
 
 
 def cache_folder() -> Path:
@@ -292,7 +298,7 @@ def device_key(index: int, devices: Sequence[DeviceInfo]) -> str:
     """Return a device's key in the cache; the order distinguishes two drivers of one name."""
     info = devices[index]
     same = devices[:index].count(info)
-    words = [*map(str, astuple(info)[:4]), str(same)]
+    words = [*info.identity, str(same)]
     if options := os.environ.get(BUILD_VARIABLE):  # may be what fails
         words.append(options)
     if info.platform == POCL:  # PoCL links each kernel
@@ -304,7 +310,7 @@ def _try(index: int, info: DeviceInfo) -> str:
     number = secrets.randbelow(2**31)  # compiled, not found in a driver's cache
     try:
         done = subprocess.run(
-            [*child_command(_TRIAL), str(index), repr(info), str(number)],
+            [*child_command(_TRIAL), str(index), repr(info.identity), str(number)],
             capture_output=True,
             check=False,
             timeout=_TIMEOUT_S,

@@ -155,7 +155,12 @@ class GLEngine:
             "CHECKED": 0,
         }
         # Only canvases use the height: at 0, all sizes share one source and the driver's cache.
-        constants = {"LAYERS": layer_count(self._channels), "IMAGE_HEIGHT": 0, "EVERY": 1}
+        constants = {
+            "LAYERS": layer_count(self._channels),
+            "IMAGE_HEIGHT": 0,
+            "EVERY": 1,
+            "EXACT_SAMPLER": int(self._software),
+        }
         self._programs = Programs(self._context, constants, self._own)
         self._lookups = LookupTextures(self._context, self._own)
         self._sample_query = self._context.query(samples=True)

@@ -165,8 +165,8 @@ def picture_constants(space: ColourSpace) -> dict[str, ArrayLike]:
 class Programs:
     """Programs by the constants compiled into them, each with the triangle that it draws.
 
-    ``constants`` are common to all: LAYERS, IMAGE_HEIGHT and EVERY. ``own`` registers a resource
-    for the engine to release, and returns the resource.
+    ``constants`` are common to all: LAYERS, IMAGE_HEIGHT, EVERY and EXACT_SAMPLER. ``own``
+    registers a resource for the engine to release, and returns the resource.
     """
 
     def __init__(
