@@ -9,6 +9,7 @@ import pytest
 
 from volspec.raycast.bricks import (
     BRICK,
+    FURTHEST,
     brick_ranges,
     chessboard_distance,
     opacity_spread,
@@ -121,9 +122,9 @@ def test_a_level_straddles_as_float32() -> None:
     assert straddled_bricks(same, same, np.array([0.1])).all()
 
 
-def test_leaps_are_chessboard_distances_and_255_where_all_is_empty() -> None:
+def test_leaps_are_chessboard_distances_up_to_the_furthest() -> None:
     visible = np.zeros((5, 6, 7), bool)
-    assert (chessboard_distance(visible) == 255).all()
+    assert (chessboard_distance(visible) == FURTHEST).all()
     assert chessboard_distance(~visible).flags.c_contiguous
     seen = np.array([(0, 0, 0), (4, 3, 6)])
     visible[tuple(seen.T)] = True
@@ -131,4 +132,7 @@ def test_leaps_are_chessboard_distances_and_255_where_all_is_empty() -> None:
     assert np.array_equal(chessboard_distance(visible), np.abs(away).max(axis=0).min(axis=0))
     long = np.zeros((2, 2, 300), bool)
     long[..., 0] = True
-    assert chessboard_distance(long).max() == 255
+    assert np.array_equal(chessboard_distance(long)[1, 1], np.minimum(np.arange(300), FURTHEST))
+    many = np.random.default_rng(5).random((20, 31, 27)) > 0.999
+    away = np.indices(many.shape)[:, None] - np.argwhere(many).T[:, :, None, None, None]
+    assert np.array_equal(chessboard_distance(many), np.abs(away).max(axis=0).min(axis=0))

@@ -13,6 +13,9 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -22,8 +25,10 @@ from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
 
 BRICK = 4
-# Codes from here on are strides (rays.clh).
-STRIDES = 248
+# Codes up to here are distances; from STRIDES on they are strides (rays.clh).
+FURTHEST, STRIDES = 127, 248
+_SLAB = 64
+Of = Callable[[NDArray[Any]], NDArray[Any]]
 
 
 def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
@@ -65,9 +70,14 @@ def visible_bricks(
     """
     domain, rows = _rows(domain, opacity, labels)
     visible = rows.max(axis=0) > 0
-    first, last = _entries(low, high, domain, len(visible))
-    count = np.concatenate([[0], np.cumsum(visible)])
-    return count[last + 1] > count[first]
+    count = np.concatenate([[0], np.cumsum(visible)]).astype(np.int32)
+    first, last = _entries(domain, len(visible))
+    before = _by_value(low.dtype, lambda values: count[first(values)])
+    through = _by_value(high.dtype, lambda values: count[last(values) + 1])
+    found = np.empty(low.shape, np.bool_)
+    for k in range(len(low)):  # plane by plane, in a core's cache
+        np.greater(through(high[k]), before(low[k]), out=found[k])
+    return found
 
 
 def straddled_bricks(
@@ -95,7 +105,8 @@ def opacity_spread(
     """
     domain, rows = _rows(domain, opacity, labels)
     rows = rows.astype(np.float32)
-    first, last = _entries(low, high, domain, rows.shape[1])
+    first_entry, last_entry = _entries(domain, rows.shape[1])
+    first, last = first_entry(low), last_entry(high)
     greatest = _reduce_ranges(rows.max(axis=0), first, last, np.maximum)
     return greatest - _reduce_ranges(rows.min(axis=0), first, last, np.minimum)
 
@@ -124,40 +135,63 @@ def _reduce_ranges(
     return result
 
 
-def _entries(
-    low: NDArray[Any], high: NDArray[Any], domain: tuple[float, float], size: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the first and last table entry that values from low to high can read."""
+def _entries(domain: tuple[float, float], size: int) -> tuple[Of, Of]:
+    """Return functions of values: the first and last table entry that samples there can read."""
     scale = (size - 1) / (domain[1] - domain[0])
-    first = np.floor((low.astype(np.float64) - domain[0]) * scale)
-    last = np.ceil((high.astype(np.float64) - domain[0]) * scale)
-    return np.clip(first, 0, size - 1).astype(np.intp), np.clip(last, 0, size - 1).astype(np.intp)
+
+    def entry(values: NDArray[Any], rounded: np.ufunc) -> NDArray[np.intp]:
+        place = rounded((values.astype(np.float64) - domain[0]) * scale)
+        return np.clip(place, 0, size - 1).astype(np.intp)
+
+    return partial(entry, rounded=np.floor), partial(entry, rounded=np.ceil)
+
+
+def _by_value(dtype: np.dtype[Any], function: Of) -> Of:
+    """Return a function of values; of small integers, tabulated."""
+    if dtype.kind not in "ui" or dtype.itemsize > 2:
+        return function
+    span = np.iinfo(dtype)
+    # Negative values are indices from the table's end.
+    table = function(np.concatenate([np.arange(span.max + 1), np.arange(span.min, 0)]))
+    return lambda values: table.take(values)
 
 
 def chessboard_distance(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return the chessboard distance, in bricks up to 255, to the nearest visible brick."""
-    # scipy.ndimage has this, too, but is no faster and takes a quarter of a second to import.
-    distances = np.where(visible, 0, 255).astype(np.uint8)
-    reached = visible
-    for distance in range(1, 255):
-        grown = _grown(reached)
-        new = grown > reached
-        if not new.any():
-            break
-        distances[new] = distance
-        reached = grown
+    """Return the chessboard distance, in bricks up to `FURTHEST`, to the nearest visible brick.
+
+    A shortest way is steps along z, each with or without one along y and x, then along y, then
+    along x: so one pass along each axis, there and back, suffices.
+    """
+    # scipy.ndimage has this, too, but is slower and takes a quarter of a second to import.
+    distances = np.multiply(~visible, FURTHEST, dtype=np.uint8)
+    for plane in distances:
+        for step in (1, 2, 4, 8, 16, 32, 64):  # whose sums are all distances
+            if step < plane.shape[1]:
+                ahead, behind = plane[:, step:], plane[:, :-step]
+                np.minimum(ahead, behind + np.uint8(step), out=ahead)
+                np.minimum(behind, ahead + np.uint8(step), out=behind)
+    _pass_on(distances.swapaxes(0, 1), (1,))
+    _pass_on(distances, (0, 1))
     return distances
 
 
-def _grown(bricks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the bricks and all bricks that touch them at a face, an edge or a corner."""
-    for axis in range(bricks.ndim):
-        before = np.moveaxis(bricks, axis, 0)
-        bricks = bricks.copy()
-        after = np.moveaxis(bricks, axis, 0)
-        after[1:] |= before[:-1]
-        after[:-1] |= before[1:]
-    return bricks
+def _pass_on(layers: NDArray[np.uint8], axes: tuple[int, ...]) -> None:
+    """Lower each layer's distances to one more than those near by in the layers beside it."""
+    for ordered in (layers, layers[::-1]):
+        for one, other in pairwise(ordered):
+            near = one
+            for axis in axes:
+                near = _least_near(near, axis)
+            np.minimum(other, near + np.uint8(1), out=other)
+
+
+def _least_near(plane: NDArray[np.uint8], axis: int) -> NDArray[np.uint8]:
+    """Return the least of each number and its two neighbours along an axis."""
+    least = plane.copy()
+    given, found = (each.swapaxes(0, axis) for each in (plane, least))
+    np.minimum(found[1:], given[:-1], out=found[1:])
+    np.minimum(found[:-1], given[1:], out=found[:-1])
+    return least
 
 
 def brick_codes(
@@ -175,9 +209,9 @@ def brick_codes(
         return high
     if isinstance(table, SurfaceTable):
         visible = straddled_bricks(low, high, table.values)
-        return np.minimum(chessboard_distance(visible), STRIDES - 1)
+        return chessboard_distance(visible)
     visible = visible_bricks(low, high, table.domain, table.opacity, table.labels)
-    codes = np.minimum(chessboard_distance(visible), STRIDES - 1)
+    codes = chessboard_distance(visible)
     if spec.adaptive > 0:
         opacity = table.step_opacity(step_mm)
         spread = opacity_spread(low, high, table.domain, opacity, table.labels)
