@@ -176,7 +176,7 @@ def chessboard_distance(visible: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 def _pass_on(layers: NDArray[np.uint8], axes: tuple[int, ...]) -> None:
-    """Lower each layer's distances to one more than those near by in the layers beside it."""
+    """Lower distances to one more than the least near by in the layer before or after."""
     for ordered in (layers, layers[::-1]):
         for one, other in pairwise(ordered):
             near = one
