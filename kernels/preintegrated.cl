@@ -81,8 +81,8 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         read_ends(&cast, voxels, opacity, &r, &m, count, &e);
         floatL front, back, depth_of_step;
         WeightRow mean[LANES];
-        front.v = (e.front - cast.domain_low - cast.domain_rest) * cast.domain_scale;
-        back.v = (e.back - cast.domain_low - cast.domain_rest) * cast.domain_scale;
+        front.v = (e.front - cast.domain_rest) * cast.domain_scale;
+        back.v = (e.back - cast.domain_rest) * cast.domain_scale;
         UNROLL(l, LANES) {
             const float apart = back.s[l] - front.s[l];
             if (apart >= NEAREST || apart <= -NEAREST) {

@@ -44,7 +44,7 @@ __kernel void projection(__global const VOXEL *restrict voxels,
             UNROLL(l, LANES) greatest.s[l] = brick_codes[(uint)number.s[l]];
             const floatN leave = bricks_exit(&r, &bricks, (intN)(0));
             const intN next = m.k + steps_beyond(&cast, m.k, leave);
-            const intN lower = MASK(greatest.v <= best);
+            const intN lower = MASK(greatest.v - cast.domain_low <= best);
             m.next_brick = SELECT(pending & ~lower, next, m.next_brick);
             m.k = SELECT(pending & lower, next, m.k);
             m.live &= MASK(m.k < m.k_end);

@@ -80,6 +80,20 @@ def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit: float) -> N
     assert np.isfinite(b).all() and np.abs(a - b).max() < TOLERANCE
 
 
+@pytest.mark.parametrize("specular", [0.0, 0.3])
+@pytest.mark.parametrize("offset", [1e4, 1e6, -1e6])
+def test_values_far_from_0_keep_their_digits(offset: float, specular: float) -> None:
+    """Floats in steps of 1/16 around an offset, of a range of 1, are as the reference has them."""
+    values = np.rint(16 * phantom.ball(20).values) / 16
+    volume = Volume((values + offset).astype(np.float32))
+    table = dataclasses.replace(ramp(0.3), domain=(offset + 0.05, offset + 1.0))
+    camera, spec = Camera.orbit(volume), RaycastSpec(specular=specular)
+    found = Raycaster(volume).cast(table, camera, (32, 32), spec)
+    truth = reference.cast(volume, table, camera, (32, 32), spec)
+    for a, b in zip(found[:2], truth[:2], strict=True):
+        assert np.abs(a - b).max() < TOLERANCE
+
+
 @pytest.mark.parametrize("struct", [CAST, *light_volume.STRUCTS], ids=lambda each: each.name)
 def test_structs_are_as_large_for_the_compiler_as_for_numpy(struct: Struct) -> None:
     compute = Compute.open()

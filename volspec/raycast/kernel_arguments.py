@@ -45,7 +45,7 @@ CAST = Struct(
         ("float", "start", "position of the camera counted from step 0"),
         ("float", "step", "length of a step"),
         ("float", "jitter", "fraction of a step by which rays are shifted"),
-        ("float", "domain_low, domain_rest", "value of table entry 0, as the sum of two"),
+        ("float", "domain_low, domain_rest", "value of table entry 0, as the sum of two; or 0"),
         ("float", "domain_scale", "table entries per value"),
         ("float", "last_entry", "of the table"),
         ("float", "row_scale, last_row", "table rows per gradient; the last row"),
@@ -124,6 +124,8 @@ def _set_table(
         cast["last_entry"] = len(table.values) - 1
         return
     cast["last_entry"] = table.opacity.shape[-1] - 1
+    if table.labels:
+        return
     cast["domain_low"], cast["domain_scale"] = table.domain[0], table.entries_per_value
     cast["domain_rest"] = table.domain[0] - float(cast["domain_low"])
     if table.gradient_top is not None:
