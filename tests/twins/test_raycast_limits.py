@@ -80,6 +80,33 @@ def test_the_picture_does_not_depend_on_the_unit_of_the_values(unit: float) -> N
     assert np.isfinite(b).all() and np.abs(a - b).max() < TOLERANCE
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_voxels_beyond_2_gi_are_cast(dtype: type) -> None:
+    """A ball in the last corner of 1300³ voxels looks as it does alone."""
+    size = 1300
+    ball = (200 * phantom.ball(40).values).astype(dtype)
+    corner = size - len(ball)
+    values = np.zeros((size,) * 3, dtype)  # pages that are not written take no memory
+    values[corner:, corner:, corner:] = ball
+    whole, alone = Volume(values), Volume(ball)
+    moved = whole.world_from_index @ (corner, corner, corner, 1) - alone.world_from_index[:, 3]
+    table = dataclasses.replace(ramp(0.3), domain=(0.0, 200.0))
+    near = Camera.orbit(alone)
+    far = dataclasses.replace(
+        near,
+        position_mm=tuple(near.position_mm + moved[:3]),
+        target_mm=tuple(near.target_mm + moved[:3]),
+    )
+    spec = RaycastSpec(specular=0.3)
+    a, b = (
+        Raycaster(volume).cast(table, camera, (48, 48), spec)
+        for volume, camera in ((alone, near), (whole, far))
+    )
+    assert a.alpha.max() > 0.9
+    assert np.abs(a.alpha - b.alpha).max() < 5e-4 and np.abs(a[0] - b[0]).max() < 5e-4
+
+
 @pytest.mark.parametrize("specular", [0.0, 0.3])
 @pytest.mark.parametrize("offset", [1e4, 1e6, -1e6])
 def test_values_far_from_0_keep_their_digits(offset: float, specular: float) -> None:

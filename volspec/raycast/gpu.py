@@ -90,10 +90,10 @@ class Raycaster:
         values = volume.values
         if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
             values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
-        if values.size > np.iinfo(np.int32).max:
+        if values.size > np.iinfo(np.uint32).max:
             raise OpenCLError(
                 f"{volume.name}: {values.size / 2**30:.1f} Gi voxels",
-                "at most 2 Gi can be cast, take volume.downsampled(2)",
+                "at most 4 Gi can be cast, take volume.downsampled(2)",
                 code="size",
             )
         if not self._compute.info.is_cpu:
