@@ -1,4 +1,4 @@
-"""Memory of a cast besides the volume, on the chest CT or the largest volume available.
+"""Memory of a cast besides the volume: the chest CT or the largest available, and 1300³ voxels.
 
 A separate process loads the volume, casts a corner of it (to load compilers and libraries) and then
 measures the bytes of live OpenCL buffers and the growth of its resident memory, at the peak and
@@ -12,19 +12,23 @@ import gc
 import json
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pyopencl as cl
 
 from benchmarks.cast import SIZE, STOPPED
 from benchmarks.measure import Figure
 from benchmarks.scenes import bench_scene
 from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Camera
 from volspec.volume import Volume
 
 ASKED = 30
 NAMES = ("chest", "foot", "engine")
+# Engines side by side, 2.05 Gi voxels.
+LARGE, LARGE_SIDE = "1300³", 1300
 _FIRST_CELLS = 24
 
 
@@ -66,10 +70,20 @@ def resident(field: str) -> int:
     raise OSError(f"no {field} in /proc/self/status")
 
 
+def many(volume: Volume) -> Volume:
+    """Return a volume side by side with itself, `LARGE_SIDE` voxels along each axis."""
+    places = [np.arange(LARGE_SIDE) % n for n in volume.values.shape]
+    values = np.empty((LARGE_SIDE,) * 3, volume.values.dtype)
+    for plane, z in zip(values, places[0], strict=True):
+        plane[...] = volume.values[z][np.ix_(*places[1:])]
+    return Volume(values, name=LARGE)
+
+
 def measured(name: str) -> dict[str, int]:
     """Return the bytes of one cast, without the volume and the images."""
-    scene = bench_scene(name)
-    volume, spec = scene.volume, STOPPED["shaded"]
+    scene = bench_scene("engine" if name == LARGE else name)
+    volume, spec = many(scene.volume) if name == LARGE else scene.volume, STOPPED["shaded"]
+    camera = Camera.orbit(volume) if name == LARGE else scene.camera
     z, y, x = (n // 2 for n in volume.values.shape)
     corner = Volume(
         volume.values[z : z + _FIRST_CELLS, y : y + _FIRST_CELLS, x : x + _FIRST_CELLS].copy(),
@@ -83,7 +97,7 @@ def measured(name: str) -> dict[str, int]:
     Path("/proc/self/clear_refs").write_text("5")  # reset the peak
     before = resident("VmRSS")
     caster = Raycaster(volume)
-    image = raycast(volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
+    image = raycast(volume, scene.transfer, camera, SIZE, spec, caster=caster)
     gc.collect()
     images = image.coefficients.nbytes + image.alpha.nbytes + image.depth_mm.nbytes
     copy = volume.values.nbytes if ledger.largest >= volume.values.nbytes else 0
@@ -97,7 +111,12 @@ def measured(name: str) -> dict[str, int]:
 
 def figures() -> Iterator[Figure]:
     """Yield memory as percentages of the volume's size."""
-    for name in NAMES:
+    yield from _first(NAMES)
+    yield from _first((LARGE,))
+
+
+def _first(names: Sequence[str]) -> Iterator[Figure]:
+    for name in names:
         done = subprocess.run(
             [sys.executable, "-m", "benchmarks.memory", name], capture_output=True, text=True
         )
