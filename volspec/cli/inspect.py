@@ -111,14 +111,14 @@ def new(
     camera: CameraOption = None,
     overwrite: Annotated[bool, Parameter(negative="")] = False,
 ) -> None:
-    """Write a scene file for a volume, as the viewer opens it, to edit and to export.
+    """Write a scene file for a volume or a mesh, as the viewer opens it, to edit and to export.
 
     Example: `volspec scene new head.nii.gz -o head.toml --preset bone`
 
     Parameters
     ----------
     volume
-        A volume file or folder, as for `volspec info`.
+        A volume (file or folder, as for `volspec info`) or a mesh.
     output
         The scene file to write; it refers to the volume by a relative path.
     light

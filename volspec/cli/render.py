@@ -40,7 +40,7 @@ def render(
     half: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
 ) -> None:
-    """Cast a scene or a volume once, into a coefficient image or a picture.
+    """Cast a scene, a volume or a mesh once, into a coefficient image or a picture.
 
     A picture (`-o FILE.png`) is under the first light. A coefficient image (`-o FILE.exr`) can be
     relit by `volspec relight` and `volspec view`, and opened by compositors: it has a layer of
@@ -118,7 +118,7 @@ def view(
     trace: Path | None = None,
     device: Device = None,
 ) -> None:
-    """View a scene, a volume or a cast image, and swap its lights; H shows the keys.
+    """View a scene, a volume, a mesh or a cast image, and swap its lights; H shows the keys.
 
     Example: `volspec view`
 
@@ -129,9 +129,9 @@ def view(
     Parameters
     ----------
     file
-        A scene file, a volume (file or folder), a coefficient image (.exr) or a session; by default
-        the viewer offers three demonstrations at its first start, and then opens the bundled
-        engine.
+        A scene file, a volume (file or folder), a mesh, a coefficient image (.exr) or a session; by
+        default the viewer offers three demonstrations at its first start, and then opens the
+        bundled engine.
     size
         WIDTHxHEIGHT of the window.
     screenshot
