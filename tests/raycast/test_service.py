@@ -114,8 +114,8 @@ def test_groups_come_with_their_shares(engine: Volume) -> None:
 
 
 def test_a_volume_of_too_many_voxels_is_refused_with_the_remedy() -> None:
-    """Nothing of its 3 GiB is ever touched: every voxel is the same byte."""
-    values = np.lib.stride_tricks.as_strided(np.zeros(1, np.uint8), (1500,) * 3, (0, 0, 0))
+    """Nothing of its 5 GiB is ever touched: every voxel is the same byte."""
+    values = np.lib.stride_tricks.as_strided(np.zeros(1, np.uint8), (1700,) * 3, (0, 0, 0))
     volume = Volume.__new__(Volume)
     object.__setattr__(volume, "values", values)
     object.__setattr__(volume, "name", "whale")
