@@ -12,7 +12,7 @@ import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass
 from datetime import UTC, datetime
-from itertools import count, cycle
+from itertools import chain, count, cycle
 from typing import Any
 
 import numpy as np
@@ -92,15 +92,17 @@ def cast_cells(
             yield cell(float(np.median(pairs[:, 0]))) + ratio
 
 
-def relit_cells(bench: BenchScene, caster: Raycaster, sharing: Raycaster | None) -> Iterator[str]:
+def relit_cells(
+    bench: BenchScene, context: Any, caster: Raycaster, sharing: Raycaster | None
+) -> Iterator[str]:
     """Yield the times of a light change and of a turn, which wait for OpenGL to finish.
 
-    Nothing is read back: as in the viewer, whose window draws the result.
+    ``sharing`` shares the moderngl.Context, if the device can. Nothing is read back: as in the
+    viewer, whose window draws the result.
     """
     scene = Scene.load(asset("data/scenes/engine.toml"))
     lights = cycle([light.rig for light in scene.lights])
     views = (Camera.orbit(bench.volume, azimuth_deg=7 * n) for n in count())
-    context = sharing.sharing.context if sharing else headless_context()
 
     def cast(which: Raycaster, into: Relighter | None = None) -> Any:
         return raycast(
@@ -152,22 +154,16 @@ def main() -> None:
     driver = f"{info.platform} {device.driver_version.strip()}"
     print(f"{info.name} ({driver})" + (f" next to {pocl_caster.device}" if pocl_caster else ""))
     print(f"OpenGL: {context.info['GL_RENDERER']}{f'; {fault}' if fault else ''}")
+    casts = cast_cells(scene, caster, pocl_caster)
+    relit = relit_cells(scene, context, caster, sharing)
     cells = []
-    for column, text in zip(COLUMNS, measured(scene, caster, pocl_caster, sharing), strict=True):
+    for column, text in zip(COLUMNS, chain(casts, relit), strict=True):
         print(f"{column}: {text}", flush=True)
         cells.append(text)
     date = datetime.now(UTC).date().isoformat()
     record = Record(info.name, driver, date, commit(), tuple(cells))
     PAGE.write_text(recorded(PAGE.read_text(encoding="utf-8"), record), encoding="utf-8")
     print(f"kept in {PAGE.name}")
-
-
-def measured(
-    scene: BenchScene, caster: Raycaster, pocl: Raycaster | None, sharing: Raycaster | None
-) -> Iterator[str]:
-    """Yield a cell for each of `COLUMNS`."""
-    yield from cast_cells(scene, caster, pocl)
-    yield from relit_cells(scene, caster, sharing)
 
 
 if __name__ == "__main__":

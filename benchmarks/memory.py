@@ -13,6 +13,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,20 +71,14 @@ def resident(field: str) -> int:
     raise OSError(f"no {field} in /proc/self/status")
 
 
-def many(volume: Volume) -> Volume:
-    """Return a volume side by side with itself, `LARGE_SIDE` voxels along each axis."""
-    places = [np.arange(LARGE_SIDE) % n for n in volume.values.shape]
-    values = np.empty((LARGE_SIDE,) * 3, volume.values.dtype)
-    for plane, z in zip(values, places[0], strict=True):
-        plane[...] = volume.values[z][np.ix_(*places[1:])]
-    return Volume(values, name=LARGE)
-
-
 def measured(name: str) -> dict[str, int]:
     """Return the bytes of one cast, without the volume and the images."""
     scene = bench_scene("engine" if name == LARGE else name)
-    volume, spec = many(scene.volume) if name == LARGE else scene.volume, STOPPED["shaded"]
-    camera = Camera.orbit(volume) if name == LARGE else scene.camera
+    if name == LARGE:
+        more = [(0, LARGE_SIDE - n) for n in scene.volume.values.shape]
+        volume = Volume(np.pad(scene.volume.values, more, mode="wrap"), name=LARGE)
+        scene = replace(scene, volume=volume, camera=Camera.orbit(volume))
+    volume, spec = scene.volume, STOPPED["shaded"]
     z, y, x = (n // 2 for n in volume.values.shape)
     corner = Volume(
         volume.values[z : z + _FIRST_CELLS, y : y + _FIRST_CELLS, x : x + _FIRST_CELLS].copy(),
@@ -97,7 +92,7 @@ def measured(name: str) -> dict[str, int]:
     Path("/proc/self/clear_refs").write_text("5")  # reset the peak
     before = resident("VmRSS")
     caster = Raycaster(volume)
-    image = raycast(volume, scene.transfer, camera, SIZE, spec, caster=caster)
+    image = raycast(volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
     gc.collect()
     images = image.coefficients.nbytes + image.alpha.nbytes + image.depth_mm.nbytes
     copy = volume.values.nbytes if ledger.largest >= volume.values.nbytes else 0
@@ -116,6 +111,7 @@ def figures() -> Iterator[Figure]:
 
 
 def _first(names: Sequence[str]) -> Iterator[Figure]:
+    """Yield the figures of the first volume that is there."""
     for name in names:
         done = subprocess.run(
             [sys.executable, "-m", "benchmarks.memory", name], capture_output=True, text=True

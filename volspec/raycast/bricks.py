@@ -27,7 +27,6 @@ from volspec.transfer import SurfaceTable, TransferTable
 BRICK = 4
 # Codes up to here are distances; from STRIDES on they are strides (rays.clh).
 FURTHEST, STRIDES = 127, 248
-_SLAB = 64
 Of = Callable[[NDArray[Any]], NDArray[Any]]
 
 
