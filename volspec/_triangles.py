@@ -84,6 +84,8 @@ class TriangleRays:
                 code="unsupported",
             ) from None
         self.corners = corners
+        a, b, c = corners.transpose(1, 0, 2)
+        self._across = np.cross(b - a, c - a)
         points = corners.reshape(-1, 3)
         # Single precision is finest around 0.
         self._middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
@@ -98,24 +100,21 @@ class TriangleRays:
 
     def hits(self, origins: Array, directions: Array) -> Hits:
         """Return what rays hit first, where; ``directions`` are unit vectors."""
-        triangle = self.first(origins, directions)
-        seen = np.flatnonzero(triangle >= 0)
-        a, b, c = self.corners[triangle[seen]].transpose(1, 0, 2)
+        found = self._scene.run(
+            np.float32(origins - self._middle), np.float32(directions), output=True
+        )
+        triangle = np.asarray(found["primID"], np.intp)
+        across = np.where(triangle[:, None] >= 0, self._across[triangle], 0.0)
         # In double precision, for which Embree's distances would be too coarse.
-        start, way = origins[seen] - a, directions[seen]
-        across = np.cross(b - a, c - a)
-        volume = np.einsum("kc,kc->k", way, across)
-        volume = np.where(volume == 0.0, 1e-300, volume)
-        turned = np.cross(start, way)
-        second = -np.einsum("kc,kc->k", c - a, turned) / volume
-        third = np.einsum("kc,kc->k", b - a, turned) / volume
-        shares = np.stack([1.0 - second - third, second, third], axis=1).clip(0.0, 1.0)
+        speed = np.einsum("kc,kc->k", directions, across)
+        seen = speed != 0.0
+        triangle[~seen] = -1
+        away = np.einsum("kc,kc->k", self.corners[triangle, 0] - origins, across)
         along = np.full(len(triangle), np.inf)
-        all_shares, all_across = np.zeros((2, len(triangle), 3))
-        along[seen] = -np.einsum("kc,kc->k", start, across) / volume
-        all_shares[seen] = shares / shares.sum(axis=1, keepdims=True)
-        all_across[seen] = across
-        return Hits(triangle, along, all_shares, all_across)
+        np.divide(away, speed, out=along, where=seen)
+        second, third = np.float64(found["u"]) * seen, np.float64(found["v"]) * seen
+        shares = np.stack([seen - second - third, second, third], axis=1)
+        return Hits(triangle, along, shares, across)
 
     def clear(self, origins: Array, ends: Array) -> NDArray[np.bool_]:
         """(M,) True where nothing is between two points."""
