@@ -71,7 +71,7 @@ def against(
 
     Both sides receive other colours and return a picture.
     """
-    spec = STOPPED[kind]
+    spec = replace(STOPPED[kind], step_mm=0.5 * min(scene.volume.spacing_mm))
     peer = peer_of(scene, spec, mapper)
     colours = cycle([scene.transfer, recoloured(scene.transfer)])
     return compare(

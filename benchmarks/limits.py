@@ -137,7 +137,7 @@ def samples(scene: BenchScene, spec: RaycastSpec) -> tuple[int, int]:
     at = np.linspace(*table.domain, len(opacity))
     left = np.where(far > near, 1.0, 0.0)
     k, taken, seen = np.ceil(np.maximum(near, 0) / step), 0, 0
-    while (live := np.flatnonzero((left > 1 - spec.alpha_stop) & (k * step < far))).size:
+    while (live := np.flatnonzero((left > spec.least_transmittance) & (k * step < far))).size:
         point = np.clip(start[live] + ((k[live] + 0.5) * step)[:, None] * along[live], 0, top)
         x, y, z = (point // BRICK).astype(int).T
         inside = visible[z, y, x]

@@ -134,6 +134,7 @@ def raycast(
             remedy = "make the meshes in the transfer function's basis"
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
     table = caster.bake(transfer)
+    spec = caster.with_step(table, spec, cancel)
     slot = None
     if into is not None:
         width, height = checked_size(size)
@@ -293,6 +294,7 @@ def absorption_error(
             "take one on the default grid",
             code="size",
         )
+    spec = caster.with_step(caster.bake(transfer), spec or RaycastSpec())
     images = [
         raycast(caster.volume, each, camera, size, spec, caster=caster)
         for each in (transfer, replace(transfer, basis=bands))

@@ -121,7 +121,7 @@ _WORDS = {
     "lighting.add_source": "sky",
     "lighting.set_spectrum": "FL2",
     "quality.set_projection": "maximum",
-    "quality.set_quality": "draft",
+    "quality.set_quality": "fast",
     "light_parts.respell": "FL2",
     "materials.remove_material": "silver",
     "palette_edits.set_target": "#804020",
@@ -182,7 +182,7 @@ _ODD = {"reset-transfer": "cast", "mark": "relight", "save-state": "frame"} | di
 )
 # Points are what it has already, and its values are not labels.
 _ODD |= dict.fromkeys(("transfer-labels", "labels-show", "labels-hide", "labels-invert"))
-_ODD |= {"projection-composite": None, "quality-standard": None, "measure-remove": None}
+_ODD |= {"projection-composite": None, "quality-balanced": None, "measure-remove": None}
 _ODD |= {"transfer-points": None, "palette-light": "cast", "palette-restart": None}
 _ODD |= dict.fromkeys(("palette-forget", "palette-own"), "relight")
 # There is no room.

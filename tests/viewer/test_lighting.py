@@ -285,8 +285,8 @@ def test_settings_that_a_transfer_function_forbids_wait_for_another(
 
 
 def test_steps_are_counted_in_voxels(state: ViewState) -> None:
-    assert quality.step_voxels(state) == 0.5 and quality.quality_name(state) == "standard"
-    assert quality.set_step(state, 0.5).shading.step_mm is None
+    assert quality.step_voxels(state) == 0.5 and quality.quality_name(state) == "balanced"
+    assert quality.quality_name(quality.set_step(state, 0.5)) == ""
     assert quality.set_step(state, 0.25).shading.step_mm == 0.25
     for name in quality.QUALITIES:
         assert quality.quality_name(quality.set_quality(state, name)) == name

@@ -24,9 +24,11 @@ from volspec.cli.inputs import (
     Job,
     Preset,
     Progress,
+    QualityOption,
     jobs,
     open_scene,
     run_jobs,
+    with_quality,
 )
 from volspec.cli.shell import Device, Json, app, as_written, counted, note_everyday, say
 from volspec.cli.viewing import in_options
@@ -51,6 +53,7 @@ def export(
     turntable: _Whole = None,
     sweep: _Whole = None,
     size: Size = None,
+    quality: QualityOption = None,
     samples: _Whole = None,
     bits: _Whole = None,
     format: Annotated[Literal["png", "exr", "coefficients"] | None, _Strict] = None,
@@ -119,6 +122,7 @@ def export(
         tell("load the scene", 0)
         lights = None if light == [_ALL] else light
         scene, volume = open_scene(job.address, preset, lights, camera)
+        scene = with_quality(scene, quality)
         own = scene.file.export
         changes: dict[str, Any] = {
             "samples": samples,
@@ -214,6 +218,7 @@ def page(
     views: Annotated[int, Parameter(converter=as_written, validator=_check_views)] = 1,
     light: Lights = None,
     size: Size = None,
+    quality: QualityOption = None,
     bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
     title: str | None = None,
     caption: str = "",
@@ -259,6 +264,7 @@ def page(
         tell("load the scene", 0)
         remedy = "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
         scene, volume = open_scene(job.address, preset, light, camera, image=remedy)
+        scene = with_quality(scene, quality)
         tell("load the scene", 1)
         require_lux(scene.lights, scene.relight, job.address)
         lights = list(scene.lights)

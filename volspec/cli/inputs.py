@@ -8,6 +8,7 @@ from __future__ import annotations
 import glob
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,6 +46,14 @@ CameraOption = Annotated[
         allow_leading_hyphen=True,
         help="Side (front, back, left, right, top, bottom, isometric), or AZIMUTH,ELEVATION in "
         "degrees. Left and right are the patient's if the volume has an orientation.",
+    ),
+]
+QualityOption = Annotated[
+    str | None,
+    Parameter(
+        name="--quality",
+        help="Error that a cast may have, instead of the scene's step: fast, balanced, exact, or a "
+        "number such as 0.001.",
     ),
 ]
 # Endings of a single output.
@@ -110,6 +119,17 @@ def open_scene(
         )
         scene = scene.with_camera(turned)
     return scene, None
+
+
+def with_quality(scene: Scene, quality: str | None) -> Scene:
+    """Return a scene that is cast with a quality, a name or a number, if one is given."""
+    if quality is None:
+        return scene
+    given: str | float = quality
+    with suppress(ValueError):
+        given = float(quality)
+    with in_options({"quality": "--quality"}):
+        return scene.casting(quality=given, step_mm=None, alpha_stop=None)
 
 
 def _camera(camera: str) -> str | Orbit:

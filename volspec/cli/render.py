@@ -19,9 +19,11 @@ from volspec.cli.inputs import (
     Job,
     Preset,
     Progress,
+    QualityOption,
     jobs,
     open_scene,
     run_jobs,
+    with_quality,
 )
 from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
 from volspec.errors import InputError
@@ -37,6 +39,7 @@ def render(
     light: Lights = None,
     camera: CameraOption = None,
     size: Size = None,
+    quality: QualityOption = None,
     half: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
 ) -> None:
@@ -85,6 +88,7 @@ def render(
                 "out, or give its volume",
                 code="conflict",
             )
+        scene = with_quality(scene, quality)
         tell("load the scene", 1)
         image = scene.render(
             volume,

@@ -176,7 +176,7 @@ class Surfaces:
         """Return pictures of what is opaque and of sheets, as far as casts let them be seen."""
         assert self.stop_mm is not None
         # Where a ray would have ended, nothing is seen.
-        least = 1.0 - self.opacity.spec.alpha_stop
+        least = self.opacity.spec.least_transmittance
         through: NDArray[np.float32] | float = 1.0
         seen = []
         for cast in casts:

@@ -8,8 +8,10 @@ The twin is ``volspec/raycast/reference.py``.
 from __future__ import annotations
 
 import threading
+import warnings
 from contextlib import nullcontext
-from typing import Any
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,16 +21,18 @@ from volspec._gpu.opencl import Compute
 from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import assemble
-from volspec.errors import OpenCLError, RaycastError
+from volspec.errors import OpenCLError, RaycastError, VolspecWarning
 from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import BRICK, STRIDES, brick_codes, brick_ranges
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume
+from volspec.raycast.lights import Ambient, Headlight, LightGroup
 from volspec.raycast.packets import TILES, Packet, choose_packet
+from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
-from volspec.raycast.spec import RaycastSpec
+from volspec.raycast.spec import MAX_STEPS, RaycastSpec, diagonal_mm
 from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
@@ -36,6 +40,10 @@ from volspec.volume import Volume
 # Work-items per group: a packet is a group by itself, as a loop over several takes two fifths
 # longer to compile and runs no faster.
 GROUPS = {1: (8, 8), 4: (1, 1), 8: (1, 1), 16: (1, 1)}
+# Pixels of each of the three pictures by which a step is chosen.
+PROBE = 48, 48
+
+Table = TypeVar("Table", bound=TransferTable | SurfaceTable)
 
 
 class Raycaster:
@@ -107,6 +115,7 @@ class Raycaster:
         self._lock, self._casting = threading.RLock(), False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
+        self._chosen: tuple[tuple[Any, ...], float] | None = None
         self._baked: tuple[Transfer, TransferTable | SurfaceTable] | None = None
         self._lights = LightVolume(self._compute, volume, unpadded)
 
@@ -131,6 +140,59 @@ class Raycaster:
         return baked[1]
 
     table_of = renamed_attribute("bake")
+
+    def with_step(
+        self,
+        table: TransferTable | SurfaceTable,
+        spec: RaycastSpec,
+        cancel: Cancel | None = None,
+    ) -> RaycastSpec:
+        """Return settings with the step that their quality asks for; the last one is cached.
+
+        Parameters and errors are those of `cast`.
+
+        Warns
+        -----
+        VolspecWarning
+            If no step reaches the quality's error.
+        """
+        spec.step_of(self.volume)  # refuses a mistaken one, and volumes that are too long for any
+        if spec.step_mm is not None:
+            return spec
+        unit, across = min(self.volume.spacing_mm), diagonal_mm(self.volume)
+        sources = (Ambient(), Headlight()) if spec.shaded else (Ambient(),)
+        groups = (LightGroup("light", sources),)
+        plain = replace(spec, groups=groups, half=False, jitter=0.0)
+        grey = _grey(table)
+        key = plain, *_opacity_key(table), grey.material_weights.tobytes()
+        if self._chosen is None or self._chosen[0] != key:
+            cameras = [
+                Camera.orbit(self.volume, azimuth_deg=33.0, elevation_deg=22.0, up=tuple(up))
+                for up in np.eye(3)
+            ]
+
+            def probe(step: float) -> Picture:
+                stepped = replace(plain, step_mm=step * unit)
+                casts = [
+                    self.cast(grey, camera, PROBE, stepped, cancel=cancel) for camera in cameras
+                ]
+                return Picture(
+                    np.concatenate([each.coefficients for each in casts]),
+                    np.concatenate([each.alpha for each in casts]),
+                )
+
+            error, longest = spec.target
+            target = Target(error, min(longest, across / unit))
+            chosen = choose_step(probe, target, max(SHORTEST, across / MAX_STEPS / unit))
+            if chosen.error > error:
+                warnings.warn(
+                    f"{self.volume.name}: quality {spec.quality} asks for an error of {error:g}; "
+                    f"the shortest step, {chosen.step:.3g} of a voxel, leaves {chosen.error:.1g}",
+                    VolspecWarning,
+                    stacklevel=3,
+                )
+            self._chosen = key, chosen.step * unit
+        return replace(spec, step_mm=self._chosen[1])
 
     def cast(
         self,
@@ -300,12 +362,9 @@ class Raycaster:
 
     def _codes(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> Any:
         """Return the bricks' codes on the device; cached until opacities change."""
-        key: tuple[Any, ...] = spec.mode, spec.adaptive
-        if isinstance(table, SurfaceTable):
-            key += (table.values.tobytes(),)
-        else:
-            step = spec.step_of(self.volume) / table.reference_step_mm
-            key += table.domain, table.labels, step, table.opacity.tobytes()
+        # Opacities of a step matter only to adaptive ones.
+        step = spec.step_of(self.volume) if spec.adaptive > 0 else 0.0
+        key = spec.mode, spec.adaptive, step, *_opacity_key(table)
         if self._brick_codes is None or self._brick_codes[0] != key:
             codes = brick_codes(self._low, self._high, table, spec, spec.step_of(self.volume))
             self._brick_codes = key, self._compute.upload(np.ascontiguousarray(codes))
@@ -342,3 +401,24 @@ class Raycaster:
         text = prelude(constants, "opencl") + kernel_arguments.CAST.declaration
         source = assemble(f"kernels/{program.name}.cl", text)
         return self._compute.kernel(source, program.name)
+
+
+def _opacity_key(table: TransferTable | SurfaceTable) -> tuple[Any, ...]:
+    """Return what is equal for tables of equal opacities."""
+    if isinstance(table, SurfaceTable):
+        return table.values.tobytes(), table.opacity.tobytes()
+    scale = table.domain, table.labels, table.reference_step_mm, table.gradient_top
+    return *scale, table.opacity.tobytes()
+
+
+def _grey(table: Table) -> Table:
+    """Return a table in greys, of which neighbouring materials have different ones.
+
+    Errors in it are alike in every basis.
+    """
+    count, channels = table.channels.shape
+    greys = np.where(np.arange(count) % 2, 0.3, 0.9)
+    made = replace(table, channels=np.tile(greys[:, None], channels), white=np.ones(channels))
+    if isinstance(made, TransferTable) and made.filters is not None:
+        made = replace(made, filters=np.tile(made.filters.mean(axis=1, keepdims=True), channels))
+    return made

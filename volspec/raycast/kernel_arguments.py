@@ -104,7 +104,7 @@ def cast_struct(
     planes = spec.index_planes(volume)
     cast["planes"][: len(planes)], cast["plane_count"] = planes, len(planes)
     cast["shininess"], cast["seed"] = spec.shininess, np.uint32(spec.seed).view(np.int32)
-    cast["step"], cast["min_transmittance"] = step / unit, 1 - spec.alpha_stop
+    cast["step"], cast["min_transmittance"] = step / unit, spec.least_transmittance
     cast["jitter"], cast["first_opacity"] = spec.jitter, spec.first_opacity
     cast["gradient_floor_squared"] = spec.gradient_floor_squared
     cast["width"], cast["height"] = size

@@ -135,7 +135,9 @@ class _March:
         while True:
             begin = np.maximum(k * step + rays.shift, rays.near)
             end = np.minimum((k + 1) * step + rays.shift, rays.far)
-            live = np.flatnonzero((end > begin) & (self.transmittance > 1 - self.spec.alpha_stop))
+            live = np.flatnonzero(
+                (end > begin) & (self.transmittance > self.spec.least_transmittance)
+            )
             if not live.size:
                 break
             self.step_rays(live, begin[live], end[live])
@@ -249,7 +251,7 @@ class _Surfaces(_March):
     """Isosurfaces between a step's ends; twin: surfaces.cl."""
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
-        table, stop = self.table, 1 - self.spec.alpha_stop
+        table, stop = self.table, self.spec.least_transmittance
         front, back = (self.sampler.value(self.point(live, at)) for at in (begin, end))
         rising = back > front
         for s in range(len(table.values)):

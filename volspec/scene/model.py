@@ -388,6 +388,16 @@ class Scene:
         scene.file = file
         return scene
 
+    def casting(self, **changes: Any) -> Scene:
+        """Return the scene with other settings of its cast, fields of `RaycastSpec`.
+
+        Raises RaycastError if a setting is wrong.
+        """
+        scene = copy(self)
+        scene.raycast = replace(self.raycast, **changes)
+        scene.file = replace(self.file, raycast=replace(self.file.raycast, **changes))
+        return scene
+
     @renamed_keyword(tell="progress")
     def export(
         self,

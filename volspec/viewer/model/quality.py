@@ -6,10 +6,11 @@ panel, commands -> [quality] -> RaycastSpec -> cast
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 from volspec.errors import InputError
 from volspec.raycast import RaycastSpec
+from volspec.raycast.quality import Quality
 from volspec.raycast.spec import MAX_STEPS, MODES, diagonal_mm
 from volspec.transfer import Isosurfaces, TransferFunction, presets
 from volspec.viewer.model.edit import Command, Edited, bind, edit, refusable
@@ -22,14 +23,13 @@ MOST_WEIGHT = 4.0
 STEPS = (0.05, 4.0)
 LIGHT_CELLS = (8, 512)
 SHININESS = (1, 1024)
-# Step in smallest spacings, cells of the light volume, and adaptive steps, of each quality.
-QUALITIES = {"draft": (1.0, 64, 0.02), "standard": (0.5, 96, 0.0), "high": (0.2, 192, 0.0)}
+QUALITIES: tuple[Quality, ...] = get_args(Quality)
 
 
 def step_voxels(state: ViewState) -> float:
-    """Return the step in smallest spacings."""
-    step = state.shading.step_mm
-    return 0.5 if step is None else step / min(state.document.volume.spacing_mm)
+    """Return the step in smallest spacings; half of one if quality chooses it."""
+    volume = state.document.volume
+    return state.shading.step_of(volume) / min(volume.spacing_mm)
 
 
 def can_project(state: ViewState) -> bool:
@@ -142,12 +142,12 @@ def require_curve(state: ViewState, what: str) -> None:
 
 @edit
 def set_step(state: ViewState, voxels: float) -> ViewState:
-    """Set the step in smallest spacings; half of one is the default."""
+    """Set the step in smallest spacings."""
     volume = state.document.volume
     spacing = min(volume.spacing_mm)
     least = diagonal_mm(volume) / MAX_STEPS
     step = clamp(clamp(voxels, *STEPS) * spacing, 1.01 * least, diagonal_mm(volume))
-    return _change(state, step_mm=None if step == 0.5 * spacing else step)
+    return _change(state, step_mm=step)
 
 
 @edit
@@ -199,24 +199,16 @@ def toggle_half(state: ViewState) -> ViewState:
 
 @edit
 def set_quality(state: ViewState, name: str) -> ViewState:
-    """Set step and light volume to draft, standard or high quality."""
+    """Let quality choose the step and the opacity at which rays end: fast, balanced or exact."""
     if name not in QUALITIES:
         return state
-    step, cells, adaptive = QUALITIES[name]
-    return _change(set_step(state, step), light_cells=cells, adaptive=adaptive)
+    return _change(state, quality=name, step_mm=None, alpha_stop=None, adaptive=0.0)
 
 
 def quality_name(state: ViewState) -> str:
-    """Return the name of the quality in use; empty if it is another."""
-    shading = state.shading
-    return next(
-        (
-            name
-            for name, (step, cells, _) in QUALITIES.items()
-            if shading.light_cells == cells and abs(step_voxels(state) - step) < 1e-6 * step
-        ),
-        "",
-    )
+    """Return the quality that chooses the step; empty if the step is given."""
+    spec = state.shading
+    return str(spec.quality) if spec.step_mm is None else ""
 
 
 def _change(state: ViewState, **changes: Any) -> ViewState:
@@ -251,9 +243,9 @@ COMMANDS = (
     _projection("composite", "composite", "volume rendering opacity alpha blend"),
     _projection("maximum", "maximum (MIP)", "intensity"),
     _projection("average", "average", "mean x-ray radiograph intensity"),
-    _quality("draft", "fast speed performance coarse step sampling"),
-    _quality("standard", "normal default step sampling"),
-    _quality("high", "best fine slow step sampling"),
+    _quality("fast", "draft speed performance coarse step sampling"),
+    _quality("balanced", "standard normal default step sampling"),
+    _quality("exact", "high best fine slow step sampling"),
     Command(
         "jitter",
         "Render",

@@ -7,6 +7,7 @@ from functools import partial
 from imgui_bundle import imgui
 
 from volspec.raycast import RaycastSpec
+from volspec.raycast.quality import TARGETS
 from volspec.raycast.spec import MODES
 from volspec.viewer.model import quality
 from volspec.viewer.model.state import ViewState
@@ -74,7 +75,8 @@ def _presets(state: ViewState, ui: UiContext) -> ViewState:
     for name in quality.QUALITIES:
         if lit_button(name.capitalize(), name == now, dark):
             new = quality.set_quality(new, name)
-        ui.note(f"quality {name}", "Step and detail of shadows")
+        error = TARGETS[name].error
+        ui.note(f"quality {name}", f"Steps as long as an error of {error:g} allows (RMS, white 1)")
         imgui.same_line()
     imgui.align_text_to_frame_padding()
     imgui.text("Quality")
@@ -84,7 +86,7 @@ def _presets(state: ViewState, ui: UiContext) -> ViewState:
 def _sampling(state: ViewState, ui: UiContext) -> ViewState:
     spec, new = state.shading, state
     focus_if_wanted("Step", ui)
-    text = "%.2f voxels" + ("" if spec.step_mm else ", default")
+    text = "%.2f voxels" if spec.step_mm else "by quality"
     moved, voxels = imgui.slider_float(
         "Step", quality.step_voxels(state), *quality.STEPS, text, _LOG
     )
@@ -103,7 +105,11 @@ def _sampling(state: ViewState, ui: UiContext) -> ViewState:
 
 def _limits(state: ViewState, ui: UiContext) -> ViewState:
     spec = state.shading
-    new = setting_slider(state, ui, quality.set_alpha_stop, "Alpha stop", spec, (0.5, 1.0), "%.4f")
+    focus_if_wanted("Alpha stop", ui)
+    text = "%.4f" if spec.alpha_stop else "by quality"
+    moved, stop = imgui.slider_float("Alpha stop", 1.0 - spec.least_transmittance, 0.5, 1.0, text)
+    ui.note("alpha stop", _about("alpha_stop"))
+    new = quality.set_alpha_stop(state, stop) if moved else state
     limits = 0.001, 1.0
     new = setting_slider(new, ui, quality.set_first_opacity, "First opacity", spec, limits)
     focus_if_wanted("Seed", ui)
