@@ -28,8 +28,9 @@ def view(azimuth_deg: float) -> vs.Camera:
 
 
 def cast(azimuth_deg: float, **settings: Any) -> vs.CoefficientImage:
-    """A picture of several bands."""
-    spec = vs.RaycastSpec(tile_ms=1, **settings.pop("spec", {}))
+    """A picture of several bands, by a given step: no trial cast has bands of its own."""
+    step_mm = 0.5 * min(BALL.spacing_mm)
+    spec = vs.RaycastSpec(tile_ms=1, step_mm=step_mm, **settings.pop("spec", {}))
     return vs.raycast(BALL, TRANSFER, view(azimuth_deg), SIZE, spec, **settings)
 
 

@@ -225,7 +225,7 @@ _USUAL = {
     "maximum": "Render: Projection: maximum (MIP)",
     "average": "Render: Projection: average",
     "x-ray": "Render: Projection: average",
-    "quality": "Render: Quality: draft",
+    "quality": "Render: Quality: fast",
     "jitter": "Render: Jitter against rings",
     "pre-integration": "Render: Pre-integration",
     "step": "Setting: Step",
