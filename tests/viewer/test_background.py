@@ -19,21 +19,21 @@ from tests.support.viewer import opened, take_until, wait_until
 from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
 from volspec.pipeline import Raycaster
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import documents
 from volspec.viewer.work.background import LatestWorker, Tasks
-from volspec.viewer.work.casts import DIVISORS, CastDone, CastJob, CastWorker, Pace
+from volspec.viewer.work.casts import DIVISORS, WHOLE, CastDone, CastJob, CastWorker, Pace, Pass
 from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
-from volspec.volume import Choice
+from volspec.volume import Choice, Volume
 
 
 class Slow(LatestWorker[str, str]):
@@ -258,7 +258,8 @@ def job(state: ViewState, *divisors: int, zoom: float = 1.0) -> CastJob:
     view = replace(state.view, zoom=zoom)
     camera = view.camera(state.document.volume)
     document, transfer, shading = state.document, state.transfer, state.shading
-    return CastJob(document, transfer, camera, shading, (80, 60), divisors)
+    passes = tuple(Pass(divisor) for divisor in divisors)
+    return CastJob(document, transfer, camera, shading, (80, 60), passes)
 
 
 class SlowCasts:
@@ -307,7 +308,7 @@ def test_a_newer_request_ends_a_cast_and_replaces_what_waits(
     assert len(casts.begun) == 2
     casts.go_on.set()
     done = drained(scheduler, 3)
-    assert [each.divisor for each in done] == [1, 4, 8]
+    assert [each.made.divisor for each in done] == [1, 4, 8]
     assert [each.image for each in done] == [None, casts.image, casts.image]
     # Packed where it was cast: the window's thread only uploads it.
     assert [each.packed is None for each in done] == [True, False, False]
@@ -392,9 +393,27 @@ def test_a_picture_s_memory_is_given_back() -> None:
 def test_a_moving_picture_gets_coarser_until_it_keeps_up() -> None:
     pace = Pace()
     for _ in range(9):
-        pace = pace.after(pace.divisor, 500.0)
+        pace = pace.after(pace.moving, 500.0)
     assert pace.divisor == DIVISORS[-1]
     for _ in range(9):
-        pace = pace.after(pace.divisor, 0.5)
-    assert pace.divisor == 1 and pace.after(1, 300.0).divisor == 2
-    assert replace(pace, divisor=4, whole_ms=5000.0).to_whole == (2, 1)
+        pace = pace.after(pace.moving, 0.5)
+    assert pace.moving == WHOLE and pace.after(WHOLE, 300.0).divisor == 2
+
+
+def test_a_slow_picture_is_seen_at_full_size_with_long_steps_first() -> None:
+    slow = Pace(whole_ms=5000.0)
+    assert slow.to_whole("balanced") == (Pass(1, "fast"), WHOLE)
+    assert slow.to_whole("fast") == (Pass(2), WHOLE)
+    # Its time is not that of a whole picture, which would seem quick the next time.
+    assert slow.after(Pass(1, "fast"), 50.0).whole_ms == 5000.0
+
+
+def test_passes_lengthen_steps_and_nothing_else() -> None:
+    volume = Volume(np.zeros((4, 4, 4), np.uint8), spacing_mm=(3.0, 2.0, 4.0))
+    own = RaycastSpec(quality="exact", specular=0.1)
+    moving = Pass(4, "voxel").spec(own, volume)
+    assert moving.step_mm == 2.0 and moving.specular == 0.1
+    assert moving.least_transmittance > own.least_transmittance
+    assert Pass(4, "voxel").spec(replace(own, step_mm=5.0), volume).step_mm == 5.0
+    assert Pass(1, "fast").spec(replace(own, step_mm=5.0), volume).step_mm is None
+    assert WHOLE.spec(own, volume) is own

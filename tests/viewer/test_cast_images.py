@@ -19,7 +19,7 @@ from volspec.viewer.model.history import without_cast
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.scene_file import scene_from_state
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.casts import CastJob, CastWorker
+from volspec.viewer.work.casts import WHOLE, CastJob, CastWorker, Pass
 from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
@@ -63,10 +63,10 @@ def test_an_image_is_the_result_of_every_cast(path: Path) -> None:
         state.view.camera(state.document.volume),
         state.shading,
         (99, 77),
-        (4, 1),
+        (Pass(4), WHOLE),
     )
     (done,) = CastWorker(lambda: None)._results(job)
-    assert done.image is state.document.image and done.divisor == 1 and done.job.size == SIZE
+    assert done.image is state.document.image and done.made == WHOLE and done.job.size == SIZE
 
 
 def test_what_would_need_a_cast_is_undone_and_lights_are_not(path: Path) -> None:

@@ -24,7 +24,7 @@ from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.materials import with_material_basis
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.casts import CastJob, CastWorker, make_caster
+from volspec.viewer.work.casts import WHOLE, CastJob, CastWorker, make_caster
 from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.room import RoomJob, RoomWorker
 from volspec.viewer.work.screenshot import render_frame
@@ -183,7 +183,7 @@ def test_paint_needs_no_cast(opened: ViewState) -> None:
     assert room.estimated_from is opened.room
     worker = CastWorker(lambda: None)
     camera = opened.view.camera(opened.document.volume)
-    what = opened.document, opened.transfer, camera, opened.shading, SIZE, (1,)
+    what = opened.document, opened.transfer, camera, opened.shading, SIZE, (WHOLE,)
     worker.request(CastJob(*what, opened.room))
     (cast,) = take_until(worker.take, len)
     worker.close()

@@ -27,7 +27,7 @@ from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.window import Window
-from volspec.viewer.work.casts import CastDone, CastJob
+from volspec.viewer.work.casts import WHOLE, CastDone, CastJob, Pass
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Relit
 from volspec.viewer.work.probe import place_mm, read, spectra, value_at
@@ -112,11 +112,11 @@ def test_an_empty_picture_says_so_and_a_fault_takes_its_place(
     assert slow.missing_message(state, painted) == ""
     blank = replace(cast.image, alpha=np.zeros_like(cast.image.alpha))
     for divisor, empty in ((2, False), (1, True)):  # coarse, its rays may miss something small
-        slow.take(replace(cast, image=blank, divisor=divisor), state)
+        slow.take(replace(cast, image=blank, made=Pass(divisor)), state)
         assert bool(slow.missing_message(state, painted)) == empty
     # Another document that cannot be cast has no picture.
     other = replace(cast.job, document=replace(cast.job.document))
-    slow.take(CastDone(other, 1, 0.0, error="no device; see volspec doctor"), state)
+    slow.take(CastDone(other, WHOLE, 0.0, error="no device; see volspec doctor"), state)
     assert slow.painted_picture(AREA, state) is None
     assert slow.missing_message(state, None) == slow.fault == "no device; see volspec doctor"
 
@@ -157,8 +157,8 @@ def done(state: ViewState, seed: int) -> CastDone:
     coefficients = rng.random((height, width, state.transfer.basis.size)).astype(np.float32)
     image = CoefficientImage(coefficients, ones, ones, state.transfer.basis)
     document, camera = state.document, state.view.camera(state.document.volume)
-    job = CastJob(document, state.transfer, camera, state.shading, SIZE, (1,))
-    return CastDone(job, 1, 1.0, image)
+    job = CastJob(document, state.transfer, camera, state.shading, SIZE, (WHOLE,))
+    return CastDone(job, WHOLE, 1.0, image)
 
 
 def seen_by(state: ViewState, model: str, light: int) -> ViewState:

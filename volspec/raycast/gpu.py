@@ -115,7 +115,7 @@ class Raycaster:
         self._lock, self._casting = threading.RLock(), False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
-        self._chosen: tuple[tuple[Any, ...], float] | None = None
+        self._chosen: dict[Target, tuple[tuple[Any, ...], float]] = {}
         self._baked: tuple[Transfer, TransferTable | SurfaceTable] | None = None
         self._lights = LightVolume(self._compute, volume, unpadded)
 
@@ -147,7 +147,7 @@ class Raycaster:
         spec: RaycastSpec,
         cancel: Cancel | None = None,
     ) -> RaycastSpec:
-        """Return settings with the step that their quality asks for; the last one is cached.
+        """Return settings with the step that their quality asks for; its last is cached.
 
         Parameters and errors are those of `cast`.
 
@@ -165,7 +165,8 @@ class Raycaster:
         plain = replace(spec, groups=groups, half=False, jitter=0.0)
         grey = _grey(table)
         key = plain, *_opacity_key(table), grey.material_weights.tobytes()
-        if self._chosen is None or self._chosen[0] != key:
+        known, step_mm = self._chosen.get(spec.target, (None, 0.0))
+        if known != key:
             cameras = [
                 Camera.orbit(self.volume, azimuth_deg=33.0, elevation_deg=22.0, up=tuple(up))
                 for up in np.eye(3)
@@ -191,8 +192,9 @@ class Raycaster:
                     VolspecWarning,
                     stacklevel=3,
                 )
-            self._chosen = key, chosen.step * unit
-        return replace(spec, step_mm=self._chosen[1])
+            step_mm = chosen.step * unit
+            self._chosen[spec.target] = key, step_mm
+        return replace(spec, step_mm=step_mm)
 
     def cast(
         self,

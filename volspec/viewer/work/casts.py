@@ -15,12 +15,13 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 from volspec.basis import Basis
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.raycast.quality import Quality
 from volspec.relight.layers import PackedLayers
 from volspec.scene.specs import MeshSpec
 from volspec.transfer import Transfer
@@ -61,6 +62,34 @@ def _lower_priority() -> None:
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
 
 
+class Pass(NamedTuple):
+    """A cast on the way to the whole picture.
+
+    Attributes
+    ----------
+    divisor : int
+        Of the picture's sides.
+    steps : {"own", "fast", "voxel"}
+        As the state asks; as quality "fast" does, long where opacities are gentle; or of a voxel,
+        for which nothing is estimated first.
+    """
+
+    divisor: int
+    steps: Literal["own", "fast", "voxel"] = "own"
+
+    def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:
+        """Return the pass's settings."""
+        if self.steps == "own":
+            return own
+        coarse = replace(own, quality="fast", step_mm=None)
+        if self.steps == "fast":
+            return coarse
+        return replace(coarse, step_mm=max(min(volume.spacing_mm), own.step_mm or 0.0))
+
+
+WHOLE = Pass(1)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CastJob:
     """A picture to be cast."""
@@ -70,7 +99,7 @@ class CastJob:
     camera: Camera
     shading: RaycastSpec
     size: tuple[int, int]  # width and height of the whole picture
-    divisors: tuple[int, ...]  # its sides are divided by these, one pass for each
+    passes: tuple[Pass, ...]
     room: SceneRoom | None = None  # to be seen behind the volume
     meshes: tuple[MeshSpec, ...] = ()  # to be seen in and around it
 
@@ -80,7 +109,7 @@ class CastDone:
     """Result of a pass: an image, an error's message, or neither if it was cancelled."""
 
     job: CastJob
-    divisor: int
+    made: Pass
     ms: float
     image: CoefficientImage | None = None
     error: str = ""
@@ -102,19 +131,19 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
     def _results(self, job: CastJob) -> Iterator[CastDone]:
         if (image := job.document.image) is not None:
             cast = replace(job, size=image.size)
-            yield CastDone(cast, 1, 0.0, image, packed=PackedLayers.of(image))
+            yield CastDone(cast, WHOLE, 0.0, image, packed=PackedLayers.of(image))
             return
-        for number, divisor in enumerate(job.divisors):
-            done = self._cast(job, divisor, spared=number == 0 and divisor > 1)
+        for number, each in enumerate(job.passes):
+            done = self._cast(job, each, spared=number == 0 and each.divisor > 1)
             yield done
             if done.image is None:
                 break
 
-    def _cast(self, job: CastJob, divisor: int, spared: bool) -> CastDone:
+    def _cast(self, job: CastJob, made: Pass, spared: bool) -> CastDone:
         if job.document.fault:
-            return CastDone(job, divisor, 0.0, error=job.document.fault)
-        width, height = (-(-side // divisor) for side in job.size)
-        done = CastDone(job, divisor, 0.0)
+            return CastDone(job, made, 0.0, error=job.document.fault)
+        width, height = (-(-side // made.divisor) for side in job.size)
+        done = CastDone(job, made, 0.0)
         started = time.perf_counter()
         try:
             surfaces = job.document.surfaces(job.meshes, job.transfer)
@@ -124,13 +153,13 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
                 job.transfer,
                 job.camera,
                 (width, height),
-                job.shading,
+                made.spec(job.shading, job.document.volume),
                 cancel=(lambda: self._closed) if spared else self._is_superseded,
                 caster=job.document.caster,
                 behind=(*surfaces, *(() if white is None else (white,))),
             )
             if white is not None:
-                image, walls = white.replaced(image, divisor == 1)
+                image, walls = white.replaced(image, made.divisor == 1)
                 done = replace(done, walls=walls)
             # In this thread, as it would cost the window's thread 20 to 40 ms.
             done = replace(done, image=image, packed=PackedLayers.of(image))
@@ -167,7 +196,7 @@ DIVISORS = (1, 2, 3, 4, 6, 8)
 # Coarse casts slower than the first become coarser; they become finer if that stays below the
 # second. The gap allows for simultaneous drawing and for work that does not depend on the size.
 SLOW_MS, QUICK_MS = 75.0, 45.0
-# A whole cast that takes longer gets a pass of half the size before it.
+# A whole cast that takes longer gets a pass with longer steps before it.
 STEP_MS = 900.0
 # A drag rests if the mouse is still for this long.
 REST_S = 0.15
@@ -179,16 +208,17 @@ class Pace:
 
     The time of a whole picture is 0 until it is known.
 
-    >>> Pace().after(4, 100.0).divisor, Pace().after(4, 4.0).divisor
+    >>> Pace().after(Pass(4), 100.0).divisor, Pace().after(Pass(4), 4.0).divisor
     (6, 2)
     """
 
     divisor: int = 4
     whole_ms: float = 0.0
 
-    def after(self, divisor: int, ms: float) -> Pace:
+    def after(self, made: Pass, ms: float) -> Pace:
         """Return the pace after a cast that took this long."""
-        if divisor == 1:
+        divisor = made.divisor
+        if made == WHOLE:
             paced = replace(self, whole_ms=ms)
             return paced if self.divisor > 1 or ms <= SLOW_MS else replace(paced, divisor=2)
         if divisor != self.divisor:
@@ -200,9 +230,18 @@ class Pace:
         return replace(self, divisor=finer[0]) if finer else self
 
     @property
-    def to_whole(self) -> tuple[int, ...]:
-        """Divisors of the passes from a coarse picture to the whole."""
-        return (2, 1) if self.divisor > 2 and self.whole_ms > STEP_MS else (1,)
+    def moving(self) -> Pass:
+        """The pass of a moving picture."""
+        return Pass(self.divisor, "voxel") if self.divisor > 1 else WHOLE
+
+    def to_whole(self, quality: Quality | float) -> tuple[Pass, ...]:
+        """Return the passes from a coarse picture to the whole of a quality.
+
+        Full size with long steps looks better than half the size, and takes as long.
+        """
+        if self.divisor <= 2 or self.whole_ms <= STEP_MS:
+            return (WHOLE,)
+        return (Pass(2) if quality == "fast" else Pass(1, "fast"), WHOLE)
 
 
 class CastScheduler:
@@ -226,17 +265,17 @@ class CastScheduler:
         if self._wanted is None or state.document is not self._wanted.document:
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now
-        divisor = self._pace.divisor
-        self._whole_wanted = held and divisor > 1
-        passes = (divisor,) if held or divisor == 1 else (divisor, *self._pace.to_whole)
-        self._request(state, passes)
+        moving = self._pace.moving
+        self._whole_wanted = held and moving != WHOLE
+        ends = held or moving == WHOLE
+        self._request(state, (moving,) if ends else (moving, *self._to_whole(state)))
 
     def tick(self, now: float, held: bool) -> None:
         """Request the whole picture if nothing moves any more."""
         rests = not held or now - self._changed_at >= REST_S
         if self._whole_wanted and rests and self._wanted is not None:
             self._whole_wanted = False
-            self._request(self._wanted, self._pace.to_whole)
+            self._request(self._wanted, self._to_whole(self._wanted))
 
     def take(self) -> list[CastDone]:
         """Return the casts that have ended, in order; their times change the pace."""
@@ -246,7 +285,7 @@ class CastScheduler:
             if done.image is None or wanted is None or done.job.document is not wanted.document:
                 continue
             if not self._first:
-                self._pace = self._pace.after(done.divisor, done.ms)
+                self._pace = self._pace.after(done.made, done.ms)
             self._first = False
         return taken
 
@@ -254,7 +293,10 @@ class CastScheduler:
         """End the thread."""
         self._worker.close()
 
-    def _request(self, state: ViewState, divisors: tuple[int, ...]) -> None:
+    def _to_whole(self, state: ViewState) -> tuple[Pass, ...]:
+        return self._pace.to_whole(state.shading.quality)
+
+    def _request(self, state: ViewState, passes: tuple[Pass, ...]) -> None:
         camera = state.view.camera(state.document.volume)
         self._worker.request(
             CastJob(
@@ -263,7 +305,7 @@ class CastScheduler:
                 camera,
                 cast_spec(state),
                 state.size,
-                divisors,
+                passes,
                 state.room if has_walls(state) else None,
                 state.meshes,
             )

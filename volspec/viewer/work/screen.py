@@ -252,7 +252,8 @@ class Screen:
     def take(self, done: CastDone, state: ViewState | None) -> None:
         """Take a pass of a cast that has ended."""
         how = "cancel" if done.image is None else "cast"
-        size = [-(-side // done.divisor) for side in done.job.size]
+        divisor, steps = done.made
+        size = [-(-side // divisor) for side in done.job.size]
         if done.error:
             self._notice.show(done.error, kind="error")
             how = "error"
@@ -260,7 +261,7 @@ class Screen:
                 # The picture that is shown belongs to another document.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
-        self._notice.trace.note(how, "cast", done.ms, divisor=done.divisor, size=size)
+        self._notice.trace.note(how, "cast", done.ms, divisor=divisor, steps=steps, size=size)
         if done.image is None or state is None or done.job.document is not state.document:
             return
         try:
@@ -272,7 +273,7 @@ class Screen:
         self._cast, self.fault = replace(done, packed=None), ""
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
-        self.image, self.whole = done.image, done.divisor == 1
+        self.image, self.whole = done.image, divisor == 1
         self._blank = not done.image.alpha.any()
         self._meter.ms["cast"] = done.ms
 
