@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 
 from benchmarks import (
     cast,
+    equal_error,
     export,
     limits,
     memory,
@@ -38,7 +39,7 @@ FIGURES = (
         export.figures,
         cast.figures,
         cast.vtk_gpu_figures,
-        cast.light_figures,
+        equal_error.figures,
     ),
     *(viewer.figures, webpage.figures, session.figures),
 )

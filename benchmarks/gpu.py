@@ -86,7 +86,7 @@ def cast_cells(
                     scene.volume, scene.transfer, scene.camera, size, spec, caster=which
                 )
 
-            pairs = in_turn(lambda: cast(caster), lambda: cast(pocl_caster))
+            pairs = in_turn(lambda: cast(caster), lambda: cast(pocl_caster)).wall
             gain = float(np.median(pairs[:, 1] / pairs[:, 0]))
             ratio = f", PoCL × {gain:.1f}" if pocl_caster else ""
             yield cell(float(np.median(pairs[:, 0]))) + ratio
@@ -133,7 +133,7 @@ def relit_cells(
 
 def median_ms(call: Callable[[], object]) -> float:
     """Return the median time of a call after another."""
-    return float(np.median(in_turn(call, lambda: None, runs=15)[:, 0]))
+    return float(np.median(in_turn(call, lambda: None, runs=15).wall[:, 0]))
 
 
 def main() -> None:

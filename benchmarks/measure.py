@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,10 @@ PAGE = Path(__file__).resolve().parent.parent / "docs" / "benchmarks.md"
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """One row of ``build/bench.json``; ratio = peer / ours, above 1 is ahead."""
+    """One row of ``build/bench.json``; ratio = peer / ours, above 1 is ahead.
+
+    Times are on the wall; ``cpu_ratio`` is that of the time of all cores.
+    """
 
     name: str
     peer: str
@@ -27,6 +31,20 @@ class Comparison:
     ratio: float
     device: str
     commit: str
+    cpu_ratio: float | None = None
+
+
+class Times(NamedTuple):
+    """Milliseconds of two sides, run alternately.
+
+    Attributes
+    ----------
+    wall, cpu : (runs, 2)
+        On the clock, and of all cores.
+    """
+
+    wall: NDArray[np.float64]
+    cpu: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,22 +83,27 @@ class Figure:
 
 def in_turn(
     ours: Callable[[], object], peer: Callable[[], object], our_calls: int = 1, runs: int = 7
-) -> NDArray[np.float64]:
-    """Return milliseconds of both callables, run alternately: (runs, 2).
+) -> Times:
+    """Time both callables alternately.
 
     Each side is timed right after an untimed call of its own, so that neither pays for caches that
     the other has filled, as when a user drags a slider. Compute statistics pair by pair, so that
     drifts of the machine's speed cancel.
     """
-    return np.array([(_warm_ms(ours, our_calls), _warm_ms(peer)) for _ in range(runs)])
+    times = np.array([(_warm_ms(ours, our_calls), _warm_ms(peer)) for _ in range(runs)])
+    return Times(times[..., 0], times[..., 1])
 
 
-def _warm_ms(call: Callable[[], object], calls: int = 1) -> float:
+def _warm_ms(call: Callable[[], object], calls: int = 1) -> NDArray[np.float64]:
     call()
-    started = time.perf_counter()
+    started = _clocks()
     for _ in range(calls):
         call()
-    return 1e3 * (time.perf_counter() - started) / calls
+    return 1e3 * (_clocks() - started) / calls
+
+
+def _clocks() -> NDArray[np.float64]:
+    return np.array([time.perf_counter(), time.process_time()])
 
 
 def commit() -> str:
@@ -106,14 +129,15 @@ def compare(
 
     ``our_calls`` calls of ours are timed together; the result is per call.
     """
-    pairs = in_turn(ours, peer, our_calls, runs)
-    ours_ms, peer_ms = (float(n) for n in np.median(pairs, axis=0))
-    ratio = float(np.median(pairs[:, 1] / pairs[:, 0]))
+    times = in_turn(ours, peer, our_calls, runs)
+    ours_ms, peer_ms = (float(n) for n in np.median(times.wall, axis=0))
+    ratio, cpu_ratio = (float(np.median(each[:, 1] / each[:, 0])) for each in times)
     print(
-        f"{name:28s} ours {ours_ms:8.1f} ms   {peer_name} {peer_ms:8.1f} ms   ratio {ratio:6.2f}",
+        f"{name:28s} ours {ours_ms:8.1f} ms   {peer_name} {peer_ms:8.1f} ms   ratio {ratio:6.2f}"
+        f"   of all cores' time {cpu_ratio:6.2f}",
         flush=True,
     )
-    return Comparison(name, peer_name, ours_ms, peer_ms, ratio, device, commit())
+    return Comparison(name, peer_name, ours_ms, peer_ms, ratio, device, commit(), cpu_ratio)
 
 
 def save(figures: Iterable[Figure]) -> None:

@@ -57,14 +57,14 @@ def figures() -> Iterator[Figure]:
     note = f"{ours:.0f} ms in a child, {peer:.0f} here"
     extra = median(pairs[:, 0] - pairs[:, 1])
     yield Figure("read/engine, a program's first", extra, 150.0, True, "ms more", note=note)
-    pairs = in_turn(lambda: load_volume(ENGINE), lambda: here(str(ENGINE)))
+    pairs = in_turn(lambda: load_volume(ENGINE), lambda: here(str(ENGINE))).wall
     extra = median(pairs[:, 0] - pairs[:, 1])
     yield Figure("read/engine, the next", extra, 150.0, True, "ms more")
     with tempfile.TemporaryDirectory() as folder:
         for suffix, packed in ((".nrrd", False), (".nii", False), (".nii.gz", True)):
             path = Path(folder, f"v{suffix}")
             _write(path, packed)
-            pairs = in_turn(partial(load_volume, path), partial(here, str(path)), runs=5)
+            pairs = in_turn(partial(load_volume, path), partial(here, str(path)), runs=5).wall
             ratio = median(pairs[:, 0] / pairs[:, 1])
             ours, peer = np.median(pairs, axis=0)
             note = f"{ours:.0f} ms in a child, {peer:.0f} here"

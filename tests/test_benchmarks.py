@@ -61,7 +61,7 @@ def test_both_sides_are_timed_alternately_after_a_call_of_their_own() -> None:
     calls: list[str] = []
     times = in_turn(lambda: calls.append("a"), lambda: calls.append("b"), our_calls=2, runs=2)
     assert "".join(calls) == "aaabb" * 2
-    assert times.shape == (2, 2)
+    assert times.wall.shape == times.cpu.shape == (2, 2)
 
 
 def test_a_figure_is_met_on_its_own_side() -> None:
@@ -102,7 +102,7 @@ def test_a_page_without_markers_is_refused() -> None:
         replaced("text", "t", "")
 
 
-@pytest.mark.parametrize("name", ["devices", "convergence", "figures"])
+@pytest.mark.parametrize("name", ["devices", "convergence", "equal error", "figures"])
 def test_the_page_has_room_for_what_scripts_write(name: str) -> None:
     assert between(PAGE.read_text(encoding="utf-8"), name).startswith("\n")
 
