@@ -14,9 +14,10 @@
 //
 // Reads   voxels       VOXEL[nz][ny][nx] (include/voxels.clh)
 //         brick_codes  uchar per brick of BRICK³ cells: visibility (include/rays.clh)
-//         opacity      float2[2][rows][last_entry + 2]: opacity of one whole step, difference to
-//                      the next entry; then the log of a step's transmittance (finite, also for
-//                      opaque entries), that of the next entry; rows by gradient if TABLE_ROWS > 1
+//         opacity      float2[2][rows][last_entry + 2]: opacity of one whole step, or with POWERS
+//                      of the reference step, difference to the left limit of the next entry; then
+//                      the log of a step's transmittance (finite, also for opaque entries), that
+//                      of the next's limit; rows by gradient if TABLE_ROWS > 1
 //         material_weights  floatV[rows][last_entry + 2][2][VECTORS]: weights of the materials in
 //                      the reflectance, and their difference to the next entry
 //         channels     float[WEIGHTS + 1][CHANNELS]: channels of each material, then of white

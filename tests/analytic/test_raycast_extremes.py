@@ -156,9 +156,9 @@ def test_every_channel_of_a_filtered_body_takes_what_beer_lambert_says(
 def test_grey_filters_are_flat_absorption(cast: Cast) -> None:
     volume = phantom.ball(16)
     spec = RaycastSpec(specular=0.4, alpha_stop=1)
-    at = np.linspace(0, 0.6, 64)
-    flat = TransferTable((0.0, 1.0), at, np.full((64, 2), 0.7), 1.0)
-    grey = replace(flat, filters=np.zeros((64, 2)))
+    at = np.linspace(0, 0.6, 256)
+    flat = TransferTable((0.0, 1.0), at, np.full((256, 2), 0.7), 1.0)
+    grey = replace(flat, filters=np.zeros((256, 2)))
     given = Camera.orbit(volume), (12, 12), spec
     pictures = [cast(volume, table, *given) for table in (flat, grey)]
     for one, other in zip(pictures[0][:2], pictures[1][:2], strict=True):

@@ -164,7 +164,7 @@ def test_a_flat_wall_does_not_shadow_itself(cells: int, source: Source) -> None:
     """
     z, _, x = np.mgrid[0:128, 0:128, 0:128].astype(np.float32)
     volume = Volume(np.clip(70 + 0.1 * x - z, 0, 1) * 200)
-    table = TransferTable((100.0, 200.0), np.array([0, 1.0]), np.ones((2, 1)), 1.0)
+    table = TransferTable((100.0, 200.0), np.array([0, 1.0]), np.ones((2, 1)), 0.5)
     view = Camera.orbit(volume, azimuth_deg=20, elevation_deg=60, zoom=5)
     bare = replace(source, **{"occlusion" if isinstance(source, Ambient) else "shadows": False})
     settings = {"ambient": 1, "diffuse": 1, "light_cells": cells}

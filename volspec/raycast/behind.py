@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from volspec.basis import Basis
 from volspec.raycast.camera import Camera
-from volspec.raycast.gpu import Raycaster
+from volspec.raycast.gpu import Raycaster, opacity_key
 from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.lights import HEADLIT
 from volspec.raycast.row_batches import Progress, Result
@@ -39,12 +39,9 @@ class OpacityCaster:
     @property
     def key(self) -> object:
         """Value that is equal for equal opacities."""
-        table = self.table
-        if isinstance(table, SurfaceTable):
-            return self._flat, table.values.tobytes(), table.opacity.tobytes()
-        filters = None if table.filters is None else table.filters.tobytes()
-        scale = table.domain, table.reference_step_mm, table.gradient_top, table.labels
-        return self._flat, scale, table.opacity.tobytes(), filters
+        filters = None if isinstance(self.table, SurfaceTable) else self.table.filters
+        passed = None if filters is None else filters.tobytes()
+        return self._flat, passed, *opacity_key(self.table)
 
     def __call__(
         self, camera: Camera, size: tuple[int, int]

@@ -209,10 +209,13 @@ def brick_codes(
     if isinstance(table, SurfaceTable):
         visible = straddled_bricks(low, high, table.values)
         return chessboard_distance(visible)
-    visible = visible_bricks(low, high, table.domain, table.opacity, table.labels)
+    sides = (table,) if table.left is None else (table, table.left_limits)
+    # Rows as of a table of gradients: any of them counts.
+    opacity = np.concatenate([np.atleast_2d(side.opacity) for side in sides])
+    visible = visible_bricks(low, high, table.domain, opacity, table.labels)
     codes = chessboard_distance(visible)
     if spec.adaptive > 0:
-        opacity = table.step_opacity(step_mm)
+        opacity = np.concatenate([np.atleast_2d(side.step_opacity(step_mm)) for side in sides])
         spread = opacity_spread(low, high, table.domain, opacity, table.labels)
         codes[visible & (spread < spec.adaptive)] = STRIDES
         codes[visible & (spread < spec.adaptive / 4)] = STRIDES + 1

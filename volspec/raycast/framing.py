@@ -119,7 +119,8 @@ def _visible_voxels(
             visible[(*ahead, slice(1, None))] |= passed
             visible[(*ahead, slice(None, -1))] |= passed
         return visible
-    opacity = np.atleast_2d(table.opacity).max(axis=0)
+    sides = (np.atleast_2d(side.opacity) for side in (table, table.left_limits))
+    opacity = np.concatenate(list(sides)).max(axis=0)
     low, high = table.domain
     at = np.rint((values.astype(np.float32) - low) * ((len(opacity) - 1) / (high - low)))
     shown = opacity > _HAZE * opacity.max()

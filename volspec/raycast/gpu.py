@@ -164,7 +164,7 @@ class Raycaster:
         groups = (LightGroup("light", sources),)
         plain = replace(spec, groups=groups, half=False, jitter=0.0)
         grey = _grey(table)
-        key = plain, *_opacity_key(table), grey.material_weights.tobytes()
+        key = plain, *opacity_key(table), grey.material_weights.tobytes()
         known, step_mm = self._chosen.get(spec.target, (None, 0.0))
         if known != key:
             cameras = [
@@ -366,7 +366,7 @@ class Raycaster:
         """Return the bricks' codes on the device; cached until opacities change."""
         # Opacities of a step matter only to adaptive ones.
         step = spec.step_of(self.volume) if spec.adaptive > 0 else 0.0
-        key = spec.mode, spec.adaptive, step, *_opacity_key(table)
+        key = spec.mode, spec.adaptive, step, *opacity_key(table)
         if self._brick_codes is None or self._brick_codes[0] != key:
             codes = brick_codes(self._low, self._high, table, spec, spec.step_of(self.volume))
             self._brick_codes = key, self._compute.upload(np.ascontiguousarray(codes))
@@ -405,12 +405,12 @@ class Raycaster:
         return self._compute.kernel(source, program.name)
 
 
-def _opacity_key(table: TransferTable | SurfaceTable) -> tuple[Any, ...]:
-    """Return what is equal for tables of equal opacities."""
+def opacity_key(table: TransferTable | SurfaceTable) -> tuple[Any, ...]:
+    """Return what is equal for tables of equal opacities, filters apart."""
     if isinstance(table, SurfaceTable):
         return table.values.tobytes(), table.opacity.tobytes()
     scale = table.domain, table.labels, table.reference_step_mm, table.gradient_top
-    return *scale, table.opacity.tobytes()
+    return *scale, table.opacity.tobytes(), table.left_limits.opacity.tobytes()
 
 
 def _grey(table: Table) -> Table:
@@ -421,6 +421,13 @@ def _grey(table: Table) -> Table:
     count, channels = table.channels.shape
     greys = np.where(np.arange(count) % 2, 0.3, 0.9)
     made = replace(table, channels=np.tile(greys[:, None], channels), white=np.ones(channels))
-    if isinstance(made, TransferTable) and made.filters is not None:
-        made = replace(made, filters=np.tile(made.filters.mean(axis=1, keepdims=True), channels))
-    return made
+    if not isinstance(made, TransferTable) or made.filters is None:
+        return made
+
+    def grey(filters: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.tile(filters.mean(axis=1, keepdims=True), channels)
+
+    left = made.left
+    if left is not None and left.filters is not None:
+        left = left._replace(filters=grey(left.filters))
+    return replace(made, filters=grey(made.filters), left=left)

@@ -50,6 +50,7 @@ CAST = Struct(
         ("float", "last_entry", "of the table"),
         ("float", "row_scale, last_row", "table rows per gradient; the last row"),
         ("float", "min_transmittance", "at which a ray ends"),
+        ("float", "power", "step by the reference step of opacities"),
         ("float", "first_opacity", "at which a ray counts as having hit something"),
         ("float", "gradient_scale", "central difference -> fraction of the volume's range"),
         ("float", "gradient_floor_squared", "in those fractions; shading fades below it"),
@@ -68,6 +69,8 @@ SHININESS_BITS = 6, 11
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 # Log of an opaque step's transmittance; finite, so that a step of no length is transparent.
 LOG_OPAQUE = -1e30
+# Error of opacities of a step between entries up to which these are taken as linear.
+MOST_BENT = 1e-5
 # Iterations of false position that place an isosurface within its step.
 ITERATIONS = 2
 # Nodes of the light volume around the volume, so that light can be read in front of its faces.
@@ -126,6 +129,7 @@ def _set_table(
     cast["last_entry"] = table.opacity.shape[-1] - 1
     if table.labels:
         return
+    cast["power"] = step / table.reference_step_mm
     cast["domain_low"], cast["domain_scale"] = table.domain[0], table.entries_per_value
     cast["domain_rest"] = table.domain[0] - float(cast["domain_low"])
     if table.gradient_top is not None:
@@ -175,23 +179,26 @@ class Program:
             opacity = np.zeros((1, 2), np.float32)
             mixed = np.insert(mixed, len(mixed) - 1, 0.0, axis=0)
         else:
+            sides = table, table.left_limits
             if spec.mode == "composite":
-                step_opacity = _rising(table.step_opacity(step_mm))
-                entries = np.stack([step_opacity, _log_transmittances(table, step_mm)])
+                powers = needs_powers(table, step_mm)
+                extra = {"POWERS": int(powers), "LOG_OPAQUE": LOG_OPAQUE}
+                steps = _rising(*(t.opacity if powers else t.step_opacity(step_mm) for t in sides))
+                entries = np.stack([steps, _log_transmittances(table, step_mm)])
             else:
                 name, extra = "projection", {"MAXIMUM": int(spec.mode == "maximum")}
-                entries = _rising(table.opacity)
+                entries = _rising(*(t.opacity for t in sides))
             rows = 1 if table.gradient_top is None else len(table.opacity)
             opacity = entries.astype(np.float32)
-            weights = _padded(with_rises(table.material_weights))
+            weights = _padded(with_rises(*(t.material_weights for t in sides)))
             if name == "raycast":
                 filters = np.zeros((1, 8))
             if table.filters is not None:
                 # Every channel has a transmittance: weights must be the channels themselves.
                 count = channels
                 mixed = np.vstack([np.eye(channels), table.white])
-                weights = _padded(with_rises(table.coefficients))
-                filters = with_rises(table.step_transmittance(step_mm))
+                weights = _padded(with_rises(*(t.coefficients for t in sides)))
+                filters = with_rises(*(t.step_transmittance(step_mm) for t in sides))
                 filters[-1, 0] = table.white
         width = vector_width(count)
         constants = {
@@ -236,27 +243,47 @@ def _check_compatible(table: TransferTable | SurfaceTable, spec: RaycastSpec) ->
         )
 
 
-def with_rises(entries: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return (…, N, K) entries with differences to the next, then zeros: (…, N + 1, 2, K)."""
+def needs_powers(table: TransferTable, step_mm: float) -> bool:
+    """Return True if opacities of a step, linear between entries, would be too far from right.
+
+    Opacities per reference step are linear there; kernels with POWERS interpolate these.
+    """
+    if table.labels or table.gradient_top is not None or table.filters is not None:
+        return False
+    starts, ends = table.opacity[:-1], table.left_limits.opacity[1:]
+    opacity = np.stack([starts, ends, 0.5 * (starts + ends)])
+    start, end, middle = (1 - opacity) ** (step_mm / table.reference_step_mm)
+    return bool(np.abs(middle - 0.5 * (start + end)).max() > MOST_BENT)
+
+
+def with_rises(entries: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return (…, N, K) entries with differences to the next's limits, then zeros.
+
+    The result is (…, N + 1, 2, K).
+    """
     *others, count, width = entries.shape
     rows = np.zeros((*others, count + 1, 2, width))
     rows[..., :-1, 0, :] = entries
-    rows[..., :-2, 1, :] = np.diff(entries, axis=-2)
+    rows[..., :-2, 1, :] = limits[..., 1:, :] - entries[..., :-1, :]
     return rows
 
 
-def _rising(entries: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rising(entries: NDArray[np.float64], limits: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return (…, N) entries with differences, as `with_rises`: (…, N + 1, 2)."""
-    return with_rises(entries[..., None])[..., 0]
+    return with_rises(entries[..., None], limits[..., None])[..., 0]
 
 
 def _log_transmittances(table: TransferTable, step_mm: float) -> NDArray[np.float64]:
-    """Return (…, N + 1, 2) logs of a step's transmittance at an entry and the next; then zeros."""
+    """Return logs of a step's transmittance at an entry and at the next's limit; then zeros.
+
+    The result is (…, N + 1, 2).
+    """
+    opacity = np.stack([table.opacity, table.left_limits.opacity])
     with np.errstate(divide="ignore"):
-        logs = np.log1p(-table.opacity) * (step_mm / table.reference_step_mm)
-    logs = np.maximum(logs, LOG_OPAQUE)
-    rows = np.zeros((*logs.shape[:-1], logs.shape[-1] + 1, 2))
-    rows[..., :-1, 0], rows[..., :-2, 1] = logs, logs[..., 1:]
+        logs = np.log1p(-opacity) * (step_mm / table.reference_step_mm)
+    here, limits = np.maximum(logs, LOG_OPAQUE)
+    rows = np.zeros((*here.shape[:-1], here.shape[-1] + 1, 2))
+    rows[..., :-1, 0], rows[..., :-2, 1] = here, limits[..., 1:]
     return rows
 
 

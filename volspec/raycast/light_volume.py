@@ -477,8 +477,12 @@ def _constants(
 def _with_table(
     constants: NDArray[np.void], volume: Volume, table: TransferTable, grid: LightGrid
 ) -> tuple[NDArray[np.float32], int]:
-    entries = extinction_per_mm(table.opacity, table.reference_step_mm / grid.cell_mm)
-    rows = np.stack([entries, np.diff(entries, append=entries[..., -1:])], axis=-1)
+    entries, limits = (
+        extinction_per_mm(side.opacity, table.reference_step_mm / grid.cell_mm)
+        for side in (table, table.left_limits)
+    )
+    rows = np.stack([entries, np.zeros_like(entries)], axis=-1)
+    rows[..., :-1, 1] = limits[..., 1:] - entries[..., :-1]
     last = entries.shape[-1] - 1
     constants["last_entry"], constants["domain_low"] = last, table.domain[0]
     constants["domain_scale"] = table.entries_per_value

@@ -221,7 +221,9 @@ class _Filtered(_March):
         point = self.point(live, middle)
         gradient = self.sampler.gradient(point) if self.normals else None
         _, reflectance = classify(self.table, self.sampler, point, gradient, self.step)
-        entries = self.table.step_transmittance(self.step)
+        entries = [
+            side.step_transmittance(self.step) for side in (self.table, self.table.left_limits)
+        ]
         j, f = find_entry(self.table, self.sampler.value(point))
         passed = interpolate(entries, j, f) ** ((end - begin) / self.step)[:, None]
         lost = self.channel_transmittance[live] * (1 - passed)
@@ -298,8 +300,9 @@ class _Projection(_March):
             value = self.sum[rays] / self.length[rays]
             place = 0.5 * (self.rays.near + self.rays.far)[rays]
         j, f = find_entry(self.table, value)
-        alpha = interpolate(self.table.opacity, j, f)
-        reflectance = interpolate(self.table.coefficients, j, f)
+        sides = self.table, self.table.left_limits
+        alpha = interpolate([side.opacity for side in sides], j, f)
+        reflectance = interpolate([side.coefficients for side in sides], j, f)
         unshaded = np.array(list(self.spec.strengths().values()))
         light = unshaded[:, None] * reflectance[:, None, :]
         self.colour[rays] = alpha[:, None, None] * light
@@ -378,7 +381,10 @@ def extinction(
 
 def _table_extinction(volume: Volume, table: TransferTable) -> Array:
     """Return (Z, Y, X) σ of voxels: linear between the table's entries, not between labels."""
-    entries = extinction_per_mm(table.opacity, table.reference_step_mm)
+    entries, limits = (
+        extinction_per_mm(side.opacity, table.reference_step_mm)
+        for side in (table, table.left_limits)
+    )
     values = volume.values.astype(np.float64)
     last = entries.shape[-1] - 1
     if table.labels:
@@ -389,12 +395,12 @@ def _table_extinction(volume: Volume, table: TransferTable) -> Array:
     j = np.minimum(at.astype(int), last - 1)
     f = at - j
     if table.gradient_top is None:
-        return entries[j] + f * (entries[j + 1] - entries[j])
+        return entries[j] + f * (limits[j + 1] - entries[j])
     rows = np.clip(_gradient(volume) / table.gradient_top, 0, 1) * (len(entries) - 1)
     r = np.minimum(rows.astype(int), len(entries) - 2)
     g = rows - r
-    below = entries[r, j] + f * (entries[r, j + 1] - entries[r, j])
-    above = entries[r + 1, j] + f * (entries[r + 1, j + 1] - entries[r + 1, j])
+    below = entries[r, j] + f * (limits[r, j + 1] - entries[r, j])
+    above = entries[r + 1, j] + f * (limits[r + 1, j + 1] - entries[r + 1, j])
     return below + g * (above - below)
 
 

@@ -5,14 +5,14 @@ Twins: ``kernels/include/rays.clh``, ``field.clh`` and ``shade.clh``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.kernel_arguments import gradient_scale, numbered_sources
+from volspec.raycast.kernel_arguments import gradient_scale, needs_powers, numbered_sources
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Point, Source
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import SurfaceTable, TransferTable
@@ -288,18 +288,26 @@ def classify(
     if table.labels:
         channels = np.vstack([table.coefficients, np.zeros(table.size)])
         return value, channels[sampler.label(point)]
-    opacity, coefficients = table.step_opacity(step_mm), table.coefficients
     j, f = find_entry(table, value)
+    sides = table, table.left_limits
+    coefficients = [side.coefficients for side in sides]
+    if needs_powers(table, step_mm):
+        alone = interpolate([side.opacity for side in sides], j, f)
+        power = step_mm / table.reference_step_mm
+        return 1 - (1 - alone) ** power, interpolate(coefficients, j, f)
+    opacity = [side.step_opacity(step_mm) for side in sides]
     if table.gradient_top is None:
         return interpolate(opacity, j, f), interpolate(coefficients, j, f)
     assert gradient is not None
-    rows = len(opacity) - 1
+    rows, entries = len(table.opacity) - 1, table.opacity.shape[1]
     steepness = np.linalg.norm(gradient, axis=1) / sampler.fraction_per_mm
     height = np.clip(steepness / table.gradient_top * rows, 0, rows)
     row = np.minimum(height.astype(int), rows - 1)
     g = height - row
-    flat = [each.reshape(-1, *each.shape[2:]) for each in (opacity, coefficients)]
-    low, high = row * opacity.shape[1] + j, (row + 1) * opacity.shape[1] + j
+    flat = [
+        [each.reshape(-1, *each.shape[2:]) for each in both] for both in (opacity, coefficients)
+    ]
+    low, high = row * entries + j, (row + 1) * entries + j
     step_opacity, reflectance = (
         lerp(interpolate(each, low, f), interpolate(each, high, f), g) for each in flat
     )
@@ -315,9 +323,10 @@ def find_entry(table: TransferTable, value: Array) -> tuple[Index, Array]:
     return j, at - j
 
 
-def interpolate(entries: Array, j: Index, f: Array) -> Array:
-    """Interpolate entries at j + f."""
-    return lerp(entries[j], entries[j + 1], f)
+def interpolate(sides: Sequence[Array], j: Index, f: Array) -> Array:
+    """Interpolate at j + f: entries, and their left limits, from an entry to the next's limit."""
+    entries, limits = sides
+    return lerp(entries[j], limits[j + 1], f)
 
 
 def lerp(a: Array, b: Array, f: Array) -> Array:

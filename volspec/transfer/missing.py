@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from volspec.transfer.discrete import Isosurfaces, LabelFunction
 from volspec.transfer.model import TransferFunction
 from volspec.transfer.regions import TransferFunction2D
-from volspec.transfer.table import SurfaceTable, TransferTable
+from volspec.transfer.table import Entries, SurfaceTable, TransferTable
 from volspec.volume import Volume
 
 # Most entries of a table.
@@ -51,24 +51,37 @@ def transparent_below(table: TransferTable, least: float) -> TransferTable:
         entry = (high - min(low, least)) / (_MOST_ENTRIES - 2)
         start = high - entry * (_MOST_ENTRIES - 1)
         at = start + entry * np.arange(_MOST_ENTRIES)
+        positions = np.clip((at - low) / (high - low) * (count - 1), 0, count - 1)
     else:
         start = low - more * entry
-        at = np.concatenate([start + entry * np.arange(more), np.linspace(low, high, count)])
-    positions = np.clip((at - low) / (high - low) * (count - 1), 0, count - 1)
+        positions = np.maximum(np.arange(-more, count), 0)
+    first = np.minimum(positions.astype(np.intp), count - 1)
+    fraction = positions - first
 
-    def resampled(values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
-        first = np.minimum(positions.astype(np.intp), count - 2)
-        fraction = (positions - first).reshape([-1 if a == axis else 1 for a in range(values.ndim)])
-        below, above = np.take(values, first, axis), np.take(values, first + 1, axis)
-        return np.asarray(below * (1 - fraction) + above * fraction)
+    def resampled(
+        here: NDArray[np.float64], limits: NDArray[np.float64], axis: int
+    ) -> NDArray[np.float64]:
+        f = fraction.reshape([-1 if a == axis else 1 for a in range(here.ndim)])
+        below = np.take(here, first, axis)
+        above = np.take(limits, np.minimum(first + 1, count - 1), axis)
+        return np.asarray(below * (1 - f) + above * f)
 
-    opacity = resampled(table.opacity, table.opacity.ndim - 1)
-    opacity[..., 0] = 0.0
-    filters = None if table.filters is None else resampled(table.filters, 0)
+    def entries(here: TransferTable, limits: TransferTable) -> Entries:
+        along = table.opacity.ndim - 1
+        opacity = resampled(here.opacity, limits.opacity, along)
+        opacity[..., 0] = 0.0
+        weights = resampled(here.material_weights, limits.material_weights, along)
+        if here.filters is None or limits.filters is None:
+            return Entries(opacity, weights, None)
+        return Entries(opacity, weights, resampled(here.filters, limits.filters, 0))
+
+    opacity, weights, filters = entries(table, table.left_limits)
+    left = None if table.left is None else entries(table.left_limits, table.left_limits)
     return replace(
         table,
         domain=(start, high),
         opacity=opacity,
-        material_weights=resampled(table.material_weights, table.opacity.ndim - 1),
+        material_weights=weights,
         filters=filters,
+        left=left,
     )

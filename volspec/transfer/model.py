@@ -3,7 +3,8 @@
     volume -> [transfer] -> raycast -> relight -> appearance
 
 Opacity and reflectance are interpolated linearly between points and constant beyond the first and
-the last. Baking analyses the materials in the basis and samples the curve into a table; the
+the last; at two points of one value they step, and the value itself has the second. Baking analyses
+the materials in the basis and samples the curve into a table, with entries on the points; the
 raycaster reads only that table, which has channels instead of reflectances.
 """
 
@@ -14,20 +15,24 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import TransferError, VolspecWarning
 from volspec.spectra import Spectrum
 from volspec.transfer import mixes
 from volspec.transfer.mixes import Point
-from volspec.transfer.table import TransferTable, power_of_two
+from volspec.transfer.table import Array, Entries, TransferTable
 
 _WHO = "TransferFunction"
 # Entries over values; a table with gradients also has rows, and must still fit in a cache.
 _SIZES, _SIZES_WITH_GRADIENT, _ROWS = (1024, 65536), (1024, 4096), (64, 256)
+# Points this near an entry, in entries, are on it.
+_ON_ENTRY = 1e-6
+# Of points that have a common measure.
+_DECIMALS = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -122,7 +127,8 @@ class TransferFunction:
             Smallest spacing of the volume, used if the function has no reference step.
         size : int, optional
             Number of entries; by default 1024 to 65536, or to 4096 with ``gradient_opacity``, by
-            the distance of the closest points. Warns if points are too close even for that.
+            the distance of the closest points, and so that entries lie on the points. Warns if
+            points are too close even for that. A step at an end takes an entry more.
         rows : int, optional
             Number of rows of a table with gradients; by default 64 to 256, chosen likewise.
 
@@ -132,39 +138,62 @@ class TransferFunction:
             Opacity (N,), or (G, N) with ``gradient_opacity``.
         """
         values = np.array([value for value, _, _ in self.points])
-        opacities = np.array([opacity for _, opacity, _ in self.points])
         own_mixes = [mix for _, _, mix in self.points]
         weights, channels = mixes.weights_and_channels(own_mixes, self.materials, self.basis)
+        weights = np.column_stack([[opacity for _, opacity, _ in self.points], weights])
+        used = mixes.used_materials(own_mixes)
+        own = {name: each for name, each in (self.filters or {}).items() if name in used}
+        filters = None
+        if own and isinstance(self.basis, SpectralBasis):
+            filters = mixes.filter_rows(own_mixes, own, self.basis)
+        top, factors = None, None
+        if self.gradient_opacity is not None:
+            gradients, of_gradients = np.array(self.gradient_opacity).T
+            top = float(gradients[-1])
+            if rows is None:
+                rows = _table_size("gradients", gradients, 0.0, _ROWS)
+            factors = np.interp(np.linspace(0, top, rows), gradients, of_gradients)
         low, high = values[0], values[-1]
         if low == high:  # a single value, but a table needs two ends
             low, high = low - 0.5, high + 0.5
-        limits = _SIZES if self.gradient_opacity is None else _SIZES_WITH_GRADIENT
-        at = np.linspace(low, high, size or _table_size("points", values, low, limits))
-        opacity = _sample(at, values, opacities[:, None])[:, 0]
-        weights = _sample(at, values, weights)
-        top, filters = None, None
-        if self.gradient_opacity is not None:
-            gradients, factors = np.array(self.gradient_opacity).T
-            top = float(gradients[-1])
-            row_at = np.linspace(0, top, rows or _table_size("gradients", gradients, 0.0, _ROWS))
-            opacity = np.interp(row_at, gradients, factors)[:, None] * opacity
-            # Copied, since the device reads the memory as laid out.
-            weights = np.ascontiguousarray(np.broadcast_to(weights, (len(row_at), *weights.shape)))
-        used = mixes.used_materials(own_mixes)
-        own = {name: each for name, each in (self.filters or {}).items() if name in used}
-        if own and isinstance(self.basis, SpectralBasis):
-            weighted = _sample(at, values, mixes.filter_rows(own_mixes, own, self.basis))
+        limits = _SIZES if factors is None else _SIZES_WITH_GRADIENT
+        if size is None:
+            size = _table_size("points", values, low, limits)
+        places = _places(values, low, high, size)
+        # A step at an end needs an entry on its other side.
+        entry = (high - low) / (size - 1)
+        steps = np.diff(places) == 0
+        if steps.any() and places[0] == places[1] == 0:
+            low, size, places = low - entry, size + 1, places + 1
+        if steps.any() and places[-1] == places[-2] == size - 1:
+            high, size = high + entry, size + 1
+
+        def entries(side: Literal["left", "right"]) -> Entries:
+            sampled = _sample(size, places, weights, side)
+            opacity, shares = sampled[:, 0], sampled[:, 1:]
+            if factors is not None:
+                opacity = factors[:, None] * opacity
+                # Copied, since the device reads the memory as laid out.
+                shares = np.ascontiguousarray(
+                    np.broadcast_to(shares, (len(factors), *shares.shape))
+                )
+            if filters is None:
+                return Entries(opacity, shares, None)
+            weighted = _sample(size, places, filters, side)
             # A mean of rows within 0…1 may leave this range by rounding.
-            filters = (weighted[:, :-1] / weighted[:, -1:]).clip(0, 1)
+            return Entries(opacity, shares, (weighted[:, :-1] / weighted[:, -1:]).clip(0, 1))
+
+        opacity, shares, passed = entries("right")
         return TransferTable(
             domain=(float(low), float(high)),
             opacity=opacity,
-            material_weights=weights,
+            material_weights=shares,
             channels=channels,
             reference_step_mm=self.reference_step_mm or smallest_spacing_mm,
             white=self.basis.white,
             gradient_top=top,
-            filters=filters,
+            filters=passed,
+            left=entries("left") if steps.any() else None,
         )
 
 
@@ -187,33 +216,51 @@ def _checked_factors(given: Sequence[tuple[float, float]]) -> tuple[tuple[float,
     return tuple(checked)
 
 
-def _sample(
-    at: NDArray[np.float64], values: NDArray[np.float64], rows: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Interpolate (P, C) rows over (P,) values at (N,) positions: (N, C)."""
-    # np.interp needs rising positions: the later of two points of equal value moves up by one
-    # unit in the last place, which keeps the step sharp.
-    rising = values.copy()
-    for i in range(1, len(rising)):
-        rising[i] = max(rising[i], np.nextafter(rising[i - 1], np.inf))
-    sampled = np.stack([np.interp(at, rising, column) for column in rows.T], axis=1)
-    # The ends take the first and the last point, even at a step.
-    sampled[[0, -1]] = rows[[0, -1]]
-    return sampled
+def _sample(size: int, places: Array, rows: Array, side: Literal["left", "right"]) -> Array:
+    """Interpolate (P, C) rows at (P,) places to the limits of entries, (size, C), from a side."""
+    at = np.arange(size)
+    after = np.searchsorted(places, at, side)
+    a, b = (each.clip(0, len(places) - 1) for each in (after - 1, after))
+    gap = places[b] - places[a]
+    fraction = np.divide(at - places[a], gap, out=np.zeros(size), where=gap > 0)[:, None]
+    return np.asarray(rows[a] + fraction * (rows[b] - rows[a]))
 
 
-def _table_size(what: str, points: NDArray[np.float64], low: float, limits: tuple[int, int]) -> int:
-    """Return the number of entries that puts four between the closest points of different value."""
-    gaps = np.diff(points)
+def _places(values: Array, low: float, high: float, size: int) -> Array:
+    """Return the points' places in a table's entries; steps are moved to the nearest one."""
+    places = (values - low) / (high - low) * (size - 1)
+    nearest = np.rint(places)
+    steps = np.diff(values) == 0
+    moved = np.append(steps, False) | np.insert(steps, 0, False)
+    return np.where(moved | (np.abs(places - nearest) < _ON_ENTRY), nearest, places)
+
+
+def _table_size(what: str, points: Array, low: float, limits: tuple[int, int]) -> int:
+    """Return the number of entries: at least four between the closest points, and on the points."""
+    gaps = np.diff(points, prepend=low)
     if not (gaps > 0).any():
         return limits[0]
     i = int(np.where(gaps > 0, gaps, np.inf).argmin())
     span = points[-1] - low
     if span > limits[1] * gaps[i]:
         warnings.warn(
-            f"{_WHO}: {what} at {points[i]:g} and {points[i + 1]:g} are too close for the span "
+            f"{_WHO}: {what} at {points[i - 1]:g} and {points[i]:g} are too close for the span "
             f"{low:g}…{points[-1]:g} and may be missed; leave out the outer {what}",
             VolspecWarning,
             stacklevel=3,
         )
-    return power_of_two(4 * span / gaps[i], limits)
+    least, most = int(np.clip(np.ceil(4 * span / gaps[i]), limits[0] - 1, limits[1] - 1)), limits[1]
+    # Whole numbers, or decimals, have a common measure.
+    for decimals in range(_DECIMALS + 1):
+        scaled = (points - low) * 10.0**decimals
+        whole = np.rint(scaled)
+        if np.abs(scaled - whole).max() < 1e-9 * scaled[-1] + 1e-12:
+            cells = int(whole[-1]) // int(np.gcd.reduce(whole.astype(np.int64)))
+            times = min(-(-least // cells), (most - 1) // cells)
+            if times > 0:
+                return cells * times + 1
+            break
+    # Otherwise the size for which the points are nearest to entries.
+    sizes = np.arange(least, min(2 * least, most))
+    shares = np.unique((points - low) / span)[:, None] * sizes
+    return int(sizes[np.abs(shares - np.rint(shares)).max(axis=0).argmin()]) + 1

@@ -19,7 +19,8 @@ References
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,9 +51,24 @@ def power_of_two(least: float, limits: tuple[int, int]) -> int:
     return int(np.clip(2.0 ** np.ceil(np.log2(np.clip(least, low, high))), low, high))
 
 
+class Entries(NamedTuple):
+    """What a table has at its entries, or as their limits from below; shapes are the table's."""
+
+    opacity: Array
+    material_weights: Array
+    filters: Array | None
+
+    @property
+    def shapes(self) -> list[tuple[int, ...]]:
+        """Of the arrays that are there."""
+        return [each.shape for each in self if each is not None]
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TransferTable:
     """A transfer function over values, or over values and gradients.
+
+    Between entries j and j + 1, everything is linear from entry j to the left limit of the next.
 
     Parameters
     ----------
@@ -75,6 +91,8 @@ class TransferTable:
         transmits 1 − opacity (1 − filter). If omitted, 0: all wavelengths are absorbed alike.
     labels : bool
         True if entry i is for label i, without interpolation between entries.
+    left : Entries, optional
+        Limits from below, which differ from the entries where the function steps; none by default.
 
     Raises
     ------
@@ -92,6 +110,7 @@ class TransferTable:
     gradient_top: float | None = None
     filters: NDArray[np.float64] | None = None
     labels: bool = False
+    left: Entries | None = None
     shares = renamed_attribute("material_weights")
 
     def __post_init__(self) -> None:
@@ -128,6 +147,15 @@ class TransferTable:
             if _set_array(self, "filters").shape != expected or two or self.labels:
                 raise _shape_error(self, "filters", f"{expected}, over values alone")
             _check_range(self, "filters")
+        if self.left is not None:
+            given = Entries(self.opacity, self.material_weights, self.filters)
+            if given.shapes != self.left.shapes:
+                raise TransferError(
+                    "differs in shape from the entries",
+                    "give limits of opacity, material_weights and filters",
+                    code="shape",
+                    field="TransferTable.left",
+                )
 
     @property
     def size(self) -> int:
@@ -138,6 +166,14 @@ class TransferTable:
     def coefficients(self) -> NDArray[np.float64]:
         """(…, M) channels of the reflectance at every entry, not premultiplied."""
         return self.material_weights @ self.channels
+
+    @property
+    def left_limits(self) -> TransferTable:
+        """Table whose entries are the left limits of this one's."""
+        if self.left is None:
+            return self
+        opacity, weights, filters = self.left
+        return replace(self, opacity=opacity, material_weights=weights, filters=filters, left=None)
 
     @property
     def entries_per_value(self) -> float:
@@ -257,8 +293,8 @@ def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Row
     """Return the kernel's rows: running integrals over the entries, rates, and their increments.
 
     With τ_j = −log(max(1 − α_j, 1e-6)), the extinction of a whole step at entry j, and
-    c_j = [τ_j, τ_j w_j1, …, τ_j w_jK], linear between entries, the integral over entry
-    positions from 0 to j + f is I_j + f (c_j + f rise_j / 2), 0 ≤ f ≤ 1.
+    c_j = [τ_j, τ_j w_j1, …, τ_j w_jK], linear from an entry to the left limit b_{j+1} of the next,
+    the integral over entry positions from 0 to j + f is I_j + f (c_j + f rise_j / 2), 0 ≤ f ≤ 1.
 
     Parameters
     ----------
@@ -270,10 +306,10 @@ def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Row
     Returns
     -------
     rows_hi, rows_lo : (N, 1 + K) float32
-        I_j = Σ_{i<j} (c_i + c_{i+1}) / 2 as a sum of two, since a single float32 would lose small
+        I_j = Σ_{i<j} (c_i + b_{i+1}) / 2 as a sum of two, since a single float32 would lose small
         segments far along a long table.
     rates, rises : (N, 1 + K) float32
-        c_j, and c_{j+1} − c_j, 0 in the last row.
+        c_j, and b_{j+1} − c_j, 0 in the last row.
 
     Raises
     ------
@@ -287,11 +323,11 @@ def integral_rows(table: TransferTable, step_mm: float) -> tuple[Rows, Rows, Row
     >>> [f"{integral:.4f}" for integral in hi[:, 0]], [f"{rate:.4f}" for rate in rates[:, 0]]
     (['0.0000', '0.3466', '1.0397'], ['0.0000', '0.6931', '0.6931'])
     """
-    c = _extinctions(table, step_mm)
-    integral = _integral(c)
+    c, b = _extinctions(table, step_mm)
+    integral = _integral(c, b)
     high = integral.astype(np.float32)
     low = (integral - high).astype(np.float32)
-    rises = np.diff(c, axis=0, append=c[-1:])
+    rises = np.append(b[1:] - c[:-1], np.zeros_like(c[:1]), axis=0)
     return high, low, c.astype(np.float32), rises.astype(np.float32)
 
 
@@ -326,7 +362,7 @@ def segment_means(
     >>> segment_means(table, 1, [0, 1.5, 1], [2, 1.5, 9]).round(4).tolist()
     [[0.5199, 0.5199], [0.6931, 0.6931], [0.6931, 0.6931]]
     """
-    c = _extinctions(table, step_mm)
+    c, rim = _extinctions(table, step_mm)
     fronts, backs = (np.asarray(v, dtype=np.float64) for v in (front_values, back_values))
     if fronts.ndim != 1 or fronts.shape != backs.shape:
         raise ShapeError(
@@ -336,17 +372,17 @@ def segment_means(
     low, high = table.domain
     last = len(c) - 1
     a, b = ((v - low) / (high - low) * last for v in (fronts, backs))
-    integral = _integral(c)
-    gathered = _integral_at(c, integral, b) - _integral_at(c, integral, a)
+    integral = _integral(c, rim)
+    gathered = _integral_at(c, rim, integral, b) - _integral_at(c, rim, integral, a)
     apart = np.abs(b - a) >= NEAREST_POSITIONS
     mean = gathered / np.where(apart, b - a, 1)[:, None]
     j, f = _split((a + b) / 2, last)
-    middle = c[j] + f * (c[j + 1] - c[j])
+    middle = c[j] + f * (rim[j + 1] - c[j])
     return np.where(apart[:, None], mean, middle)
 
 
-def _extinctions(table: TransferTable, step_mm: float) -> Array:
-    """Return c (N, 1 + K): extinction of a whole step, alone and times each weight."""
+def _extinctions(table: TransferTable, step_mm: float) -> tuple[Array, Array]:
+    """Return c and b (N, 1 + K): extinction of a whole step, alone and times each weight."""
     if table.gradient_top is not None or table.labels:
         kind = "labels" if table.labels else "gradients"
         raise TransferError(
@@ -355,22 +391,26 @@ def _extinctions(table: TransferTable, step_mm: float) -> Array:
         )
     if not (math.isfinite(step_mm) and step_mm > 0):
         raise TransferError.refused("preintegration.step_mm", step_mm, "give mm above 0", "range")
-    tau = 0.0 - np.log(np.maximum(1 - table.step_opacity(step_mm), LEAST_TRANSMITTANCE))
-    return tau[:, None] * np.column_stack([np.ones(len(tau)), table.material_weights])
+
+    def of(limits: TransferTable) -> Array:
+        tau = 0.0 - np.log(np.maximum(1 - limits.step_opacity(step_mm), LEAST_TRANSMITTANCE))
+        return tau[:, None] * np.column_stack([np.ones(len(tau)), limits.material_weights])
+
+    return of(table), of(table.left_limits)
 
 
-def _integral(c: Array) -> Array:
-    """Return the (N, C) integral from position 0 to every entry, c being linear in between."""
+def _integral(c: Array, b: Array) -> Array:
+    """Return the (N, C) integral from position 0 to every entry, linear in between."""
     integral = np.zeros_like(c)
-    np.cumsum((c[:-1] + c[1:]) / 2, axis=0, out=integral[1:])
+    np.cumsum((c[:-1] + b[1:]) / 2, axis=0, out=integral[1:])
     return integral
 
 
-def _integral_at(c: Array, integral: Array, position: Array) -> Array:
+def _integral_at(c: Array, b: Array, integral: Array, position: Array) -> Array:
     """Return the (R, C) integral from 0 to any position, with the ends' rates beyond the table."""
     last = len(c) - 1
     j, f = _split(position, last)
-    inside = integral[j] + f * (c[j] + f * (c[j + 1] - c[j]) / 2)
+    inside = integral[j] + f * (c[j] + f * (b[j + 1] - c[j]) / 2)
     below, above = np.minimum(position, 0)[:, None], np.maximum(position - last, 0)[:, None]
     return inside + below * c[0] + above * c[-1]
 
