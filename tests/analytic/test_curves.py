@@ -131,6 +131,6 @@ def test_every_pixel_is_that_of_the_curve(name: str, step: float) -> None:
     caster = Raycaster(volume)
     ours = caster.cast(caster.bake(transfer), camera, (32, 32), spec)
     coefficients, alpha = cast_curve(volume, transfer, camera, (32, 32), step)
-    assert alpha.max() > 0.5 * max(opacity for _, opacity, _ in case.points)
+    assert alpha.max() > 0.25 * max(opacity for _, opacity, _ in case.points)
     assert np.abs(ours.alpha - alpha).max() < case.most
     assert np.abs(ours.coefficients - coefficients).max() < case.most

@@ -52,7 +52,7 @@ def power_of_two(least: float, limits: tuple[int, int]) -> int:
 
 
 class Entries(NamedTuple):
-    """What a table has at its entries, or as their limits from below; shapes are the table's."""
+    """A table's arrays at its entries, or their limits from below."""
 
     opacity: Array
     material_weights: Array
@@ -60,7 +60,7 @@ class Entries(NamedTuple):
 
     @property
     def shapes(self) -> list[tuple[int, ...]]:
-        """Of the arrays that are there."""
+        """Shapes of the arrays that are there."""
         return [each.shape for each in self if each is not None]
 
 
