@@ -59,7 +59,6 @@ CAST = Struct(
         ("int", "bricks_x, bricks_y", "number of bricks"),
         ("int", "light_x, light_y, light_z", "nodes of the light volume"),
         ("int", "plane_count", ""),
-        ("int", "sources", "of light"),
         ("int", "shininess", "Blinn-Phong exponent"),
         ("int", "seed", "of the jitter"),
     ),
@@ -105,7 +104,6 @@ def cast_struct(
     cast["shade"] = spec.ambient, spec.diffuse, spec.specular, 0
     planes = spec.index_planes(volume)
     cast["planes"][: len(planes)], cast["plane_count"] = planes, len(planes)
-    cast["sources"] = len(numbered_sources(spec))
     cast["shininess"], cast["seed"] = spec.shininess, np.uint32(spec.seed).view(np.int32)
     cast["step"], cast["min_transmittance"] = step / unit, spec.least_transmittance
     cast["jitter"], cast["first_opacity"] = spec.jitter, spec.first_opacity
@@ -309,35 +307,43 @@ def numbered_sources(spec: RaycastSpec) -> list[tuple[int, Source]]:
 def source_rows(
     volume: Volume, camera: Camera, spec: RaycastSpec, layers: Sequence[int]
 ) -> NDArray[np.float32]:
-    """Return (3 + 2 · sources, 4): world rows, then sources (shade.clh).
+    """Return (R, 4): world rows, groups and sources (shade.clh).
 
     ``layers`` are the sources' in the light volume, -1 for none.
     """
     unit = min(volume.spacing_mm)
-    sources = numbered_sources(spec)
-    rows = np.zeros((3 + 2 * len(sources), 4))
     # Positions are relative to the camera's target, to keep them small.
     world = volume.world_from_index[:3].copy()
     world[:, 3] -= camera.target_mm
-    rows[:3] = world / unit
-    for row, (group, source), layer in zip(
-        rows[3:].reshape(-1, 2, 4), sources, layers, strict=True
-    ):
+    groups, rows = np.zeros((len(spec.groups), 4)), []
+    for (group, source), layer in zip(numbered_sources(spec), layers, strict=True):
+        falloff = source.falloff_mm if isinstance(source, Point) else None
+        alike = isinstance(source, Ambient) or not is_shaded(spec)
+        if alike and layer < 0 and (falloff is None or spec.mode != "composite"):
+            weight = spec.ambient if isinstance(source, Ambient) else spec.diffuse
+            groups[group, 0] += weight * source.intensity
+            continue
+        row = np.zeros((2, 4))
         row[0, 3] = source.intensity
-        row[1, 1:] = KINDS[type(source)], group, layer
+        row[1, :3] = ((falloff or 0.0) / unit) ** 2, KINDS[type(source)], layer
         if isinstance(source, Directional):
             row[0, :3] = camera.to_world(source.towards, source.frame)
         elif isinstance(source, Point):
             at = camera.place_mm(source.position_mm, source.frame)
             row[0, :3] = (at - camera.target_mm) / unit
-            if spec.mode == "composite":
-                row[1, 0] = ((source.falloff_mm or 0.0) / unit) ** 2
-    return rows.astype(np.float32)
+        rows.append(row)
+        groups[group:, 1] = len(rows)
+    return np.concatenate([world / unit, groups, *rows]).astype(np.float32)
+
+
+def is_shaded(spec: RaycastSpec) -> bool:
+    """Return True if gradients count: not in projections."""
+    return spec.shaded and spec.mode == "composite"
 
 
 def light_constants(spec: RaycastSpec, lit: bool) -> dict[str, Any]:
     """Return the constants for lights and cuts; ``lit`` if the light volume has layers."""
-    shaded = spec.shaded and spec.mode == "composite"
+    shaded = is_shaded(spec)
     return {
         "GROUPS": len(spec.groups),
         "SHADED": int(shaded),
