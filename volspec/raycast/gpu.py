@@ -293,9 +293,10 @@ class Raycaster:
         struct["bricks_x"], struct["bricks_y"] = self._low.shape[2], self._low.shape[1]
         program = kernel_arguments.Program.of(table, spec, spec.step_of(self.volume))
         light, numbers = self._light(struct, table, spec, camera, clear)
+        seen = self.volume, camera, spec
         inputs = [
             self._compute.upload(np.ascontiguousarray(array))
-            for array in (*program.tables, kernel_arguments.source_rows(self.volume, camera, spec))
+            for array in (*program.tables, kernel_arguments.source_rows(*seen, numbers))
         ]
         try:
             result = Result(
@@ -307,7 +308,8 @@ class Raycaster:
         unit = np.float32(min(self.volume.spacing_mm))
         given = np.zeros(2, np.float32) if span_mm is None else span_mm
         spans = self._compute.upload(np.divide(given, unit, dtype=np.float32, order="C"))
-        kernel = self._kernel(program, spec, numbers, spans=span_mm is not None)
+        lit = max(numbers) >= 0
+        kernel = self._kernel(program, spec, lit=lit, spans=span_mm is not None)
         arguments = self._voxels, self._codes(table, spec), *inputs, light, spans, struct
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
@@ -376,8 +378,8 @@ class Raycaster:
         self,
         program: kernel_arguments.Program,
         spec: RaycastSpec,
-        layers: list[int],
         *,
+        lit: bool,
         spans: bool,
     ) -> Any:
         tile_width, tile_height = TILES[self.packet.lanes]
@@ -394,7 +396,7 @@ class Raycaster:
             "VOXEL_BYTES": self.volume.values.itemsize,
             "VOXEL_SIGNED": int(self.volume.values.dtype.kind == "i"),
             **program.constants,
-            **kernel_arguments.light_constants(spec, layers),
+            **kernel_arguments.light_constants(spec, lit),
         }
         constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
         steps = 2 if constants["NEIGHBOURS"] else 4

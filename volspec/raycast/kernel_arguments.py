@@ -8,7 +8,7 @@ Layouts and padding are documented in the headers of ``kernels/``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -63,8 +63,6 @@ CAST = Struct(
         ("int", "seed", "of the jitter"),
     ),
 )
-# Bits of the exponent: one program for exponents up to 63, another up to 1024.
-SHININESS_BITS = 6, 11
 # Kinds of sources; shade.clh has these names in capitals.
 KINDS = {Ambient: 0, Headlight: 1, Directional: 2, Point: 3}
 # Log of an opaque step's transmittance; finite, so that a step of no length is transparent.
@@ -306,49 +304,53 @@ def numbered_sources(spec: RaycastSpec) -> list[tuple[int, Source]]:
     return [(i, source) for i, group in enumerate(spec.groups) for source in group.sources]
 
 
-def source_rows(volume: Volume, camera: Camera, spec: RaycastSpec) -> NDArray[np.float32]:
-    """Return (3 + 2 · sources, 4): world rows, each source's position and falloff (shade.clh)."""
+def source_rows(
+    volume: Volume, camera: Camera, spec: RaycastSpec, layers: Sequence[int]
+) -> NDArray[np.float32]:
+    """Return (R, 4): world rows, groups and sources (shade.clh).
+
+    ``layers`` are the sources' in the light volume, -1 for none.
+    """
     unit = min(volume.spacing_mm)
-    sources = numbered_sources(spec)
-    rows = np.zeros((3 + 2 * len(sources), 4))
     # Positions are relative to the camera's target, to keep them small.
     world = volume.world_from_index[:3].copy()
     world[:, 3] -= camera.target_mm
-    rows[:3] = world / unit
-    for row, (_, source) in zip(rows[3:].reshape(-1, 2, 4), sources, strict=True):
+    groups, rows = np.zeros((len(spec.groups), 4)), []
+    for (group, source), layer in zip(numbered_sources(spec), layers, strict=True):
+        falloff = source.falloff_mm if isinstance(source, Point) else None
+        alike = isinstance(source, Ambient) or not is_shaded(spec)
+        if alike and layer < 0 and (falloff is None or spec.mode != "composite"):
+            weight = spec.ambient if isinstance(source, Ambient) else spec.diffuse
+            groups[group, 0] += weight * source.intensity
+            continue
+        row = np.zeros((2, 4))
         row[0, 3] = source.intensity
+        row[1, :3] = ((falloff or 0.0) / unit) ** 2, KINDS[type(source)], layer
         if isinstance(source, Directional):
             row[0, :3] = camera.to_world(source.towards, source.frame)
         elif isinstance(source, Point):
             at = camera.place_mm(source.position_mm, source.frame)
             row[0, :3] = (at - camera.target_mm) / unit
-            row[1, 0] = ((source.falloff_mm or 0.0) / unit) ** 2
-    return rows.astype(np.float32)
+        rows.append(row)
+        groups[group:, 1] = len(rows)
+    return np.concatenate([world / unit, groups, *rows]).astype(np.float32)
 
 
-def _initialiser(numbers: list[int]) -> str:
-    """Return a C array initialiser."""
-    return "{" + ", ".join(map(str, numbers)) + "}"
+def is_shaded(spec: RaycastSpec) -> bool:
+    """Return True if gradients count: not in projections."""
+    return spec.shaded and spec.mode == "composite"
 
 
-def light_constants(spec: RaycastSpec, layers: list[int]) -> dict[str, Any]:
-    """Return the constants for lights and cuts; ``layers`` are the sources' in the light volume."""
-    sources = numbered_sources(spec)
-    kinds = [KINDS[type(source)] for _, source in sources]
-    shaded, lit = spec.shaded and spec.mode == "composite", max(layers) >= 0
+def light_constants(spec: RaycastSpec, lit: bool) -> dict[str, Any]:
+    """Return the constants for lights and cuts; ``lit`` if the light volume has layers."""
+    shaded = is_shaded(spec)
     return {
         "GROUPS": len(spec.groups),
-        "SOURCES": len(sources),
-        "SOURCE_KIND": _initialiser(kinds),
-        "SOURCE_GROUP": _initialiser([group for group, _ in sources]),
-        "SOURCE_LAYER": _initialiser(layers),
         "SHADED": int(shaded),
-        "SPECULAR": int(shaded and spec.specular > 0),
-        "SHININESS_BITS": next(n for n in SHININESS_BITS if spec.shininess < 1 << n),
+        "SHARP": int(shaded and spec.specular > 0 and spec.shininess > 63),
         "LIT": int(lit),
         "LIGHT_MARGIN": float(LIGHT_MARGIN),
         "NORMALS": int(shaded or lit),
-        "POINTS": int(KINDS[Point] in kinds and spec.mode == "composite"),
         "MAX_PLANES": MAX_PLANES,
         "NEAR_LAMP": NEAR_LAMP,
         **{kind.__name__.upper(): number for kind, number in KINDS.items()},
