@@ -16,15 +16,20 @@ import numpy as np
 import pytest
 
 from tests.support.viewer import opened, take_until, wait_until
+from volspec._gpu.opencl import Compute
+from volspec._gpu.sources import Source
 from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
 from volspec.pipeline import Raycaster
 from volspec.raycast import CoefficientImage, RaycastSpec
+from volspec.viewer.model import lighting
 from volspec.viewer.model.document import Document
+from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
-from volspec.viewer.work import documents
+from volspec.viewer.work import ahead, documents
+from volspec.viewer.work.ahead import ProgramBuilder
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import DIVISORS, WHOLE, CastDone, CastJob, CastWorker, Pace, Pass
 from volspec.viewer.work.documents import DocumentService, Opened
@@ -417,3 +422,36 @@ def test_passes_lengthen_steps_and_nothing_else() -> None:
     assert Pass(4, "voxel").spec(replace(own, step_mm=5.0), volume).step_mm == 5.0
     assert Pass(1, "fast").spec(replace(own, step_mm=5.0), volume).step_mm is None
     assert WHOLE.spec(own, volume) is own
+
+
+def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
+    state: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built: set[str] = set()
+    build = Compute._build
+
+    def recorded(compute: Compute, source: Source, *given: Any) -> Any:
+        built.add(source.text)
+        return build(compute, source, *given)
+
+    monkeypatch.setattr(Compute, "_build", recorded)
+    monkeypatch.setattr(ahead, "REST_S", 0.0)
+    document = replace(state.document, caster=Raycaster(state.document.volume))
+    state = replace(state, document=document)
+    first = job(state, 1)
+    caster = CastWorker(lambda: None)
+    caster.request(first)
+    drained(caster, 1)
+    builder = ProgramBuilder(lambda: None)
+    builder.request(first)
+    wait_until(lambda: not builder.busy, 180.0)
+    before = set(built)
+    many = lighting.add_source(state, "directional").state
+    shadowless = lighting.toggle_blocking(many, len(list_sources(many.shading)) - 1)
+    point = lighting.add_source(state, "point").state
+    for edited in (many, shadowless, lighting.add_source(state, "ambient").state, point, state):
+        caster.request(job(edited, 1))
+        assert drained(caster, 1)[0].image is not None
+    assert built == before
+    caster.close()
+    builder.close()

@@ -179,7 +179,7 @@ class Program:
         else:
             sides = table, table.left_limits
             if spec.mode == "composite":
-                powers = needs_powers(table, step_mm)
+                powers = needs_powers(table)
                 extra = {"POWERS": int(powers), "LOG_OPAQUE": LOG_OPAQUE}
                 steps = _rising(*(t.opacity if powers else t.step_opacity(step_mm) for t in sides))
                 entries = np.stack([steps, _log_transmittances(table, step_mm)])
@@ -241,16 +241,17 @@ def _check_compatible(table: TransferTable | SurfaceTable, spec: RaycastSpec) ->
         )
 
 
-def needs_powers(table: TransferTable, step_mm: float) -> bool:
+def needs_powers(table: TransferTable) -> bool:
     """Return True if opacities of a step, linear between entries, would be too far from right.
 
-    Opacities per reference step are linear there; kernels with POWERS interpolate these.
+    Opacities per reference step are linear there; kernels with POWERS interpolate these. Half a
+    reference step decides, so that all steps share a program.
     """
     if table.labels or table.gradient_top is not None or table.filters is not None:
         return False
     starts, ends = table.opacity[:-1], table.left_limits.opacity[1:]
     opacity = np.stack([starts, ends, 0.5 * (starts + ends)])
-    start, end, middle = (1 - opacity) ** (step_mm / table.reference_step_mm)
+    start, end, middle = np.sqrt(1 - opacity)
     return bool(np.abs(middle - 0.5 * (start + end)).max() > MOST_BENT)
 
 

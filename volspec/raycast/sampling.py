@@ -291,7 +291,7 @@ def classify(
     j, f = find_entry(table, value)
     sides = table, table.left_limits
     coefficients = [side.coefficients for side in sides]
-    if needs_powers(table, step_mm):
+    if needs_powers(table):
         alone = interpolate([side.opacity for side in sides], j, f)
         power = step_mm / table.reference_step_mm
         return 1 - (1 - alone) ** power, interpolate(coefficients, j, f)

@@ -7,6 +7,8 @@ A request replaces the waiting one; nothing queues up.
 
 from __future__ import annotations
 
+import os
+import sys
 import threading
 import time
 import traceback
@@ -21,6 +23,16 @@ from volspec.errors import VolspecError, VolspecWarning, one_line
 
 Job = TypeVar("Job")
 Done = TypeVar("Done")
+
+
+# Nice value: a thread that shares a core with the window's gets a tenth of it.
+_NICE = 10
+
+
+def lower_priority() -> None:
+    """Lower this thread's priority, on Linux also that of threads that it starts."""
+    if sys.platform == "linux":
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
 
 
 class LatestWorker(ABC, Generic[Job, Done]):

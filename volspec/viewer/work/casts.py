@@ -7,9 +7,6 @@ The device's own threads have a lower priority than the window's.
 
 from __future__ import annotations
 
-import os
-import sys
-import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -29,16 +26,14 @@ from volspec.viewer.model.document import Document
 from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.work.background import LatestWorker
+from volspec.viewer.work.ahead import ProgramBuilder
+from volspec.viewer.work.background import LatestWorker, lower_priority
 from volspec.viewer.work.room import Walls, WhiteWalls
 from volspec.volume import Volume
 
 if TYPE_CHECKING:
     from volspec.scene.backdrop import Backdrop
     from volspec.scene.room import SceneRoom
-
-# Nice value: a cast that shares a core with the window's thread gets a tenth of it.
-_NICE = 10
 
 
 def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, str]:
@@ -48,18 +43,13 @@ def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, s
     """
     try:
         # On Linux the device's threads, which outlive this one, inherit its priority.
-        with ThreadPoolExecutor(1, "volspec-yielding", initializer=_lower_priority) as pool:
+        with ThreadPoolExecutor(1, "volspec-yielding", initializer=lower_priority) as pool:
             return pool.submit(Raycaster, volume, device=device).result(), ""
     except OpenCLError as error:
         if device is not None:
             raise
         warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
         return None, one_line(error)
-
-
-def _lower_priority() -> None:
-    if sys.platform == "linux":
-        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
 
 
 class Pass(NamedTuple):
@@ -249,6 +239,7 @@ class CastScheduler:
 
     def __init__(self, wake: Callable[[], object]) -> None:
         self._worker = CastWorker(wake)
+        self._builder = ProgramBuilder(wake)
         self._pace = Pace()
         self._first = True  # the first cast, which includes the kernel's build
         self._wanted: ViewState | None = None
@@ -284,14 +275,17 @@ class CastScheduler:
             wanted = self._wanted
             if done.image is None or wanted is None or done.job.document is not wanted.document:
                 continue
+            if done.made == WHOLE:
+                self._builder.request(done.job)
             if not self._first:
                 self._pace = self._pace.after(done.made, done.ms)
             self._first = False
         return taken
 
     def close(self) -> None:
-        """End the thread."""
+        """End the threads."""
         self._worker.close()
+        self._builder.close()
 
     def _to_whole(self, state: ViewState) -> tuple[Pass, ...]:
         return self._pace.to_whole(state.shading.quality)
