@@ -5,9 +5,11 @@ Figures come from the viewer's trace while a robot drags a light's slider and th
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.measure import Figure, report
@@ -15,6 +17,8 @@ from tests.support.window import ENGINE, Robot, along, missing
 
 # Seconds of each drag.
 DRAG_S = 5.0
+# After which programs are built ahead: up to seven, of up to four seconds each.
+AHEAD_S = 40.0
 
 
 def figures() -> Iterator[Figure]:
@@ -28,6 +32,8 @@ def figures() -> Iterator[Figure]:
         yield from _light(robot)
         time.sleep(1.0)
         yield from _orbit(robot)
+    with cold_caches(), tempfile.TemporaryDirectory() as folder, Robot(Path(folder)) as robot:
+        yield from _lamps(robot)
     scene = str(Path(ENGINE).with_name("engine-room.toml"))
     with tempfile.TemporaryDirectory() as folder, Robot(Path(folder), [scene]) as robot:
         robot.whole()
@@ -45,6 +51,43 @@ def _light(robot: Robot) -> Iterator[Figure]:
     x, y, width, height = robot.area("weight 1")
     start, end = (x + 4, y + height / 2), (x + width - 4, y + height / 2)
     yield from _relit(robot, "light", along(start, end, DRAG_S))
+
+
+@contextmanager
+def cold_caches() -> Iterator[None]:
+    """Set empty caches of compiled programs, PoCL's and pyopencl's, for programs started within."""
+    names = "POCL_CACHE_DIR", "XDG_CACHE_HOME"
+    kept = {name: os.environ.get(name) for name in names}
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ |= {name: str(Path(folder, name)) for name in names}
+        try:
+            yield
+        finally:
+            for name, value in kept.items():
+                del os.environ[name]
+                if value is not None:
+                    os.environ[name] = value
+
+
+def _lamps(robot: Robot) -> Iterator[Figure]:
+    """Add a lamp and switch its shadows, the first time on this machine, programs built ahead."""
+    robot.whole()
+    time.sleep(AHEAD_S)
+    longest = 0.0
+    remove = "remove the chosen light source"
+    for words in ("add a directional light", "shadows", "shadows", remove):
+        robot.key("ctrl+p")
+        robot.rest()
+        robot.type(words)
+        robot.rest()
+        before = robot.now()
+        robot.key("Return")
+        asked = robot.wait_for(lambda row: row.get("key") == "enter", before)["t"]
+        seen = robot.wait_for(lambda row: row["event"] == "relight", asked)["t"]
+        longest = max(longest, seen - asked)
+        robot.rest()
+    name = "viewer/lamp added or switched, longest wait"
+    yield Figure(name, 1e3 * longest, 250.0, at_most=True, unit="ms")
 
 
 def _paint(robot: Robot) -> Iterator[Figure]:

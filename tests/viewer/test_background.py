@@ -29,7 +29,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
 from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import ahead, documents
-from volspec.viewer.work.ahead import ProgramBuilder
+from volspec.viewer.work.ahead import ProgramBuilder, Programs
 from volspec.viewer.work.background import LatestWorker, Tasks
 from volspec.viewer.work.casts import DIVISORS, WHOLE, CastDone, CastJob, CastWorker, Pace, Pass
 from volspec.viewer.work.documents import DocumentService, Opened
@@ -435,16 +435,17 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
         return build(compute, source, *given)
 
     monkeypatch.setattr(Compute, "_build", recorded)
-    monkeypatch.setattr(ahead, "REST_S", 0.0)
     document = replace(state.document, caster=Raycaster(state.document.volume))
     state = replace(state, document=document)
-    first = job(state, 1)
     caster = CastWorker(lambda: None)
-    caster.request(first)
+    caster.request(job(state, 1))
     drained(caster, 1)
-    builder = ProgramBuilder(lambda: None)
-    builder.request(first)
-    wait_until(lambda: not builder.busy, 180.0)
+    assert document.caster is not None
+    corner = document.volume.values[:4, :4, :4].copy()
+    table, packet = document.caster.bake(state.transfer), document.caster.packet
+    device = document.caster.device_index
+    programs = Programs(corner, device, packet, table, state.shading, False)
+    assert len(list(programs.build())) > 4
     before = set(built)
     many = lighting.add_source(state, "directional").state
     shadowless = lighting.toggle_blocking(many, len(list_sources(many.shading)) - 1)
@@ -454,4 +455,18 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
         assert drained(caster, 1)[0].image is not None
     assert built == before
     caster.close()
+
+
+def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
+    state: ViewState, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if "Portable" not in Compute.open().info.platform:
+        pytest.skip("the device in use is none of PoCL, whose cache is looked into")
+    monkeypatch.setenv("POCL_CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(ahead, "_REST_S", 0.0)
+    document = replace(state.document, caster=Raycaster(state.document.volume))
+    builder = ProgramBuilder(lambda: None)
+    builder.request(job(replace(state, document=document), 1))
+    wait_until(lambda: list(tmp_path.rglob("raycast*.so")), 60.0)
     builder.close()
+    assert not builder.busy

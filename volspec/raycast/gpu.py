@@ -119,16 +119,15 @@ class Raycaster:
         self._baked: tuple[Transfer, TransferTable | SurfaceTable] | None = None
         self._lights = LightVolume(self._compute, volume, unpadded)
 
-    def of_few_voxels(self) -> Raycaster:
-        """Return a caster of a corner of the volume, whose casts need the same programs."""
-        corner = np.ascontiguousarray(self.volume.values[:4, :4, :4])
-        volume = Volume(corner, spacing_mm=self.volume.spacing_mm, name=self.volume.name)
-        return Raycaster(volume, device=str(self._compute.index), packet=self.packet)
-
     @property
     def device(self) -> str:
         """Name of the device."""
         return self._compute.info.name
+
+    @property
+    def device_index(self) -> str:
+        """Number of the device, by which it can be opened."""
+        return str(self._compute.index)
 
     @property
     def sharing(self) -> Sharing | None:

@@ -1,32 +1,66 @@
 """Programs of casts that the next edit of the lights may need, built while nothing else happens.
 
-    whole picture -> [ahead] -> device's cache of programs -> the next cast
+    whole picture -> [ahead] -> child process -> device's cache of programs -> the next cast
 
 A program depends on how many light groups there are, and on whether some source has shadows; a
-build takes one to four seconds. A caster of a few voxels launches it once, as PoCL ends a build
-then, and leaves it in the cache on disk, from where the volume's own caster has it in 50 ms.
+build takes one to four seconds. The child launches each once with a volume of a few voxels, as
+PoCL ends a build then, and leaves it in the cache on disk, from where the viewer has it in 50 ms.
+In the viewer's own process, casts would wait for the compiler's lock.
 """
 
 from __future__ import annotations
 
+import os
+import pickle
+import subprocess
+import sys
+import threading
 from collections.abc import Iterator
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from volspec._child import child_command
 from volspec.errors import VolspecError
 from volspec.pipeline import Raycaster
 from volspec.raycast import Ambient, Camera, Directional, LightGroup, Point, RaycastSpec
-from volspec.viewer.model.document import Document
+from volspec.raycast.packets import Packet
+from volspec.transfer import SurfaceTable, TransferTable
 from volspec.viewer.work.background import LatestWorker, lower_priority
+from volspec.volume import Volume
 
 if TYPE_CHECKING:
     from volspec.viewer.work.casts import CastJob
 
-SIZE = 16, 16
+_SIZE = 16, 16
 # A user who goes on within this time is not slowed down.
-REST_S = 1.0
+_REST_S = 1.0
+_POLL_S = 0.1
+_SERVE = "from volspec.viewer.work.ahead import serve; serve()"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Programs:
+    """All that programs depend on, with a few voxels (Z, Y, X); ``spans`` if rays have ends."""
+
+    voxels: NDArray[Any]
+    device: str
+    packet: Packet
+    table: TransferTable | SurfaceTable
+    spec: RaycastSpec
+    spans: bool
+
+    def build(self) -> Iterator[RaycastSpec]:
+        """Build the programs of the neighbours, and yield each when it is there."""
+        volume = Volume(self.voxels)
+        caster = Raycaster(volume, device=self.device, packet=self.packet)
+        camera = Camera.orbit(volume)
+        ends = np.full((*_SIZE, 2), np.inf, np.float32) if self.spans else None
+        for each in neighbours(self.spec):
+            caster.cast(self.table, camera, _SIZE, each, span_mm=ends)
+            yield each
 
 
 def neighbours(spec: RaycastSpec) -> Iterator[RaycastSpec]:
@@ -49,31 +83,58 @@ def neighbours(spec: RaycastSpec) -> Iterator[RaycastSpec]:
 
 
 class ProgramBuilder(LatestWorker["CastJob", None]):
-    """Builds the neighbours of a job that has been cast."""
+    """Has the neighbours of jobs built that have been cast."""
 
     _name = "volspec-ahead"
-    _small: tuple[Document, Raycaster] | None = None
     _built: tuple[object, ...] = ()
 
     def _results(self, job: CastJob) -> Iterator[None]:
         yield from ()
         document, spec = job.document, job.shading
         among = bool(job.meshes) or job.room is not None
-        kind = document, type(job.transfer), replace(spec, groups=spec.groups[:1]), among
-        wanted = *kind, len(spec.groups)
-        if document.caster is None or wanted == self._built or not self._wait_idle(REST_S):
+        one = replace(spec, groups=spec.groups[:1])
+        wanted = document, type(job.transfer), one, among, len(spec.groups)
+        if document.caster is None or wanted == self._built or not self._wait_idle(_REST_S):
             return
-        lower_priority()
-        spans = np.full((*SIZE, 2), np.inf, np.float32) if among else None
-        try:
-            if self._small is None or self._small[0] is not document:
-                self._small = document, document.caster.of_few_voxels()
-            small = self._small[1]
-            camera, table = Camera.orbit(small.volume), small.bake(job.transfer)
-            for each in neighbours(spec):
-                if self._is_superseded():
-                    return
-                small.cast(table, camera, SIZE, each, span_mm=spans)
-        except VolspecError:
-            pass  # the cast that needs the program will report it
         self._built = wanted
+        caster = document.caster
+        programs = Programs(
+            document.volume.values[:4, :4, :4].copy(),
+            caster.device_index,
+            caster.packet,
+            caster.bake(job.transfer),
+            spec,
+            among,
+        )
+        try:
+            child = subprocess.Popen(
+                child_command(_SERVE), stdin=subprocess.PIPE, stderr=subprocess.DEVNULL
+            )
+        except (OSError, TypeError):  # the latter if the interpreter's path is unknown
+            return
+        assert child.stdin is not None
+        try:
+            pickle.dump(programs, child.stdin)
+            child.stdin.flush()
+            while child.poll() is None and not self._closed:
+                with self._changed:
+                    self._changed.wait_for(lambda: self._closed, _POLL_S)
+        except OSError:
+            pass  # it has ended
+        finally:
+            # A child that is still at work ends after its program, so that none is left half-built.
+            child.stdin.close()
+
+
+def serve() -> None:
+    """Build the programs that standard input describes, until it is closed."""
+    lower_priority()
+    programs: Programs = pickle.load(sys.stdin.buffer)
+    until_closed = threading.Thread(target=os.read, args=(sys.stdin.fileno(), 1), daemon=True)
+    until_closed.start()
+    try:
+        for _ in programs.build():
+            if not until_closed.is_alive():
+                return
+    except VolspecError:
+        pass  # the cast that needs the program will report it
