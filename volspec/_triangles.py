@@ -5,6 +5,7 @@ file -> [triangles] -> first hits, free ways -> room, mesh
 
 from __future__ import annotations
 
+import re
 import subprocess
 import tempfile
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ Array = NDArray[np.float64]
 FILES = (".ply", ".obj", ".stl", ".vtp", ".vtk", ".gltf", ".glb")
 """Suffixes of `read_triangles`."""
 MESHES = tuple(suffix for suffix in FILES if suffix != ".vtk")
-"""Suffixes of meshes alone; a ``.vtk`` is opened as a volume."""
+"""Suffixes of meshes alone; see `is_mesh_file` for a ``.vtk``."""
 # Rays begin this fraction of the triangles' extent in front of theirs, and shadow rays end so.
 _OFFSET = 1e-5
 
@@ -33,14 +34,24 @@ _OFFSET = 1e-5
 _READER = """
 import os, sys, warnings
 warnings.simplefilter("ignore")
-import pyvista
+import numpy, pyvista
 read = pyvista.read(sys.argv[2])
 if isinstance(read, pyvista.MultiBlock):
     read = read.combine()
+if isinstance(read, pyvista.PolyData):
+    cells = [read.GetPolys(), read.GetStrips()]
+    used = [pyvista.convert_array(each.GetConnectivityArray()) for each in cells]
+else:
+    used = [read.cell_connectivity] if isinstance(read, pyvista.UnstructuredGrid) else []
+used = numpy.concatenate([*used, numpy.zeros(0, int)])
+if used.size and not 0 <= used.min() <= used.max() < read.n_points:
+    sys.exit("a face has a point that is not there")
 surface = read.extract_surface(algorithm=None).triangulate()
 if surface.n_cells:
     surface.save(sys.argv[3] + ".vtp")
     os.rename(sys.argv[3] + ".vtp", sys.argv[3])
+elif read.n_points:
+    sys.exit(f"has {read.n_points} points and no faces")
 """
 
 
@@ -128,6 +139,17 @@ class TriangleRays:
         return np.asarray(found) != 0
 
 
+def is_mesh_file(path: Path) -> bool:
+    """Return True if a file is a mesh: a ``.vtk`` may also be a volume, as its head says."""
+    if path.suffix.lower() != ".vtk":
+        return path.suffix.lower() in MESHES
+    try:
+        with path.open("rb") as file:
+            return re.search(rb"^DATASET\s+POLYDATA", file.read(1024), re.M | re.I) is not None
+    except OSError:
+        return False
+
+
 def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
     """Return the triangles of a PLY, OBJ, STL, VTP, VTK or glTF file.
 
@@ -145,13 +167,16 @@ def read_triangles(path: Path, refused: type[InputError]) -> pyvista.PolyData:
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder, "surface.vtp")
         command = [*child_command(_READER), str(path.absolute()), str(made)]
-        subprocess.run(command, capture_output=True, check=False)
-        surface = pyvista.read(made) if made.exists() else pyvista.PolyData()
-    if not surface.n_cells:
-        problem = "no triangles can be read" if path.stat().st_size else "is empty"
-        remedy = "save it again where it was made"
-        raise refused(f"{path}: {problem}", remedy, code="damaged")
-    return surface
+        child = subprocess.run(command, capture_output=True, check=False, text=True)
+        if made.exists():
+            return pyvista.read(made)
+    if not path.stat().st_size:
+        problem = "is empty"
+    elif child.returncode == 1 and "Traceback" not in child.stderr and child.stderr:
+        problem = child.stderr.strip().splitlines()[-1]
+    else:
+        problem = f"cannot be read as {path.suffix.lower()}: damaged, or of another format"
+    raise refused(f"{path}: {problem}", "save it again where it was made", code="damaged")
 
 
 def frames(normals: Array) -> tuple[Array, Array]:

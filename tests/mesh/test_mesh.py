@@ -12,7 +12,7 @@ import pyvista
 
 import volspec as vs
 from tests.support.errors import raises
-from volspec._triangles import TriangleRays
+from volspec._triangles import TriangleRays, is_mesh_file
 from volspec.errors import MeshError, RaycastError, SceneError
 from volspec.raycast import reference
 from volspec.scene.from_volume import mesh_file
@@ -422,6 +422,32 @@ def test_damaged_files_are_refused_wherever_they_end(tmp_path: Path) -> None:
         (tmp_path / "part.ply").write_bytes(whole[: int(part * len(whole))])
         with raises(MeshError, "damaged"):
             vs.Mesh.load(tmp_path / "part.ply")
+
+
+def test_damaged_files_say_what_is_wrong(tmp_path: Path) -> None:
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+    for content, problem in (
+        ("", "is empty"),
+        ("hello\n", "cannot be read as .obj: damaged, or of another format"),
+        (corners, "has 3 points and no faces"),
+        # VTK would read beyond the points, and end the process.
+        (corners + "f 1 2 9\n", "a face has a point that is not there"),
+    ):
+        (tmp_path / "part.obj").write_text(content)
+        with raises(MeshError, "damaged") as caught:
+            vs.Mesh.load(tmp_path / "part.obj")
+        assert caught.value.problem == f"{tmp_path / 'part.obj'}: {problem}"
+        with raises(SceneError, "damaged") as caught:
+            vs.Scene.from_mesh(tmp_path / "part.obj")
+        assert str(caught.value).count("part.obj") == 1
+
+
+def test_a_vtk_file_is_a_mesh_or_a_volume(tmp_path: Path) -> None:
+    pyvista.Cone().save(tmp_path / "cone.vtk")
+    pyvista.ImageData(dimensions=(4, 4, 4)).save(tmp_path / "box.vtk")
+    assert is_mesh_file(tmp_path / "cone.vtk") and not is_mesh_file(tmp_path / "box.vtk")
+    assert not is_mesh_file(tmp_path / "missing.vtk")
+    assert vs.Scene.from_mesh(tmp_path / "cone.vtk").surfaces()
 
 
 def test_wrong_types_are_refused() -> None:

@@ -74,14 +74,14 @@ def open_scene(
     ``lights`` are for a volume, instead of the default ones; ``image`` is the remedy for a
     coefficient image. Raises VolspecError if the file cannot be read, or has no use for an option.
     """
-    from volspec._triangles import MESHES
+    from volspec._triangles import is_mesh_file
     from volspec.scene import Scene
     from volspec.spectra import DEFAULT_GRID, light
     from volspec.volume import Volume, load_volume
 
     require_scene(Path(address), image)
     wanted = None if camera is None else _camera(camera)
-    if Path(address).suffix.lower() in MESHES:
+    if is_mesh_file(Path(address)):
         if preset is not None:
             problem = f"--preset {preset}: {address} is a mesh, without values"
             raise InputError(f"{problem}; leave out --preset", code="conflict")
@@ -228,7 +228,7 @@ def _expanded(text: str) -> list[str]:
         if not found:
             raise InputError(f"{text}: no file matches; check the pattern", code="not-found")
         return found
-    from volspec._triangles import MESHES
+    from volspec._triangles import is_mesh_file
     from volspec.volume.load import WHOLE_SUFFIXES
 
     folder = Path(text)
@@ -240,7 +240,7 @@ def _expanded(text: str) -> list[str]:
         for path in folder.iterdir()
         if path.name.lower().endswith((*WHOLE_SUFFIXES, ".toml")) and not path.name.startswith(".")
     )
-    meshes = sorted(str(path) for path in folder.iterdir() if path.suffix.lower() in MESHES)
+    meshes = sorted(str(path) for path in folder.iterdir() if is_mesh_file(path))
     return whole or meshes or [text]
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
 from volspec.basis import Basis
-from volspec.errors import ImageError, visible
+from volspec.errors import ImageError, MeshError, SceneError, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.camera import Orbit
@@ -234,7 +234,7 @@ class Scene:
         Parameters
         ----------
         path : path
-            PLY, OBJ, STL, VTP or glTF.
+            PLY, OBJ, STL, VTP, VTK or glTF.
         lights, camera
             As for `from_volume`.
 
@@ -254,7 +254,15 @@ class Scene:
         CoefficientImage(64x64, 2 channels)
         """
         scene = cls(mesh_file(Path(os.path.abspath(path)), lights, camera), os.path.abspath(path))
-        points_mm = np.concatenate([mesh.points_mm for mesh in scene.surfaces()])
+        try:
+            surfaces = scene.surfaces()
+        except SceneError as error:
+            cause = error.__cause__
+            if not isinstance(cause, MeshError):
+                raise
+            # The scene is the mesh's file, which the message names.
+            raise SceneError(cause.problem, cause.remedy, code=cause.code) from cause
+        points_mm = np.concatenate([mesh.points_mm for mesh in surfaces])
         scene.file = framed(scene.file, scene.volume(), points_mm)
         return scene
 

@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from volspec._triangles import MESHES
+from volspec._triangles import is_mesh_file
 from volspec.errors import InputError, VolspecError, VolumeError, one_line
 from volspec.scene import Scene
 from volspec.scene.specs import MeshSpec
@@ -48,9 +48,9 @@ def open_document(
         check_name(path)
         if is_cast_image(path):
             return open_image(path)
-    if path is None or path.lower().endswith((".toml", *MESHES)):
-        opened = demo() if path is None else Path(path)
-        is_mesh = opened.name.lower().endswith(MESHES)
+    opened = demo() if path is None else Path(path)
+    is_mesh = is_mesh_file(opened)
+    if path is None or is_mesh or path.lower().endswith(".toml"):
         scene = Scene.from_mesh(opened) if is_mesh else Scene.load(opened)
         volume, choices = scene.volume(), ()
     else:
