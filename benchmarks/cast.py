@@ -6,7 +6,7 @@ an edit of the transfer function; shadows; a change of the light.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from itertools import count, cycle
 from statistics import geometric_mean
@@ -21,6 +21,7 @@ from volspec.basis import SpectralBasis
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import Ambient, CoefficientImage, Directional, LightGroup, RaycastSpec
 from volspec.raycast.bricks import BRICK, brick_codes, brick_ranges
+from volspec.raycast.checks import Vector
 from volspec.scene import Scene
 from volspec.spectra import Spectrum, light_set, reflectance_set
 from volspec.transfer import TransferFunction
@@ -181,16 +182,25 @@ def edit_figures() -> Iterator[Figure]:
     yield Figure("edit/codes of 1024³ voxels", codes_ms, ASKED_CODES_MS, at_most=True, unit="ms")
 
 
-def shadow_spec(towards: tuple[float, float, float], shadows: bool) -> RaycastSpec:
-    """Return the spec of one light from over the camera's shoulder."""
-    key = Directional(towards, frame="camera", shadows=shadows)
-    return replace(STOPPED["shaded"], groups=(LightGroup("key", (Ambient(), key)),))
+def shadow_specs(
+    towards: Iterable[Vector], shadows: bool, physical: bool = False
+) -> list[RaycastSpec]:
+    """Return specs of one light from over the camera's shoulder, one for each direction."""
+    keys = (Directional(each, frame="camera", shadows=shadows) for each in towards)
+    return [
+        replace(
+            STOPPED["shaded"],
+            groups=(LightGroup("key", (Ambient(), key)),),
+            physical_light=physical,
+        )
+        for key in keys
+    ]
 
 
 def shadow_figures() -> Iterator[Figure]:
-    """Compare one light on the engine with and without shadows.
+    """Compare one light on the engine with and without shadows, and physical ones with these.
 
-    The light moves for every picture, so that each needs a new light volume.
+    A light that moves for every picture needs a new light volume each time.
     """
     scene = bench_scene("engine")
     caster = Raycaster(scene.volume)
@@ -198,17 +208,28 @@ def shadow_figures() -> Iterator[Figure]:
     def cast(spec: RaycastSpec) -> CoefficientImage:
         return raycast(scene.volume, scene.transfer, scene.camera, SIZE, spec, caster=caster)
 
-    lights = {
-        shadows: cycle([shadow_spec(t, shadows) for t in TOWARDS]) for shadows in (True, False)
-    }
-    row = compare(
-        "shadows/engine",
-        "no-shadows",
-        caster.device,
-        lambda: cast(next(lights[True])),
-        lambda: cast(next(lights[False])),
-    )
-    yield Figure(row.name, 1 / row.ratio, ASKED_SHADOWS, at_most=True, row=row)
+    def figure(
+        name: str,
+        peer: str,
+        ours: list[RaycastSpec],
+        theirs: list[RaycastSpec],
+        asked: float | None = None,
+    ) -> Figure:
+        our, their = cycle(ours), cycle(theirs)
+        row = compare(
+            f"shadows/{name}",
+            peer,
+            caster.device,
+            lambda: cast(next(our)),
+            lambda: cast(next(their)),
+        )
+        return Figure(row.name, 1 / row.ratio, asked, at_most=True, row=row)
+
+    moving, still = TOWARDS, TOWARDS[:1]
+    shadows = shadow_specs(moving, True)
+    yield figure("engine", "no-shadows", shadows, shadow_specs(moving, False), ASKED_SHADOWS)
+    yield figure("physical, light moves", "default", shadow_specs(moving, True, True), shadows)
+    yield figure("physical, light stays", "default", shadow_specs(still, True, True), shadows[:1])
 
 
 def light_figures(steps: dict[str, float]) -> Iterator[Figure]:

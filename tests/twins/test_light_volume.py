@@ -127,6 +127,13 @@ def test_point_lights_inside_the_volume_and_of_the_camera_match_reference(
     )
 
 
+def test_physical_light_matches_reference(half_engine: Volume, engine_table: TransferTable) -> None:
+    """A node per voxel; per smallest spacing where these differ."""
+    small = half_engine.downsampled(4)
+    assert_alike(small, engine_table, lit(SUN, LAMP, BULB, SKY, physical_light=True))
+    assert_alike(oblique(), curve(-40, 150), lit(SUN, BULB, SKY, physical_light=True))
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.int16, np.float32])
 def test_every_voxel_type_matches_reference(dtype: type) -> None:
     volume = Volume((phantom.ball(20).values * 120).astype(dtype))
@@ -196,6 +203,8 @@ def test_layers_follow_what_changes_and_only_that(
         (other, lit(LAMP, SUN, SKY), turned),
         (other, lit(LAMP, SUN, crop_voxels=((0, 99), (0, 99), (0, 99))), turned),
         (other, lit(LAMP, SUN, cells=13), turned),
+        (other, lit(LAMP, SUN, cells=13, physical_light=True), turned),
+        (other, lit(LAMP, SUN, cells=128), turned),
     ):
         cached = downloaded(ours, table, spec, view)
         assert np.array_equal(cached, downloaded(opened(half_engine), table, spec, view))

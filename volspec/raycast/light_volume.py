@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
 
@@ -47,6 +47,10 @@ MIN_CELLS = 4
 OPAQUE = 1 - 1e-4
 # In cells: distance from the node at which rays begin, to avoid self-shadowing.
 SHADOW_BIAS, OCCLUSION_BIAS = 1.0, 0.5
+# The same where light is physical: a voxel, and the half by which extinction that is interpolated
+# between voxels reaches farther than that of interpolated values.
+PHYSICAL_BIAS = 1.5
+MOST_CELLS = 512
 DIRECTIONS = 24
 # A point on a flat wall sees half of the sphere, which counts as all of the light.
 OCCLUSION_GAIN = 2.0
@@ -69,6 +73,16 @@ class LightGrid:
     cell_mm: float  # length of a light ray's step: a cell along the longest axis
     per_index: Vector  # nodes per voxel: a grid position is index * per_index + LIGHT_MARGIN
     grid_from_world: NDArray[np.float64]  # (4, 4)
+    physical: bool = False  # read where samples are, not in front of surfaces
+
+    @classmethod
+    def for_spec(cls, volume: Volume, spec: RaycastSpec) -> LightGrid:
+        """Make the grid that settings ask for."""
+        if not spec.physical_light:
+            return cls.of(volume, spec.light_cells)
+        sides = (np.array(volume.shape_xyz) - 1) * np.array(volume.spacing_mm)
+        cells = round(float(sides.max()) / min(volume.spacing_mm)) + 1
+        return replace(cls.of(volume, min(max(cells, MIN_CELLS), MOST_CELLS)), physical=True)
 
     @classmethod
     def of(cls, volume: Volume, cells: int) -> LightGrid:
@@ -104,7 +118,17 @@ class LightGrid:
     @property
     def lift_mm(self) -> float:
         """Distance in front of surfaces at which light is read: `LIFT` cells, or larger voxels."""
-        return LIFT * self.cell_mm * max(1.0, *self.per_index)
+        return 0.0 if self.physical else LIFT * self.cell_mm * max(1.0, *self.per_index)
+
+    @property
+    def shadow_bias(self) -> float:
+        """Distance from nodes at which rays towards lights begin, in cells."""
+        return PHYSICAL_BIAS if self.physical else SHADOW_BIAS
+
+    @property
+    def occlusion_bias(self) -> float:
+        """Distance from nodes at which rays of ambient occlusion begin, in cells."""
+        return PHYSICAL_BIAS if self.physical else OCCLUSION_BIAS
 
     def positions(self) -> NDArray[np.float64]:
         """(nodes, 3) places of the nodes in the world, mm, x fastest."""
@@ -134,9 +158,9 @@ class LightLayer:
         They end at the occlusion radius, or at the grid's border, beyond which there is no matter.
         """
         if self.kind != "occlusion":
-            return steps(SHADOW_BIAS, SHADOW_BIAS + grid.diagonal_steps)
-        end = min(self.radius_mm / grid.cell_mm, OCCLUSION_BIAS + grid.diagonal_steps)
-        return steps(OCCLUSION_BIAS, end)
+            return steps(grid.shadow_bias, grid.shadow_bias + grid.diagonal_steps)
+        begin = grid.occlusion_bias
+        return steps(begin, min(self.radius_mm / grid.cell_mm, begin + grid.diagonal_steps))
 
     @property
     def key(self) -> tuple[str, Vector, float]:
@@ -296,11 +320,11 @@ class LightVolume:
         until the next call. ``clear`` is what surfaces keep from the nodes. Raises
         OpenCLError if the device has no room for the grid.
         """
-        grid = LightGrid.of(self._volume, spec.light_cells)
+        grid = LightGrid.for_spec(self._volume, spec)
         wanted = light_layers(spec, self._volume, camera)
         if not wanted:
             return self._layers, grid, wanted
-        settings = spec.light_cells, spec.crop_voxels, spec.clip_planes
+        settings = grid.shape_xyz, grid.physical, spec.crop_voxels, spec.clip_planes
         if self._extinction[0] is not table or self._extinction[1:] != settings:
             self._extinction, self._keys, self._sigma = (None,), [], None
             self._fill_extinction(table, spec, grid)
@@ -326,9 +350,8 @@ class LightVolume:
         """Fill the padded grid with extinction."""
         x, y, z = grid.shape_xyz
         padded = (x + 2 * self._lanes) * (y + 2) * (z + 2)
-        self._compute.require(
-            padded * 4, f"a light volume of {x}x{y}x{z} nodes", "lower light_cells"
-        )
+        remedy = "leave out physical_light" if grid.physical else "lower light_cells"
+        self._compute.require(padded * 4, f"a light volume of {x}x{y}x{z} nodes", remedy)
         axes = zip(self._volume.shape_xyz, grid.shape_xyz, strict=True)
         spans = np.concatenate([_spans(voxels, nodes) for voxels, nodes in axes])
         constants, rows, kind = _constants(self._volume, table, spec, grid)
@@ -345,7 +368,7 @@ class LightVolume:
         if layer.kind == "point":
             world = np.linalg.inv(grid.grid_from_world[:3, :3]) / grid.cell_mm
             place = grid.grid_from_world @ [*layer.vector, 1.0]
-            light = *_float4s(place[:3], *world), np.float32(SHADOW_BIAS)
+            light = *_float4s(place[:3], *world), np.float32(grid.shadow_bias)
             self._launch("converging", packets, (self._sigma, *light, *end))
         else:
             light = self._parallel(layer, grid)

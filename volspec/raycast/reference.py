@@ -35,7 +35,6 @@ from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, check_rea
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     OCCLUSION_GAIN,
-    SHADOW_BIAS,
     Clear,
     LightGrid,
     extinction_per_mm,
@@ -120,7 +119,7 @@ class _March:
         self.spec, self.rays = spec, rays
         self.sampler = Sampler(volume, table, spec)
         self.arrives = arrivals(volume, table, spec, camera, clear)
-        self.lift_mm = LightGrid.of(volume, spec.light_cells).lift_mm
+        self.lift_mm = LightGrid.for_spec(volume, spec).lift_mm
         self.normals = spec.shaded or bool(self.arrives)
         self.step = spec.step_of(volume)
         count = len(rays.near)
@@ -326,7 +325,7 @@ def layers(
     clear: Clear | None = None,
 ) -> Array:
     """Return (L, nz, ny, nx), the fraction of light that arrives, for each of `light_layers`."""
-    grid = LightGrid.of(volume, spec.light_cells)
+    grid = LightGrid.for_spec(volume, spec)
     sigma = extinction(volume, table, spec, grid)
     found = []
     for layer in light_layers(spec, volume, camera):
@@ -354,7 +353,7 @@ def arrivals(
     wanted = light_layers(spec, volume, camera)
     if not wanted:
         return {}
-    grid = LightGrid.of(volume, spec.light_cells)
+    grid = LightGrid.for_spec(volume, spec)
     return {
         layer.source: partial(light_at, values, grid)
         for layer, values in zip(wanted, layers(volume, table, spec, camera, clear), strict=True)
@@ -488,7 +487,7 @@ def _towards(sigma: Array, grid: LightGrid, light_mm: Array) -> Array:
     step = offset / np.maximum(cells, 1e-30)
     depth = np.zeros(len(nodes))
     for k in range(grid.diagonal_steps):
-        begin = SHADOW_BIAS + k
+        begin = grid.shadow_bias + k
         length = np.clip(cells - begin, 0, 1)
         at = nodes + 1 + (begin + length / 2) * step
         depth += length[:, 0] * grid.cell_mm * trilinear(padded, at)

@@ -121,6 +121,10 @@ class RaycastSpec:
     """Up to six planes; the side that the normal points to stays."""
     light_cells: Annotated[int, Field(ge=8, le=512)] = 96
     """Cells of the light volume (shadows, ambient occlusion) along the longest axis."""
+    physical_light: bool = False
+    """Shadows and occlusion as rays through the voxels give them: the light volume has a node for
+    each voxel, up to 512 along an axis, instead of ``light_cells``, and is read where samples are,
+    not in front of surfaces, which are darker so where they are rough."""
     half: bool = False
     """Store the picture's channels as float16: half the memory, three digits."""
     first_opacity: Opacity = 0.1

@@ -192,6 +192,12 @@ def set_light_cells(state: ViewState, cells: int) -> ViewState:
 
 
 @edit
+def toggle_physical_light(state: ViewState) -> ViewState:
+    """Let shadows and occlusion be those of rays through voxels, or of a coarse grid."""
+    return _change(state, physical_light=not state.shading.physical_light)
+
+
+@edit
 def toggle_half(state: ViewState) -> ViewState:
     """Store the picture's channels as float16, or float32."""
     return _change(state, half=not state.shading.half)
@@ -246,6 +252,15 @@ COMMANDS = (
     _quality("fast", "draft speed performance coarse step sampling"),
     _quality("balanced", "standard normal default step sampling"),
     _quality("exact", "high best fine slow step sampling"),
+    Command(
+        "physical-light",
+        "Render",
+        "Physical shadows",
+        (),
+        toggle_physical_light,
+        lambda state: state.shading.physical_light,
+        "occlusion light true exact brute force voxels quality",
+    ),
     Command(
         "jitter",
         "Render",

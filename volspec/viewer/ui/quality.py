@@ -37,12 +37,17 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     new = _projection(state, ui)
     new = _sampling(_presets(new, ui), ui)
     imgui.separator_text("Shadows")
+    flipped, _ = imgui.checkbox("Physical", new.shading.physical_light)
+    ui.note("physical light", _about("physical_light"))
+    new = quality.toggle_physical_light(new) if flipped else new
+    imgui.begin_disabled(new.shading.physical_light)
     focus_if_wanted("Light cells", ui)
     moved, cells = imgui.slider_int(
         "Light cells", new.shading.light_cells, *quality.LIGHT_CELLS, "%d", _LOG
     )
     ui.note("light cells", _about("light_cells"))
     new = quality.set_light_cells(new, cells) if moved else new
+    imgui.end_disabled()
     imgui.separator_text("Limits")
     new = _limits(new, ui)
     imgui.pop_style_var()

@@ -124,6 +124,7 @@ class ProgramBuilder(LatestWorker["CastJob", None]):
         finally:
             # A child that is still at work ends after its program, so that none is left half-built.
             child.stdin.close()
+            child.wait()
 
 
 def serve() -> None:

@@ -285,7 +285,7 @@ class CastScheduler:
     def close(self) -> None:
         """End the threads."""
         self._worker.close()
-        self._builder.close()
+        self._builder.close(0.0)
 
     def _to_whole(self, state: ViewState) -> tuple[Pass, ...]:
         return self._pace.to_whole(state.shading.quality)

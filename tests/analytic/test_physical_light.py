@@ -1,0 +1,74 @@
+"""Physical light: that of rays through the voxels, in pictures of scanned volumes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.scenes import bench_scene
+from tests.support import brute_force
+from volspec.pipeline import Raycaster
+from volspec.raycast import Ambient, Camera, Directional, LightGroup, RaycastSpec
+from volspec.transfer import TransferTable
+from volspec.volume import Volume
+
+SIZE = 24, 24
+KEY = Directional((-0.6, 0.5, 0.7), frame="camera", shadows=True)
+SKY = Ambient(occlusion=True)
+
+
+def spec_of(source: Ambient | Directional) -> RaycastSpec:
+    group = LightGroup("light", (source,))
+    return RaycastSpec(
+        groups=(group,), ambient=1, diffuse=1, alpha_stop=0.99, physical_light=True, step_mm=1.0
+    )
+
+
+@pytest.mark.parametrize("source", [KEY, SKY], ids=["key", "sky"])
+@pytest.mark.parametrize(
+    "name",
+    ["engine", *(pytest.param(name, marks=pytest.mark.slow) for name in ("mrbrain", "foot"))],
+)
+def test_light_is_that_of_rays_through_the_voxels(name: str, source: Ambient | Directional) -> None:
+    """At half the resolution, for the time of the rays; the part of light that pixels get."""
+    try:
+        scene = bench_scene(name)
+    except FileNotFoundError as missing:
+        pytest.skip(str(missing))
+    volume = scene.volume.downsampled(2)
+    table = scene.transfer.bake(min(scene.volume.spacing_mm))
+    white = np.ones((table.channels.shape[0], 1))
+    table = replace(table, channels=white, white=np.ones(1))
+    spec = replace(spec_of(source), step_mm=min(volume.spacing_mm))
+    free = replace(source, **{"shadows" if source is KEY else "occlusion": False})
+    truth, alpha = brute_force.cast(volume, table, scene.camera, SIZE, spec)
+    caster = Raycaster(volume)
+    ours, bare = (
+        caster.cast(table, scene.camera, SIZE, one).coefficients.reshape(len(alpha), -1)[:, 0]
+        for one in (spec, replace(spec, groups=(LightGroup("light", (free,)),)))
+    )
+    seen = alpha > 0.5
+    off = (ours[seen] - truth[seen, 0]) / bare[seen]
+    mean = (truth[seen, 0] / bare[seen]).mean()
+    assert abs(off.mean()) < 0.05 * mean
+    assert np.sqrt((off**2).mean()) < 0.1
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.3])
+def test_no_light_leaks_through_a_wall_of_two_voxels(slant: float) -> None:
+    values = np.zeros((48, 48, 48), np.uint8)
+    values[40:42] = 200  # between the light, at the top, and what is seen
+    values[:20] = 100
+    table = TransferTable((99.0, 200.0), np.array([0, 0.98, 0.98]), np.ones((3, 1)), 1.0)
+    camera = Camera((24, -60, 12), (24, 24, 12), up=(0, 0, 1), height_mm=12)
+    sun = Directional((slant, 0, 1), shadows=True)
+    volume = Volume(values)
+    spec = replace(spec_of(sun), ambient=0)
+    caster = Raycaster(volume)
+    lit = caster.cast(table, camera, SIZE, spec)
+    free = replace(sun, shadows=False)
+    bare = caster.cast(table, camera, SIZE, replace(spec, groups=(LightGroup("light", (free,)),)))
+    assert lit.alpha.min() > 0.5
+    assert lit.coefficients.max() < 0.01 * bare.coefficients.max()
