@@ -72,6 +72,18 @@ def test_visibility_and_spread_are_those_of_every_entry_a_value_can_read(
     assert spread.dtype == np.float32
 
 
+@pytest.mark.parametrize("dtype", ["u1", "i1", "u2", "i2"])
+def test_small_integers_are_as_visible_as_floats(dtype: str) -> None:
+    """Also where nothing above a brick's least value is visible."""
+    span = np.iinfo(dtype)
+    low, high = np.sort(np.random.default_rng(6).integers(span.min, span.max, (2, 3, 30, 40)), 0)
+    for domain in ((span.min, span.max), (span.min / 3, span.max / 2)):
+        as_floats = visible_bricks(*(np.float64(v) for v in (low, high)), domain, TABLE[:10])
+        ours = visible_bricks(low.astype(dtype), high.astype(dtype), domain, TABLE[:10])
+        assert np.array_equal(ours, as_floats)
+        assert ours.any() and not ours.all()
+
+
 def test_a_brick_is_visible_where_any_gradient_s_row_is(
     ranges: tuple[np.ndarray, np.ndarray],
 ) -> None:
@@ -133,6 +145,14 @@ def test_leaps_are_chessboard_distances_up_to_the_furthest() -> None:
     long = np.zeros((2, 2, 300), bool)
     long[..., 0] = True
     assert np.array_equal(chessboard_distance(long)[1, 1], np.minimum(np.arange(300), FURTHEST))
-    many = np.random.default_rng(5).random((20, 31, 27)) > 0.999
-    away = np.indices(many.shape)[:, None] - np.argwhere(many).T[:, :, None, None, None]
-    assert np.array_equal(chessboard_distance(many), np.abs(away).max(axis=0).min(axis=0))
+
+
+@pytest.mark.parametrize("shape", [(20, 31, 27), (34, 26, 21), (21, 34, 3), (9, 5, 1), (3, 2, 80)])
+def test_leaps_are_chessboard_distances_among_many_bricks(shape: tuple[int, int, int]) -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(8):
+        many = rng.random(shape) > 0.999
+        many.flat[rng.integers(many.size)] = True
+        away = np.indices(shape)[:, None] - np.argwhere(many).T[:, :, None, None, None]
+        nearest = np.abs(away).max(axis=0).min(axis=0)
+        assert np.array_equal(chessboard_distance(many), np.minimum(nearest, FURTHEST))
