@@ -26,6 +26,7 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
 from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
@@ -222,9 +223,11 @@ def _table(info: devices.DeviceInfo, found: list[Curves]) -> str:
         "balanced by half a voxel: error, time |\n" + "|---" * 6 + "|\n"
     )
     rows = "\n".join(line(each) for each in found)
-    return (
-        f"{info.name}, {info.version}:\n\n{head}{rows}\n\n```text\n{report(summary(found))}\n```\n"
-    )
+    return f"{_named(info)}:\n\n{head}{rows}\n\n```text\n{report(summary(found))}\n```\n"
+
+
+def _named(info: devices.DeviceInfo) -> str:
+    return f"{info.name}, {info.platform}, driver {info.driver}"
 
 
 def plot(found: list[Curves], device: str) -> None:
@@ -244,9 +247,14 @@ def plot(found: list[Curves], device: str) -> None:
             half = STEPS.index(HALF)
             panel.plot(ms[half], errors[half], "o", color=colour, markersize=7, fillstyle="none")
         panel.set_title(f"{each.name}, {each.kind}", fontsize=9)
-        panel.tick_params(labelsize=7, which="both")
-        panel.grid(True, which="both", linewidth=0.3, alpha=0.6)
-    axes[0, 0].legend(fontsize=7, loc="lower left")
+        panel.tick_params(labelsize=7)
+        for axis in (panel.xaxis, panel.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axis.set_minor_locator(NullLocator())
+        panel.grid(True, linewidth=0.3, alpha=0.6)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=8, loc="upper left", ncols=2, frameon=False)
     figure.supxlabel("ms of all cores, 512²", fontsize=9)
     figure.supylabel("RMS error of a grey", fontsize=9)
     figure.suptitle(f"Steps of 2 to ¼ voxels (ring: ½), {device}", fontsize=9, x=0.99, ha="right")
@@ -261,10 +269,10 @@ def main() -> None:
     for index, info in enumerate(infos):
         if devices.fault(index, infos):
             continue
-        print(f"{info.name}, {info.version}", flush=True)
+        print(_named(info), flush=True)
         found = list(measured(str(index)))
         if not parts:
-            plot(found, info.version)
+            plot(found, _named(info))
         parts.append(_table(info, found))
     text = PAGE.read_text(encoding="utf-8")
     PAGE.write_text(replaced(text, "equal error", "\n" + "\n".join(parts)), encoding="utf-8")

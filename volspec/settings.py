@@ -564,9 +564,9 @@ class _Fault:
         guess = nearest(given, map(str, words)) if isinstance(given, str) and words else ""
         if words and isinstance(given, str):
             code = "unknown"
-        if not in_python and self.classes and all(map(_kind, self.classes)):
-            named = ", ".join(map(_kind, self.classes))
-            return "", f"give a table, {{ kind = …, … }}, of kind {named}", code
+        kinds = [_kind(each) for each in classes_in(self.hint)]
+        if not in_python and kinds and all(kinds):
+            return "", f"give a table, {{ kind = …, … }}, of kind {', '.join(kinds)}", code
         if not in_python and is_settings(self.hint):
             return "", "give a table, { key = value, … }", code
         if kind in ("too_short", "too_long") and _holds_many(self.hint):

@@ -8,12 +8,15 @@ from pathlib import Path
 import colour
 import numpy as np
 import pytest
+import pyvista
 from PIL import Image
 
 import volspec as vs
 from tests.support.errors import raises
-from volspec.errors import MeshError, VolspecWarning
+from tests.support.gltf import write_glb
+from volspec.errors import MeshError, SceneError, VolspecWarning
 from volspec.mesh import texture
+from volspec.scene.specs import MeshSpec
 from volspec.spectra import white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
@@ -86,6 +89,88 @@ def test_colours_made_spectral_are_themselves_under_d65(codes: np.ndarray) -> No
     x, y = white[:2] / white.sum()
     lab = [colour.XYZ_to_Lab(each / 100.0, (x, y)) for each in (wanted, seen)]
     assert colour.delta_E(*lab, method="CIE 2000").mean() <= 0.3
+
+
+def colour_quad(suffix: str, folder: Path) -> tuple[Path, np.ndarray]:
+    """Write a square with a colour at each corner; return the file and the 8-bit codes (4, 3)."""
+    codes = np.array([[200, 40, 30], [30, 180, 60], [60, 70, 210], [240, 230, 220]], np.uint8)
+    square = pyvista.PolyData(plane().points_mm, [4, 0, 1, 2, 3])
+    square.point_data["RGB"] = codes
+    path = folder / f"square{suffix}"
+    square.save(path, **({"texture": "RGB"} if suffix == ".ply" else {}))
+    return path, codes
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".vtp", ".vtk"])
+def test_colours_at_points_are_those_of_a_texture(tmp_path: Path, suffix: str) -> None:
+    path, codes = colour_quad(suffix, tmp_path)
+    mesh = vs.Mesh.load(path, own_colours=True)
+    assert (mesh.material[:, :3] // 257 == codes).all()
+    image = cast(mesh)
+    for corner, code in zip(((-1, 0), (-1, -1), (0, -1), (0, 0)), codes, strict=True):
+        flat = cast(plane(vs.Texture(np.tile(code, (1, 1, 1)))))
+        assert image.coefficients[corner] == pytest.approx(flat.coefficients[9, 9], abs=0.02)
+    middle = np.mean([image.coefficients[y, x] for y in (31, 32) for x in (31, 32)], axis=0)
+    ends = [image.coefficients[-1, 0], image.coefficients[0, -1]]
+    # On the diagonal along which the square is divided.
+    others = [image.coefficients[0, 0], image.coefficients[-1, -1]]
+    means = [np.mean(pair, axis=0) for pair in (ends, others)]
+    assert min(np.abs(middle - mean).max() for mean in means) < 0.02
+    assert vs.Mesh.load(path).material == "white"
+
+
+def test_colours_of_triangles_are_sharp_and_follow_those_without_an_area() -> None:
+    points, codes = plane().points_mm, np.array([[255, 0, 0], [9, 9, 9], [0, 0, 255]], np.uint8)
+    with pytest.warns(vs.VolspecWarning, match="no area"):
+        mesh = vs.Mesh(points, [[0, 1, 2], [0, 1, 1], [0, 2, 3]], codes)
+    assert (mesh.material == codes[[0, 2]].astype(np.uint16) * 257).all()
+    image = cast(mesh)
+    for at, code in (((50, 40), codes[0]), ((10, 20), codes[2])):
+        flat = cast(plane(vs.Texture(np.tile(code, (1, 1, 1)))))
+        assert image.coefficients[at] == pytest.approx(flat.coefficients[9, 9], abs=1e-3)
+
+
+def test_colours_in_gltf_are_linear_light(tmp_path: Path) -> None:
+    write_glb(tmp_path / "tile.glb", 8.0, (1.0, 0.2140, 0.0))
+    codes = vs.Mesh.load(tmp_path / "tile.glb", own_colours=True).material
+    assert codes / 65535.0 == pytest.approx(np.array([[1.0, 0.5, 0.0]] * 4), abs=1e-3)
+
+
+def test_meshes_without_colours_keep_their_material(tmp_path: Path) -> None:
+    pyvista.Cone().save(tmp_path / "cone.ply")
+    assert vs.Mesh.load(tmp_path / "cone.ply", "red", own_colours=True).material == "red"
+    scene = vs.Scene.from_mesh(tmp_path / "cone.ply", lights=["D65"])
+    assert not scene.file.mesh[0].own_colours and scene.file.mesh[0].material == "copper"
+
+
+def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path: Path) -> None:
+    path, codes = colour_quad(".ply", tmp_path)
+    scene = vs.Scene.from_mesh(path, lights=["D65"])
+    scene.save(tmp_path / "square.toml")
+    again = vs.Scene.load(tmp_path / "square.toml")
+    assert again.file.mesh[0].own_colours
+    assert again.surfaces()[0].material.shape == (len(codes), 3)
+    ours, same = (each.render(size=(32, 32)).coefficients for each in (scene, again))
+    assert np.array_equal(ours, same)
+
+
+def test_bad_colours_are_refused(tmp_path: Path) -> None:
+    points, triangles = plane().points_mm, [[0, 1, 2], [0, 2, 3]]
+    for given, code in (
+        (np.zeros((3, 3), np.uint8), "shape"),
+        (np.zeros((4, 2), np.uint8), "shape"),
+        (np.zeros(4, np.uint8), "shape"),
+        (np.full((4, 3), 255.0), "range"),
+        (np.full((4, 4), 100, np.uint8), "unsupported"),
+    ):
+        with raises(MeshError, code):
+            vs.Mesh(points, triangles, given)
+    path, _ = colour_quad(".ply", tmp_path)
+    mesh = vs.Mesh.load(path, own_colours=True)
+    with raises(MeshError, "conflict"):
+        vs.cast_meshes([mesh], MATERIALS, vs.MaterialBasis(MATERIALS), ABOVE, SIZE, SUN)
+    with raises(SceneError, "conflict"):
+        MeshSpec(file="square.ply", texture="a.png", own_colours=True)
 
 
 def test_textures_are_read_with_16_bits_and_without_alpha(tmp_path: Path) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import struct
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +13,7 @@ import pyvista
 from numpy.typing import NDArray
 
 from tests.support.errors import raises
+from tests.support.gltf import write_glb
 from tests.support.window import Robot, along
 from volspec.errors import SceneError, VolspecWarning
 from volspec.scene import Scene
@@ -160,36 +159,6 @@ def test_a_material_replaces_a_texture(opened: ViewState) -> None:
     assert meshes.set_material(state, 0, "no such") is state
 
 
-def write_glb(path: Path, size: float) -> None:
-    """Write a square about the origin, moved by a node as glTF's writers do."""
-    half = size / 2
-    points = np.float32([[-half, -half, 0], [half, -half, 0], [half, half, 0], [-half, half, 0]])
-    triangles = np.uint32([0, 1, 2, 0, 2, 3])
-    data = points.tobytes() + triangles.tobytes()
-    ends = {"min": points.min(axis=0).tolist(), "max": points.max(axis=0).tolist()}
-    tree = {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "translation": [5.5, 5.5, 12.0]}],
-        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
-        "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", **ends},
-            {"bufferView": 1, "componentType": 5125, "count": 6, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": points.nbytes},
-            {"buffer": 0, "byteOffset": points.nbytes, "byteLength": triangles.nbytes},
-        ],
-        "buffers": [{"byteLength": len(data)}],
-    }
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text
-    chunks += struct.pack("<I4s", len(data), b"BIN\0") + data
-    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
-
-
 @pytest.mark.filterwarnings("error")
 def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
     write_glb(tmp_path / "tile.glb", 8.0)
@@ -208,6 +177,22 @@ def test_meshes_are_added_from_files(opened: ViewState, tmp_path: Path) -> None:
     write_glb(tmp_path / "metres.glb", 8000.0)
     with pytest.warns(VolspecWarning, match="unit_mm"):
         assert read_meshes(opened, (str(tmp_path / "metres.glb"),)).rows
+
+
+def test_meshes_are_added_in_their_own_colours(opened: ViewState, tmp_path: Path) -> None:
+    tile = pyvista.Plane(
+        center=(4.0, 4.0, 12.0), i_size=5.0, j_size=5.0, i_resolution=1, j_resolution=1
+    )
+    tile.point_data["RGB"] = np.array([[250, 20, 20]] * 4, np.uint8)
+    tile.save(tmp_path / "tile.ply", texture="RGB")
+    read = read_meshes(opened, (str(tmp_path / "tile.ply"),))
+    assert read.rows == (MeshSpec(file="tile.ply", material="wax", own_colours=True),)
+    new = meshes.add(opened, read.rows)
+    assert meshes.look_text(new.meshes[2]) == "own colours"
+    waxen = meshes.set_material(new, 2, "wax")
+    assert waxen.meshes[2] == MeshSpec(file="tile.ply", material="wax")
+    assert np.abs(frame(new) - frame(waxen)).max() > 20
+    assert np.array_equal(frame(meshes.remove(waxen, 2)), frame(opened))
 
 
 def test_other_transfer_functions_keep_the_meshes_materials(opened: ViewState) -> None:

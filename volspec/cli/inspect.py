@@ -196,12 +196,12 @@ def schema() -> None:
 
 
 def _line(checked: Checked) -> str:
-    size = " × ".join(map(str, checked.volume or ()))
+    volume = f"volume {' × '.join(map(str, checked.volume))}, " if checked.volume else ""
     room = ""
     if checked.room_error is not None:
         room = f", the room's light within {100 * checked.room_error:.2g} %"
     return (
         f"{checked.path}: ok: {counted(checked.materials, 'material')}, "
-        f"{counted(checked.lights, 'light')}, volume {size}, basis {checked.basis} "
+        f"{counted(checked.lights, 'light')}, {volume}basis {checked.basis} "
         f"({checked.reason}){room}"
     )

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
 from volspec._files import require_suffix, require_writable, write_whole
-from volspec.appearance.spaces import SPACES
+from volspec.appearance.spaces import SPACES, sRGB_CURVE
 from volspec.errors import MeshError, SpectrumError, VolspecWarning, nearest
 from volspec.export.png import PngWriter
 from volspec.mesh.model import Mesh
@@ -270,20 +270,29 @@ class _Scene:
     def _shape(self, number: int, mesh: Mesh) -> Element:
         if mesh.grating is not None:
             _warn(f"{mesh.name}: Mitsuba has no gratings, so the mesh has none there")
-        weights: list[Array] = []
+        # Numbers of points or triangles: Mitsuba calls r, g, b together "color", and NAME_x NAME.
+        extra: dict[str, Array] = {}
+        kind = "vertex"
         if isinstance(mesh.material, Texture):
             bsdf = self._textured(mesh, mesh.material, number)
         elif isinstance(mesh.material, str):
             bsdf = self._diffuse(mesh, mesh.material)
+        elif isinstance(mesh.material, np.ndarray):
+            _warn_of_colours(mesh.name)
+            kind = _kind(mesh, mesh.material)
+            linear = sRGB_CURVE.decode(mesh.material / 65535.0)
+            extra = {key: linear[:, k] for k, key in enumerate("rgb")}
+            colour = _made("texture", "mesh_attribute", _value("string", "name", f"{kind}_color"))
+            colour.set("name", "reflectance")
+            bsdf = _made("bsdf", "diffuse", colour)
         else:
             weights = _blend_weights(np.array([*mesh.material.values()]))
-            kind = "vertex" if len(weights[0]) == len(mesh.points_mm) else "face"
+            kind = _kind(mesh, weights[0])
+            extra = {f"mix{k}_x": weight for k, weight in enumerate(weights)}
+            names = [f"{kind}_mix{k}" for k in range(len(weights))]
             bsdf = self._blended(
                 mesh,
-                [
-                    _made("texture", "mesh_attribute", _value("string", "name", f"{kind}_mix{k}"))
-                    for k in range(len(weights))
-                ],
+                [_made("texture", "mesh_attribute", _value("string", "name", n)) for n in names],
             )
         if self._shine:
             weight = self._shine / (1.0 + self._shine)
@@ -298,7 +307,7 @@ class _Scene:
         if mesh.opacity < 1.0:
             bsdf = _made("bsdf", "mask", _value("float", "opacity", mesh.opacity), bsdf)
         name = f"{number:02}-{_plain(mesh.name)}.ply"
-        self.files[name] = _ply(mesh, weights)
+        self.files[name] = _ply(mesh, extra, kind)
         shape = _made("shape", "ply", _value("string", "filename", f"$files/{name}"))
         flat = "true" if mesh.normals is None else "false"
         shape.append(_value("boolean", "face_normals", flat))
@@ -312,7 +321,7 @@ class _Scene:
         height, width = texels.shape[:2]
         name = f"{number:02}-{_plain(texture.name)}"
         if not texture.materials:
-            _warn(f"{texture.name}: Mitsuba gives its colours spectra of its own")
+            _warn_of_colours(texture.name)
             file = io.BytesIO()
             png = PngWriter(file, (width, height), 3, 16, SPACES["sRGB"], {})
             png.rows(texels)
@@ -379,19 +388,21 @@ def _steps(spectrum: Spectrum) -> Spectrum:
     return Spectrum(ends.ravel(), np.repeat(spectrum.values, 2), spectrum.name, spectrum.notes)
 
 
-def _ply(mesh: Mesh, weights: Sequence[Array]) -> bytes:
-    """Return a binary PLY; ``weights`` of points or triangles are its attributes."""
+def _kind(mesh: Mesh, values: Array) -> str:
+    """Return what values are of, points or triangles."""
+    return "vertex" if len(values) == len(mesh.points_mm) else "face"
+
+
+def _ply(mesh: Mesh, extra: Mapping[str, Array], kind: str) -> bytes:
+    """Return a binary PLY, with ``extra`` numbers of points or triangles."""
     columns = {"x": 0, "y": 1, "z": 2}
     points: dict[str, ArrayLike] = {key: mesh.points_mm[:, k] for key, k in columns.items()}
     if mesh.normals is not None:
         points |= {f"n{key}": mesh.normals[:, k] for key, k in columns.items()}
     if mesh.uv is not None:
         points |= {"u": mesh.uv[:, 0], "v": mesh.uv[:, 1]}
-    # Mitsuba reads one number of an attribute from NAME_x.
-    extra: dict[str, ArrayLike] = {f"mix{k}_x": weight for k, weight in enumerate(weights)}
-    at_points = bool(weights) and len(weights[0]) == len(mesh.points_mm)
-    points |= extra if at_points else {}
-    of_faces = {} if at_points else extra
+    points |= extra if kind == "vertex" else {}
+    of_faces = {} if kind == "vertex" else extra
     vertex = np.zeros(len(mesh.points_mm), [(key, "<f4") for key in points])
     for key, values in points.items():
         vertex[key] = values
@@ -406,6 +417,10 @@ def _ply(mesh: Mesh, weights: Sequence[Array]) -> bytes:
     lines += [f"property float {key}" for key in of_faces]
     head = "\n".join([*lines, "end_header", ""])
     return head.encode("ascii") + vertex.tobytes() + face.tobytes()
+
+
+def _warn_of_colours(name: str) -> None:
+    _warn(f"{name}: Mitsuba gives its colours spectra of its own")
 
 
 def _warn(text: str) -> None:

@@ -33,7 +33,7 @@ from volspec.scene.export import ExportSpec
 from volspec.scene.file import SceneFaults, SceneFile, scene_data, scene_file
 from volspec.scene.lights import require_lux
 from volspec.scene.resolve import Resolver
-from volspec.scene.specs import ROOM_LIGHT
+from volspec.scene.specs import EMPTY, ROOM_LIGHT
 from volspec.settings import try_table
 from volspec.transfer import Transfer
 from volspec.volume import Volume
@@ -304,7 +304,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         name,
         materials=len(scene.materials),
         lights=len(scene.lights),
-        volume=volume.shape_xyz,
+        volume=None if file.volume.file == EMPTY else volume.shape_xyz,
         basis=scene.basis.name,
         reason=scene.basis_reason,
         room_error=None if scene.room is None else scene.room.specimen.error,

@@ -12,13 +12,14 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from volspec._triangles import read_triangles
+from volspec.appearance.spaces import sRGB_CURVE
 from volspec.errors import Code, MeshError, VolspecWarning, quoted
 from volspec.mesh.grating import Grating
 from volspec.mesh.texture import Texture
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 SMOOTH_DEG = 30.0
 # A triangle is degenerate if its height is below this part of its longest side.
 _LEAST_HEIGHT = 1e-7
+# Arrays of colours, as files name them, in lower case.
+_COLOURS = ("rgb", "rgba", "color", "colors", "colour", "colours", "color_0")
 # Sizes that differ by more look like a wrong unit.
 _UNITS = 100.0
 
@@ -45,9 +48,9 @@ class Mesh:
         Points of the volume's world.
     triangles : (T, 3) array_like of int
         Indices of points.
-    material : str, {str: (N,) or (T,) array_like} or Texture
+    material : str, {str: (N,) or (T,) array_like}, Texture or (N, 3) or (T, 3) array
         Name of the material; or the share of each at points, or in triangles, which are divided
-        by their sum; or a texture.
+        by their sum; or a texture; or sRGB codes at points or in triangles, as of a texture.
     normals : (N, 3) array_like, optional
         Of smooth edges; if left out, triangles are flat.
     uv : (N, 2) array_like, optional
@@ -65,7 +68,7 @@ class Mesh:
     ------
     MeshError
         If there is no triangle, an index is out of range, or numbers are not finite, shares have
-        the wrong size, are negative or all 0; or a texture has no coordinates.
+        the wrong size, are negative or all 0; colours do not fit; or a texture has no coordinates.
 
     Warns
     -----
@@ -81,7 +84,7 @@ class Mesh:
 
     points_mm: Array
     triangles: NDArray[np.intp]
-    material: str | Mapping[str, ArrayLike] | Texture = "white"
+    material: str | Mapping[str, ArrayLike] | Texture | NDArray[Any] = "white"
     normals: Array | None = None
     name: str = "mesh"
     uv: Array | None = None
@@ -92,6 +95,7 @@ class Mesh:
     def __repr__(self) -> str:
         count = len(self.triangles)
         made = self.material if isinstance(self.material, Texture) else ", ".join(self.materials)
+        made = made or "sRGB"
         return f"Mesh({count} triangle{'s' * (count != 1)}, {made})"
 
     def __post_init__(self) -> None:
@@ -121,8 +125,10 @@ class Mesh:
                 raise self._error("has no texture coordinates", remedy, "missing")
         elif isinstance(self.material, Mapping):
             object.__setattr__(self, "material", self._shares(self.material, whole))
+        elif isinstance(self.material, np.ndarray):
+            object.__setattr__(self, "material", self._colours(self.material, whole))
         elif not isinstance(self.material, str):
-            remedy = "give a name, shares of names or a Texture"
+            remedy = "give a name, shares of names, a Texture or an array of colours"
             raise self._error(f"material is {quoted(self.material)}", remedy, "type")
         for what, least in (("opacity", 1e-3), ("mirror", 0.0)):
             given = getattr(self, what)
@@ -179,11 +185,22 @@ class Mesh:
         total = np.where(total > 0.0, total, 1.0)
         return {name: (each / total)[... if at_points else whole] for name, each in found.items()}
 
+    def _colours(self, given: NDArray[Any], whole: NDArray[np.bool_]) -> NDArray[np.uint16]:
+        """Return checked sRGB codes; triangles without an area are left out."""
+        at_points = len(given) == len(self.points_mm)
+        if given.ndim != 2 or not (at_points or len(given) == len(whole)):
+            sizes = f"({len(self.points_mm)}, 3) or ({len(whole)}, 3)"
+            raise self._error(f"colours have shape {given.shape}", f"give {sizes}")
+        codes: NDArray[np.uint16] = Texture(given[None], name=self.name).texels[0]
+        return codes if at_points else codes[whole]
+
     @property
     def materials(self) -> tuple[str, ...]:
         """Names of its materials."""
         if isinstance(self.material, Texture):
             return tuple(self.material.materials)
+        if isinstance(self.material, np.ndarray):
+            return ()
         return (self.material,) if isinstance(self.material, str) else tuple(self.material)
 
     @classmethod
@@ -192,6 +209,7 @@ class Mesh:
         path: str | os.PathLike[str],
         material: str | Texture = "white",
         *,
+        own_colours: bool = False,
         unit_mm: float = 1.0,
         smooth_deg: float = SMOOTH_DEG,
     ) -> Mesh:
@@ -201,6 +219,8 @@ class Mesh:
         ----------
         path : path
         material : str or Texture
+        own_colours : bool
+            Prefer the file's own colours, at points or in triangles, where it has some.
         unit_mm : float
             Millimetres of the file's unit.
         smooth_deg : float
@@ -221,24 +241,34 @@ class Mesh:
                 consistent_normals=False,
                 auto_orient_normals=False,
             )
-        mesh = cls.of(surface, material, path.name)
-        uv = mesh.uv
-        if uv is not None and path.suffix.lower() in (".gltf", ".glb"):
+        mesh = cls.of(surface, material, path.name, own_colours)
+        uv, is_gltf = mesh.uv, path.suffix.lower() in (".gltf", ".glb")
+        if uv is not None and is_gltf:
             uv = uv * (1.0, -1.0) + (0.0, 1.0)  # from the upper left corner
-        return replace(mesh, points_mm=mesh.points_mm * unit_mm, uv=uv)
+        look = mesh.material
+        if isinstance(look, np.ndarray) and is_gltf:
+            look = sRGB_CURVE.encode(look / 65535.0)  # linear light there
+        return replace(mesh, points_mm=mesh.points_mm * unit_mm, uv=uv, material=look)
 
     @classmethod
     def of(
-        cls, surface: pyvista.DataSet, material: str | Texture = "white", name: str = "mesh"
+        cls,
+        surface: pyvista.DataSet,
+        material: str | Texture = "white",
+        name: str = "mesh",
+        own_colours: bool = False,
     ) -> Mesh:
         """Return a pyvista data set's surface, in mm; its point normals, if any, make it smooth.
 
-        Raises MeshError if it has no triangles.
+        With ``own_colours`` the data set's colours, if any, replace the material. Raises MeshError
+        if it has no triangles.
         """
         faces = surface.extract_surface(algorithm=None).triangulate()
         normals, uv = faces.point_data.get("Normals"), faces.active_texture_coordinates
         triangles = faces.faces.reshape(-1, 4)[:, 1:]
-        return cls(faces.points, triangles, material, normals, name, uv)
+        colours = _colours_of(faces) if own_colours else None
+        look = material if colours is None else colours
+        return cls(faces.points, triangles, look, normals, name, uv)
 
     def has_surface_of(self, other: Mesh) -> bool:
         """Return True if another mesh has the same arrays, as one made from it by a new look."""
@@ -251,6 +281,8 @@ class Mesh:
         arrays = [self.points_mm, self.triangles, self.normals, self.uv]
         if isinstance(self.material, Texture):
             arrays.append(self.material.texels)
+        elif isinstance(self.material, np.ndarray):
+            arrays.append(self.material)
         for array in arrays:
             found.update(b"" if array is None else np.ascontiguousarray(array).tobytes())
         return found.digest()
@@ -277,3 +309,12 @@ class Mesh:
         grating = None if self.grating is None else self.grating.placed(scale, rotation, move)
         points = scale * self.points_mm @ rotation.T + move
         return replace(self, points_mm=points, normals=normals, grating=grating)
+
+
+def _colours_of(faces: pyvista.PolyData) -> NDArray[Any] | None:
+    """Return the colours (N, C) at points, or (T, C) in triangles, of a data set that has any."""
+    for data in (faces.point_data, faces.cell_data):
+        for name in data.keys():  # noqa: SIM118  # not a dict
+            if name.lower() in _COLOURS:
+                return np.asarray(data[name])
+    return None

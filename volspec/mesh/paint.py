@@ -39,8 +39,12 @@ def mesh_paint(mesh: Mesh, materials: Mapping[str, Spectrum], basis: Basis) -> P
     if isinstance(mesh.material, str):
         only = channels[mesh.material]
         return lambda triangle, shares, width_mm: np.tile(only, (len(triangle), 1))
-    parts = {name: np.asarray(given, np.float64) for name, given in mesh.material.items()}
-    values = np.sum([parts[name][:, None] * channels[name] for name in parts], axis=0)
+    if isinstance(mesh.material, np.ndarray):
+        lattice = channel_lattice(basis, mesh.name)
+        values = interpolate_on_device(lattice, mesh.material).astype(np.float64)
+    else:
+        parts = {name: np.asarray(given, np.float64) for name, given in mesh.material.items()}
+        values = np.sum([parts[name][:, None] * channels[name] for name in parts], axis=0)
 
     def mixed(triangle: NDArray[np.intp], shares: Array, width_mm: Array) -> Array:
         if len(values) != len(mesh.points_mm):

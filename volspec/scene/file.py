@@ -115,7 +115,9 @@ class SceneFile:
                 if name not in known:
                     problem = f"no [[material]] is named {name!r}"
                     remedy = f"{nearest(name, known)}there is {', '.join(known)}"
-                    raise fault(f"mesh[{j}].material", problem, remedy, "unknown", name)
+                    several = "materials" if name in surface.materials else "shares"
+                    key = "material" if name == surface.material else several
+                    raise fault(f"mesh[{j}].{key}", problem, remedy, "unknown", name)
         check_export(self.export, self.keyframe, list(rows_by_name(self.light)), self.camera)
 
     def _check_lights(self, groups: Sequence[str]) -> None:

@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from volspec.errors import SceneError
 from volspec.raycast.camera import Orbit, radius_mm
 from volspec.raycast.framing import fit_points
 from volspec.scene.file import SceneFile
-from volspec.scene.specs import CameraSpec
+from volspec.scene.specs import BasisSpec, CameraSpec
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import plain, read_table
 from volspec.spectra import DEFAULT_GRID
@@ -29,6 +29,9 @@ from volspec.transfer.label_look import label_function
 from volspec.transfer.presets import Preset, fit_preset, histogram
 from volspec.volume import Volume
 from volspec.volume.files.query import Query
+
+if TYPE_CHECKING:
+    from volspec.mesh.model import Mesh
 
 # Spectra and labels of the default lights by name. The LEDs are as white as daylight, and change
 # colours more: the engine's by CIEDE2000 14, mean of all presets, A and FL2 by 4, HP1 by 7.
@@ -90,12 +93,22 @@ def volume_file(
 
 
 def mesh_file(path: Path, lights: Sequence[str] = (), camera: Orbit | None = None) -> SceneFile:
-    """Return a scene's file for a mesh alone, of copper; parameters as for `volume_file`."""
-    row: dict[str, Any] = {"file": path.name, "material": "copper"}
+    """Return a scene's file for a mesh alone, in its own colours, or else of copper.
+
+    Parameters are those of `volume_file`.
+    """
+    row: dict[str, Any] = {"file": path.name, "material": "copper", "own_colours": True}
     if path.suffix.lower() in (".gltf", ".glb"):  # in metres, and y is up
         row |= {"unit_mm": 1000.0, "turn_deg": (90.0, 0.0, 0.0)}
     tables = {"mesh": [row]}
     return _new_file(tables, path, {"copper": "copper"}, 0.3, lights, camera)
+
+
+def of_own_colours(file: SceneFile, surfaces: Sequence[Mesh]) -> SceneFile:
+    """Return the file with a basis for its meshes' colours, or without ``own_colours``."""
+    if all(mesh.materials for mesh in surfaces):
+        return replace(file, mesh=tuple(replace(row, own_colours=False) for row in file.mesh))
+    return replace(file, basis=BasisSpec())
 
 
 def _new_file(

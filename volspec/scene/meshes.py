@@ -49,7 +49,9 @@ class MeshCache:
                 self._read[surface] = row.read(self._folder)
             self._placed[place] = row.placed(self._read[surface])
         mesh = self._placed[place]
-        look = mesh.material if row.material is None else row.material
+        look = mesh.material
+        if row.material is not None and (mesh.materials or not row.own_colours):
+            look = row.material
         return replace(mesh, material=look, opacity=row.opacity)
 
     def caster(
@@ -85,6 +87,6 @@ def _place(row: MeshSpec) -> str:
 
 def _surface(row: MeshSpec) -> str:
     """Return a key of what a file or a shape gives."""
-    own = MeshSpec(file=row.file, shape=row.shape, material="any", smooth_deg=row.smooth_deg)
-    look = row.texture, row.materials, row.shares, row.shape == "triad" and row.material is None
-    return repr((own, look))
+    made = MeshSpec(file=row.file, shape=row.shape, material="any", smooth_deg=row.smooth_deg)
+    look = row.texture, row.materials, row.shares, row.own_colours, row.material is None
+    return repr((made, look))

@@ -30,7 +30,7 @@ from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
 from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained
 from volspec.scene.file import SceneFile, scene_data, scene_file
-from volspec.scene.from_volume import framed, mesh_file, volume_file, volume_path
+from volspec.scene.from_volume import framed, mesh_file, of_own_colours, volume_file, volume_path
 from volspec.scene.resolve import Resolver
 from volspec.scene.specs import CameraSpec
 from volspec.scene.writing import write_scene
@@ -229,7 +229,7 @@ class Scene:
         lights: Sequence[str] = (),
         camera: Orbit | None = None,
     ) -> Scene:
-        """Make a scene for a mesh alone, of copper, as the viewer opens it.
+        """Make a scene for a mesh alone, in its own colours or copper, as the viewer opens it.
 
         Parameters
         ----------
@@ -263,6 +263,8 @@ class Scene:
             # The scene is the mesh's file, which the message names.
             raise SceneError(cause.problem, cause.remedy, code=cause.code) from cause
         points_mm = np.concatenate([mesh.points_mm for mesh in surfaces])
+        read, scene = scene._names.read, cls(of_own_colours(scene.file, surfaces), scene.path)
+        scene._names.read.update(read)
         scene.file = framed(scene.file, scene.volume(), points_mm)
         return scene
 

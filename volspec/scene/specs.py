@@ -253,6 +253,9 @@ class MeshSpec:
     """Side, diameter or length of a shape."""
     material: Annotated[Name, Field(examples=["titanium"])] | None = None
     """Name of a [[material]]."""
+    own_colours: bool = False
+    """The file's own colours, at points or in triangles, where it has some, instead of the
+    material."""
     texture: Annotated[str, Field(examples=["photo.png"])] | None = None
     """PNG, JPEG, TIFF or BMP over the texture coordinates: sRGB colours, or with ``materials``
     numbers."""
@@ -283,6 +286,8 @@ class MeshSpec:
         looks = [self.material is not None, self.texture is not None, bool(self.shares)]
         if sum(looks) != 1 and not (self.shape == "triad" and not any(looks)):
             raise fault("", "has no look, or several", "give one of material, texture and shares")
+        if self.own_colours and self.material is None:
+            raise fault("own_colours", "replace a material", "give one, or leave it out")
         if self.materials and self.texture is None:
             raise fault("materials", "number a texture", "give texture, or material alone")
 
@@ -325,7 +330,9 @@ class MeshSpec:
         if self.shape is not None:
             return shape_mesh(self.shape, material=look)
         assert self.file is not None and look is not None
-        return Mesh.load(folder / self.file, look, smooth_deg=self.smooth_deg)
+        return Mesh.load(
+            folder / self.file, look, own_colours=self.own_colours, smooth_deg=self.smooth_deg
+        )
 
     def placed(self, mesh: Mesh) -> Mesh:
         """Return a surface as `read` gives it in its place."""

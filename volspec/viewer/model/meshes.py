@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+from volspec.basis import SpectralBasis
 from volspec.errors import VolspecError
 from volspec.scene.specs import MeshSpec
 from volspec.viewer.model.edit import edit, with_interface
@@ -45,7 +46,8 @@ def set_material(state: ViewState, index: int, name: str) -> ViewState:
     """Make a mesh of one of the scene's materials, instead of its material or texture."""
     if name not in state.transfer.materials:
         return state
-    return _changed(state, index, material=name, texture=None, materials=(), shares={})
+    look = {"material": name, "own_colours": False, "texture": None, "materials": (), "shares": {}}
+    return _changed(state, index, **look)
 
 
 def chosen(state: ViewState) -> int:
@@ -89,10 +91,17 @@ def remove(state: ViewState, index: int) -> ViewState:
 
 
 def row_for(state: ViewState, path: str) -> MeshSpec:
-    """Return the row for a mesh's file, of the last mesh's material or else the first one."""
+    """Return the row for a mesh's file: its own colours, if the basis can have any.
+
+    If not, the last mesh's material or else the first one.
+    """
     names = [row.material for row in state.meshes if row.material is not None]
     material = names[-1] if names else next(iter(state.transfer.materials))
-    return MeshSpec(file=relative_path(path, state.document.folder), material=material)
+    return MeshSpec(
+        file=relative_path(path, state.document.folder),
+        material=material,
+        own_colours=isinstance(state.transfer.basis, SpectralBasis),
+    )
 
 
 def add(state: ViewState, rows: Sequence[MeshSpec]) -> ViewState:
@@ -126,6 +135,8 @@ def look_text(row: MeshSpec) -> str:
     ...     MeshSpec(shape="disc", shares={"copper": "a.png", "gold": "b.png"}))
     ('wood.png', 'copper, gold')
     """
+    if row.own_colours:
+        return "own colours"
     if row.texture is not None:
         return row.texture.replace("\\", "/").rpartition("/")[2]
     return ", ".join(row.used) or "axes"

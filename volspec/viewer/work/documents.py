@@ -134,8 +134,9 @@ def read_meshes(state: ViewState, paths: tuple[str, ...]) -> ReadMeshes:
         try:
             check_name(path)
             row = row_for(state, path)
-            document.meshes.mesh(row).warn_of_unit(document.volume.corners_mm)
-            rows.append(row)
+            mesh = document.meshes.mesh(row)
+            mesh.warn_of_unit(document.volume.corners_mm)
+            rows.append(replace(row, own_colours=not mesh.materials))
         except VolspecError as error:
             errors.append(one_line(error))
     return ReadMeshes(document, tuple(rows), tuple(errors))
