@@ -18,10 +18,13 @@ import pytest
 from tests.support.viewer import opened, take_until, wait_until
 from volspec._gpu.opencl import Compute
 from volspec._gpu.sources import Source
+from volspec.appearance import Viewing
 from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
-from volspec.pipeline import Raycaster
+from volspec.pipeline import Raycaster, Relighter
 from volspec.raycast import CoefficientImage, RaycastSpec
+from volspec.relight import programs as programs_of_gl
+from volspec.spectra import light
 from volspec.viewer.model import lighting
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.lighting_aim import list_sources
@@ -435,6 +438,13 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
         return build(compute, source, *given)
 
     monkeypatch.setattr(Compute, "_build", recorded)
+    compiled = programs_of_gl.compile_program
+
+    def noted(context: Any, vertex: Source, fragment: Source) -> Any:
+        built.add(fragment.text)
+        return compiled(context, vertex, fragment)
+
+    monkeypatch.setattr(programs_of_gl, "compile_program", noted)
     document = replace(state.document, caster=Raycaster(state.document.volume))
     state = replace(state, document=document)
     caster = CastWorker(lambda: None)
@@ -444,7 +454,7 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     corner = document.volume.values[:4, :4, :4].copy()
     table, packet = document.caster.bake(state.transfer), document.caster.packet
     device = document.caster.device_index
-    programs = Programs(corner, device, packet, table, state.shading, False)
+    programs = Programs(corner, device, packet, table, state.shading, False, Viewing())
     assert len(list(programs.build())) > 4
     before = set(built)
     many = lighting.add_source(state, "directional").state
@@ -452,7 +462,11 @@ def test_edits_of_lights_need_no_program_that_was_not_built_ahead(
     point = lighting.add_source(state, "point").state
     for edited in (many, shadowless, lighting.add_source(state, "ambient").state, point, state):
         caster.request(job(edited, 1))
-        assert drained(caster, 1)[0].image is not None
+        image = drained(caster, 1)[0].image
+        assert image is not None
+        for by_table in (False, True):
+            with Relighter(image, "gl", lut3d=by_table) as relighter:
+                relighter.frame(light("D65"))
     assert built == before
     caster.close()
 
@@ -466,7 +480,7 @@ def test_programs_are_built_by_a_child_that_ends_with_the_viewer(
     monkeypatch.setattr(ahead, "_REST_S", 0.0)
     document = replace(state.document, caster=Raycaster(state.document.volume))
     builder = ProgramBuilder(lambda: None)
-    builder.request(job(replace(state, document=document), 1))
+    builder.request((job(replace(state, document=document), 1), Viewing()))
     wait_until(lambda: list(tmp_path.rglob("raycast*.so")), 60.0)
     builder.close()
     assert not builder.busy

@@ -1,11 +1,12 @@
-"""Programs of casts that the next edit of the lights may need, built while nothing else happens.
+"""Programs that the next edit of the lights may need, built while nothing else happens.
 
-    whole picture -> [ahead] -> child process -> device's cache of programs -> the next cast
+    whole picture -> [ahead] -> child process -> drivers' caches of programs -> the next cast
 
-A program depends on how many light groups there are, and on whether some source has shadows; a
-build takes one to four seconds. The child launches each once with a volume of a few voxels, as
-PoCL ends a build then, and leaves it in the cache on disk, from where the viewer has it in 50 ms.
-In the viewer's own process, casts would wait for the compiler's lock.
+A program of casts depends on how many light groups there are, and on whether some source has
+shadows; a build takes one to four seconds. The child launches each once with a volume of a few
+voxels, as PoCL ends a build then, and leaves it in the cache on disk, from where the viewer has it
+in 50 ms; so it does with the shaders that draw so many groups, 300 ms on llvmpipe. In the viewer's
+own process, casts would wait for the compiler's lock.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -23,10 +25,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec._child import child_command
+from volspec.appearance import Viewing
+from volspec.appearance.lut3d import needs_host_lut
 from volspec.errors import VolspecError
 from volspec.pipeline import Raycaster
 from volspec.raycast import Ambient, Camera, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.packets import Packet
+from volspec.relight import Illumination
+from volspec.relight.gpu import GLEngine
 from volspec.transfer import SurfaceTable, TransferTable
 from volspec.viewer.work.background import LatestWorker, lower_priority
 from volspec.volume import Volume
@@ -34,7 +40,8 @@ from volspec.volume import Volume
 if TYPE_CHECKING:
     from volspec.viewer.work.casts import CastJob
 
-_SIZE = 16, 16
+# No power of two, for which llvmpipe compiles shaders of their own.
+_SIZE = 19, 17
 # A user who goes on within this time is not slowed down.
 _REST_S = 1.0
 _POLL_S = 0.1
@@ -51,16 +58,35 @@ class Programs:
     table: TransferTable | SurfaceTable
     spec: RaycastSpec
     spans: bool
+    viewing: Viewing
 
     def build(self) -> Iterator[RaycastSpec]:
         """Build the programs of the neighbours, and yield each when it is there."""
         volume = Volume(self.voxels)
         caster = Raycaster(volume, device=self.device, packet=self.packet)
         camera = Camera.orbit(volume)
-        ends = np.full((*_SIZE, 2), np.inf, np.float32) if self.spans else None
+        width, height = _SIZE
+        ends = np.full((height, width, 2), np.inf, np.float32) if self.spans else None
+        drawn: set[int] = set()
         for each in neighbours(self.spec):
-            caster.cast(self.table, camera, _SIZE, each, span_mm=ends)
+            found = caster.cast(self.table, camera, _SIZE, each, span_mm=ends)
+            channels = found.coefficients.shape[2]
+            if channels not in drawn:
+                drawn.add(channels)
+                with suppress(VolspecError):  # without OpenGL there is nothing to draw
+                    self._draw(found.coefficients, found.alpha)
             yield each
+
+    def _draw(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
+        """Draw a picture as small and as large ones are, by the formula and by a table of it."""
+        if needs_host_lut(self.viewing.model):
+            return
+        matrix = np.zeros((3, coefficients.shape[2]))
+        light = Illumination(matrix, np.full(3, 100.0), np.zeros(3), viewing=self.viewing)
+        for by_table in (False, True):
+            engine = GLEngine(coefficients, alpha, lut3d=by_table)
+            engine.render(light, self.viewing, np.uint8)
+            engine.close()
 
 
 def neighbours(spec: RaycastSpec) -> Iterator[RaycastSpec]:
@@ -82,18 +108,19 @@ def neighbours(spec: RaycastSpec) -> Iterator[RaycastSpec]:
     yield grouped(count, Ambient())
 
 
-class ProgramBuilder(LatestWorker["CastJob", None]):
-    """Has the neighbours of jobs built that have been cast."""
+class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
+    """Has the neighbours of jobs built that have been cast and are seen under some conditions."""
 
     _name = "volspec-ahead"
     _built: tuple[object, ...] = ()
 
-    def _results(self, job: CastJob) -> Iterator[None]:
+    def _results(self, job: tuple[CastJob, Viewing]) -> Iterator[None]:
         yield from ()
-        document, spec = job.document, job.shading
-        among = bool(job.meshes) or job.room is not None
+        cast, viewing = job
+        document, spec = cast.document, cast.shading
+        among = bool(cast.meshes) or cast.room is not None
         one = replace(spec, groups=spec.groups[:1])
-        wanted = document, type(job.transfer), one, among, len(spec.groups)
+        wanted = document, type(cast.transfer), one, among, len(spec.groups)
         if document.caster is None or wanted == self._built or not self._wait_idle(_REST_S):
             return
         self._built = wanted
@@ -102,9 +129,10 @@ class ProgramBuilder(LatestWorker["CastJob", None]):
             document.volume.values[:4, :4, :4].copy(),
             caster.device_index,
             caster.packet,
-            caster.bake(job.transfer),
+            caster.bake(cast.transfer),
             spec,
             among,
+            viewing,
         )
         try:
             child = subprocess.Popen(

@@ -276,7 +276,7 @@ class CastScheduler:
             if done.image is None or wanted is None or done.job.document is not wanted.document:
                 continue
             if done.made == WHOLE:
-                self._builder.request(done.job)
+                self._builder.request((done.job, wanted.relight.viewing))
             if not self._first:
                 self._pace = self._pace.after(done.made, done.ms)
             self._first = False
