@@ -58,7 +58,8 @@ def cold_caches() -> Iterator[None]:
     """Set empty caches of compiled programs, PoCL's and pyopencl's, for programs started within."""
     names = "POCL_CACHE_DIR", "XDG_CACHE_HOME"
     kept = {name: os.environ.get(name) for name in names}
-    with tempfile.TemporaryDirectory() as folder:
+    # A child that still builds may write to them.
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         os.environ |= {name: str(Path(folder, name)) for name in names}
         try:
             yield

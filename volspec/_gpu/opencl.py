@@ -93,11 +93,22 @@ class Compute:
         Raises OpenCLError, with the compiler's first error and its line, if the build fails.
         """
         key = (source.text, name, tuple(options))
-        kernel = self._kernels.pop(key, None) or self._build(source, name, options)
+        kernel = self._kernels.pop(key, None)
+        if kernel is None:
+            kernel = self._of_cached(*key) or self._build(source, name, options)
         self._kernels[key] = kernel
         if len(self._kernels) > MOST_KERNELS:
             del self._kernels[next(iter(self._kernels))]
         return kernel
+
+    def _of_cached(self, text: str, name: str, options: tuple[str, ...]) -> cl.Kernel | None:
+        """Return a kernel of the program of another, cached one; None if there is none."""
+        import pyopencl as cl
+
+        for (known, _, built), kernel in self._kernels.items():
+            if (known, built) == (text, options):
+                return cl.Kernel(kernel.program, name)
+        return None
 
     def _build(self, source: Source, name: str, options: Sequence[str]) -> cl.Kernel:
         import pyopencl as cl
