@@ -52,6 +52,8 @@ if surface.n_cells:
     os.rename(sys.argv[3] + ".vtp", sys.argv[3])
 elif read.n_points:
     sys.exit(f"has {read.n_points} points and no faces")
+else:
+    sys.exit("has no points: empty, damaged or of another format")
 """
 
 

@@ -17,7 +17,7 @@ from tests.support.gltf import write_glb
 from volspec.errors import MeshError, SceneError, VolspecWarning
 from volspec.mesh import texture
 from volspec.scene.specs import MeshSpec
-from volspec.spectra import white_XYZ
+from volspec.spectra import XYZ_from_spectra, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 
 BASIS = vs.SpectralBasis.load("general-7")
@@ -154,6 +154,32 @@ def test_a_mesh_alone_is_opened_in_its_own_colours(tmp_path: Path) -> None:
     assert np.array_equal(ours, same)
 
 
+@pytest.mark.filterwarnings("ignore:.*basis")
+def test_a_mesh_s_colours_are_in_its_scene_s_basis(tmp_path: Path) -> None:
+    """A basis for copper alone would be off by 12 under the scene's own lamps."""
+    path, codes = colour_quad(".ply", tmp_path)
+    scene = vs.Scene.from_mesh(path)
+    found = texture.channel_lattice(scene.basis, "colours")
+    channels = texture.interpolate(found, codes.astype(np.uint16) * np.uint16(257))
+    truth = texture.reflectance_lattice(scene.basis.grid)
+    bands = texture.interpolate(truth, codes.astype(np.uint16) * np.uint16(257))
+    for each in scene.lights:
+        (lamp,) = each.rig.lights
+        white = white_XYZ(lamp)
+        x, y = white[:2] / white.sum()
+        e = scene.basis.xyz(channels.astype(np.float64), lamp)
+        true = XYZ_from_spectra(lamp, bands.astype(np.float64))
+        lab = [colour.XYZ_to_Lab(xyz / 100.0, (x, y)) for xyz in (e, true)]
+        assert colour.delta_E(*lab, method="CIE 2000").max() < 2.5, each.name
+
+
+def test_alpha_of_colours_is_left_out_with_a_warning() -> None:
+    codes = np.array([[9, 8, 7, 255], [9, 8, 7, 100]], np.uint8)
+    with pytest.warns(VolspecWarning, match="alpha of its colours"):
+        mesh = vs.Mesh(plane().points_mm, plane().triangles, codes)
+    assert mesh.material.shape == (2, 3)
+
+
 def test_bad_colours_are_refused(tmp_path: Path) -> None:
     points, triangles = plane().points_mm, [[0, 1, 2], [0, 2, 3]]
     for given, code in (
@@ -161,7 +187,6 @@ def test_bad_colours_are_refused(tmp_path: Path) -> None:
         (np.zeros((4, 2), np.uint8), "shape"),
         (np.zeros(4, np.uint8), "shape"),
         (np.full((4, 3), 255.0), "range"),
-        (np.full((4, 4), 100, np.uint8), "unsupported"),
     ):
         with raises(MeshError, code):
             vs.Mesh(points, triangles, given)
@@ -258,6 +283,24 @@ def test_a_faint_sheet_in_a_volume_changes_nothing_and_a_dense_one_hides_half() 
     assert nearly.alpha.max() <= 1.0 + 1e-6
     between = half.coefficients - 0.5 * (opaque.coefficients + whole.coefficients)
     assert np.abs(between).max() < 0.15  # but for the shadow's square
+
+
+def test_a_mirror_shows_translucent_meshes_before_opaque_ones() -> None:
+    """An opacity of next to 1 is seen as 1; half of it, with what is behind it."""
+    mirror = replace(plane("black", 64.0), mirror=1.0)
+    camera = vs.Camera((0.0, -150.0, 150.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0), height_mm=50.0)
+    wall = vs.shape_mesh("plane", 500.0, "white").placed((0, 120, 0), (90, 0, 0))
+    sheet = vs.shape_mesh("plane", 500.0, "red").placed((0, 80, 0), (90, 0, 0))
+    spec = vs.RaycastSpec(groups=(vs.LightGroup("all", (vs.Ambient(),)),))
+
+    def middle(*meshes: vs.Mesh) -> np.ndarray:
+        image = vs.cast_meshes([mirror, *meshes], MATERIALS, BASIS, camera, SIZE, spec)
+        return image.coefficients[32, 32].astype(np.float64)
+
+    red, white = middle(sheet), middle(wall)
+    assert middle(replace(sheet, opacity=0.999), wall) == pytest.approx(red, abs=2e-3)
+    mixed = middle(replace(sheet, opacity=0.5), wall)
+    assert mixed == pytest.approx(0.5 * red + 0.5 * white, abs=2e-3)
 
 
 def test_a_mirror_shows_the_mesh_above_it_upside_down() -> None:

@@ -428,7 +428,7 @@ def test_damaged_files_say_what_is_wrong(tmp_path: Path) -> None:
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
     for content, problem in (
         ("", "is empty"),
-        ("hello\n", "cannot be read as .obj: damaged, or of another format"),
+        ("hello\n", "has no points: empty, damaged or of another format"),
         (corners, "has 3 points and no faces"),
         # VTK would read beyond the points, and end the process.
         (corners + "f 1 2 9\n", "a face has a point that is not there"),

@@ -163,6 +163,7 @@ def mitsuba(
     """
     from volspec.export.mitsuba import save_mitsuba
     from volspec.scene import Scene
+    from volspec.scene.specs import EMPTY
 
     found = Scene.load(file)
     lights = {each.name: each for each in found.lights}
@@ -173,15 +174,18 @@ def mitsuba(
     volume = found.volume()
     caster = found.meshes(volume)
     if caster is None:
-        problem = f"{file}: has no [[mesh]], and Mitsuba no transfer functions for a volume"
-        raise SceneError(problem, "add a [[mesh]]", code="missing")
+        shows = "shows none of its meshes" if found.file.mesh else "has no [[mesh]]"
+        problem = f"{file}: {shows}, and Mitsuba has no transfer functions for a volume"
+        remedy = "show one" if found.file.mesh else "add a [[mesh]]"
+        raise SceneError(problem, remedy, code="missing")
     size = found.file.output.width, found.file.output.height
     lit = found.lights[0] if light is None else lights[light]
     view = found.camera(volume), lit.rig, size, found.raycast
     made = save_mitsuba(output, caster.meshes, found.materials, *view)
     room = "" if found.room is None else " and the room"
     count = counted(len(caster.meshes), "surface")
-    say(f"{made}: {count} under {lit.name}, without the volume{room}")
+    left_out = "" if found.file.volume.file == EMPTY else ", without the volume"
+    say(f"{made}: {count} under {lit.name}{left_out}{room}")
 
 
 @scene.command

@@ -358,12 +358,20 @@ class MeshCaster:
     def _mirrored(
         self, seen: Seen, raised: Array, light: Lighting, beam: tuple[float, float], bounces: int
     ) -> NDArray[np.float32]:
-        """Return the channels (K, L·M) of the opaque meshes that points mirror."""
+        """Return the channels (K, L·M) of the meshes that points mirror."""
         cosine = np.einsum("kc,kc->k", seen.directions, seen.normals)[:, None]
-        met = self._seen(0, raised, seen.directions - 2.0 * cosine * seen.normals)
-        met = replace(met, along_mm=met.along_mm + seen.along_mm)
-        stops = np.full(len(raised), np.inf)
-        return self._send(met, stops, light, beam, bounces - 1)[0][:, :-1]
+        ways = seen.directions - 2.0 * cosine * seen.normals
+        opaque = self._seen(0, raised, ways)
+        sheets = () if self._translucent is None else self._translucent.sheets(raised, ways)
+        found = np.zeros((len(raised), len(light.spec.groups) * self.basis.size), np.float32)
+        through = np.ones((len(raised), 1), np.float32)
+        for met in (*islice(sheets, MOST_SHEETS), opaque):
+            far = replace(met, along_mm=met.along_mm + seen.along_mm)
+            stops = opaque.along_mm + seen.along_mm
+            sent, _ = self._send(far, stops, light, beam, bounces - 1)
+            found += through * sent[:, :-1]
+            through *= 1.0 - sent[:, -1:]
+        return found
 
 
 def cast_meshes(

@@ -191,7 +191,11 @@ class Mesh:
         if given.ndim != 2 or not (at_points or len(given) == len(whole)):
             sizes = f"({len(self.points_mm)}, 3) or ({len(whole)}, 3)"
             raise self._error(f"colours have shape {given.shape}", f"give {sizes}")
-        codes: NDArray[np.uint16] = Texture(given[None], name=self.name).texels[0]
+        if given.shape[1] == 4:
+            text = f"{self.name}: alpha of its colours is left out; opacity is that of the mesh"
+            warnings.warn(text, VolspecWarning, stacklevel=4)
+            given = given[:, :3]
+        codes: NDArray[np.uint16] = Texture(given[None], name=f"{self.name}'s colours").texels[0]
         return codes if at_points else codes[whole]
 
     @property

@@ -37,7 +37,7 @@ def shape_mesh(shape: Shape, size_mm: float = 1.0, material: str | Texture | Non
     Raises
     ------
     MeshError
-        If there is no such shape.
+        If there is no such shape, or its size is not above 0.
 
     Examples
     --------
@@ -49,6 +49,8 @@ def shape_mesh(shape: Shape, size_mm: float = 1.0, material: str | Texture | Non
         known = get_args(Shape)
         remedy = f"{nearest(shape, known)}known: {', '.join(known)}"
         raise MeshError(f"no shape is named {shape!r}", remedy, code="unknown")
+    if not size_mm > 0.0:
+        raise MeshError(f"{shape}: size_mm is {size_mm:g}", "give a number above 0", code="range")
     points, triangles, normals, uv = made()
     if material is None:
         material = "white"

@@ -30,7 +30,7 @@ from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.basis import Basis, SpectralBasis
 from volspec.errors import Code, MeshError
-from volspec.spectra import light, reflectances_from_colours, white_XYZ
+from volspec.spectra import Spectrum, light, reflectances_from_colours, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_sRGB
 from volspec.spectra.grid import SpectralGrid
 
@@ -222,6 +222,18 @@ def reflectance_lattice(grid: SpectralGrid) -> NDArray[np.float32]:
         return {"reflectances": made.values.astype(np.float32)}
 
     return cached_arrays(f"spectra/rgb-{key}", _MAKER, make)["reflectances"]
+
+
+def some_colours(grid: SpectralGrid) -> dict[str, Spectrum]:
+    """Return reflectances of 27 colours all over the cube of sRGB, by their codes."""
+    step = (SIDE - 1) // 2
+    nodes = reflectance_lattice(grid)[::step, ::step, ::step]
+    return {
+        f"sRGB {', '.join(f'{50 * k}' for k in place)} %": Spectrum(
+            grid.wavelengths_nm, nodes[place].astype(np.float64)
+        )
+        for place in np.ndindex(3, 3, 3)
+    }
 
 
 def channel_lattice(basis: Basis, name: str) -> NDArray[np.float32]:

@@ -57,6 +57,8 @@ class SceneSpectra:
     use: Mapping[str, float]  # weight per material, by `use_of`
     # Materials that absorb: white seen through one has the filter's colour.
     filters: Mapping[str, Spectrum] = field(default_factory=dict)
+    # Of colours that meshes may have.
+    colours: Mapping[str, Spectrum] = field(default_factory=dict)
     # Paints of a room, which are seen under its own lights.
     walls: Mapping[str, Spectrum] = field(default_factory=dict)
     wall_lights: Sequence[Spectrum] = ()
@@ -65,7 +67,7 @@ class SceneSpectra:
     def reflectances(self) -> dict[str, Spectrum]:
         """Reflectances and filters whose colours the basis must reproduce, by name."""
         filters = {f"{name}'s filter": spectrum for name, spectrum in self.filters.items()}
-        return {**self.materials, **filters}
+        return {**self.materials, **filters, **self.colours}
 
     def designed(self) -> list[str]:
         """Return the names of the spectra that are marked as designed."""
@@ -141,6 +143,7 @@ def train_basis(table: BasisSpec, spectra: SceneSpectra, name: str) -> SpectralB
         light_weights=np.concatenate([own / own.sum(), shares]),
         reflectance_weights=[
             *(spectra.use[name] for name in (*spectra.materials, *spectra.filters)),
+            *(_LEAST_USE for _ in spectra.colours),
             *(1.0 for _ in spectra.walls),
         ],
         name=name,

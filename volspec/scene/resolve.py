@@ -268,9 +268,22 @@ class Resolver:
             materials,
             unseen | use,
             filters,
+            self._mesh_colours(materials),
             room.paints if room is not None and walls else {},
             [light for light, _, group in shone if group in walls],
         )
+
+    def _mesh_colours(self, materials: Mapping[str, Spectrum]) -> dict[str, Spectrum]:
+        """Return reflectances of colours all over sRGB, if meshes have some; else nothing."""
+        coloured = [
+            row.own_colours or (row.texture and not row.materials) for row in self.file.mesh
+        ]
+        if not any(coloured) or self.file.basis.method == "materials":
+            return {}
+        # Imported late: few scenes have meshes.
+        from volspec.mesh.texture import some_colours
+
+        return some_colours(next(iter(materials.values())).grid)
 
     def volume(self) -> Volume:
         """Load the volume, with the scene's spacing and downsampling.

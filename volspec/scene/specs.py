@@ -282,12 +282,17 @@ class MeshSpec:
 
     def __post_init__(self) -> None:
         if (self.file is None) == (self.shape is None):
-            raise fault("", "has no surface, or two", "give one of file and shape")
+            several = "no surface" if self.file is None else "both a file and a shape"
+            raise fault("", f"has {several}", "give one of file and shape")
         looks = [self.material is not None, self.texture is not None, bool(self.shares)]
-        if sum(looks) != 1 and not (self.shape == "triad" and not any(looks)):
-            raise fault("", "has no look, or several", "give one of material, texture and shares")
         if self.own_colours and self.material is None:
-            raise fault("own_colours", "replace a material", "give one, or leave it out")
+            remedy = "give a material for where the file has none, or leave it out"
+            raise fault("own_colours", "replaces a material", remedy)
+        if sum(looks) > 1:
+            given = " and ".join(n for n in ("material", "texture", "shares") if getattr(self, n))
+            raise fault("", f"has {given}", "give one of them")
+        if not any(looks) and self.shape != "triad":
+            raise fault("", "has no look", "give one of material, texture and shares")
         if self.materials and self.texture is None:
             raise fault("materials", "number a texture", "give texture, or material alone")
 
