@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from volspec.errors import MeshError
-from volspec.settings import Positive, Unit, Vector, settings
+from volspec.settings import Unit, Vector, settings
 from volspec.spectra.grid import SpectralGrid
 
 Array = NDArray[np.float64]
@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 _REACH = 5.0
 # Where less of the direction across the lines is in the surface, there are no lines.
 _LEAST_ACROSS = 0.03
+# Lines nearer than half a wavelength diffract nothing; stripes of distant ones are not seen apart.
+Spacing = Annotated[float, Field(ge=0.2, le=1000.0), Unit("µm")]
 
 
 @settings(MeshError)
@@ -36,9 +38,9 @@ _LEAST_ACROSS = 0.03
 class Grating:
     """``grating``: fine lines on a surface, such as the tracks of a disc, which diffract light."""
 
-    spacing_um: Annotated[Positive, Unit("µm")]
+    spacing_um: Spacing
     """Distance between lines; 1.6 for a compact disc, 0.74 for a DVD."""
-    cross_um: Annotated[Positive, Unit("µm")] | None = None
+    cross_um: Spacing | None = None
     """Distance between lines of a second set, across the first."""
     across: Vector | None = None
     """Direction across the lines, in the file's axes; if left out, lines are circles about
