@@ -8,6 +8,7 @@ import re
 import weakref
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import psutil
@@ -89,6 +90,30 @@ def test_a_shared_array_lives_as_long_as_its_buffer(compute: Compute) -> None:
     del buffer
     gc.collect()
     assert alive() is None
+
+
+def test_kernels_of_one_source_are_built_together(
+    compute: Compute, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    built = []
+    build = Compute._build
+
+    def counted(compute: Compute, source: Source, name: str, *options: Any) -> Any:
+        built.append(name)
+        return build(compute, source, name, *options)
+
+    monkeypatch.setattr(Compute, "_build", counted)
+    text = "".join(
+        f"__kernel void {name}(__global int *out) {{ *out = {value}; }}\n"
+        for name, value in (("one", 1), ("two", 2))
+    )
+    source, found = Source(text, ("<prelude>", "both.cl")), np.empty(1, np.int32)
+    for name, value in (("one", 1), ("two", 2), ("one", 1)):
+        out = compute.output(4)
+        compute.kernel(source, name)(compute.queue, (1,), None, out)
+        compute.download(out, found)
+        assert found[0] == value
+    assert built == ["one"]
 
 
 def test_the_kernels_used_last_are_cached(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -66,7 +66,15 @@ def light_of(volume: Volume, table: TransferTable, layer: LightLayer) -> Callabl
 
 
 class _March(reference._March):
-    def composite(self, live, along, point, gradient, alpha, reflectance):  # type: ignore[no-untyped-def]
+    def composite(
+        self,
+        live: NDArray[np.intp],
+        along: Array,
+        point: Array,
+        gradient: Array | None,
+        alpha: Array,
+        reflectance: Array,
+    ) -> None:
         seen = self.transmittance[live] * alpha > _LEAST
         across = None if gradient is None else gradient[seen]
         super().composite(

@@ -16,7 +16,7 @@ from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import replace
 from functools import partial
-from itertools import islice, repeat
+from itertools import chain, islice, repeat
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -365,9 +365,9 @@ class MeshCaster:
         sheets = () if self._translucent is None else self._translucent.sheets(raised, ways)
         found = np.zeros((len(raised), len(light.spec.groups) * self.basis.size), np.float32)
         through = np.ones((len(raised), 1), np.float32)
-        for met in (*islice(sheets, MOST_SHEETS), opaque):
+        stops = opaque.along_mm + seen.along_mm
+        for met in chain(islice(sheets, MOST_SHEETS), (opaque,)):
             far = replace(met, along_mm=met.along_mm + seen.along_mm)
-            stops = opaque.along_mm + seen.along_mm
             sent, _ = self._send(far, stops, light, beam, bounces - 1)
             found += through * sent[:, :-1]
             through *= 1.0 - sent[:, -1:]

@@ -318,7 +318,7 @@ class Mesh:
 def _colours_of(faces: pyvista.PolyData) -> NDArray[Any] | None:
     """Return the colours (N, C) at points, or (T, C) in triangles, of a data set that has any."""
     for data in (faces.point_data, faces.cell_data):
-        for name in data.keys():  # noqa: SIM118  # not a dict
+        for name, array in data.items():
             if name.lower() in _COLOURS:
-                return np.asarray(data[name])
+                return np.asarray(array)
     return None

@@ -253,9 +253,11 @@ class Scene:
         ...     vs.Scene.from_mesh(f"{folder}/cone.ply", lights=["D65"]).render(size=(64, 64))
         CoefficientImage(64x64, 2 channels)
         """
-        scene = cls(mesh_file(Path(os.path.abspath(path)), lights, camera), os.path.abspath(path))
+        path = Path(os.path.abspath(path))
+        # Read before the scene is made, as its basis depends on the colours.
+        names = Resolver(mesh_file(path, lights, camera), path, {})
         try:
-            surfaces = scene.surfaces()
+            surfaces = names.surfaces()
         except SceneError as error:
             cause = error.__cause__
             if not isinstance(cause, MeshError):
@@ -263,8 +265,8 @@ class Scene:
             # The scene is the mesh's file, which the message names.
             raise SceneError(cause.problem, cause.remedy, code=cause.code) from cause
         points_mm = np.concatenate([mesh.points_mm for mesh in surfaces])
-        read, scene = scene._names.read, cls(of_own_colours(scene.file, surfaces), scene.path)
-        scene._names.read.update(read)
+        scene = cls(of_own_colours(names.file, surfaces), path)
+        scene._names.read.update(names.read)
         scene.file = framed(scene.file, scene.volume(), points_mm)
         return scene
 

@@ -285,9 +285,9 @@ class MeshSpec:
             several = "no surface" if self.file is None else "both a file and a shape"
             raise fault("", f"has {several}", "give one of file and shape")
         looks = [self.material is not None, self.texture is not None, bool(self.shares)]
-        if self.own_colours and self.material is None:
-            remedy = "give a material for where the file has none, or leave it out"
-            raise fault("own_colours", "replaces a material", remedy)
+        if self.own_colours and (self.file is None or self.material is None):
+            remedy = "give file and material, or leave it out"
+            raise fault("own_colours", "is of a file, and in place of a material", remedy)
         if sum(looks) > 1:
             given = " and ".join(n for n in ("material", "texture", "shares") if getattr(self, n))
             raise fault("", f"has {given}", "give one of them")
