@@ -190,9 +190,17 @@ def _make_lock(folder: Path) -> tuple[Path, int]:
         handle = os.open(lock_file, os.O_CREAT | os.O_EXCL | os.O_RDWR, 0o666)
         tries_left -= 1
         # Before it was locked, another process may have deleted it as a leftover.
-        if (lock_file_handle(handle) is not False and lock_file.exists()) or not tries_left:
+        if (lock_file_handle(handle) is not False and _is_at(handle, lock_file)) or not tries_left:
             return lock_file, handle
         os.close(handle)
+
+
+def _is_at(handle: int, path: Path) -> bool:
+    """Return True if an open file is the one at a path; `_clear` may have made another there."""
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def _remove(files: list[Path], lock_file: Path, handle: int) -> None:

@@ -228,6 +228,28 @@ def test_writers_and_those_who_clear_do_not_meet(tmp_path: Path) -> None:
     assert {path.read_text() for path in tmp_path.iterdir()} == {"whole"}
 
 
+def test_a_lock_whose_file_another_has_made_again_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two who clear: one deletes the file that is not locked yet, the other makes it again."""
+    locked = _files.lock_file_handle
+    taken: list[Path] = []
+
+    def lock(handle: int) -> bool | None:
+        if not taken:
+            taken.extend(tmp_path.iterdir())
+            taken[0].unlink()
+            taken[0].touch()
+        return locked(handle)
+
+    monkeypatch.setattr(_files, "lock_file_handle", lock)
+    with write_whole(tmp_path / "a.txt") as temporary:
+        assert temporary.stem != taken[0].stem
+        temporary.write_text("whole")
+    taken[0].unlink()
+    assert names(tmp_path) == ["a.txt"]
+
+
 @pytest.mark.parametrize("ahead_s", [0.0, 3600.0, 30 * 365 * DAY_S])
 def test_the_file_just_written_stays_however_wrong_the_others_dates(
     tmp_path: Path, ahead_s: float
