@@ -40,11 +40,9 @@ if TYPE_CHECKING:
 # Number of last-used kernels that a context caches. PoCL uses 2 to 3 MB for each, and a day's work
 # with varied settings builds many; a cast needs at most 5, and rebuilding one takes 0.1 s.
 MOST_KERNELS = 16
+Key = tuple[str, str, tuple[str, ...]]
 # Products and sums may be fused, zeros lose their sign; infinities and NaN keep their meaning.
 OPTIONS = ("-cl-std=CL1.2", "-cl-mad-enable", "-cl-no-signed-zeros", "-w")
-
-
-# Variable whose options pyopencl adds to every build.
 
 
 @dataclass(slots=True)
@@ -57,8 +55,8 @@ class Compute:
     info: DeviceInfo
     index: int  # of `devices`
     sharing: Sharing | None = None
-    # The most recently used comes last.
-    _kernels: dict[tuple[str, str, tuple[str, ...]], cl.Kernel] = field(default_factory=dict)
+    # The most recently used comes last. Intel's runtime does not keep a kernel's program alive.
+    _kernels: dict[Key, tuple[cl.Kernel, cl.Program]] = field(default_factory=dict)
     # Size in bytes of each live buffer.
     _allocated: WeakKeyDictionary[cl.Buffer, int] = field(default_factory=WeakKeyDictionary)
 
@@ -93,24 +91,23 @@ class Compute:
         Raises OpenCLError, with the compiler's first error and its line, if the build fails.
         """
         key = (source.text, name, tuple(options))
-        kernel = self._kernels.pop(key, None)
-        if kernel is None:
-            kernel = self._of_cached(*key) or self._build(source, name, options)
-        self._kernels[key] = kernel
+        found = self._kernels.pop(key, None)
+        if found is None:
+            program = self._cached_program(source.text, key[2]) or self._build(source, options)
+            found = self._kernel_of(program, source, name), program
+        self._kernels[key] = found
         if len(self._kernels) > MOST_KERNELS:
             del self._kernels[next(iter(self._kernels))]
-        return kernel
+        return found[0]
 
-    def _of_cached(self, text: str, name: str, options: tuple[str, ...]) -> cl.Kernel | None:
-        """Return a kernel of the program of another, cached one; None if there is none."""
-        import pyopencl as cl
-
-        for (known, _, built), kernel in self._kernels.items():
+    def _cached_program(self, text: str, options: tuple[str, ...]) -> cl.Program | None:
+        """Return the program of another kernel that is cached; None if there is none."""
+        for (known, _, built), (_, program) in self._kernels.items():
             if (known, built) == (text, options):
-                return cl.Kernel(kernel.program, name)
+                return program
         return None
 
-    def _build(self, source: Source, name: str, options: Sequence[str]) -> cl.Kernel:
+    def _build(self, source: Source, options: Sequence[str]) -> cl.Program:
         import pyopencl as cl
 
         try:
@@ -120,7 +117,7 @@ class Compute:
                 # A binary in pyopencl's cache may be for another CPU of the same name (Intel's
                 # runtime): pyopencl then builds again, but reads this variable without a default.
                 os.environ.setdefault("PYOPENCL_CACHE_FAILURE_FATAL", "")
-                program = cl.Program(self.context, source.text).build(options=list(options))
+                return cl.Program(self.context, source.text).build(options=list(options))
         except cl.RuntimeError as error:
             self._check_device()
             extra = os.environ.get(BUILD_VARIABLE, "").split()
@@ -134,6 +131,10 @@ class Compute:
                 f"{DEVICE_VARIABLE}; `volspec doctor` lists them",
                 code="unsupported",
             ) from error
+
+    def _kernel_of(self, program: cl.Program, source: Source, name: str) -> cl.Kernel:
+        import pyopencl as cl
+
         try:
             return cl.Kernel(program, name)
         except cl.LogicError as error:
