@@ -38,6 +38,26 @@ def test_a_cancelled_cast_ends_soon_and_leaves_the_caster_well(
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 
+def test_casters_beside_each_other_share_programs_and_cast_in_turn(
+    engine: Volume, engine_table: TransferTable
+) -> None:
+    first, ball = Raycaster(engine), phantom.ball(24)
+    second = Raycaster(ball, beside=first)
+    seen = [vs.Camera.orbit(each) for each in (engine, ball)]
+    alone = Raycaster(ball).cast(engine_table, seen[1], (48, 32), vs.RaycastSpec())
+
+    def cast(turn: int) -> Result:
+        caster, camera = ((first, seen[0]), (second, seen[1]))[turn % 2]
+        return caster.cast(engine_table, camera, (48, 32), vs.RaycastSpec())
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(cast, range(12)))
+    for result in found[1::2]:
+        assert all(np.array_equal(a, b) for a, b in zip(result, alone, strict=True))
+    with raises(RaycastError, "conflict"):
+        Raycaster(ball, beside=first, lanes=1)
+
+
 def test_bands_grow_and_shrink_with_what_they_cost() -> None:
     result = Result(*(np.empty((640, 64), np.float32) for _ in range(4)))
     bands = RowBatches(None, result, (4, 2), (8, 8), tile_ms=20)

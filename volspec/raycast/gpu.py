@@ -62,6 +62,9 @@ class Raycaster:
     context : moderngl.Context, optional
         Current on the thread that casts. The device then shares its memory, and
         ``raycast(into=…)`` passes pictures to a Relighter of the same context without the host.
+    beside : Raycaster, optional
+        A caster of another volume, whose device, programs and packet this one shares; they cast in
+        turn. The other parameters are then left out.
 
     Raises
     ------
@@ -78,6 +81,7 @@ class Raycaster:
         lanes: int | None = None,
         packet: Packet | None = None,
         context: Any = None,
+        beside: Raycaster | None = None,
     ) -> None:
         if not isinstance(volume, Volume):
             raise RaycastError.refused("Raycaster: volume", volume, "give a volspec.Volume", "type")
@@ -93,8 +97,16 @@ class Raycaster:
                 )
             packet = Packet(lanes)
         self.volume = volume
-        self._compute = Compute.open(device, context)
-        self.packet = packet or choose_packet(self._compute.index)
+        if beside is not None:
+            if not (device is None and packet is None and context is None):
+                raise RaycastError(
+                    "Raycaster: device, packet or context is given with beside",
+                    "leave them out, they are those of the other caster",
+                    code="conflict",
+                )
+            packet = beside.packet
+        self._compute: Compute = beside._compute if beside else Compute.open(device, context)
+        self.packet: Packet = packet or choose_packet(self._compute.index)
         values = volume.values
         if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
             values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
@@ -112,7 +124,8 @@ class Raycaster:
         unpadded = self._voxels
         if values is not volume.values:
             unpadded = self._compute.upload(volume.values, share=True)
-        self._lock, self._casting = threading.RLock(), False
+        self._lock: threading.RLock = beside._lock if beside else threading.RLock()
+        self._casting = False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
         self._chosen: dict[Target, tuple[tuple[Any, ...], float]] = {}

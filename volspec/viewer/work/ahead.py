@@ -4,9 +4,9 @@
 
 A program of casts depends on how many light groups there are, and on whether some source has
 shadows; a build takes one to four seconds. The child launches each once with a volume of a few
-voxels, as PoCL ends a build then, and leaves it in the cache on disk, from where the viewer has it
-in 50 ms; so it does with the shaders that draw so many groups, 300 ms on llvmpipe. In the viewer's
-own process, casts would wait for the compiler's lock.
+voxels, as PoCL ends a build then, and leaves it in the cache on disk; so it does with the shaders
+that draw so many groups, 300 ms on llvmpipe. In the viewer's own process, casts would wait for the
+compiler's lock. From the cache the viewer loads them, 50 ms each, when the child has ended.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from volspec.errors import VolspecError
 from volspec.pipeline import Raycaster
 from volspec.raycast import Ambient, Camera, Directional, LightGroup, Point, RaycastSpec
 from volspec.raycast.packets import Packet
+from volspec.raycast.row_batches import Result
 from volspec.relight import Illumination
 from volspec.relight.gpu import GLEngine
 from volspec.transfer import SurfaceTable, TransferTable
@@ -60,22 +61,27 @@ class Programs:
     spans: bool
     viewing: Viewing
 
-    def build(self) -> Iterator[RaycastSpec]:
-        """Build the programs of the neighbours, and yield each when it is there."""
-        volume = Volume(self.voxels)
-        caster = Raycaster(volume, device=self.device, packet=self.packet)
-        camera = Camera.orbit(volume)
-        width, height = _SIZE
-        ends = np.full((height, width, 2), np.inf, np.float32) if self.spans else None
+    def build(self) -> Iterator[None]:
+        """Build the programs of the neighbours; yield after each."""
         drawn: set[int] = set()
-        for each in neighbours(self.spec):
-            found = caster.cast(self.table, camera, _SIZE, each, span_mm=ends)
+        for found in self.casts(None):
             channels = found.coefficients.shape[2]
             if channels not in drawn:
                 drawn.add(channels)
                 with suppress(VolspecError):  # without OpenGL there is nothing to draw
                     self._draw(found.coefficients, found.alpha)
-            yield each
+            yield
+
+    def casts(self, beside: Raycaster | None) -> Iterator[Result]:
+        """Cast the neighbours with the programs of a caster, or of one of its own."""
+        volume = Volume(self.voxels)
+        device, packet = (None, None) if beside else (self.device, self.packet)
+        caster = Raycaster(volume, device=device, packet=packet, beside=beside)
+        camera = Camera.orbit(volume)
+        width, height = _SIZE
+        ends = np.full((height, width, 2), np.inf, np.float32) if self.spans else None
+        for each in neighbours(self.spec):
+            yield caster.cast(self.table, camera, _SIZE, each, span_mm=ends)
 
     def _draw(self, coefficients: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
         """Draw a picture as small and as large ones are, by the formula and by a table of it."""
@@ -153,6 +159,10 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
             # A child that is still at work ends after its program, so that none is left half-built.
             child.stdin.close()
             child.wait()
+        with suppress(VolspecError):  # the cast that needs the program will report it
+            for _ in programs.casts(caster):
+                if self._closed or child.returncode:
+                    break
 
 
 def serve() -> None:
