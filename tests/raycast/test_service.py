@@ -42,7 +42,7 @@ def test_casters_beside_each_other_share_programs_and_cast_in_turn(
     engine: Volume, engine_table: TransferTable
 ) -> None:
     first, ball = Raycaster(engine), phantom.ball(24)
-    second = Raycaster(ball, beside=first)
+    second = Raycaster(ball, like=first)
     seen = [vs.Camera.orbit(each) for each in (engine, ball)]
     alone = Raycaster(ball).cast(engine_table, seen[1], (48, 32), vs.RaycastSpec())
 
@@ -55,7 +55,7 @@ def test_casters_beside_each_other_share_programs_and_cast_in_turn(
     for result in found[1::2]:
         assert all(np.array_equal(a, b) for a, b in zip(result, alone, strict=True))
     with raises(RaycastError, "conflict"):
-        Raycaster(ball, beside=first, lanes=1)
+        Raycaster(ball, like=first, lanes=1)
 
 
 def test_bands_grow_and_shrink_with_what_they_cost() -> None:

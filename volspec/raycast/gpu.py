@@ -62,7 +62,7 @@ class Raycaster:
     context : moderngl.Context, optional
         Current on the thread that casts. The device then shares its memory, and
         ``raycast(into=…)`` passes pictures to a Relighter of the same context without the host.
-    beside : Raycaster, optional
+    like : Raycaster, optional
         A caster of another volume, whose device, programs and packet this one shares; they cast in
         turn. The other parameters are then left out.
 
@@ -81,7 +81,7 @@ class Raycaster:
         lanes: int | None = None,
         packet: Packet | None = None,
         context: Any = None,
-        beside: Raycaster | None = None,
+        like: Raycaster | None = None,
     ) -> None:
         if not isinstance(volume, Volume):
             raise RaycastError.refused("Raycaster: volume", volume, "give a volspec.Volume", "type")
@@ -97,15 +97,15 @@ class Raycaster:
                 )
             packet = Packet(lanes)
         self.volume = volume
-        if beside is not None:
+        if like is not None:
             if not (device is None and packet is None and context is None):
                 raise RaycastError(
-                    "Raycaster: device, packet or context is given with beside",
+                    "Raycaster: device, packet or context is given with like",
                     "leave them out, they are those of the other caster",
                     code="conflict",
                 )
-            packet = beside.packet
-        self._compute: Compute = beside._compute if beside else Compute.open(device, context)
+            packet = like.packet
+        self._compute: Compute = like._compute if like else Compute.open(device, context)
         self.packet: Packet = packet or choose_packet(self._compute.index)
         values = volume.values
         if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
@@ -124,7 +124,7 @@ class Raycaster:
         unpadded = self._voxels
         if values is not volume.values:
             unpadded = self._compute.upload(volume.values, share=True)
-        self._lock: threading.RLock = beside._lock if beside else threading.RLock()
+        self._lock: threading.RLock = like._lock if like else threading.RLock()
         self._casting = False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None

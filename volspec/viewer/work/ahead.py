@@ -72,11 +72,11 @@ class Programs:
                     self._draw(found.coefficients, found.alpha)
             yield
 
-    def casts(self, beside: Raycaster | None) -> Iterator[Result]:
+    def casts(self, like: Raycaster | None) -> Iterator[Result]:
         """Cast the neighbours with the programs of a caster, or of one of its own."""
         volume = Volume(self.voxels)
-        device, packet = (None, None) if beside else (self.device, self.packet)
-        caster = Raycaster(volume, device=device, packet=packet, beside=beside)
+        device, packet = (None, None) if like else (self.device, self.packet)
+        caster = Raycaster(volume, device=device, packet=packet, like=like)
         camera = Camera.orbit(volume)
         width, height = _SIZE
         ends = np.full((height, width, 2), np.inf, np.float32) if self.spans else None
