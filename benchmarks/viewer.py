@@ -1,4 +1,4 @@
-"""Is the viewer quick enough for interaction? ``python -m benchmarks.viewer``.
+"""Is the viewer quick enough for interaction? ``python -m benchmarks.viewer [WIDTH HEIGHT]``.
 
 Figures come from the viewer's trace while a robot drags a light's slider and the picture.
 """
@@ -6,6 +6,7 @@ Figures come from the viewer's trace while a robot drags a light's slider and th
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 import time
 from collections.abc import Iterator
@@ -21,21 +22,25 @@ DRAG_S = 5.0
 AHEAD_S = 40.0
 
 
-def figures() -> Iterator[Figure]:
-    """Time the start, drags of a light, of the view and of a paint; bundled engine, 1280 × 720."""
+def figures(size: tuple[int, int] = (1280, 720)) -> Iterator[Figure]:
+    """Time the start, drags of a light, of the view and of a paint; the bundled engine."""
     if why := missing():
         yield Figure("viewer", None, note=why)
         return
-    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder)) as robot:
+    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder), size=size) as robot:
         yield _start(robot)
         time.sleep(1.0)
         yield from _light(robot)
         time.sleep(1.0)
         yield from _orbit(robot)
-    with cold_caches(), tempfile.TemporaryDirectory() as folder, Robot(Path(folder)) as robot:
+    with (
+        cold_caches(),
+        tempfile.TemporaryDirectory() as folder,
+        Robot(Path(folder), size=size) as robot,
+    ):
         yield from _lamps(robot)
     scene = str(Path(ENGINE).with_name("engine-room.toml"))
-    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder), [scene]) as robot:
+    with tempfile.TemporaryDirectory() as folder, Robot(Path(folder), [scene], size) as robot:
         robot.whole()
         robot.rest()
         yield from _paint(robot)
@@ -130,4 +135,5 @@ def _drag(robot: Robot, places: list[tuple[float, float]]) -> tuple[float, float
 
 
 if __name__ == "__main__":
-    print(report(list(figures())))
+    sides = [int(argument) for argument in sys.argv[1:3]] or (1280, 720)
+    print(report(list(figures((sides[0], sides[1])))))
