@@ -136,7 +136,7 @@ __kernel void extinction(__global const VOXEL *restrict voxels, __global const S
             }
         }
     }
-    sigma[item] = sum;
+    sigma[item] = grid.adds ? sigma[item] + sum : sum;
 }
 
 typedef struct {

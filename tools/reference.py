@@ -45,6 +45,7 @@ from volspec.scene.export import (
     Sweep,
     Turntable,
 )
+from volspec.scene.fields import FieldSpec
 from volspec.scene.file import SceneFile
 from volspec.scene.lights import LightSpec
 from volspec.scene.schema import scene_schema_text
@@ -91,6 +92,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "[camera]": CameraSpec,
             "[[light]]": LightSpec,
             "[room]": RoomSpec,
+            "[[field]]": FieldSpec,
             "[[mesh]]": MeshSpec,
             "grating of a mesh": Grating,
             "[output]": OutputSpec,

@@ -76,6 +76,7 @@ from .spectra import (
     reflectances_from_colours as reflectances_from_colours,
 )
 from .transfer import (
+    FieldFunctions as FieldFunctions,
     Isosurfaces as Isosurfaces,
     LabelFunction as LabelFunction,
     Region as Region,

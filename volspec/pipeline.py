@@ -25,10 +25,11 @@ from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relig
 from volspec.spectra import Spectrum
 from volspec.transfer import (
     MAX_CHANNELS,
+    FieldTables,
     SurfaceTable,
-    Transfer,
+    Tables,
     TransferFunction,
-    TransferTable,
+    Transfers,
 )
 from volspec.volume import Volume
 
@@ -40,7 +41,7 @@ __all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "r
 
 def raycast(
     volume: Volume | Any,
-    transfer: Transfer,
+    transfer: Transfers,
     camera: Camera,
     size: tuple[int, int] = (512, 512),
     spec: RaycastSpec | None = None,
@@ -59,7 +60,8 @@ def raycast(
     ----------
     volume : Volume, pyvista ImageData or array (Z, Y, X)
         NumPy and Zarr arrays have 1 mm voxels, and so have xarray's without coordinates.
-    transfer : TransferFunction, TransferFunction2D, LabelFunction or Isosurfaces
+    transfer : TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces or FieldFunctions
+        The last are of several fields.
     camera : Camera
     size : (width, height)
         Pixels.
@@ -183,7 +185,7 @@ def raycast(
 
 def refine(
     volume: Volume | Any,
-    transfer: Transfer,
+    transfer: Transfers,
     camera: Camera,
     size: tuple[int, int] = (512, 512),
     spec: RaycastSpec | None = None,
@@ -304,9 +306,9 @@ def absorption_error(
 
 def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, notes: Any) -> None:
     """Check the types of the arguments."""
-    transfers = "TransferFunction, TransferFunction2D, LabelFunction or Isosurfaces"
+    transfers = "TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces or FieldFunctions"
     for argument, given, kinds, wanted in (
-        ("transfer", transfer, Transfer, f"a {transfers}"),
+        ("transfer", transfer, Transfers, f"a {transfers}"),
         ("camera", camera, Camera, "a Camera"),
         ("spec", spec, RaycastSpec, "a RaycastSpec, or leave it out"),
         ("caster", caster, Raycaster | None, "a Raycaster, or leave it out"),
@@ -326,9 +328,13 @@ def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, 
             )
 
 
-def _empty_picture_warning(volume: Volume, table: TransferTable | SurfaceTable) -> str:
+def _empty_picture_warning(volume: Volume, table: Tables) -> str:
     """Return the warning about an empty picture, with its likely causes."""
-    if isinstance(table, SurfaceTable):
+    if isinstance(table, FieldTables):
+        if not any(one.opacity.any() for one in table.tables.values()):
+            return f"{volume.name}: the picture is empty: every field's opacities are 0; raise one"
+        content = f"Shown are {', '.join(table.tables)}"
+    elif isinstance(table, SurfaceTable):
         levels = ", ".join(f"{value:g}" for value in table.values)
         content = f"The isosurfaces lie at {levels}"
     elif not table.opacity.any():
@@ -337,6 +343,11 @@ def _empty_picture_warning(volume: Volume, table: TransferTable | SurfaceTable) 
         content = (
             f"The transfer function runs from {table.domain[0]:g} to {table.domain[1]:g} with "
             f"opacity up to {table.opacity.max():g}"
+        )
+    if isinstance(table, FieldTables):
+        return (
+            f"{volume.name}: the picture is empty. {content}, but none has values that its "
+            "transfer function shows, or the camera looks past them"
         )
     return (
         f"{volume.name}: the picture is empty. {content}, but the volume's values from "

@@ -38,7 +38,7 @@ def test_a_cancelled_cast_ends_soon_and_leaves_the_caster_well(
     assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 
-def test_casters_beside_each_other_share_programs_and_cast_in_turn(
+def test_casters_like_each_other_share_programs_and_cast_in_turn(
     engine: Volume, engine_table: TransferTable
 ) -> None:
     first, ball = Raycaster(engine), phantom.ball(24)

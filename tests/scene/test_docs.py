@@ -12,6 +12,7 @@ from volspec.pipeline import Relighter
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.transfer import (
+    FieldFunctions,
     Isosurfaces,
     LabelFunction,
     TransferFunction,
@@ -52,7 +53,8 @@ def test_there_is_an_example_of_each_kind_of_transfer_function(folder: Path) -> 
     for text in EXAMPLES:
         (folder / "kind.toml").write_text(text, encoding="utf-8")
         kinds.add(type(Scene.load(folder / "kind.toml").transfer))
-    assert kinds == {TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces}
+    own = {TransferFunction, TransferFunction2D, LabelFunction, Isosurfaces}
+    assert kinds == own | {FieldFunctions}
 
 
 SCENES = sorted((ROOT / "data" / "scenes").glob("engine*.toml"))

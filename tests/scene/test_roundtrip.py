@@ -66,6 +66,11 @@ TRANSFERS = (
         }
     )
 )
+FIELDS = has(
+    {"transfer": has({"points": POINTS}, weight=POSITIVE, shown=FLAGS)},
+    file=TEXTS,
+    downsample=st.integers(1, 4),
+)
 SOURCES = (
     has({"kind": st.just("ambient")}, occlusion=FLAGS, radius_mm=ABOVE, intensity=WEIGHT)
     | has({"kind": st.just("headlight")}, intensity=WEIGHT)
@@ -121,11 +126,13 @@ def scene_files(draw: st.DrawFn) -> SceneFile:
         )
     )
     lit = draw(FLAGS)
+    others = draw(st.lists(GROUPS, max_size=2, unique=True)) if "points" in transfer else []
     data = {
         "title": draw(st.text(st.characters(codec="utf-8"), max_size=9)),
         "volume": draw(has({"file": TEXTS}, spacing_mm=VECTORS, downsample=st.integers(1, 4))),
         "material": materials,
         "transfer": transfer,
+        "field": [{"name": name, **draw(FIELDS)} for name in others],
         "basis": draw(BASES),
         "camera": draw(CAMERAS),
         "raycast": draw(CASTS),

@@ -74,7 +74,7 @@ def test_what_is_ambiguous_is_asked_and_what_is_damaged_is_refused(tmp_path: Pat
     assert isinstance(asked, Undecided)
     assert {choice.key: choice.names for choice in asked.choices} == {
         "time": ("0", "1", "2"),
-        "channel": ("DAPI", "GFP"),
+        "channel": ("all", "DAPI", "GFP"),
     }
     found = open_path(address_with(asked.path, {"time": "1", "channel": "1"}), None)
     assert isinstance(found, Opened)

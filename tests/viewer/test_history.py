@@ -33,6 +33,7 @@ from volspec.viewer.model import (
 from volspec.viewer.model.commands import COMMANDS
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Change, after
+from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.history import MOST_STEPS, STAGES, Difference, History
 from volspec.viewer.model.light_rows import Fade, LightRow, LightState, effective_weights
 from volspec.viewer.model.palette_targets import LIGHT, DesignTargets, PaletteState
@@ -80,6 +81,8 @@ def test_a_change_of_one_field_is_of_its_stage(state: ViewState, name: str) -> N
         "meshes": (MeshSpec(shape="triad"),),
         "thickness": 2.0,
         "unthickened": (state.transfer, 1.0, state.transfer),
+        "fields": (FieldLook("", state.transfer), FieldLook("red", state.transfer)),
+        "chosen_field": 1,
     }
     assert set(others) == {field.name for field in fields(ViewState)}
     changed = replace(state, **{name: others[name]})

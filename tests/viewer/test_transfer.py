@@ -182,7 +182,7 @@ def test_a_share_makes_the_others_room_and_their_proportions_come_back(state: Vi
 
 
 def test_a_region_follows_its_sides_and_has_no_end_above_the_axis(state: ViewState) -> None:
-    state, top = of_kind(state, "regions"), state.document.joint.top
+    state, top = of_kind(state, "regions"), state.document.data[""].joint.top
     moved = transfer_edits.set_region_values(state, 0, 0.6, 0.3)
     moved = transfer_edits.set_region_gradients(moved, 0, 0.1 * top, 0.5 * top)
     assert isinstance(moved.transfer, TransferFunction2D)
@@ -341,7 +341,7 @@ def test_the_scenes_own_factors_come_back(state: ViewState) -> None:
 
 
 def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(state: ViewState) -> None:
-    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.joint.top
+    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.data[""].joint.top
     over = transfer_edits.move_gradient_point(on, 0, 9 * top, 7.0)
     (first, factor), (last, _) = factors_of(over)
     assert factor == 1.0 and first == pytest.approx(last - top / 128)
@@ -357,7 +357,7 @@ def test_factors_stay_between_their_neighbours_on_the_axis_and_apart(state: View
 
 
 def test_factors_are_added_where_there_is_room_and_two_stay(state: ViewState) -> None:
-    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.joint.top
+    on, top = transfer_edits.toggle_gradient_opacity(state), state.document.data[""].joint.top
     more = transfer_edits.add_gradient_point(on, 0.7 * top, 0.3)
     assert factors_of(more)[2] == (0.7 * top, 0.3)
     assert transfer_edits.add_gradient_point(more, 0.7 * top, 0.9) is more
@@ -397,7 +397,7 @@ def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) 
 
     opened = replace(document, volume=Volume(phantom.ball(8).values))
     closed = weakref.ref(opened.volume.values)
-    assert regions.shades(opened.joint, True).max() == pytest.approx(1.0)
+    assert regions.shades(opened.data[""].joint, True).max() == pytest.approx(1.0)
     del opened
     gc.collect()
     assert closed() is None

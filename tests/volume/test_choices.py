@@ -34,8 +34,12 @@ def itk_file(path: Path, key: str) -> Path:
 @pytest.mark.parametrize("name", ["v.nii", "v.nii.gz", "v.nrrd", "v.mhd", "v.mha"])
 def test_a_time_step_or_component_is_chosen(tmp_path: Path, name: str, key: str) -> None:
     path = itk_file(tmp_path / name, key)
-    with raises(VolumeError, "missing"):
-        load_volume(path)
+    if key == "time":
+        with raises(VolumeError, "missing"):
+            load_volume(path)
+    else:
+        every = load_silently(str(path)).by_name.values()
+        assert all(np.array_equal(f.values, v) for f, v in zip(every, STEPS, strict=True))
     for wrong in ("3", "abc", ""):
         with raises(VolumeError, "range") as caught:
             load_volume(f"{path}?{key}={wrong}")
@@ -44,7 +48,8 @@ def test_a_time_step_or_component_is_chosen(tmp_path: Path, name: str, key: str)
         volume = load_silently(f"{path}?{key}={index}")
         assert np.array_equal(volume.values, values) and volume.values.dtype == np.int16
     (choice,) = volume_choices(path)
-    assert (choice.key, choice.values, choice.chosen) == (key, ("0", "1", "2"), None)
+    every, default = ((), None) if key == "time" else (("all",), "all")
+    assert (choice.key, choice.values, choice.chosen) == (key, (*every, "0", "1", "2"), default)
     assert volume_choices(f"{path}?{key}=2")[0].chosen == "2"
 
 
@@ -60,7 +65,7 @@ def test_the_advised_address_opens_the_volume(tmp_path: Path) -> None:
     (tmp_path / "v_4x3x2_int16.raw").write_bytes(RAW)
     (tmp_path / "v-4x3x2.raw").write_bytes(RAW)
     itk_file(tmp_path / "v.nii", "time")
-    for name, tries in (("v.nii", 1), ("a b.tif?time=1", 1), ("a b.tif", 2)):
+    for name, tries in (("v.nii", 1), ("a b.tif?channel=1", 1), ("a b.tif", 1)):
         address = f"{tmp_path}/{name}"
         for _ in range(tries):
             with raises(VolumeError, "missing") as caught:
@@ -122,11 +127,12 @@ def test_raw_bytes_without_a_layout_are_a_choice(tmp_path: Path) -> None:
 
 
 def test_channels_have_the_names_that_the_file_states(tmp_path: Path) -> None:
-    names = {"Channel": {"Name": ["DAPI", "GFP", "Cy5"]}}
+    names = "DAPI", "GFP", "Cy5"
     path = tmp_path / "cells.ome.tif"
-    shape = {"axes": "ZCYX", **names}
+    shape = {"axes": "ZCYX", "Channel": {"Name": list(names)}}
     imwrite(path, STEPS.transpose(1, 0, 2, 3), metadata=shape, photometric="minisblack")
-    assert volume_choices(path) == (Choice("channel", ("0", "1", "2"), ("DAPI", "GFP", "Cy5")),)
+    choice = Choice("channel", ("all", "0", "1", "2"), ("all", *names), "all")
+    assert volume_choices(path) == (choice,)
 
 
 def test_an_ome_zarr_lists_levels_channels_and_times(tmp_path: Path) -> None:
@@ -139,4 +145,4 @@ def test_an_ome_zarr_lists_levels_channels_and_times(tmp_path: Path) -> None:
     level, time, channel = volume_choices(f"{path}?channel=1")
     assert (level.key, level.names, level.chosen) == ("level", ("4 × 3 × 2", "2 × 2 × 1"), "0")
     assert (time.key, time.values, time.chosen) == ("time", ("0", "1"), None)
-    assert (channel.names, channel.chosen) == (("DAPI", "GFP", "Cy5"), "1")
+    assert (channel.names, channel.chosen) == (("all", "DAPI", "GFP", "Cy5"), "1")

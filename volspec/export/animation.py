@@ -31,7 +31,8 @@ from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
 from volspec.scene.export import KeyCamera, Keyframe, Turntable
-from volspec.transfer import Isosurfaces, Transfer, TransferFunction, TransferFunction2D
+from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, Transfers
+from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -52,7 +53,7 @@ class FrameState:
     """Camera, transfer function and viewing of a frame, without its light."""
 
     camera: Camera
-    transfer: Transfer
+    transfer: Transfers
     spec: RelightSpec
 
 
@@ -183,7 +184,7 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
 
     def baked(keys: Keys, at_s: Array) -> object:
         transfers = keyframe_transfers(scene, keys, at_s)
-        return _at_times(at_s, keys, transfers, lambda each: each.bake(min(volume.spacing_mm)))
+        return _at_times(at_s, keys, transfers, lambda each: bake_for_volume(each, volume))
 
     parts: dict[str, Callable[[Keys, Array], object]] = {
         "camera": lambda keys, at_s: _reaching_cameras(scene, volume, keys, at_s),
@@ -374,15 +375,15 @@ def _axes(up: Vector) -> Array:
     return np.stack([front, np.cross(axis, front), axis])
 
 
-def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
+def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfers]:
     """Return the transfer function of every frame; equal functions are one object."""
     given = [(key.time_s, key.transfer) for key in keys]
     tracks = _interpolated_tracks(given, {"shift": interpolate_keyframes}, at_s)
     by = tracks.get("shift", np.zeros(len(at_s)))
     points = _interpolated_points(scene, keys, at_s)
-    made: dict[bytes, Transfer] = {}
+    made: dict[bytes, Transfers] = {}
 
-    def at(i: int) -> Transfer:
+    def at(i: int) -> Transfers:
         key = np.append(np.zeros(0) if points is None else points[i].ravel(), by[i]).tobytes()
         if key not in made:
             function = scene.transfer
@@ -399,7 +400,7 @@ def keyframe_transfers(scene: Scene, keys: Keys, at_s: Array) -> list[Transfer]:
     return _at_times(at_s, keys, range(len(at_s)), at)
 
 
-def shift_values(transfer: Transfer, by: float) -> Transfer:
+def shift_values(transfer: Transfers, by: float) -> Transfers:
     """Shift a transfer function along the axis of values; refuse labels."""
     if isinstance(transfer, TransferFunction | Isosurfaces):
         return _with_point_rows(

@@ -35,7 +35,7 @@ from volspec.scene.lights import require_lux
 from volspec.scene.resolve import Resolver
 from volspec.scene.specs import EMPTY, ROOM_LIGHT
 from volspec.settings import try_table
-from volspec.transfer import Transfer
+from volspec.transfer import Transfers
 from volspec.volume import Volume
 
 # Stem of coefficient images; other frames are named after their light.
@@ -51,7 +51,7 @@ class Shot:
     stem: str  # the file's path in the folder, without the suffix
     time_index: int  # shared by shots of several lights
     camera: Camera
-    transfer: Transfer  # equal transfer functions are one object
+    transfer: Transfers  # equal transfer functions are one object
     light: str  # a description for the file's notes
     rig: LightRig
     spec: RelightSpec

@@ -23,7 +23,7 @@ from volspec.raycast.behind import Behind
 from volspec.raycast.camera import RayField
 from volspec.raycast.checks import MAX_SIDE
 from volspec.raycast.row_batches import Progress
-from volspec.transfer import Transfer
+from volspec.transfer import Transfers
 
 # Bytes of one cast; and of a relit strip, including its copy on the device.
 CAST_BYTES = 2**28
@@ -118,7 +118,7 @@ class TileCaster:
     behind: Sequence[Behind] = ()
 
     def strips(
-        self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
+        self, transfer: Transfers, camera: Camera, canvas: Canvas, progress: Progress
     ) -> Iterator[list[CoefficientImage]]:
         """Yield the picture from top to bottom as rows of adjacent images, usually a single one."""
         strips = canvas.strips()
@@ -136,13 +136,13 @@ class TileCaster:
             self._warn_empty()
 
     def whole(
-        self, transfer: Transfer, camera: Camera, canvas: Canvas, progress: Progress
+        self, transfer: Transfers, camera: Camera, canvas: Canvas, progress: Progress
     ) -> CoefficientImage:
         """Cast the picture as one image in memory, whatever its size."""
         return self._part(transfer, camera, canvas, Window(0, 0, *canvas.size), progress)
 
     def _part(
-        self, transfer: Transfer, camera: Camera, canvas: Canvas, part: Window, progress: Progress
+        self, transfer: Transfers, camera: Camera, canvas: Canvas, part: Window, progress: Progress
     ) -> CoefficientImage:
         """Cast one window of the picture, in several casts if it is large."""
         whole = Window(0, 0, *canvas.size)
@@ -199,7 +199,7 @@ class TileCaster:
 
     def cast(
         self,
-        transfer: Transfer,
+        transfer: Transfers,
         camera: Camera,
         size: tuple[int, int],
         progress: Progress | None = None,

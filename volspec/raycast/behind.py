@@ -20,7 +20,7 @@ from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.lights import HEADLIT
 from volspec.raycast.row_batches import Progress, Result
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import SurfaceTable, TransferTable
+from volspec.transfer import Tables, TransferTable
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,7 +28,7 @@ class OpacityCaster:
     """Casts of a volume's opacity alone, such as from a light: its shadow."""
 
     caster: Raycaster
-    table: TransferTable | SurfaceTable
+    table: Tables
     spec: RaycastSpec
 
     @property
@@ -39,7 +39,7 @@ class OpacityCaster:
     @property
     def key(self) -> object:
         """Value that is equal for equal opacities."""
-        filters = None if isinstance(self.table, SurfaceTable) else self.table.filters
+        filters = self.table.filters if isinstance(self.table, TransferTable) else None
         passed = None if filters is None else filters.tobytes()
         return self._flat, passed, *opacity_key(self.table)
 

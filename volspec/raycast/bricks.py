@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import SurfaceTable, TransferTable
+from volspec.transfer import SurfaceTable, Table
 
 BRICK = 4
 # Codes up to here are distances; from STRIDES on they are strides (rays.clh).
@@ -209,7 +209,7 @@ def _least_near(distances: NDArray[np.uint8]) -> NDArray[np.uint8]:
 def brick_codes(
     low: NDArray[Any],
     high: NDArray[Any],
-    table: TransferTable | SurfaceTable,
+    table: Table,
     spec: RaycastSpec,
     step_mm: float,
 ) -> NDArray[Any]:

@@ -1,6 +1,6 @@
 """Frame the visible part of a volume: the zoom and target that fill a picture with it.
 
-Volume, Transfer, RaycastSpec -> [framing] -> Orbit
+Volume, Transfers, RaycastSpec -> [framing] -> Orbit
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from volspec.raycast.camera import Orbit, radius_mm
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import SurfaceTable, Transfer
+from volspec.transfer import FieldFunctions, SurfaceTable, Transfers, TransferTable
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
@@ -35,7 +35,7 @@ LEAST_CROP = 1.0
 
 
 def fit_view(
-    view: OrbitT, volume: Volume, transfer: Transfer, shading: RaycastSpec, aspect: float
+    view: OrbitT, volume: Volume, transfer: Transfers, shading: RaycastSpec, aspect: float
 ) -> OrbitT:
     """Fit a view to the visible part of a volume; ``aspect`` is the picture's width / height."""
     return fit_points(view, volume, shown_mm(volume, transfer, shading), aspect)
@@ -81,8 +81,16 @@ def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> f
     return place
 
 
-def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
+def shown_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> Array:
     """(N, 3) points around the visible voxels; the volume's corners if none is visible."""
+    if isinstance(transfer, FieldFunctions):
+        found = []
+        for name in transfer.shown:
+            field = volume.by_name[name] if name else volume
+            same = field.has_lattice_of(volume)
+            own = shading if same else replace(shading, crop_voxels=None)
+            found.append(shown_mm(field, transfer.functions[name], own))
+        return np.concatenate(found)
     steps = [-(-size // _MOST) for size in volume.values.shape]
     k, j, i = steps
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
@@ -106,7 +114,7 @@ def shown_mm(volume: Volume, transfer: Transfer, shading: RaycastSpec) -> Array:
 
 
 def _visible_voxels(
-    values: NDArray[np.generic], volume: Volume, transfer: Transfer
+    values: NDArray[np.generic], volume: Volume, transfer: Transfers
 ) -> NDArray[np.bool_]:
     """(z, y, x) True if a voxel is visible, or a surface passes next to it."""
     table = bake_for_volume(transfer, volume)
@@ -119,6 +127,7 @@ def _visible_voxels(
             visible[(*ahead, slice(1, None))] |= passed
             visible[(*ahead, slice(None, -1))] |= passed
         return visible
+    assert isinstance(table, TransferTable)  # of one field
     sides = (np.atleast_2d(side.opacity) for side in (table, table.left_limits))
     opacity = np.concatenate(list(sides)).max(axis=0)
     low, high = table.domain

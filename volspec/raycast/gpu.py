@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import threading
 import warnings
+from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -26,6 +27,7 @@ from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import BRICK, STRIDES, brick_codes, brick_ranges
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
+from volspec.raycast.fields import FieldCast, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume
 from volspec.raycast.lights import Ambient, Headlight, LightGroup
@@ -33,7 +35,16 @@ from volspec.raycast.packets import TILES, Packet, choose_packet
 from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.spec import MAX_STEPS, RaycastSpec, diagonal_mm
-from volspec.transfer import MAX_CHANNELS, SurfaceTable, Transfer, TransferTable
+from volspec.transfer import (
+    MAX_CHANNELS,
+    MAX_FIELDS,
+    FieldTables,
+    SurfaceTable,
+    Table,
+    Tables,
+    Transfers,
+    TransferTable,
+)
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
@@ -43,7 +54,99 @@ GROUPS = {1: (8, 8), 4: (1, 1), 8: (1, 1), 16: (1, 1)}
 # Pixels of each of the three pictures by which a step is chosen.
 PROBE = 48, 48
 
-Table = TypeVar("Table", bound=TransferTable | SurfaceTable)
+OneTable = TypeVar("OneTable", bound=Table)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Field:
+    """A field's voxels on a device, and the ranges of its bricks."""
+
+    volume: Volume
+    unpadded: Any
+    voxels: Any  # as cast, in rows of four or more
+    stored_shape: tuple[int, ...]
+    low: NDArray[Any]
+    high: NDArray[Any]
+
+    @classmethod
+    def of(cls, compute: Compute, volume: Volume) -> _Field:
+        """Upload a field, on CPUs without a copy. Raises OpenCLError if there is no room."""
+        values = volume.values
+        if values.size > np.iinfo(np.uint32).max:
+            raise OpenCLError(
+                f"{volume.name}: {values.size / 2**30:.1f} Gi voxels",
+                "at most 4 Gi can be cast, take volume.downsampled(2)",
+                code="size",
+            )
+        if not compute.info.is_cpu:
+            compute.require(values.nbytes, volume.name, "take volume.downsampled(2)")
+        unpadded = compute.upload(values, share=True)
+        alone = cls(volume, unpadded, unpadded, values.shape, *brick_ranges(values))
+        return alone.stored(compute, values.dtype)
+
+    def stored(self, compute: Compute, dtype: np.dtype[Any]) -> _Field:
+        """Return the field with voxels of a type as they are cast."""
+        values = self.volume.values
+        if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
+            values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
+        values = values.astype(dtype, copy=False)
+        if values is self.volume.values:
+            return self
+        voxels = compute.upload(values, share=True)
+        return replace(self, voxels=voxels, stored_shape=values.shape)
+
+    def set_buffers(self, cast: NDArray[np.void]) -> None:
+        """Set the members of a `CAST` that describe the buffers."""
+        _, rows, columns = self.stored_shape
+        cast["row"], cast["slice"] = columns, rows * columns
+        cast["bricks_x"], cast["bricks_y"] = self.low.shape[2], self.low.shape[1]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Together:
+    """Fields that are cast together, in voxels of one type, in their tables' order."""
+
+    fields: Mapping[str, _Field]
+    frame: Volume
+    lights: LightVolume
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        """Type of the voxels as cast."""
+        return common_dtype(field.volume for field in self.fields.values())
+
+    @property
+    def aligned(self) -> bool:
+        """True if all fields have the frame's lattice."""
+        return all(field.volume.has_lattice_of(self.frame) for field in self.fields.values())
+
+    @property
+    def voxels(self) -> list[Any]:
+        """Buffers of all fields; the first again up to `MAX_FIELDS`."""
+        buffers = [field.voxels for field in self.fields.values()]
+        return buffers + buffers[:1] * (MAX_FIELDS - len(buffers))
+
+    def structs(
+        self, cast: FieldCast, camera: Camera, size: tuple[int, int], frame: NDArray[np.void]
+    ) -> tuple[NDArray[np.void], NDArray[np.int32]]:
+        """Return the structs `CAST` of all fields and of the frame, and the fields' places.
+
+        Places are as in ``kernels/fields.cl``.
+        """
+        rows, places = [], []
+        at = np.zeros(3, np.int64)
+        for name, field in self.fields.items():
+            table = cast.tables[name]
+            row = kernel_arguments.cast_struct(
+                *(field.volume, table, camera, size, cast.own), self.frame
+            )
+            field.set_buffers(row)
+            rows.append(row)
+            places.append([*at, cast.spec.crop_voxels is not None])
+            entries, width = len(table.opacity) + 1, table.material_weights.shape[1]
+            vectors = -(-width // kernel_arguments.vector_width(width))
+            at += field.low.size, 2 * entries, 2 * entries * vectors
+        return np.stack([*rows, frame]), np.array(places, np.int32)
 
 
 class Raycaster:
@@ -107,30 +210,17 @@ class Raycaster:
             packet = like.packet
         self._compute: Compute = like._compute if like else Compute.open(device, context)
         self.packet: Packet = packet or choose_packet(self._compute.index)
-        values = volume.values
-        if values.shape[2] < 4:  # the kernel loads four bytes of a row at once
-            values = np.pad(values, ((0, 0), (0, 0), (0, 4 - values.shape[2])), mode="edge")
-        if values.size > np.iinfo(np.uint32).max:
-            raise OpenCLError(
-                f"{volume.name}: {values.size / 2**30:.1f} Gi voxels",
-                "at most 4 Gi can be cast, take volume.downsampled(2)",
-                code="size",
-            )
-        if not self._compute.info.is_cpu:
-            self._compute.require(values.nbytes, volume.name, "take volume.downsampled(2)")
-        self._stored_shape = values.shape
-        self._voxels = self._compute.upload(values, share=True)
-        self._low, self._high = brick_ranges(volume.values)
-        unpadded = self._voxels
-        if values is not volume.values:
-            unpadded = self._compute.upload(volume.values, share=True)
+        self._own = _Field.of(self._compute, volume)
+        # Of fields that were cast together: by name, and as cast.
+        self._uploaded = {volume.name: self._own}
+        self._together: _Together | None = None
         self._lock: threading.RLock = like._lock if like else threading.RLock()
         self._casting = False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
         self._chosen: dict[Target, tuple[tuple[Any, ...], float]] = {}
-        self._baked: tuple[Transfer, TransferTable | SurfaceTable] | None = None
-        self._lights = LightVolume(self._compute, volume, unpadded)
+        self._baked: tuple[Transfers, Tables] | None = None
+        self._lights = LightVolume(self._compute, volume, self._own.unpadded)
 
     @property
     def device(self) -> str:
@@ -147,7 +237,7 @@ class Raycaster:
         """The OpenGL context that the device shares; None without one."""
         return self._compute.sharing
 
-    def bake(self, transfer: Transfer) -> TransferTable | SurfaceTable:
+    def bake(self, transfer: Transfers) -> Tables:
         """Bake a transfer function into a table for the volume; the last one is cached.
 
         The light volume compares tables by identity to detect changes.
@@ -161,7 +251,7 @@ class Raycaster:
 
     def with_step(
         self,
-        table: TransferTable | SurfaceTable,
+        table: Tables,
         spec: RaycastSpec,
         cancel: Cancel | None = None,
     ) -> RaycastSpec:
@@ -177,12 +267,12 @@ class Raycaster:
         spec.step_of(self.volume)  # refuses a mistaken one, and volumes that are too long for any
         if spec.step_mm is not None:
             return spec
-        unit, across = min(self.volume.spacing_mm), diagonal_mm(self.volume)
+        unit, across = self.volume.finest_mm, diagonal_mm(self.volume)
         sources = (Ambient(), Headlight()) if spec.shaded else (Ambient(),)
         groups = (LightGroup("light", sources),)
         plain = replace(spec, groups=groups, half=False, jitter=0.0)
         grey = _grey(table)
-        key = plain, *opacity_key(table), grey.material_weights.tobytes()
+        key = plain, *opacity_key(table), *_weights_key(grey)
         known, step_mm = self._chosen.get(spec.target, (None, 0.0))
         if known != key:
             cameras = [
@@ -216,7 +306,7 @@ class Raycaster:
 
     def cast(
         self,
-        table: TransferTable | SurfaceTable,
+        table: Tables,
         camera: Camera,
         size: tuple[int, int],
         spec: RaycastSpec,
@@ -275,7 +365,7 @@ class Raycaster:
 
     def _cast(
         self,
-        table: TransferTable | SurfaceTable,
+        table: Tables,
         camera: Camera,
         size: tuple[int, int],
         spec: RaycastSpec,
@@ -305,16 +395,26 @@ class Raycaster:
             picture,
             remedy,
         )
-        struct = kernel_arguments.cast_struct(self.volume, table, camera, size, spec)
-        struct["row"] = self._stored_shape[2]
-        struct["slice"] = self._stored_shape[1] * self._stored_shape[2]
-        struct["bricks_x"], struct["bricks_y"] = self._low.shape[2], self._low.shape[1]
         program = kernel_arguments.Program.of(table, spec, spec.step_of(self.volume))
+        view = camera, size
+        if isinstance(table, FieldTables):
+            together = self._cast_together(table)
+            several = FieldCast.of(self.volume, table, spec, together.frame)
+            frame, spec = several.frame, several.spec
+            first = next(iter(table.tables.values()))
+            struct = kernel_arguments.cast_struct(frame, first, *view, spec)
+        else:
+            together, several, frame = None, None, self.volume
+            struct = kernel_arguments.cast_struct(frame, table, *view, spec)
+            self._own.set_buffers(struct)
         light, numbers = self._light(struct, table, spec, camera, clear)
-        seen = self.volume, camera, spec
+        upload = self._compute.upload
         inputs = [
-            self._compute.upload(np.ascontiguousarray(array))
-            for array in (*program.tables, kernel_arguments.source_rows(*seen, numbers))
+            upload(np.ascontiguousarray(array))
+            for array in (
+                *program.tables,
+                kernel_arguments.source_rows(frame, camera, spec, numbers),
+            )
         ]
         try:
             result = Result(
@@ -323,12 +423,23 @@ class Raycaster:
             )
         except MemoryError:
             raise OpenCLError(f"raycast: no memory for {picture}", remedy, code="size") from None
-        unit = np.float32(min(self.volume.spacing_mm))
+        unit = np.float32(min(frame.spacing_mm))
         given = np.zeros(2, np.float32) if span_mm is None else span_mm
-        spans = self._compute.upload(np.divide(given, unit, dtype=np.float32, order="C"))
+        spans = upload(np.divide(given, unit, dtype=np.float32, order="C"))
         lit = max(numbers) >= 0
-        kernel = self._kernel(program, spec, lit=lit, spans=span_mm is not None)
-        arguments = self._voxels, self._codes(table, spec), *inputs, light, spans, struct
+        arguments: tuple[Any, ...]
+        aligned = True
+        if together is None or several is None:
+            stored = self.volume.values.dtype
+            arguments = self._own.voxels, self._codes(table, spec), *inputs, light, spans, struct
+        else:
+            stored, aligned = together.dtype, together.aligned
+            structs, places = together.structs(several, *view, struct)
+            voxels, codes = together.voxels, self._codes(table, spec)
+            arguments = *voxels, codes, *inputs, light, spans, upload(structs), upload(places)
+        kernel = self._kernel(
+            program, spec, stored, lit=lit, spans=span_mm is not None, aligned=aligned
+        )
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
             bands = RowBatches(self._compute, result, tile, group, spec.tile_ms, pack)
@@ -339,7 +450,7 @@ class Raycaster:
 
     def arrivals(
         self,
-        table: TransferTable | SurfaceTable,
+        table: Tables,
         spec: RaycastSpec,
         camera: Camera,
         clear: Clear,
@@ -349,9 +460,29 @@ class Raycaster:
         Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
         """
         with self._lock:
-            return self._lights.arrivals(table, spec, camera, clear)
+            return self._lights_of(table).arrivals(table, spec, camera, clear)
 
-    def _check_labels(self, table: TransferTable | SurfaceTable) -> None:
+    def _cast_together(self, table: FieldTables) -> _Together:
+        """Return the fields of tables on the device; the last are cached."""
+        names = list(table.tables)
+        if self._together is None or list(self._together.fields) != names:
+            volumes = [self.volume.by_name[name] for name in names]
+            for each in volumes:
+                if each.name not in self._uploaded:
+                    self._uploaded[each.name] = _Field.of(self._compute, each)
+            dtype = common_dtype(volumes)
+            fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
+            frame = frame_around(self.volume, names)
+            voxels = {name: (field.volume, field.unpadded) for name, field in fields.items()}
+            lights = LightVolume(self._compute, frame, self._own.unpadded, fields=voxels)
+            self._together = _Together(fields, frame, lights)
+        return self._together
+
+    def _lights_of(self, table: Tables) -> LightVolume:
+        """Return the light volume of what a table shows."""
+        return self._cast_together(table).lights if isinstance(table, FieldTables) else self._lights
+
+    def _check_labels(self, table: Tables) -> None:
         values = self.volume.values
         if not (isinstance(table, TransferTable) and table.labels) or values.dtype.kind != "f":
             return
@@ -367,38 +498,48 @@ class Raycaster:
     def _light(
         self,
         struct: NDArray[np.void],
-        table: TransferTable | SurfaceTable,
+        table: Tables,
         spec: RaycastSpec,
         camera: Camera,
         clear: Clear | None,
     ) -> tuple[Any, list[int]]:
         """Return the light volume's buffer, and each source's layer in the buffer (-1: none)."""
-        buffer, grid, layers = self._lights.layers(table, spec, camera, clear)
+        lights = self._lights_of(table)
+        buffer, grid, layers = lights.layers(table, spec, camera, clear)
         struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
         struct["light_scale"][:3] = grid.per_index
-        struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)
+        struct["light_lift"] = grid.lift_mm / min(lights.volume.spacing_mm)
         numbers = [-1] * len(kernel_arguments.numbered_sources(spec))
         for number, layer in enumerate(layers):
             numbers[layer.source] = number
         return buffer, numbers
 
-    def _codes(self, table: TransferTable | SurfaceTable, spec: RaycastSpec) -> Any:
+    def _codes(self, table: Tables, spec: RaycastSpec) -> Any:
         """Return the bricks' codes on the device; cached until opacities change."""
         # Opacities of a step matter only to adaptive ones.
         step = spec.step_of(self.volume) if spec.adaptive > 0 else 0.0
         key = spec.mode, spec.adaptive, step, *opacity_key(table)
         if self._brick_codes is None or self._brick_codes[0] != key:
-            codes = brick_codes(self._low, self._high, table, spec, spec.step_of(self.volume))
-            self._brick_codes = key, self._compute.upload(np.ascontiguousarray(codes))
+            tables: Mapping[str, Table]
+            tables = table.tables if isinstance(table, FieldTables) else {self.volume.name: table}
+            codes = [
+                brick_codes(field.low, field.high, one, spec, spec.step_of(self.volume))
+                for name, one in tables.items()
+                for field in [self._uploaded[name]]
+            ]
+            together = codes[0] if len(codes) == 1 else np.concatenate([c.ravel() for c in codes])
+            self._brick_codes = key, self._compute.upload(np.ascontiguousarray(together))
         return self._brick_codes[1]
 
     def _kernel(
         self,
         program: kernel_arguments.Program,
         spec: RaycastSpec,
+        dtype: np.dtype[Any],
         *,
         lit: bool,
         spans: bool,
+        aligned: bool,
     ) -> Any:
         tile_width, tile_height = TILES[self.packet.lanes]
         constants = {
@@ -410,14 +551,17 @@ class Raycaster:
             "STRIDES": STRIDES,
             "ADAPTIVE": int(spec.adaptive > 0),
             "SPANS": int(spans),
-            "VOXEL": C_TYPES[self.volume.values.dtype.name],
-            "VOXEL_BYTES": self.volume.values.itemsize,
-            "VOXEL_SIGNED": int(self.volume.values.dtype.kind == "i"),
+            "ALIGNED": int(aligned),
+            "VOXEL": C_TYPES[dtype.name],
+            "VOXEL_BYTES": dtype.itemsize,
+            "VOXEL_SIGNED": int(dtype.kind == "i"),
             **program.constants,
             **kernel_arguments.light_constants(spec, lit),
         }
         constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
         steps = 2 if constants["NEIGHBOURS"] else 4
+        if constants["NEIGHBOURS"] and program.name == "fields":
+            steps = 1  # lanes of a field wait for its longest: 1.0, 1.1 and 1.1 times for 1, 2, 4
         # Adaptive steps depend on it, and are to be the same in every packet.
         constants["STEPS"] = steps if self.packet.lanes > 1 or spec.adaptive > 0 else 1
         text = prelude(constants, "opencl") + kernel_arguments.CAST.declaration
@@ -425,19 +569,33 @@ class Raycaster:
         return self._compute.kernel(source, program.name)
 
 
-def opacity_key(table: TransferTable | SurfaceTable) -> tuple[Any, ...]:
+def opacity_key(table: Tables) -> tuple[Any, ...]:
     """Return what is equal for tables of equal opacities, filters apart."""
+    if isinstance(table, FieldTables):
+        return tuple((name, *opacity_key(one)) for name, one in table.tables.items())
     if isinstance(table, SurfaceTable):
         return table.values.tobytes(), table.opacity.tobytes()
     scale = table.domain, table.labels, table.reference_step_mm, table.gradient_top
     return *scale, table.opacity.tobytes(), table.left_limits.opacity.tobytes()
 
 
-def _grey(table: Table) -> Table:
+def _weights_key(table: Tables) -> tuple[bytes, ...]:
+    """Return what is equal for tables of equal material weights."""
+    each = table.tables.values() if isinstance(table, FieldTables) else (table,)
+    return tuple(one.material_weights.tobytes() for one in each)
+
+
+def _grey(table: Tables) -> Tables:
     """Return a table in greys, of which neighbouring materials have different ones.
 
     Errors in it are alike in every basis.
     """
+    if isinstance(table, FieldTables):
+        return FieldTables({name: _grey_table(one) for name, one in table.tables.items()})
+    return _grey_table(table)
+
+
+def _grey_table(table: OneTable) -> OneTable:
     count, channels = table.channels.shape
     greys = np.where(np.arange(count) % 2, 0.3, 0.9)
     made = replace(table, channels=np.tile(greys[:, None], channels), white=np.ones(channels))

@@ -21,7 +21,15 @@ from volspec.errors import CameraError, InputError, RaycastError
 from volspec.raycast.camera import Camera
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec, diagonal_mm
-from volspec.transfer import NEAREST_POSITIONS, SurfaceTable, TransferTable, integral_rows
+from volspec.transfer import (
+    NEAREST_POSITIONS,
+    FieldTables,
+    SurfaceTable,
+    Table,
+    Tables,
+    TransferTable,
+    integral_rows,
+)
 from volspec.volume import Volume
 
 # Settings of a cast. Lengths are in units of the volume's smallest spacing, so that no choice of
@@ -71,20 +79,27 @@ LOG_OPAQUE = -1e30
 MOST_BENT = 1e-5
 # Iterations of false position that place an isosurface within its step.
 ITERATIONS = 2
+# Transmittance of a step below which extinctions mix as if it were this.
+MIX_OPAQUE = 1e-4
 # Nodes of the light volume around the volume, so that light can be read in front of its faces.
 LIGHT_MARGIN = 2
 
 
 def cast_struct(
     volume: Volume,
-    table: TransferTable | SurfaceTable,
+    table: Table,
     camera: Camera,
     size: tuple[int, int],
     spec: RaycastSpec,
+    frame: Volume | None = None,
 ) -> NDArray[np.void]:
-    """Return the struct `CAST` without its members for buffers (rows, bricks, light volume)."""
-    step = spec.step_of(volume)
-    unit = min(volume.spacing_mm)
+    """Return the struct `CAST` without its members for buffers (rows, bricks, light volume).
+
+    Steps and units are those of ``frame``, by default of the volume.
+    """
+    frame = frame or volume
+    step = spec.step_of(frame)
+    unit = min(frame.spacing_mm)
     matrix = volume.index_from_world
     field = camera.ray_field(*size)
     cast = np.zeros((), CAST.dtype)
@@ -110,12 +125,14 @@ def cast_struct(
     cast["gradient_floor_squared"] = spec.gradient_floor_squared
     cast["width"], cast["height"] = size
     _set_table(cast, table, volume, spec, step)
+    # Of smallest spacings of the volume, in units.
+    cast["gradient_scale"] *= min(volume.spacing_mm) / unit
     return cast
 
 
 def _set_table(
     cast: NDArray[np.void],
-    table: TransferTable | SurfaceTable,
+    table: Table,
     volume: Volume,
     spec: RaycastSpec,
     step: float,
@@ -138,7 +155,7 @@ def _set_table(
         cast["row_scale"] = rows / (table.gradient_top * per_mm) if per_mm else 0.0
 
 
-def gradient_scale(table: TransferTable | SurfaceTable, volume: Volume, spec: RaycastSpec) -> float:
+def gradient_scale(table: Table, volume: Volume, spec: RaycastSpec) -> float:
     """Return the factor from values (labels: opacities of a step) to fractions of the range."""
     if isinstance(table, TransferTable) and table.labels:
         most = table.step_opacity(spec.step_of(volume)).max()
@@ -157,8 +174,15 @@ class Program:
     tables: tuple[NDArray[np.float32], ...]
 
     @classmethod
-    def of(cls, table: TransferTable | SurfaceTable, spec: RaycastSpec, step_mm: float) -> Program:
-        """Return the program for a table and settings, or raise RaycastError if they conflict."""
+    def of(
+        cls, table: Tables, spec: RaycastSpec, step_mm: float, *, powers: bool | None = None
+    ) -> Program:
+        """Return the program for a table and settings, or raise RaycastError if they conflict.
+
+        ``powers`` is whether opacities of a step are powers, by default as `needs_powers`.
+        """
+        if isinstance(table, FieldTables):
+            return cls._of_fields(table, spec, step_mm)
         _check_compatible(table, spec)
         count, channels = table.channels.shape
         extra: dict[str, float] = {}
@@ -179,7 +203,7 @@ class Program:
         else:
             sides = table, table.left_limits
             if spec.mode == "composite":
-                powers = needs_powers(table)
+                powers = needs_powers(table) if powers is None else powers
                 extra = {"POWERS": int(powers), "LOG_OPAQUE": LOG_OPAQUE}
                 steps = _rising(*(t.opacity if powers else t.step_opacity(step_mm) for t in sides))
                 entries = np.stack([steps, _log_transmittances(table, step_mm)])
@@ -215,8 +239,24 @@ class Program:
             tables = *tables, _padded(filters)
         return cls(name, constants, tables)
 
+    @classmethod
+    def _of_fields(cls, table: FieldTables, spec: RaycastSpec, step_mm: float) -> Program:
+        """Return the program for several fields, whose tables follow one another."""
+        each = list(table.tables.values())
+        powers = any(needs_powers(one) for one in each)
+        opacity, weights, channels = zip(
+            *(cls.of(one, spec, step_mm, powers=powers).tables[:3] for one in each), strict=True
+        )
+        constants = cls.of(each[0], spec, step_mm, powers=powers).constants
+        tables = (
+            np.concatenate([rows.reshape(-1, 2) for rows in opacity]),
+            np.concatenate(weights),
+            channels[0],
+        )
+        return cls("fields", {**constants, "FIELDS": len(each), "MIX_OPAQUE": MIX_OPAQUE}, tables)
 
-def _check_compatible(table: TransferTable | SurfaceTable, spec: RaycastSpec) -> None:
+
+def _check_compatible(table: Table, spec: RaycastSpec) -> None:
     if isinstance(table, SurfaceTable):
         kind = "isosurfaces"
     elif table.labels:

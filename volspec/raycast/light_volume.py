@@ -22,7 +22,7 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -39,7 +39,7 @@ from volspec.raycast.kernel_arguments import LIGHT_MARGIN, numbered_sources
 from volspec.raycast.lights import Ambient, Directional, Point
 from volspec.raycast.sampling import trilinear
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
-from volspec.transfer import SurfaceTable, TransferTable
+from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, TransferTable
 from volspec.volume import Volume
 
 MIN_CELLS = 4
@@ -101,6 +101,39 @@ class LightGrid:
         matrix = np.diag([fx, fy, fz, 1.0]) @ volume.index_from_world
         matrix[:3, 3] += LIGHT_MARGIN
         return cls((x, y, z), float(cell), (fx, fy, fz), matrix)
+
+    def alike(self, volume: Volume) -> LightGrid:
+        """Return a grid of another volume, with cells about as long."""
+        sides = (np.array(volume.shape_xyz) - 1) * np.array(volume.spacing_mm)
+        cells = round(float(sides.max()) / self.cell_mm) + 1
+        return replace(self.of(volume, max(cells, MIN_CELLS)), physical=self.physical)
+
+    def resampled(self, values: NDArray[Any], other: LightGrid) -> NDArray[Any]:
+        """Return values (nz, ny, nx) of another grid at this one's nodes; 0 beyond it."""
+        # Imported late: it takes a quarter of a second, and few fields differ in lattice.
+        from scipy.ndimage import affine_transform
+
+        other_from_self = other.grid_from_world @ np.linalg.inv(self.grid_from_world)
+        return np.asarray(
+            affine_transform(
+                values,
+                other_from_self[:3, :3][::-1, ::-1],
+                other_from_self[:3, 3][::-1],
+                output_shape=self.shape_xyz[::-1],
+                order=1,
+                mode="grid-constant",
+            )
+        )
+
+    def inside_crop(self, spec: RaycastSpec) -> NDArray[np.bool_]:
+        """Return (nz, ny, nx) True for nodes inside the crop, which is in voxels."""
+        inside = [np.ones(n, bool) for n in self.shape_xyz]
+        if spec.crop_voxels is not None:
+            for axis, (low, high) in enumerate(spec.crop_voxels):
+                at = (np.arange(self.shape_xyz[axis]) - LIGHT_MARGIN) / self.per_index[axis]
+                inside[axis] = (at >= low - CUT_TOLERANCE) & (at <= high + CUT_TOLERANCE)
+        x, y, z = inside
+        return z[:, None, None] & y[:, None] & x
 
     @property
     def nodes(self) -> int:
@@ -281,6 +314,7 @@ _GRID = Struct(
         ("float", "domain_low, domain_scale", "value of entry 0, entries per value"),
         ("int", "last_entry, last_row", "of the table; of surfaces the last"),
         ("int", "plane_count", ""),
+        ("int", "adds", "1: the extinction is added to what is there"),
     ),
 )
 STRUCTS = _SPAN, _STEP, _GRID
@@ -289,13 +323,21 @@ STRUCTS = _SPAN, _STEP, _GRID
 class LightVolume:
     """The light volume of a volume whose ``voxels`` are on an OpenCL device.
 
-    ``lanes`` are the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs.
+    ``lanes`` are the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs. Of several
+    ``fields`` and their voxels, by name, the volume is the lattice around them.
     """
 
     def __init__(
-        self, compute: Compute, volume: Volume, voxels: Any, *, lanes: int | None = None
+        self,
+        compute: Compute,
+        volume: Volume,
+        voxels: Any,
+        *,
+        lanes: int | None = None,
+        fields: Mapping[str, tuple[Volume, Any]] | None = None,
     ) -> None:
-        self._compute, self._volume, self._voxels = compute, volume, voxels
+        self._compute, self.volume, self._voxels = compute, volume, voxels
+        self._fields = fields or {}
         self._lanes = lanes or (8 if compute.info.is_cpu else 1)
         # The table that the extinction was computed from, the cells and the cuts.
         self._extinction: tuple[Any, ...] = (None,)
@@ -307,7 +349,7 @@ class LightVolume:
 
     def layers(
         self,
-        table: TransferTable | SurfaceTable,
+        table: Tables,
         spec: RaycastSpec,
         camera: Camera,
         clear: Clear | None = None,
@@ -320,8 +362,8 @@ class LightVolume:
         until the next call. ``clear`` is what surfaces keep from the nodes. Raises
         OpenCLError if the device has no room for the grid.
         """
-        grid = LightGrid.for_spec(self._volume, spec)
-        wanted = light_layers(spec, self._volume, camera)
+        grid = LightGrid.for_spec(self.volume, spec)
+        wanted = light_layers(spec, self.volume, camera)
         if not wanted:
             return self._layers, grid, wanted
         settings = grid.shape_xyz, grid.physical, spec.crop_voxels, spec.clip_planes
@@ -344,21 +386,71 @@ class LightVolume:
             self._keys.append(key)
         return self._layers, grid, wanted
 
-    def _fill_extinction(
-        self, table: TransferTable | SurfaceTable, spec: RaycastSpec, grid: LightGrid
-    ) -> None:
+    def _fill_extinction(self, table: Tables, spec: RaycastSpec, grid: LightGrid) -> None:
         """Fill the padded grid with extinction."""
+        if not isinstance(table, FieldTables):
+            self._sigma = self._extinction_of(self.volume, self._voxels, table, spec, grid)
+            return
+        self._sigma, apart = None, []
+        for name, one in table.tables.items():
+            volume, voxels = self._fields[name]
+            if volume.has_lattice_of(self.volume):
+                self._sigma = self._extinction_of(volume, voxels, one, spec, grid, self._sigma)
+            else:
+                apart.append((volume, voxels, one))
+        if apart:
+            self._add_apart(apart, spec, grid)
+
+    def _add_apart(
+        self,
+        apart: Sequence[tuple[Volume, Any, TransferTable]],
+        spec: RaycastSpec,
+        grid: LightGrid,
+    ) -> None:
+        """Add the extinction of fields that have lattices, and so grids, of their own."""
+        own = replace(spec, crop_voxels=None)
+        x, y, z = grid.shape_xyz
+        total = np.zeros((z, y, x), np.float32)
+        for volume, voxels, table in apart:
+            other = grid.alike(volume)
+            sigma = self._extinction_of(volume, voxels, table, own, other)
+            per_cell = self._nodes(sigma, other) * (grid.cell_mm / other.cell_mm)
+            total += grid.resampled(per_cell, other)
+        total *= grid.inside_crop(spec)
+        if self._sigma is not None:
+            total += self._nodes(self._sigma, grid)
+        self._sigma = self._compute.upload(np.pad(total, ((1, 1), (1, 1), (self._lanes,) * 2)))
+
+    def _nodes(self, padded: Any, grid: LightGrid) -> NDArray[np.float32]:
+        """Return a padded grid's nodes (nz, ny, nx)."""
+        x, y, z = grid.shape_xyz
+        values = np.empty((z + 2, y + 2, x + 2 * self._lanes), np.float32)
+        self._compute.download(padded, values)
+        return values[1:-1, 1:-1, self._lanes : -self._lanes]
+
+    def _extinction_of(
+        self,
+        volume: Volume,
+        voxels: Any,
+        table: Table,
+        spec: RaycastSpec,
+        grid: LightGrid,
+        added_to: Any = None,
+    ) -> Any:
+        """Return a padded grid with a field's extinction per cell, added to another's if given."""
         x, y, z = grid.shape_xyz
         padded = (x + 2 * self._lanes) * (y + 2) * (z + 2)
         remedy = "leave out physical_light" if grid.physical else "lower light_cells"
         self._compute.require(padded * 4, f"a light volume of {x}x{y}x{z} nodes", remedy)
-        axes = zip(self._volume.shape_xyz, grid.shape_xyz, strict=True)
-        spans = np.concatenate([_spans(voxels, nodes) for voxels, nodes in axes])
-        constants, rows, kind = _constants(self._volume, table, spec, grid)
-        self._sigma = self._compute.output(padded * 4)
+        axes = zip(volume.shape_xyz, grid.shape_xyz, strict=True)
+        spans = np.concatenate([_spans(count, nodes) for count, nodes in axes])
+        constants, rows, kind = _constants(volume, table, spec, grid)
+        constants["adds"] = added_to is not None
+        sigma = added_to or self._compute.output(padded * 4)
         upload = self._compute.upload
-        arguments = (self._voxels, upload(spans), upload(rows), constants, self._sigma)
-        self._launch("extinction", padded, arguments, kind)
+        arguments = (voxels, upload(spans), upload(rows), constants, sigma)
+        self._launch("extinction", padded, arguments, kind, volume)
+        return sigma
 
     def _fill_layer(self, layer: LightLayer, number: int, grid: LightGrid) -> None:
         """Fill one layer."""
@@ -385,7 +477,7 @@ class LightVolume:
 
     def arrivals(
         self,
-        table: TransferTable | SurfaceTable,
+        table: Tables,
         spec: RaycastSpec,
         camera: Camera,
         clear: Clear,
@@ -409,12 +501,18 @@ class LightVolume:
         return rows, self._compute.upload(ends), np.int32(len(directions)), np.float32(gain)
 
     def _launch(
-        self, name: str, items: int, arguments: tuple[Any, ...], kind: int = _BY_VALUE
+        self,
+        name: str,
+        items: int,
+        arguments: tuple[Any, ...],
+        kind: int = _BY_VALUE,
+        volume: Volume | None = None,
     ) -> None:
+        values = (volume or self.volume).values
         constants: dict[str, Any] = {
             "LANES": self._lanes,
             "KIND": kind,
-            "VOXEL": C_TYPES[self._volume.values.dtype.name],
+            "VOXEL": C_TYPES[values.dtype.name],
         }
         text = prelude(constants, "opencl") + "".join(each.declaration for each in STRUCTS)
         source = assemble("kernels/light_volume.cl", text)
@@ -472,7 +570,7 @@ def _steps(
 
 
 def _constants(
-    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, grid: LightGrid
+    volume: Volume, table: Table, spec: RaycastSpec, grid: LightGrid
 ) -> tuple[NDArray[np.void], NDArray[np.float32], int]:
     """Return the struct `_GRID`, the kernel's table and its KIND."""
     constants = np.zeros((), _GRID.dtype)

@@ -23,6 +23,7 @@ Twins: ``kernels/raycast.cl``, those named below, and ``kernels/light_volume.cl`
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -31,7 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Camera
-from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, check_reach
+from volspec.raycast.fields import FieldCast
+from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     OCCLUSION_GAIN,
@@ -56,7 +58,13 @@ from volspec.raycast.sampling import (
     trilinear,
 )
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import SurfaceTable, TransferTable, segment_means
+from volspec.transfer import (
+    FieldTables,
+    SurfaceTable,
+    Tables,
+    TransferTable,
+    segment_means,
+)
 from volspec.volume import Volume
 
 Result = tuple[Array, Array, Array, Array]
@@ -64,7 +72,7 @@ Result = tuple[Array, Array, Array, Array]
 
 def cast(
     volume: Volume,
-    table: TransferTable | SurfaceTable,
+    table: Tables,
     camera: Camera,
     size: tuple[int, int],
     spec: RaycastSpec,
@@ -80,20 +88,34 @@ def cast(
     """
     check_reach(volume, camera, spec)
     width, height = size
-    kind: type[_March] = _March
-    if isinstance(table, SurfaceTable):
-        kind = _Surfaces
-    elif spec.mode != "composite":
-        kind = _Projection
-    elif spec.preintegrated:
-        kind = _Preintegrated
-    elif table.filters is not None:
-        kind = _Filtered
-    rays = make_rays(volume, camera, size, spec)
-    if span_mm is not None:
+
+    def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
+        rays = make_rays(volume, camera, size, spec)
+        if span_mm is None:
+            return rays
         begin, end = span_mm.reshape(-1, 2).T
-        rays = replace(rays, near=np.maximum(rays.near, begin), far=np.minimum(rays.far, end))
-    cast = kind(volume, table, camera, spec, rays, clear)
+        return replace(rays, near=np.maximum(rays.near, begin), far=np.minimum(rays.far, end))
+
+    cast: _March
+    if isinstance(table, FieldTables):
+        several = FieldCast.of(volume, table, spec)
+        frame, spec = several.frame, several.spec
+        cast = _Fields(frame, table, camera, spec, clipped_rays(frame, spec), clear)
+        cast.rays_of = {
+            name: cast.cropped(clipped_rays(frame.by_name[name], several.own))
+            for name in table.tables
+        }
+    else:
+        kind: type[_March] = _March
+        if isinstance(table, SurfaceTable):
+            kind = _Surfaces
+        elif spec.mode != "composite":
+            kind = _Projection
+        elif spec.preintegrated:
+            kind = _Preintegrated
+        elif table.filters is not None:
+            kind = _Filtered
+        cast = kind(volume, table, camera, spec, clipped_rays(volume, spec), clear)
     cast.march()
     shape = (height, width)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -117,7 +139,9 @@ class _March:
     ) -> None:
         self.volume, self.table, self.camera = volume, table, camera
         self.spec, self.rays = spec, rays
-        self.sampler = Sampler(volume, table, spec)
+        self.sampler: Any = None  # of several fields, each has its own
+        if not isinstance(table, FieldTables):
+            self.sampler = Sampler(volume, table, spec)
         self.arrives = arrivals(volume, table, spec, camera, clear)
         self.lift_mm = LightGrid.for_spec(volume, spec).lift_mm
         self.normals = spec.shaded or bool(self.arrives)
@@ -201,6 +225,70 @@ class _March:
         hit = np.isinf(self.first[live]) & (self.alpha[live] >= self.spec.first_opacity)
         self.first[live[hit]] = along[hit]
         self.depth[live] += alpha * along
+
+
+class _Fields(_March):
+    """Several fields in one place; twin: fields.cl.
+
+    α = 1 − Π (1 − α_f), and a field's part of it is τ_f / Σ τ, τ_f = −log(1 − α_f)
+    """
+
+    rays_of: Mapping[str, Rays]  # of every field in its own index space
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.samplers = {
+            name: Sampler(self.volume.by_name[name], one, self.spec)
+            for name, one in self.table.tables.items()
+        }
+
+    def cropped(self, rays: Rays) -> Rays:
+        """Return a field's rays, cut by the frame's crop if there is one."""
+        if self.spec.crop_voxels is None:
+            return rays
+        near, far = np.maximum(rays.near, self.rays.near), np.minimum(rays.far, self.rays.far)
+        return replace(rays, near=near, far=far)
+
+    def march(self) -> None:
+        each = list(self.rays_of.values())
+        meets = [r.near < r.far for r in each]
+        near = np.min([np.where(m, r.near, np.inf) for r, m in zip(each, meets, strict=True)], 0)
+        far = np.max([np.where(m, r.far, -np.inf) for r, m in zip(each, meets, strict=True)], 0)
+        near = np.where(near < far, near, 0.0)
+        begin = near - self.rays.shift
+        k = np.floor(begin / self.step)
+        while True:
+            at = k * self.step + self.rays.shift
+            stop = self.spec.least_transmittance
+            live = np.flatnonzero((at < far) & (self.transmittance > stop))
+            if not live.size:
+                break
+            self.step_rays(live, at[live], at[live] + self.step)
+            k[live] += 1
+
+    def step_rays(self, live: Index, begin: Array, end: Array) -> None:
+        passed, parts = np.ones(len(live)), []
+        for name, table in self.table.tables.items():
+            rays, sampler = self.rays_of[name], self.samplers[name]
+            first, last = np.maximum(begin, rays.near[live]), np.minimum(end, rays.far[live])
+            middle = 0.5 * (first + last)
+            point = rays.start[live] + middle[:, None] * rays.along[live]
+            gradient = sampler.gradient(point) if self.normals else None
+            opacity, reflectance = classify(table, sampler, point, gradient, self.step)
+            alpha = 1 - (1 - opacity) ** (np.maximum(last - first, 0.0) / self.step)
+            passed *= 1 - alpha
+            extinction = -np.log1p(-np.minimum(alpha, 1 - MIX_OPAQUE))
+            parts.append((extinction, middle, gradient, reflectance))
+        weight = self.transmittance[live] * (1 - passed)
+        total = np.maximum(sum(part[0] for part in parts), 1e-300)
+        along = np.zeros(len(live))
+        for extinction, middle, gradient, reflectance in parts:
+            part = weight * extinction / total
+            light = self.light(live, middle, self.point(live, middle), gradient, reflectance)
+            self.colour[live] += part[:, None, None] * light
+            along += part * middle
+        self.add_alpha(live, along / np.maximum(weight, 1e-300), weight)
+        self.transmittance[live] -= weight
 
 
 class _Filtered(_March):
@@ -319,7 +407,7 @@ class _Projection(_March):
 
 def layers(
     volume: Volume,
-    table: TransferTable | SurfaceTable,
+    table: Tables,
     spec: RaycastSpec,
     camera: Camera,
     clear: Clear | None = None,
@@ -344,7 +432,7 @@ def layers(
 
 def arrivals(
     volume: Volume,
-    table: TransferTable | SurfaceTable,
+    table: Tables,
     spec: RaycastSpec,
     camera: Camera,
     clear: Clear | None = None,
@@ -365,10 +453,19 @@ def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:
     return trilinear(layer, index * np.array(grid.per_index) + LIGHT_MARGIN)
 
 
-def extinction(
-    volume: Volume, table: TransferTable | SurfaceTable, spec: RaycastSpec, grid: LightGrid
-) -> Array:
-    """Return (nz, ny, nx) σ of each node, 1/mm."""
+def extinction(volume: Volume, table: Tables, spec: RaycastSpec, grid: LightGrid) -> Array:
+    """Return (nz, ny, nx) σ of each node, 1/mm; of several fields, the sum."""
+    if isinstance(table, FieldTables):
+        total, own = np.zeros(grid.shape_xyz[::-1]), replace(spec, crop_voxels=None)
+        for name, one in table.tables.items():
+            field = volume.by_name[name]
+            if field.has_lattice_of(volume):
+                total += extinction(field, one, spec, grid)
+                continue
+            other = grid.alike(field)
+            found = grid.resampled(extinction(field, one, own, other), other)
+            total += grid.inside_crop(spec) * found
+        return total
     if isinstance(table, SurfaceTable):
         sigma = _surface_extinction(volume, table)
     else:

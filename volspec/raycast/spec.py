@@ -205,14 +205,14 @@ class RaycastSpec:
         return {name: value / total for name, value in strength.items()}
 
     def step_of(self, volume: Volume) -> float:
-        """Return the step in millimetres for a volume; half its smallest spacing if not given.
+        """Return the step in millimetres for a volume; by default half of its finest spacing.
 
         Raises
         ------
         RaycastError
             If a ray through the volume would take more than `MAX_STEPS` steps or less than one.
         """
-        half_a_voxel = 0.5 * min(volume.spacing_mm)
+        half_a_voxel = 0.5 * volume.finest_mm
         diagonal = diagonal_mm(volume)
         if self.step_mm is None:
             if diagonal / half_a_voxel > MAX_STEPS:

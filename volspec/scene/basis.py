@@ -161,17 +161,22 @@ def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dic
     return kept | dict(changes)
 
 
-def use_of(transfer: TransferSpec) -> dict[str, float]:
-    """Weigh the materials of a transfer function by their opacity over their values.
+def use_of(*transfers: TransferSpec) -> dict[str, float]:
+    """Weigh the materials of transfer functions by their opacity over their values.
 
     The most used material has weight 1, the others at least 0.1.
     """
     total: defaultdict[str, float] = defaultdict(float)
-    for amount, shares in transfer.seen():
-        for name, share in shares.items():
-            total[name] += amount * share
-    most = max(total.values(), default=0.0) or 1.0
-    return {name: max(value / most, _LEAST_USE) for name, value in total.items()}
+    for transfer in transfers:
+        amounts: defaultdict[str, float] = defaultdict(float)
+        for amount, shares in transfer.seen():
+            for name, share in shares.items():
+                amounts[name] += amount * share
+        # Values of fields have units of their own.
+        most = max(amounts.values(), default=0.0) or 1.0
+        for name, value in amounts.items():
+            total[name] = max(total[name], value / most)
+    return {name: max(value, _LEAST_USE) for name, value in total.items()}
 
 
 def grid_of(table: BasisSpec) -> SpectralGrid:

@@ -21,6 +21,7 @@ from volspec.raycast.lights import HEADLIT
 from volspec.relight import RelightSpec
 from volspec.scene.annotation import Annotation
 from volspec.scene.export import ExportSpec, Keyframe, check_export
+from volspec.scene.fields import FieldSpec
 from volspec.scene.lights import LightSpec, rows_by_name
 from volspec.scene.specs import (
     BasisSpec,
@@ -34,6 +35,7 @@ from volspec.scene.specs import (
 )
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import FileFaults, plain, row_names, settings, try_table
+from volspec.transfer import MAX_FIELDS
 
 Migration = Callable[[MutableMapping[str, Any]], None]
 """Function that changes a file's tables in place, so that it also works on tomlkit documents."""
@@ -83,11 +85,15 @@ class SceneFile:
     """Labels, distances and angles, drawn over pictures, films and pages."""
     keyframe: Annotated[tuple[Keyframe, ...], Field(strict=False)] = ()
     """Settings at times of an exported film."""
+    # Last, as `field` above is the function of dataclasses.
+    field: Annotated[tuple[FieldSpec, ...], Field(strict=False, max_length=MAX_FIELDS - 1)] = ()
+    """Further fields in the volume's space."""
 
     def __post_init__(self) -> None:
         for kind, names in (
             ("material", [row.name for row in self.material]),
             ("group", [row.name for row in self.group]),
+            ("field", [row.name for row in self.field]),
         ):
             if (i := _twice(names)) is not None:
                 problem = f"two [[{kind}]] are named {names[i]!r}"

@@ -24,7 +24,9 @@ from volspec.scene.transfer import TransferSpec
 from volspec.settings import plain, read_table
 from volspec.spectra import DEFAULT_GRID
 from volspec.spectra.lights import rebase_light
-from volspec.transfer import Transfer
+from volspec.transfer import FieldFunctions, Transfers
+from volspec.transfer.channel_look import channel_functions
+from volspec.transfer.fields import OWN
 from volspec.transfer.label_look import label_function
 from volspec.transfer.presets import Preset, fit_preset, histogram
 from volspec.volume import Volume
@@ -69,25 +71,32 @@ def volume_file(
     volume : Volume
         The voxels.
     preset : Preset, optional
-        Materials and transfer function; default: the volume's labels.
+        Materials and transfer function; default: the volume's labels, or its fields.
     lights : sequence of str, optional
         In `volspec.light`'s notation, with files relative to the current folder; default: daylight,
         tungsten, fluorescent, sodium, and two whites of LEDs.
     camera : Orbit, optional
         Direction, field of view and projection; default: the default of scenes.
     """
-    transfer: Transfer
-    if preset is None:
+    transfer: Transfers
+    if preset is None and not volume.labels and volume.fields:
+        transfer, materials = channel_functions(volume, DEFAULT_GRID)
+    elif preset is None:
         transfer, materials = label_function(volume, DEFAULT_GRID)
     else:
         transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
         materials = preset.materials
     path = volume_path(address)
     details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
-    tables = {
+    tables: dict[str, Any] = {
         "volume": {"file": path.name + ("?" + details if details else "")},
-        "transfer": plain(TransferSpec.of(transfer)),
     }
+    if isinstance(transfer, FieldFunctions):
+        specs = {name: TransferSpec.of(each) for name, each in transfer.functions.items()}
+        tables["transfer"] = plain(specs.pop(OWN))
+        tables["field"] = [{"name": n, "transfer": plain(spec)} for n, spec in specs.items()]
+    else:
+        tables["transfer"] = plain(TransferSpec.of(transfer))
     # On the voxel steps of labels, highlights are noise.
     return _new_file(tables, path, materials, 0.3 if preset else 0.0, lights, camera)
 

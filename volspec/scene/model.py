@@ -29,6 +29,7 @@ from volspec.raycast.framing import shown_mm
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
 from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained
+from volspec.scene.fields import scene_transfer
 from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.from_volume import framed, mesh_file, of_own_colours, volume_file, volume_path
 from volspec.scene.resolve import Resolver
@@ -142,7 +143,9 @@ class Scene:
             self.basis, self.basis_reason = chosen.basis, chosen.reason
         names.warn_of_palette_grids(grid, self.materials)
         with names.at("transfer"):
-            self.transfer = file.transfer.function(self.materials, filters, self.basis)
+            self.transfer = scene_transfer(
+                file.transfer, file.field, self.materials, filters, self.basis
+            )
         self.relight = self._seen_in_room()
 
     @classmethod
@@ -185,7 +188,7 @@ class Scene:
             A volume, as for `volspec.load_volume`; the scene's paths are relative to its folder.
         preset : str, optional
             Name of a transfer function in ``data/presets.toml``, or labels; default: labels if
-            the volume has some, else soft-hard.
+            the volume has some, a colour per field if it has several, else soft-hard.
         lights : sequence of str, optional
             In `volspec.light`'s notation; default: D65, A, FL2, HP1 and two whites of LEDs under
             which most materials look very different.
@@ -214,8 +217,9 @@ class Scene:
         volume = volume or load_volume(address)
         if preset == LABELS and not volume.labels:
             volume = with_labels(volume)
-        labelled = preset == LABELS or (preset is None and volume.labels)
-        look = None if labelled else preset_named(preset or DEFAULT)
+        # A look of its own: of labels, or of several fields.
+        own = preset == LABELS or (preset is None and (volume.labels or volume.fields))
+        look = None if own else preset_named(preset or DEFAULT)
         file = volume_file(address, volume, look, lights, camera)
         scene = cls(file, volume_path(address))
         scene.file = framed(file, volume, shown_mm(volume, scene.transfer, scene.raycast))

@@ -23,6 +23,7 @@ from volspec.basis.display import visible_white
 from volspec.errors import InputError, SceneError, SpectrumError, VolspecWarning, VolumeError
 from volspec.raycast import RaycastSpec
 from volspec.scene.basis import LARGEST_ERROR, SceneSpectra, grid_of, use_of
+from volspec.scene.fields import with_fields
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
 from volspec.scene.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectance
@@ -64,7 +65,7 @@ class Resolver:
             found = _at_field(error, field)
             rows = {
                 key: [row.name for row in getattr(self.file, key)]
-                for key in ("material", "group", "light")
+                for key in ("material", "group", "light", "field")
             }
             faults = SceneFaults(self.path, [found], rows)
             if self.faults is None:
@@ -253,7 +254,7 @@ class Resolver:
         room: SceneRoom | None,
     ) -> SceneSpectra:
         """Return the spectra to train a basis on."""
-        use = use_of(self.file.transfer)
+        use = use_of(self.file.transfer, *(row.transfer for row in self.file.field))
         # A material that the transfer function does not use is invisible, but may be used later.
         unseen = dict.fromkeys(materials, min(use.values(), default=1.0))
         rigs = [light.rig for light in lights]
@@ -308,7 +309,8 @@ class Resolver:
             if table.downsample != 1:
                 labels = self.file.transfer.kind == "labels"
                 volume = volume.downsampled(table.downsample, labels=labels)
-        return volume
+        with Resolver(self.file, self.path).at("field"):
+            return with_fields(volume, self.file.field, self.path.parent)
 
     def _mesh_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return two corners of the box around all meshes, also those that are not shown."""

@@ -107,6 +107,10 @@ class TransferSpec:
     """Isosurfaces, up to eight; rows as points."""
     reference_step_mm: Annotated[float, Unit("mm")] | None = None
     """Length to which opacities refer; default: the smallest spacing. Not with surfaces."""
+    weight: Annotated[float, Field(ge=0.0)] = 1.0
+    """Factor of the extinction; with points."""
+    shown: bool = True
+    """False hides the field; with points."""
 
     @classmethod
     def transparent(cls) -> TransferSpec:

@@ -1,6 +1,7 @@
 """Transfer functions: opacity and reflectance by scalar value, baked into a table of channels."""
 
 from volspec.transfer.discrete import Isosurfaces, LabelFunction
+from volspec.transfer.fields import FieldFunctions, FieldTables
 from volspec.transfer.model import TransferFunction
 from volspec.transfer.regions import Region, TransferFunction2D
 from volspec.transfer.table import (
@@ -13,22 +14,32 @@ from volspec.transfer.table import (
     integral_rows,
     segment_means,
 )
+from volspec.volume.channels import MAX_FIELDS
 
 Transfer = TransferFunction | TransferFunction2D | LabelFunction | Isosurfaces
+Transfers = Transfer | FieldFunctions
+Table = TransferTable | SurfaceTable  # of one field
+Tables = Table | FieldTables
 
 __all__ = [
     "MAX_CHANNELS",
+    "MAX_FIELDS",
     "MAX_LABEL",
     "MAX_SURFACES",
     "NEAREST_POSITIONS",
+    "FieldFunctions",
+    "FieldTables",
     "Isosurfaces",
     "LabelFunction",
     "Region",
     "SurfaceTable",
+    "Table",
+    "Tables",
     "Transfer",
     "TransferFunction",
     "TransferFunction2D",
     "TransferTable",
+    "Transfers",
     "integral_rows",
     "segment_means",
 ]

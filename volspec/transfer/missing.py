@@ -10,24 +10,67 @@ once, so that a cell of eight voxels is transparent if one of them is missing: n
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.errors import TransferError, nearest
 from volspec.transfer.discrete import Isosurfaces, LabelFunction
+from volspec.transfer.fields import OWN, FieldFunctions, FieldTables, weighted
 from volspec.transfer.model import TransferFunction
 from volspec.transfer.regions import TransferFunction2D
 from volspec.transfer.table import Entries, SurfaceTable, TransferTable
 from volspec.volume import Volume
 
+_Transfer = TransferFunction | TransferFunction2D | LabelFunction | Isosurfaces
 # Most entries of a table.
 _MOST_ENTRIES = 1 << 16
 
 
+@overload
+def bake_for_volume(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable: ...
+@overload
 def bake_for_volume(
-    transfer: TransferFunction | TransferFunction2D | LabelFunction | Isosurfaces, volume: Volume
-) -> TransferTable | SurfaceTable:
-    """Bake a transfer function for a volume, whose missing voxels are transparent."""
+    transfer: _Transfer | FieldFunctions, volume: Volume
+) -> TransferTable | SurfaceTable | FieldTables: ...
+def bake_for_volume(
+    transfer: _Transfer | FieldFunctions, volume: Volume
+) -> TransferTable | SurfaceTable | FieldTables:
+    """Bake a transfer function for a volume, whose missing voxels are transparent.
+
+    Of several fields, the volume's own alone gives a plain table. Raises TransferError if there is
+    a function for a field that the volume lacks.
+    """
+    if isinstance(transfer, FieldFunctions):
+        return _bake_fields(transfer, volume)
+    return _bake(transfer, volume)
+
+
+def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | FieldTables:
+    tables, fields = {}, volume.by_name
+    for name in transfer.functions:
+        if name not in fields and name != OWN:
+            raise TransferError(
+                f"{volume.name} has no field {name!r}",
+                f"{nearest(name, fields)}it has {', '.join(fields)}",
+                code="unknown",
+            )
+    if OWN in transfer.functions and volume.name in transfer.functions:
+        raise TransferError(
+            f"{volume.name} has two transfer functions, one without its name",
+            "leave out one",
+            code="duplicate",
+        )
+    for given, weight in transfer.shown.items():
+        name = given or volume.name
+        table = _bake(transfer.functions[given], fields[name])
+        assert isinstance(table, TransferTable)
+        tables[name] = weighted(table, weight)
+    return tables[volume.name] if list(tables) == [volume.name] else FieldTables.in_one(tables)
+
+
+def _bake(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable:
     table = transfer.bake(min(volume.spacing_mm))
     # Labels below 0 are transparent anyway.
     if volume.missing is None or isinstance(table, SurfaceTable) or table.labels:

@@ -16,7 +16,7 @@ from pathlib import Path
 from imgui_bundle import imgui, implot
 
 from volspec.errors import InputError
-from volspec.viewer.model import measure, meshes, room
+from volspec.viewer.model import fields, measure, meshes, room
 from volspec.viewer.model.commands import BY_KEY, MENUS
 from volspec.viewer.model.edit import bind
 from volspec.viewer.model.effects import EFFECT
@@ -264,6 +264,8 @@ class _App:
                 state = self._without_cast(present, state)
             if present is not None and state.room is not None:
                 state = self._with_room_light(present, state)
+            if present is not None and state.fields:
+                state = self._with_all_fields(present, state)
             if present is not None and state.meshes:
                 state = self._with_own_materials(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
@@ -316,6 +318,13 @@ class _App:
         possible = room.with_room_light(present, state)
         if possible is not state and self._notice.text != room.LIGHTS:
             self._notice.show_warning(room.LIGHTS)
+        return possible
+
+    def _with_all_fields(self, present: ViewState, state: ViewState) -> ViewState:
+        """Undo what cannot be cast with the other fields, and say so."""
+        possible, why = fields.with_all_fields(present, state)
+        if why:
+            self._notice.show_warning(why)
         return possible
 
     def _with_own_materials(self, present: ViewState, state: ViewState) -> ViewState:

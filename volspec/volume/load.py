@@ -19,6 +19,7 @@ from pathlib import Path
 from volspec._files import nearest_file
 from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume.bundled import locate_volume
+from volspec.volume.channels import ALL, Channel, unique_titles
 from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
@@ -87,9 +88,10 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     """Read a volume from a file or a folder.
 
     Options follow a question mark. ``spacing=X,Y,Z`` in millimetres overrides the file's and treats
-    slices as even; ``channel=N`` and ``time=N`` count from 0. ``labels=FILE`` names a table of
-    labels, relative to the volume's folder, and so makes the values labels; without it, tables
-    next to the volume with its name are read, and labels are recognised.
+    slices as even; ``channel=N`` and ``time=N`` count from 0. Without ``channel=``, all channels up
+    to eight are read: the first, and the others as its `Volume.fields`. ``labels=FILE`` names a
+    table of labels, relative to the volume's folder, and so makes the values labels; without it,
+    tables next to the volume with its name are read, and labels are recognised.
 
     Parameters
     ----------
@@ -121,6 +123,63 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         If it is an OME-Zarr and zarr is not installed.
     """
     query, library = _query(path)
+    remarks: list[str] = []
+    try:
+        volume = _read_field(query, library, str(query.path), remarks)
+        low, high = volume.range
+        if low == high:
+            raise VolumeError(
+                f"{query.path}: every voxel is {low:g}, so there is nothing to show; was the "
+                "right file or channel given?",
+                code="range",
+            )
+    except VolumeError as error:
+        if error.code != "missing" or not (names := _open_channels(query, library)):
+            raise
+        volume = _read_channels(query, library, names, remarks)
+    for remark in dict.fromkeys(remarks):
+        warnings.warn(remark, VolspecWarning, stacklevel=2)
+    return volume
+
+
+def _open_channels(query: Query, library: str) -> list[str]:
+    """Return the names of a file's channels if it is open which to read, and nothing else is."""
+    listed = choices_in_child(query) if library else _list_choices(query)
+    if any(choice.chosen is None for choice in listed):
+        return []
+    channel = next((c for c in listed if c.key == "channel" and c.chosen == ALL), None)
+    if channel is None:
+        return []
+    named = zip(channel.values, channel.names, strict=True)
+    titles = [f"channel {name}" if name == value else name for value, name in named]
+    return unique_titles(titles[1:])
+
+
+def _read_channels(query: Query, library: str, names: list[str], remarks: list[str]) -> Volume:
+    """Read all channels of a file as the fields of one volume; without those of one value."""
+    fields: list[Volume] = []
+    for number, name in enumerate(names):
+        one = replace(query, options={**query.options, "channel": str(number)})
+        field = _read_field(one, library, name if fields else str(query.path), remarks)
+        low, high = field.range
+        if low < high:
+            fields.append(field)
+        else:
+            remarks.append(
+                f"{query.path}: channel {number} ({name}) is left out, as every voxel is {low:g}"
+            )
+    if not fields:
+        raise VolumeError(
+            f"{query.path}: in every channel all voxels are alike, so there is nothing to show",
+            "give another file",
+            code="range",
+        )
+    own, *others = fields
+    return own.with_fields(others)
+
+
+def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Volume:
+    """Read the field that an address selects, and add remarks on it."""
     reading = read_in_child(query) if library else read_here(query)
     values = reading.values
     # A format without geometry leaves None, the constructor's default.
@@ -128,22 +187,13 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         values.read() if isinstance(values, Stored) else values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
         world_from_index=reading.world_from_index,  # type: ignore[arg-type]
-        name=str(query.path),
+        name=name,
+        channel=reading.channel or Channel(),
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
-    remarks = [*reading.remarks]
-    volume = _with_labels(volume, query, reading.labels, remarks)
-    for remark in remarks:
-        warnings.warn(remark, VolspecWarning, stacklevel=2)
-    low, high = volume.range
-    if low == high:
-        raise VolumeError(
-            f"{query.path}: every voxel is {low:g}, so there is nothing to show; was the "
-            "right file or channel given?",
-            code="range",
-        )
-    return volume
+    remarks += reading.remarks
+    return _with_labels(volume, query, reading.labels, remarks)
 
 
 def _with_labels(
@@ -208,6 +258,10 @@ def volume_choices(path: str | os.PathLike[str]) -> tuple[Choice, ...]:
     query, library = _query(path)
     if library:
         return choices_in_child(query)
+    return _list_choices(query)
+
+
+def _list_choices(query: Query) -> tuple[Choice, ...]:
     listed: list[Choice] = []
     with suppress(ChoicesListed):
         read_here(replace(query, choices=listed))

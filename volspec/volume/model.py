@@ -1,4 +1,4 @@
-"""A scalar volume: values, spacing and orientation, validated on construction.
+"""A volume: values, spacing and orientation of one or more fields, validated on construction.
 
     [volume] -> transfer -> raycast -> relight -> appearance
 
@@ -10,7 +10,8 @@ at ``world_from_index @ (i, j, k, 1)`` millimetres.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from copy import copy
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import VolumeError
+from volspec.volume.channels import Channel
 from volspec.volume.checks import array_and_lattice, checked_geometry, checked_values
 from volspec.volume.labels import Labels
 
@@ -31,7 +33,7 @@ Summary = Callable[[NDArray[Any]], NDArray[Any]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Volume:
-    """A scalar field on a regular lattice.
+    """A scalar field on a regular lattice, and further fields in the same space.
 
     Parameters
     ----------
@@ -58,12 +60,18 @@ class Volume:
     labels : {number: Label}, optional
         Labels of a segmentation with names and colours, without the background; empty if the
         values are not labels.
+    channel : Channel, optional
+        What a microscope's file says of the channel, such as its colour.
+    fields : sequence of Volume, optional
+        Further fields, such as a microscope's other channels or a PET in its CT: each has a name,
+        a type and a lattice of its own, and none has further ones.
 
     Raises
     ------
     VolumeError
         If ``values`` is not a 3-D array of real numbers, has fewer than two voxels along an axis or
-        no finite value, the geometry is singular, or coordinates are uneven.
+        no finite value, the geometry is singular, coordinates are uneven, or two fields have
+        the same name.
 
     Examples
     --------
@@ -79,6 +87,8 @@ class Volume:
     name: str = "volume"
     missing: float | None = None
     labels: Labels = field(default_factory=dict)
+    channel: Channel = field(default_factory=Channel)
+    fields: tuple[Volume, ...] = ()
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -93,16 +103,34 @@ class Volume:
         object.__setattr__(self, "spacing_mm", spacing)
         object.__setattr__(self, "world_from_index", world)
         object.__setattr__(self, "range", span)
+        object.__setattr__(self, "fields", checked_fields(self))
 
     def __repr__(self) -> str:
         x, y, z = self.shape_xyz
-        return f"Volume({self.name!r}, {x}x{y}x{z} {self.values.dtype}, {self.spacing_mm} mm)"
+        more = f" and {len(self.fields)} more" if self.fields else ""
+        return f"Volume({self.name!r}, {x}x{y}x{z} {self.values.dtype}{more}, {self.spacing_mm} mm)"
 
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
         """Voxel counts along x, y, z."""
         z, y, x = self.values.shape
         return x, y, z
+
+    @property
+    def by_name(self) -> dict[str, Volume]:
+        """All fields by name, its own first."""
+        return {each.name: each for each in (self, *self.fields)}
+
+    @property
+    def finest_mm(self) -> float:
+        """Smallest spacing of all fields, in mm."""
+        return min(min(each.spacing_mm) for each in (self, *self.fields))
+
+    def has_lattice_of(self, other: Volume) -> bool:
+        """Return True if the voxels of two fields lie at the same places."""
+        return self.shape_xyz == other.shape_xyz and np.allclose(
+            self.world_from_index, other.world_from_index, rtol=1e-9, atol=1e-6 * self.finest_mm
+        )
 
     def nan_if_missing(self, values: NDArray[Any]) -> NDArray[Any]:
         """Return some of the values, with NaN for missing voxels."""
@@ -120,8 +148,23 @@ class Volume:
         index = [(i, j, k, 1.0) for k in (0, z - 1) for j in (0, y - 1) for i in (0, x - 1)]
         return (np.array(index) @ self.world_from_index.T)[:, :3]
 
+    def with_fields(self, fields: Iterable[Volume]) -> Volume:
+        """Return this volume with other further fields.
+
+        Raises
+        ------
+        VolumeError
+            If two have the same name, or one has fields of its own.
+        """
+        volume = copy(self)
+        object.__setattr__(volume, "fields", tuple(fields))
+        object.__setattr__(volume, "fields", checked_fields(volume))
+        return volume
+
     def with_spacing(self, spacing_mm: tuple[float, float, float]) -> Volume:
         """Return this volume with another spacing; directions and the first voxel's position stay.
+
+        Fields on the same lattice follow; others stay.
 
         Raises
         ------
@@ -131,7 +174,11 @@ class Volume:
         spacing, _ = checked_geometry(spacing_mm, None, self.name)
         world = self.world_from_index.copy()
         world[:3, :3] *= np.asarray(spacing) / np.asarray(self.spacing_mm)
-        return replace(self, spacing_mm=spacing, world_from_index=world)
+        fields = [
+            each.with_spacing(spacing) if each.has_lattice_of(self) else each
+            for each in self.fields
+        ]
+        return replace(self, spacing_mm=spacing, world_from_index=world, fields=tuple(fields))
 
     def downsampled(self, factor: int, *, labels: bool = False) -> Volume:
         """Return this volume with one voxel, of the same type, for every block of factor³.
@@ -188,6 +235,9 @@ class Volume:
             values=downsample(self.values, step, summary),
             spacing_mm=None,  # type: ignore[arg-type]
             world_from_index=self.world_from_index @ index_from_new,
+            fields=tuple(
+                each.downsampled(factor, labels=bool(each.labels)) for each in self.fields
+            ),
         )
 
     @classmethod
@@ -244,6 +294,31 @@ class Volume:
         from volspec.volume.vtk_interop import volume_to_pyvista
 
         return volume_to_pyvista(self)
+
+
+def checked_fields(volume: Volume) -> tuple[Volume, ...]:
+    """Return a volume's further fields. Raises VolumeError if they cannot be distinguished."""
+    given = volume.fields
+    if not isinstance(given, Iterable) or not all(isinstance(each, Volume) for each in given):
+        raise VolumeError.refused(
+            f"{volume.name}: fields", given, "give a list of volspec.Volume", "type"
+        )
+    fields = tuple(given)
+    names = [volume.name, *(each.name for each in fields)]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise VolumeError(
+            f"{volume.name}: two fields are named {twice!r}",
+            "name each, Volume(values, name=…)",
+            code="duplicate",
+            given=twice,
+        )
+    if nested := next((each for each in fields if each.fields), None):
+        raise VolumeError(
+            f"{volume.name}: the field {nested.name!r} has fields of its own",
+            "give all fields in one list",
+            code="conflict",
+        )
+    return fields
 
 
 def block_means(blocks: NDArray[Any]) -> NDArray[Any]:

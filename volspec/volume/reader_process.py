@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from volspec import errors
 from volspec._child import child_command, exit_cause
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
+from volspec.volume.channels import Channel
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.labels import Label
 
@@ -83,11 +84,18 @@ def read_in_child(query: Query) -> Reading:
         None if world is None else np.array(world),
         answer["remarks"],
         None if answer["labels"] is None else _labels(answer["labels"]),
+        None if answer["channel"] is None else _channel(answer["channel"]),
     )
 
 
 def _labels(rows: list[tuple[int, str, list[float] | None]]) -> dict[int, Label]:
     return {n: Label(name, None if c is None else (c[0], c[1], c[2])) for n, name, c in rows}
+
+
+def _channel(given: dict[str, Any]) -> Channel:
+    for key in ("colour", "limits"):
+        given[key] = given[key] and tuple(given[key])
+    return Channel(**given)
 
 
 def choices_in_child(query: Query) -> tuple[Choice, ...]:
@@ -328,6 +336,7 @@ def _answer(query: Query, read: Callable[[Query], Reading]) -> tuple[dict[str, A
             "spacing_mm": reading.spacing_mm,
             "world_from_index": None if world is None else world.tolist(),
             "remarks": list(reading.remarks),
+            "channel": None if reading.channel is None else asdict(reading.channel),
             "labels": reading.labels
             and [(number, label.name, label.colour) for number, label in reading.labels.items()],
         }, memory

@@ -10,7 +10,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,8 @@ from volspec.scene.lights import rows_by_name
 from volspec.scene.meshes import MeshCache
 from volspec.scene.specs import EMPTY, MeshSpec
 from volspec.spectra import SpectralGrid
-from volspec.transfer import Transfer, presets
+from volspec.transfer import Transfer, Transfers, presets
+from volspec.viewer.model.field_looks import FieldLook, field_looks
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
 from volspec.volume import Choice, Volume
@@ -100,6 +101,21 @@ def _sample_shifted(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class FieldData:
+    """Values of a field and their histograms."""
+
+    volume: Volume
+    histogram: NDArray[np.float64]  # (256,) voxels by value over the volume's range
+    joint: JointHistogram
+
+    @classmethod
+    def of(cls, volume: Volume, histogram: NDArray[np.float64] | None = None) -> FieldData:
+        """Return a field's data; the histogram if it is not known."""
+        counts = presets.histogram(volume) if histogram is None else histogram
+        return cls(volume, counts, joint_histogram(volume))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Document:
     """Open scene with its volume; its settings are as in the file."""
 
@@ -115,16 +131,20 @@ class Document:
     file: SceneFile | None = None  # opened, or made for a volume
     path: Path | None = None  # scene or volume; relative file names start from its folder
     fault: str = ""  # why nothing can be cast on this machine; empty if it can
+    fields: tuple[FieldLook, ...] = ()  # of a volume of several; `transfer` is the first's
     choices: tuple[Choice, ...] = ()  # of the volume's address, such as its channels
     # Opened instead of a scene: one view of fixed materials. The volume then only takes the place
     # of the one that was cast.
     image: CoefficientImage | None = None
     room: SceneRoom | None = None  # the volume is in it; its lamps are the lights
     meshes: MeshCache = field(default_factory=lambda: MeshCache(Path()))
-    joint: JointHistogram = field(init=False)
+    # By the names of `fields`; "" is the volume's own.
+    data: Mapping[str, FieldData] = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "joint", joint_histogram(self.volume))
+        data = {"": FieldData.of(self.volume, self.histogram)}
+        data |= {each.name: FieldData.of(each) for each in self.volume.fields}
+        object.__setattr__(self, "data", data)
 
     def saved(self) -> tuple[SceneFile, Path]:
         """Return the scene's file and its path; raises SceneError if there is none."""
@@ -133,7 +153,7 @@ class Document:
             raise SceneError(f"{self.title}: {problem}", code="missing")
         return self.file, self.path
 
-    def surfaces(self, rows: Sequence[MeshSpec], transfer: Transfer) -> tuple[Behind, ...]:
+    def surfaces(self, rows: Sequence[MeshSpec], transfer: Transfers) -> tuple[Behind, ...]:
         """Return the meshes shown, if any, in the transfer function's materials.
 
         Raises MeshError if a file or a material cannot be used.
@@ -177,12 +197,14 @@ class Document:
         fault: str = "",
     ) -> Document:
         """Make a document of a scene and its volume."""
+        transfer, fields = field_looks(scene.transfer)
         return cls(
             title=scene.file.title or scene.path.stem,
             volume=volume,
             caster=caster,
             view=_file_view(scene, volume),
-            transfer=scene.transfer,
+            transfer=transfer,
+            fields=fields,
             shading=scene.raycast,
             lights=rows_from_scene(
                 scene.lights, rows_by_name(scene.file.light), scene.room, scene.known

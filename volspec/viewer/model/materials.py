@@ -8,7 +8,7 @@ materials may not represent a new one, whereas a channel of its own is exact.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
 from typing import TypeVar
@@ -29,6 +29,7 @@ from volspec.transfer import (
 )
 from volspec.transfer.mixes import used_materials
 from volspec.viewer.model.edit import edit, refusable
+from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.light_rows import unused_name
 from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
@@ -83,7 +84,9 @@ def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: st
     return reflectance_from_colour(text, observer_deg=observer_deg, grid=grid)
 
 
-def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum) -> Transfer:
+def with_material(
+    transfer: Transfer, index: int, name: str, spectrum: Spectrum, used: Iterable[str] = ()
+) -> Transfer:
     """Make one part of a single material, which is added if it is new.
 
     Materials become channels, unless filters or their number forbid it. If there are too many,
@@ -98,7 +101,7 @@ def with_material(transfer: Transfer, index: int, name: str, spectrum: Spectrum)
     if name in materials:
         return with_mix(transfer, index, name)
     if isinstance(transfer.basis, MaterialBasis) and len(materials) >= MOST_MATERIALS:
-        names = used_materials(part.mix for part in list_parts(transfer))
+        names = {*used_materials(part.mix for part in list_parts(transfer)), *used}
         if len(names) >= MOST_MATERIALS:
             raise TransferError(
                 f"{quoted(name)}: {MOST_MATERIALS} materials are in use, and no more can be cast; "
@@ -139,7 +142,12 @@ def with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Tra
     return replace(transfer, materials=materials, basis=basis)
 
 
-def uses_of_material(transfer: Transfer, name: str, rows: Sequence[MeshSpec] = ()) -> str:
+def uses_of_material(
+    transfer: Transfer,
+    name: str,
+    rows: Sequence[MeshSpec] = (),
+    fields: Sequence[FieldLook] = (),
+) -> str:
     """Return why a material cannot be removed: what is made of it; empty if there is nothing.
 
     >>> from volspec.basis import SpectralBasis
@@ -151,8 +159,10 @@ def uses_of_material(transfer: Transfer, name: str, rows: Sequence[MeshSpec] = (
     """
     numbers = _users(transfer).get(name, ())
     if not numbers:
-        mesh = next((row.name for row in rows if name in row.used), None)
-        return f"mesh {mesh} is made of it; give it another material first" if mesh else ""
+        others = [(f"mesh {row.name}", row.used) for row in rows]
+        others += [(f"field {look.name}", tuple(_users(look.transfer))) for look in fields]
+        user = next((user for user, used in others if name in used), None)
+        return f"{user} is made of it; give it another material first" if user else ""
     what = _PARTS[type(transfer)]
     if len(numbers) == 1:
         return f"{what} {numbers[0]} is made of it; give it another material first"
@@ -198,14 +208,20 @@ def add_material(state: ViewState, index: int, text: str) -> ViewState:
     transfer = state.transfer
     grid, observer_deg = transfer.basis.grid, transfer.basis.observer_deg
     spectrum = reflectance_for(text, grid, observer_deg, state.document.folder)
-    new = with_material(transfer, index, text.strip(), spectrum)
+    used = [name for look in other_fields(state) for name in _users(look.transfer)]
+    new = with_material(transfer, index, text.strip(), spectrum, used)
     return state if new is transfer else replace(state, transfer=new)
+
+
+def other_fields(state: ViewState) -> list[FieldLook]:
+    """Return the fields whose transfer functions are not edited now."""
+    return [look for number, look in enumerate(state.fields) if number != state.chosen_field]
 
 
 @edit
 def remove_material(state: ViewState, name: str) -> ViewState:
     """Remove a material that no part and no mesh is made of."""
-    if uses_of_material(state.transfer, name, state.meshes):
+    if uses_of_material(state.transfer, name, state.meshes, other_fields(state)):
         return state
     new = without_material(state.transfer, name)
     return state if new is state.transfer else replace(state, transfer=new)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -24,6 +24,7 @@ from volspec.export.exporter import even_size
 from volspec.raycast.lights import HEADLIT
 from volspec.scene import Scene, SceneFile
 from volspec.scene.basis import grid_of
+from volspec.scene.fields import FieldSpec
 from volspec.scene.lights import LightSpec, rows_by_name
 from volspec.scene.specs import (
     ROOM_LIGHT,
@@ -39,6 +40,7 @@ from volspec.settings import is_settings
 from volspec.spectra import Spectrum, light, reflectance
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.transfer import Transfer, TransferFunction
+from volspec.transfer.fields import OWN
 from volspec.viewer.model import light_rows
 from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.state import ViewState
@@ -214,12 +216,13 @@ def scene_from_state(state: ViewState) -> SceneFile:
     elif (file.group or HEADLIT) != shading.groups:
         groups = () if shading.groups == HEADLIT else as_typed(shading.groups)
     width, height = even_size(state.size)
-    same_transfer, same_view = state.transfer is document.transfer, state.view == document.view
+    same_view = state.view == document.view
     same_cast, same_viewing = shading == document.shading, state.relight == document.relight
     return replace(
         file,
         material=tuple(_materials(state, file)),
-        transfer=file.transfer if same_transfer else as_typed(TransferSpec.of(state.transfer)),
+        transfer=_own_transfer(state, file),
+        field=tuple(_fields(state, file)),
         basis=_basis(state, file.basis),
         camera=file.camera if same_view else as_typed(CameraSpec(**asdict(state.view))),
         raycast=file.raycast if same_cast else as_typed(replace(shading, groups=HEADLIT)),
@@ -231,6 +234,33 @@ def scene_from_state(state: ViewState) -> SceneFile:
         annotation=as_typed(state.annotations),
         mesh=file.mesh if state.meshes == file.mesh else as_typed(state.meshes),
     )
+
+
+def _own_transfer(state: ViewState, file: SceneFile) -> TransferSpec:
+    """Return ``[transfer]``: as in the file if it is unchanged."""
+    document = state.document
+    if not state.fields:
+        same = state.transfer is document.transfer
+        return file.transfer if same else as_typed(TransferSpec.of(state.transfer))
+    return _field_transfer(state, OWN, file.transfer)
+
+
+def _field_transfer(state: ViewState, name: str, table: TransferSpec) -> TransferSpec:
+    """Return a field's ``transfer``; as in the file if it is unchanged."""
+    numbers = [look.name for look in state.fields]
+    number = numbers.index(name)
+    look, old = state.fields[number], state.document.fields[number]
+    transfer = state.transfer if number == state.chosen_field else look.transfer
+    if transfer is not old.transfer:
+        table = as_typed(TransferSpec.of(transfer))
+    if (look.weight, look.shown) != (old.weight, old.shown):
+        table = replace(table, weight=as_typed(look.weight), shown=look.shown)
+    return table
+
+
+def _fields(state: ViewState, file: SceneFile) -> Iterator[FieldSpec]:
+    for row in file.field:
+        yield replace(row, transfer=_field_transfer(state, row.name, row.transfer))
 
 
 def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:

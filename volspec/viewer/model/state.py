@@ -15,6 +15,7 @@ from volspec.scene.specs import MeshSpec
 from volspec.settings import Vector
 from volspec.transfer import Transfer
 from volspec.viewer.model.document import Document
+from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.light_rows import Fade, LightState, Rows
 from volspec.viewer.model.palette_targets import PaletteState, Pick
 from volspec.viewer.model.view import View
@@ -84,6 +85,8 @@ class ViewState:
     lights: Rows
     relight: RelightSpec
     shift: float = 0.0  # sum of the shifts of the transfer function's points
+    fields: tuple[FieldLook, ...] = ()  # of a volume of several, the chosen one's as it was
+    chosen_field: int = 0  # index of the one, whose transfer function `transfer` is
     size: tuple[int, int] = (512, 512)  # width and height of the whole picture, in pixels
     other: Rows | None = None  # the lights at the right of the divide, to compare with
     divide: float = 0.5  # position of the divide, 0 to 1 of the picture's width
@@ -115,6 +118,7 @@ class ViewState:
             document.shading,
             document.lights,
             document.relight,
+            fields=document.fields,
             size=size,
             annotations=document.file.annotation if document.file else (),
             meshes=document.file.mesh if document.file else (),

@@ -14,7 +14,7 @@ from typing import Any
 from volspec.transfer import Isosurfaces, LabelFunction, Transfer, TransferFunction, presets
 from volspec.transfer import TransferFunction2D as Regions
 from volspec.transfer.label_look import label_function, with_labels
-from volspec.viewer.model import transfer_convert, transfer_parts
+from volspec.viewer.model import fields, transfer_convert, transfer_parts
 from volspec.viewer.model.edit import Change, Command, Edited, edit, refusable, with_interface
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
@@ -62,7 +62,7 @@ def add_point(state: ViewState, value: float, opacity: float) -> ViewState:
     transfer = state.transfer
     if isinstance(transfer, Regions):
         place = clamp(value, *_span(state)), max(opacity, 0.0)
-        new = transfer_parts.add_region(transfer, place, _span(state), state.document.joint.top)
+        new = transfer_parts.add_region(transfer, place, _span(state), fields.data(state).joint.top)
     elif isinstance(transfer, LabelFunction):
         new = transfer_parts.add_label(transfer, value, clamp(opacity, 0.0, 1.0))
     else:
@@ -148,7 +148,7 @@ def set_region_values(state: ViewState, index: int, low: float, high: float) -> 
 @edit
 def set_region_gradients(state: ViewState, index: int, low: float, high: float) -> ViewState:
     """Set the gradients of a region; an upper limit at the end of the axis becomes infinite."""
-    top = state.document.joint.top
+    top = fields.data(state).joint.top
     least = _NARROWEST * top
     low, high = sorted((low, high))
     low = clamp(low, 0.0, top - least)
@@ -182,7 +182,7 @@ def toggle_gradient_opacity(state: ViewState) -> ViewState:
     elif isinstance(own, TransferFunction) and own.gradient_opacity:
         factors = own.gradient_opacity
     else:
-        top = state.document.joint.top
+        top = fields.data(state).joint.top
         factors = ((_RISE[0] * top, 0.0), (_RISE[1] * top, 1.0))
     return replace(state, transfer=replace(curve, gradient_opacity=factors))
 
@@ -230,7 +230,7 @@ def _factors(state: ViewState) -> tuple[list[tuple[float, float]], float]:
     if not isinstance(curve, TransferFunction) or not curve.gradient_opacity:
         return [], 0.0
     return list(curve.gradient_opacity), transfer_parts.gradient_top(
-        curve, state.document.joint.top
+        curve, fields.data(state).joint.top
     )
 
 
@@ -298,7 +298,7 @@ def thicken_by(state: ViewState, _across: float, down: float) -> ViewState:
 
 
 def _span(state: ViewState) -> tuple[float, float]:
-    return presets.value_span(state.document.volume)
+    return presets.value_span(fields.data(state).volume)
 
 
 def _with_new(state: ViewState, transfer: Transfer) -> ViewState:
@@ -312,16 +312,13 @@ def _preset(preset: presets.Preset) -> Change:
 
 
 def _is_preset(state: ViewState, preset: presets.Preset) -> bool:
-    document = state.document
-    return presets.is_preset(state.transfer, preset, document.volume, document.histogram)
+    own = fields.data(state)
+    return presets.is_preset(state.transfer, preset, own.volume, own.histogram)
 
 
 def _fitted(state: ViewState, preset: presets.Preset) -> Transfer:
-    document = state.document
-    basis = document.transfer.basis
-    return presets.fit_preset(
-        preset, document.volume, document.histogram, basis.grid, basis.observer_deg
-    )
+    basis, own = state.document.transfer.basis, fields.data(state)
+    return presets.fit_preset(preset, own.volume, own.histogram, basis.grid, basis.observer_deg)
 
 
 def _as_labels(state: ViewState) -> Transfer:

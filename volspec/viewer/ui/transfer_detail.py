@@ -12,9 +12,9 @@ from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
 from volspec.spectra.files import split_address
 from volspec.transfer import presets
-from volspec.viewer.model import materials, transfer_edits
+from volspec.viewer.model import fields, materials, transfer_edits
 from volspec.viewer.model.commands import rank_matches
-from volspec.viewer.model.materials import uses_of_material
+from volspec.viewer.model.materials import other_fields, uses_of_material
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui import palette_editor
@@ -215,7 +215,7 @@ def height_above(lines: int, ui: UiContext, least: float = 115, below: float = 0
 def draw_value(state: ViewState, ui: UiContext, what: str) -> ViewState:
     """Draw the chosen part's value and opacity and the button that removes it in one line."""
     index, parts, new = chosen_part(state), list_parts(state.transfer), state
-    now, (low, high) = parts[index].values[0], presets.value_span(state.document.volume)
+    now, (low, high) = parts[index].values[0], presets.value_span(fields.data(state).volume)
     wide = (imgui.get_content_region_avail().x - ui.px(_REMOVE) - 2 * ui.px(6)) / 2
     imgui.set_next_item_width(wide)
     step = (high - low) / 500
@@ -345,7 +345,7 @@ def _material_row(
     if moved:
         new = transfer_edits.set_material_weight(new, index, name, weight)
     imgui.same_line()
-    why = uses_of_material(new.transfer, name, new.meshes)
+    why = uses_of_material(new.transfer, name, new.meshes, other_fields(new))
     imgui.begin_disabled(bool(why))
     pressed = draw_cross(ui)
     imgui.end_disabled()

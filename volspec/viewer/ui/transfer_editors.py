@@ -11,7 +11,7 @@ from imgui_bundle import imgui, implot
 from numpy.typing import NDArray
 
 from volspec.transfer import Isosurfaces, Region, TransferFunction, TransferFunction2D, presets
-from volspec.viewer.model import transfer_edits
+from volspec.viewer.model import fields, transfer_edits
 from volspec.viewer.model.document import JointHistogram
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import Part, gradient_top, list_parts
@@ -72,9 +72,9 @@ def _opacities(state: ViewState, curve: TransferFunction | None, ui: UiContext) 
     implot.setup_axis_ticks(implot.ImAxis_.y1, [_height_of(tick) for tick in _TICKS], labels)
     implot.setup_finish()
     transfer_plot.note_area(ui, "transfer")
-    span = presets.value_span(state.document.volume)
+    span = presets.value_span(fields.data(state).volume)
     logarithmic = state.interface.logarithmic
-    transfer_plot.draw_histogram(state.document.histogram, *span, logarithmic)
+    transfer_plot.draw_histogram(fields.data(state).histogram, *span, logarithmic)
     implot.push_plot_clip_rect()
     if curve:
         _fill(state, curve, ui)
@@ -167,7 +167,7 @@ def _gradients(state: ViewState, curve: TransferFunction, ui: UiContext) -> View
 
 
 def _factors(state: ViewState, curve: TransferFunction, ui: UiContext) -> ViewState:
-    joint, factors = state.document.joint, curve.gradient_opacity or ()
+    joint, factors = fields.data(state).joint, curve.gradient_opacity or ()
     end = gradient_top(curve, joint.top)
     # While the mouse is down, an axis that follows the last point would run away from it.
     when = imgui.Cond_.once if imgui.is_mouse_down(0) else imgui.Cond_.always
@@ -220,14 +220,14 @@ def draw_regions(state: ViewState, ui: UiContext) -> ViewState:
 
 def _heatmap(state: ViewState, ui: UiContext) -> None:
     """Set up the plot's axes, and draw the joint histogram."""
-    joint = state.document.joint
+    joint = fields.data(state).joint
     implot.push_colormap(_greys(state.interface.dark))
     transfer_plot.set_values_axis(state, _REGION_MARGIN)
     ends = -0.02 * joint.top, _REGION_ABOVE * joint.top
     transfer_plot.set_axis(implot.ImAxis_.y1, *ends, implot.AxisFlags_.no_grid_lines)
     implot.setup_finish()
     transfer_plot.note_area(ui, "transfer")
-    low, high = presets.value_span(state.document.volume)
+    low, high = presets.value_span(fields.data(state).volume)
     corners = implot.Point(low, 0.0), implot.Point(high, joint.top)
     cells = shades(joint, state.interface.logarithmic)
     implot.plot_heatmap("voxels", cells, 0.0, 1.0, "", *corners)
@@ -235,7 +235,7 @@ def _heatmap(state: ViewState, ui: UiContext) -> None:
 
 
 def _rectangles(state: ViewState, ui: UiContext) -> ViewState:
-    transfer, top = state.transfer, state.document.joint.top
+    transfer, top = state.transfer, fields.data(state).joint.top
     assert isinstance(transfer, TransferFunction2D)
     new, held, chosen = state, False, transfer_detail.chosen_part(state)
     colours = transfer_plot.part_colours(state)
@@ -286,7 +286,7 @@ def _place_region(
     state: ViewState, index: int, region: Region, values: Span, gradients: Span
 ) -> ViewState:
     """Move a region's sides; one without an upper end stays open if it is moved as a whole."""
-    top = state.document.joint.top
+    top = fields.data(state).joint.top
     (bottom, end), shown = gradients, _shown_gradients(region, top)
     if values != tuple(region.values):
         state = transfer_edits.set_region_values(state, index, *values)
@@ -305,11 +305,11 @@ def _shown_gradients(region: Region, top: float) -> Span:
 
 def _numbers(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the chosen region's values and gradients, opacity and softness, and material."""
-    transfer, top = state.transfer, state.document.joint.top
+    transfer, top = state.transfer, fields.data(state).joint.top
     assert isinstance(transfer, TransferFunction2D)
     index = transfer_detail.chosen_part(state)
     region = transfer.regions[index]
-    low, high = presets.value_span(state.document.volume)
+    low, high = presets.value_span(fields.data(state).volume)
     new = state
     wide = imgui.get_content_region_avail().x / 2 - ui.px(5)
     imgui.set_next_item_width(wide)

@@ -5,10 +5,11 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from volspec.transfer import LabelFunction, TransferFunction2D, presets
-from volspec.viewer.model import commands, transfer_convert, transfer_edits
+from volspec.viewer.model import commands, fields, transfer_convert, transfer_edits
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_edits import KIND_TITLES, THICKNESSES
 from volspec.viewer.model.transfer_parts import Kind
+from volspec.viewer.ui import fields as field_list
 from volspec.viewer.ui import labels, transfer_editors
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.widgets import ACCENT, pick
@@ -35,7 +36,8 @@ _LOG = imgui.SliderFlags_.logarithmic
 def draw(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the panel."""
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(6), ui.px(5)))
-    new = _sliders(_kinds(state, ui), ui)
+    new = field_list.draw(state, ui)
+    new = _sliders(_kinds(new, ui), ui)
     if isinstance(new.transfer, LabelFunction):
         new = labels.draw(new, ui)
     elif isinstance(new.transfer, TransferFunction2D):
@@ -50,7 +52,7 @@ def _kinds(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the lists of presets and kinds, and the button of the histogram's scale."""
     room = imgui.get_content_region_avail().x - ui.px(70)
     imgui.set_next_item_width(room * 0.5)
-    offered = presets.sorted_presets(state.document.volume)
+    offered = presets.sorted_presets(fields.data(state).volume)
     preset = presets.preset_of(state.transfer)
     title = preset.title if preset else "Presets"
     new = _pick(state, ui, "preset", title, {each.title: f"preset-{each.name}" for each in offered})
@@ -92,7 +94,7 @@ def _sliders(state: ViewState, ui: UiContext) -> ViewState:
     new = state
     wide = imgui.get_content_region_avail().x
     if not isinstance(state.transfer, LabelFunction):
-        low, high = presets.value_span(state.document.volume)
+        low, high = presets.value_span(fields.data(state).volume)
         half = (high - low) / 2
         wide = (wide - ui.px(6)) / 2
         imgui.set_next_item_width(wide)

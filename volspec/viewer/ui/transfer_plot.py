@@ -17,6 +17,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.transfer import Transfer, presets
 from volspec.transfer.mixes import weight_matrix
+from volspec.viewer.model import fields
 from volspec.viewer.model.light_rows import facing_light
 from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
@@ -147,10 +148,10 @@ def set_axis(
 
 def set_values_axis(state: ViewState, margin: float) -> None:
     """Set up the axis of values, wider than the volume's range by a share of it at both ends."""
-    low, high = presets.value_span(state.document.volume)
+    low, high = presets.value_span(fields.data(state).volume)
     room = margin * (high - low)
     set_axis(implot.ImAxis_.x1, low - room, high + room, implot.AxisFlags_.no_grid_lines)
-    unit = " HU" if presets.in_hounsfield(state.document.volume) else ""
+    unit = " HU" if presets.in_hounsfield(fields.data(state).volume) else ""
     implot.setup_axis_format(implot.ImAxis_.x1, f"%g{unit}")
 
 

@@ -34,7 +34,7 @@ from volspec.raycast.packets import Packet
 from volspec.raycast.row_batches import Result
 from volspec.relight import Illumination
 from volspec.relight.gpu import GLEngine
-from volspec.transfer import SurfaceTable, TransferTable
+from volspec.transfer import Tables
 from volspec.viewer.work.background import LatestWorker, lower_priority
 from volspec.volume import Volume
 
@@ -56,7 +56,7 @@ class Programs:
     voxels: NDArray[Any]
     device: str
     packet: Packet
-    table: TransferTable | SurfaceTable
+    table: Tables
     spec: RaycastSpec
     spans: bool
     viewing: Viewing

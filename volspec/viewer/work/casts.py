@@ -21,8 +21,9 @@ from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.quality import Quality
 from volspec.relight.layers import PackedLayers
 from volspec.scene.specs import MeshSpec
-from volspec.transfer import Transfer
+from volspec.transfer import Transfers
 from volspec.viewer.model.document import Document
+from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.quality import cast_spec
 from volspec.viewer.model.room import has_walls
 from volspec.viewer.model.state import ViewState
@@ -85,7 +86,7 @@ class CastJob:
     """A picture to be cast."""
 
     document: Document
-    transfer: Transfer
+    transfer: Transfers
     camera: Camera
     shading: RaycastSpec
     size: tuple[int, int]  # width and height of the whole picture
@@ -295,7 +296,7 @@ class CastScheduler:
         self._worker.request(
             CastJob(
                 state.document,
-                state.transfer,
+                shown_transfer(state),
                 camera,
                 cast_spec(state),
                 state.size,

@@ -83,6 +83,12 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
             "save the scene, and render it with volspec.Scene.load(…).render()",
             code="unsupported",
         )
+    if state.fields:
+        raise SceneError(
+            f"{document.title}: has several fields, for which no script can be made",
+            "save the scene, and render it with volspec.Scene.load(…).render()",
+            code="unsupported",
+        )
     if rig is None:
         problem = "No light is on, so there is no frame to make a script for; turn one on"
         raise ViewingError(problem, code="missing")

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
+from volspec.volume.channels import Channel
 from volspec.volume.files.label_tables import labels_in_zarr
 from volspec.volume.files.lattice import affine, mm_per_unit, spacing_text
 from volspec.volume.files.query import Choice, Query, Reading
@@ -71,11 +72,13 @@ def read_ome_zarr(query: Query) -> Reading:
         ) from error
     level = levels[_level(levels, names, query, remarks)]
     world = _world(level, axes, query, remarks)
-    values = _values(level, names, query, _channel_names(group))
+    channels = _channels(group)
+    values, number = _values(level, names, query, channels)
+    channel = channels[number] if number < len(channels) else None
     stated = dict(group.attrs)
     image_label = stated.get("ome", stated).get("image-label")
     labels = None if image_label is None else labels_in_zarr(image_label)
-    return Reading(values, world_from_index=world, remarks=remarks, labels=labels)
+    return Reading(values, world_from_index=world, remarks=remarks, labels=labels, channel=channel)
 
 
 def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:
@@ -184,18 +187,21 @@ def _level_names(levels: list[Level], names: list[str]) -> tuple[str, ...]:
     return tuple(" × ".join(str(size.get(axis, 1)) for axis in "xyz") for size in sizes)
 
 
-def _channel_names(group: Any) -> list[str]:
-    """Return the labels of the channels in the ``omero`` metadata; empty if there are none."""
+def _channels(group: Any) -> list[Channel]:
+    """Return the channels in the ``omero`` metadata; empty if there are none."""
     attributes = dict(group.attrs)
     try:
         channels = attributes.get("ome", attributes)["omero"]["channels"]
-        return [str(channel["label"]) for channel in channels]
+        return [Channel.of_omero(channel) for channel in channels]
     except _DAMAGE:
         return []
 
 
-def _values(level: Level, names: list[str], query: Query, channels: list[str]) -> NDArray[Any]:
-    """Read the selected channel and time as (Z, Y, X); ``channels`` are the channels' names."""
+def _values(
+    level: Level, names: list[str], query: Query, channels: list[Channel]
+) -> tuple[NDArray[Any], int]:
+    """Read the selected channel and time as (Z, Y, X); also return the channel's number."""
+    named, number = [channel.name for channel in channels], 0
     options = {"c": ("channel", "channels"), "t": ("time", "time steps")}
     index: list[int | slice] = []
     for name, count in zip(names, level.array.shape, strict=True):
@@ -209,7 +215,9 @@ def _values(level: Level, names: list[str], query: Query, channels: list[str]) -
                 "save one of them",
                 code="shape",
             )
-        index.append(query.index(key, count, what, channels if name == "c" else ()))
+        at = query.index(key, count, what, named if name == "c" else ())
+        number = at if name == "c" else number
+        index.append(at)
     query.end_choices()
     read = [n for n, at in zip(level.array.shape, index, strict=True) if isinstance(at, slice)]
     query.reserve(read, level.array.dtype.itemsize)
@@ -226,4 +234,4 @@ def _values(level: Level, names: list[str], query: Query, channels: list[str]) -
             code="damaged",
         ) from error
     order = [name for name in names if name in _SPACE]
-    return values.transpose([order.index(name) for name in _SPACE])
+    return values.transpose([order.index(name) for name in _SPACE]), number

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from volspec._files import captured_output
 from volspec._parse import parse_xml
 from volspec.errors import VolumeError, one_line
+from volspec.volume.channels import Channel, channels_of_imagej
 from volspec.volume.files.lattice import mm_per_unit, spacing_text
 from volspec.volume.files.query import Query
 
@@ -201,14 +202,16 @@ def stated_spacing_mm(tiff: Any, page: Any) -> tuple[float | None, float | None,
     return x, y, None
 
 
-def channel_names(tiff: Any) -> list[str]:
-    """Return the names of an OME-TIFF's channels; empty if it states none."""
+def stated_channels(tiff: Any, count: int) -> list[Channel]:
+    """Return what an OME-TIFF or ImageJ's file says of its channels; empty if it states none."""
+    if tiff.imagej_metadata:
+        return channels_of_imagej(tiff.imagej_metadata, count)
     try:
         root = parse_xml(tiff.ome_metadata or "")
     except ValueError:
         return []
     channels = root.findall("{*}Image/{*}Pixels/{*}Channel")
-    return [channel.get("Name") or "" for channel in channels]
+    return [Channel.of_ome(channel.attrib) for channel in channels]
 
 
 def _ome_spacing_mm(text: str) -> list[float | None]:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from volspec._gpu.memory import host_free_bytes
 from volspec.errors import VolumeError, nearest, one_line, quoted
+from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels
 
 
@@ -135,6 +136,8 @@ class Query:
         ``names`` are the values' names, if the file states them.
         """
         given = self.options.get(key)
+        if given == ALL and key == "channel":
+            given = None
         if given is None and count == 1:
             return 0
         if self.choices is not None and count > 1:
@@ -164,11 +167,14 @@ class Query:
         """Add a choice of indices; return the given index if it is one, else 0."""
         assert self.choices is not None
         values = tuple(map(str, range(count)))
+        named = tuple(names if len(names) == count and all(names) else values)
         given = self.options.get(key)
-        named = names if len(names) == count and all(names) else values
+        if key == "channel" and count <= MAX_FIELDS:
+            values, named = (ALL, *values), ("all", *named)
+            given = given or ALL
         chosen = given if given in values else None
-        self.choices.append(Choice(key, values, tuple(named), chosen))
-        return int(chosen or 0)
+        self.choices.append(Choice(key, values, named, chosen))
+        return 0 if chosen in (None, ALL) else int(chosen)
 
     def end_choices(self) -> None:
         """End a reader that was asked only for its choices; call it before voxels are read."""
@@ -256,4 +262,5 @@ class Reading:
     world_from_index: NDArray[np.float64] | None = None
     remarks: Sequence[str] = ()  # warnings for the caller of `load_volume`
     labels: Labels | None = None  # stated by the header, perhaps without names; None: not stated
+    channel: Channel | None = None  # what the file says of the one that is read
     owner: Any = None  # owner of the values' memory, if they do not own it themselves

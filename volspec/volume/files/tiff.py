@@ -20,11 +20,11 @@ from volspec.errors import VolumeError
 from volspec.volume.files.lattice import stack_slices
 from volspec.volume.files.pages import (
     Reserve,
-    channel_names,
     page_values,
     picture_errors,
     png_values,
     resolve_spacing,
+    stated_channels,
     stated_spacing_mm,
 )
 from volspec.volume.files.query import Query, Reading
@@ -47,10 +47,12 @@ def read_tiff(query: Query) -> Reading:
     with picture_errors(path), TiffFile(path, **_open_options(path)) as tiff:
         series = _only_series(tiff, query)
         through = _slice_axis(series, query)
-        channels = channel_names(tiff)
+        sizes = dict(zip(series.axes, series.shape, strict=True))
+        channels = stated_channels(tiff, sizes.get("C", 1))
+        named = [channel.name for channel in channels]
         at = {
-            axis: query.index(*_names(axis, count), () if axis == _TIME else channels)
-            for axis, count in zip(series.axes, series.shape, strict=True)
+            axis: query.index(*_names(axis, count), () if axis == _TIME else named)
+            for axis, count in sizes.items()
             if axis not in (through, "Y", "X")
         }
         query.end_choices()
@@ -58,7 +60,9 @@ def read_tiff(query: Query) -> Reading:
             remarks.append(f"{path}: its pages are points in time, but are read as slices")
         spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, remarks)
         values = _values(tiff, series, through, at, query)
-    return Reading(values, spacing_mm=spacing, remarks=remarks)
+    number = at.get("C", 0)
+    channel = channels[number] if number < len(channels) else None
+    return Reading(values, spacing_mm=spacing, remarks=remarks, channel=channel)
 
 
 def _open_options(path: Path) -> dict[str, bool]:

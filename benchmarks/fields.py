@@ -1,0 +1,107 @@
+"""Time casts of several fields against one, and the way from a microscope's file to a picture.
+
+``python -m benchmarks.fields``. The fields are the engine and its mirror images, which show as much
+as the engine does, in other places; one is the mean of each alone.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import tifffile
+
+from benchmarks.measure import Figure, in_turn, report
+from benchmarks.scenes import SPECS, bench_scene
+from volspec.pipeline import Raycaster
+from volspec.raycast import RaycastSpec
+from volspec.transfer import FieldFunctions
+from volspec.volume import Volume
+
+SIZE = 512, 512
+MOST = {2: 1.8, 4: 3.2}
+# A file of (Z, C, Y, X): 128 MiB.
+CELLS = 64, 4, 512, 512
+_PICTURE = """
+import json, resource, sys, time
+started = time.perf_counter()
+import volspec as vs
+scene = vs.Scene.from_volume(sys.argv[1], lights=["D65"])
+volume = scene.volume()
+image = scene.render(volume, size=(512, 512))
+with vs.Relighter(image) as relighter:
+    frame = relighter.frame(vs.light("D65"))
+seconds = time.perf_counter() - started
+print(json.dumps([seconds, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss]))
+"""
+_NOTHING = "import json, resource, volspec as vs; vs.Scene; vs.Relighter; vs.light('D65')\n" + (
+    "from volspec.pipeline import Raycaster; Raycaster(vs.phantom.ball(16))\n"
+    "print(json.dumps([0, 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss]))"
+)
+
+
+def figures() -> Iterator[Figure]:
+    """Yield the cost of two and four fields, flat and shaded, and of a file's first picture."""
+    engine = bench_scene("engine")
+    values = engine.volume.values
+    mirrored = [values, values[::-1], values[:, ::-1], values[:, :, ::-1]]
+    own, *others = (
+        Volume(
+            np.ascontiguousarray(each), world_from_index=engine.volume.world_from_index, name=f"{k}"
+        )
+        for k, each in enumerate(mirrored)
+    )
+    caster = Raycaster(own.with_fields(others))
+    for kind, settings in SPECS.items():
+        spec = replace(settings, step_mm=min(own.spacing_mm))
+
+        def cast(names: range, spec: RaycastSpec = spec) -> Callable[[], object]:
+            table = caster.bake(FieldFunctions({f"{k}": engine.transfer for k in names}))
+            return partial(caster.cast, table, engine.camera, SIZE, spec)
+
+        for count, most in MOST.items():
+            every = cast(range(count))
+            pairs = [in_turn(every, cast(range(k, k + 1)), runs=5).wall for k in range(count)]
+            ones = [float(np.median(each[:, 1] / each[:, 0])) for each in pairs]
+            ms = np.median(np.concatenate(pairs), axis=0)
+            note = f"{ms[0]:.0f} ms, one {ms[1]:.0f} ms"
+            yield Figure(f"fields/{count}, {kind}", 1 / float(np.mean(ones)), most, True, note=note)
+    yield from _file_figures()
+
+
+def _file_figures() -> Iterator[Figure]:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "cells.ome.tif")
+        random = np.random.default_rng(1)
+        cells = random.integers(90, 130, CELLS, np.uint16)
+        z, y, x = np.ogrid[: CELLS[0], : CELLS[2], : CELLS[3]]
+        for _ in range(40):
+            at = random.uniform((8, 0, 0, 0), (56, 4, 512, 512))
+            away = ((z - at[0]) * 2) ** 2 + (y - at[2]) ** 2 + (x - at[3]) ** 2
+            cells[:, int(at[1])] += (3000 * (away < 30**2)).astype(np.uint16)
+        tifffile.imwrite(path, cells, metadata={"axes": "ZCYX"})
+        seconds, peak = _run(_PICTURE, path)
+        _, before = _run(_NOTHING, path)
+    name = "fields/4 channels of 512 x 512 x 64 to the first picture"
+    yield Figure(name, seconds, 5.0, True, "s")
+    more = (peak - before) / cells.nbytes
+    note = f"{(peak - before) / 2**20:.0f} MiB more than without it, data {cells.nbytes >> 20} MiB"
+    yield Figure("fields/4 channels: memory by the data", more, 1.3, True, "x", note=note)
+
+
+def _run(code: str, path: Path) -> tuple[float, float]:
+    command = [sys.executable, "-W", "ignore", "-c", code, str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    seconds, peak = json.loads(done.stdout.splitlines()[-1])
+    return seconds, peak
+
+
+if __name__ == "__main__":
+    print(report(figures()))

@@ -1,0 +1,185 @@
+// Cast rays through several scalar fields that share one place, and composite front to back.
+//
+//     α_f = 1 − (1 − opacity_f(v_f))^(length / step),   τ_f = −log(1 − α_f)
+//     α = 1 − Π (1 − α_f),  C += T α Σ_f (τ_f / Σ τ) (g_f s_f(v_f) + k_s,f),  T ← T (1 − α)
+//
+// Extinctions add, and materials mix by extinction, each shaded by its own field's gradient. Fields
+// have lattices of their own; the steps are those of `frame`, a lattice around all of them, in whose
+// index space lights are placed. A field is not sampled where its bricks are empty.
+//
+// NumPy twin: volspec/raycast/reference.py (_Fields). Same steps, same clipping, same order.
+//
+// Launch: as raycast.cl.
+//
+// Reads   voxels_f     VOXEL[nz][ny][nx] of each field, all of one type
+//         brick_codes, opacity, material_weights: as raycast.cl, of one field after the other
+//         channels, sources, light_volume, spans: as raycast.cl
+//         casts        Cast[FIELDS + 1]: of each field, and of `frame`
+//         places       int4[FIELDS]: first element of a field in brick_codes, opacity and
+//                      material_weights (in vectors); 1 if the frame's crop cuts it, too
+// Writes  as raycast.cl
+//
+// The host sets FIELDS (up to 8), ALIGNED (all fields have the frame's lattice), MIX_OPAQUE, and the constants of raycast.cl.
+
+#include "lanes.clh"
+#include "rays.clh"
+#include "field.clh"
+#include "classify.clh"
+#include "shade.clh"
+#include "picture.clh"
+
+#define NO_STEP 0x3fffffff
+
+// −log(1 − opacity); of nearly opaque samples the log of MIX_OPAQUE, as 1 − opacity has no digits.
+static inline floatN extinction_of(floatN opacity) {
+    const floatN pass = 1.0f - opacity;
+    // The ratio restores what 1 − opacity has lost of faint ones.
+    const floatN ratio = opacity / MAX(1.0f - pass, 1e-30f);
+    return SELECT(MASK(pass == 1.0f), opacity, minus_log(MAX(pass, MIX_OPAQUE)) * ratio);
+}
+
+__kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOXEL *restrict voxels_1,
+                     __global const VOXEL *restrict voxels_2, __global const VOXEL *restrict voxels_3,
+                     __global const VOXEL *restrict voxels_4, __global const VOXEL *restrict voxels_5,
+                     __global const VOXEL *restrict voxels_6, __global const VOXEL *restrict voxels_7,
+                     __global const uchar *restrict brick_codes,
+                     __global const float2 *restrict opacity,
+                     __global const floatV *restrict material_weights,
+                     __global const float *restrict channels,
+                     __global const float4 *restrict sources,
+                     __global const ushort *restrict light_volume,
+                     __global const float2 *restrict spans, __global const Cast *restrict casts_in,
+                     __global const int4 *restrict places, __global float *restrict coefficients_out,
+                     __global float *restrict alpha_out, __global float *restrict depth_out,
+                     __global float *restrict first_out, const int first_tile) {
+    __global const VOXEL *const voxels[8] = {voxels_0, voxels_1, voxels_2, voxels_3,
+                                             voxels_4, voxels_5, voxels_6, voxels_7};
+    Cast casts[FIELDS + 1];
+    for (int f = 0; f <= FIELDS; ++f) casts[f] = casts_in[f];
+    const Cast *frame = &casts[FIELDS];
+    const int2 pixel = tile_pixel(first_tile);
+    if (pixel.x >= frame->width || pixel.y >= frame->height) return;
+    const float step = frame->step, per_step = 1.0f / step;
+
+    const Rays r = make_rays(frame, spans, pixel);
+#if ALIGNED
+#define RAYS(f) r
+#else
+    Rays rays[FIELDS];
+#define RAYS(f) rays[f]
+#endif
+    March march[FIELDS];
+    int transparent[FIELDS];
+    for (int f = 0; f < FIELDS; ++f) {
+#if !ALIGNED
+        rays[f] = make_rays(&casts[f], spans, pixel);
+        if (places[f].w) {
+            rays[f].near = MAX(rays[f].near, r.near);
+            rays[f].far = MIN(rays[f].far, r.far);
+        }
+#endif
+        march[f] = start_march(&casts[f], &RAYS(f));
+        transparent[f] = 1;
+    }
+    Accumulator g;
+    clear(&g);
+
+    for (;;) {
+        // Every lane goes on with its first step at which some field is not empty.
+        intN k = NO_STEP, live = 0;
+        for (int f = 0; f < FIELDS; ++f) {
+            if (transparent[f])
+                skip_empty_bricks(&casts[f], &RAYS(f), brick_codes + places[f].x, &march[f]);
+            live |= march[f].live;
+            k = SELECT(march[f].live & MASK(march[f].k < k), march[f].k, k);
+        }
+        if (!ANY(live)) break;
+
+        floatN middle[FIELDS][STEPS], alpha[FIELDS][STEPS];
+        floatN nx[FIELDS][STEPS], ny[FIELDS][STEPS], nz[FIELDS][STEPS];
+        Entry entry[FIELDS][STEPS];
+        int seen[FIELDS], seen_count = 0;
+        for (int f = 0; f < FIELDS; ++f) {
+            March *m = &march[f];
+            seen[f] = 0;
+            if (!ANY(m->live & MASK(m->k < k + STEPS))) continue;
+            const Cast *cast = &casts[f];
+            __global const float2 *table = opacity + places[f].y;
+            Sample sample[STEPS];
+            floatN fraction[STEPS];
+            UNROLL(s, STEPS) {
+                const floatN begin = MAX(CONVERT_FLOAT(k + s) * step, RAYS(f).near);
+                const floatN end = MIN(CONVERT_FLOAT(k + s + 1) * step, RAYS(f).far);
+                middle[f][s] = 0.5f * (begin + end);
+                fraction[s] = (end - begin) * per_step;
+                sample[s] = sample_at(cast, voxels[f], table, &RAYS(f), middle[f][s]);
+            }
+            UNROLL(s, STEPS) {
+                entry[f][s] = classify(cast, table, &sample[s]);
+                const intN due = m->live & MASK(k + s >= m->k) & MASK(k + s < m->k_end);
+                alpha[f][s] = SELECT(due, entry[f][s].opacity, (floatN)(0.0f));
+                seen[f] |= ANY(MASK(alpha[f][s] > 0.0f));
+            }
+            transparent[f] = !seen[f];
+            m->k = MAX(m->k, k + STEPS);
+            m->live &= MASK(m->k < m->k_end);
+            if (!seen[f]) continue;
+            ++seen_count;
+            UNROLL(s, STEPS) {
+                nx[f][s] = ny[f][s] = nz[f][s] = 0.0f;
+#if NORMALS
+                if (ANY(MASK(alpha[f][s] > 0.0f)))
+                    gradient_at(cast, voxels[f], table, &sample[s], &nx[f][s], &ny[f][s], &nz[f][s]);
+#endif
+            }
+            UNROLL(s, STEPS) {
+                const intN clipped = MASK(alpha[f][s] > 0.0f) & MASK(fraction[s] < 1.0f - 1e-5f);
+                if (ANY(clipped)) {
+                    const floatN log_step =
+                        log_transmittance(cast, table, &sample[s], &entry[f][s]);
+                    const floatN shorter = opacity_along(alpha[f][s], log_step, fraction[s]);
+                    alpha[f][s] = SELECT(clipped, shorter, alpha[f][s]);
+                }
+            }
+        }
+        if (seen_count == 0) continue;
+
+        UNROLL(s, STEPS) {
+            floatN total = 0.0f;
+            intN mixed = 0;
+            for (int f = 0; f < FIELDS; ++f) {
+                if (!seen[f]) continue;
+                mixed |= MASK(total > 0.0f) & MASK(alpha[f][s] > 0.0f);
+                total = alpha[f][s] + total * (1.0f - alpha[f][s]);
+            }
+            const intN reached = MASK(g.transmittance > frame->min_transmittance);
+            const floatN visible = SELECT(reached, g.transmittance * total, (floatN)(0.0f));
+            if (!ANY(MASK(visible > 0.0f))) continue;
+            // Extinctions count only where there are several; a field alone is all of itself.
+            floatN parts[FIELDS], sum = 0.0f;
+            const int any_mixed = ANY(mixed);
+            for (int f = 0; f < FIELDS; ++f) {
+                if (!seen[f]) continue;
+                parts[f] = any_mixed ? extinction_of(alpha[f][s]) : alpha[f][s];
+                sum += parts[f];
+            }
+            const floatN per_part = visible / MAX(sum, 1e-30f);
+            floatN along = 0.0f;
+            for (int f = 0; f < FIELDS; ++f) {
+                if (!seen[f] || !ANY(MASK(alpha[f][s] > 0.0f))) continue;
+                const floatN part = SELECT(MASK(parts[f] == sum), visible, per_part * parts[f]);
+                floatN shading[GROUPS], highlight[GROUPS];
+                shade(frame, sources, light_volume, &r, middle[f][s], nx[f][s], ny[f][s], nz[f][s],
+                      part, shading, highlight);
+                reflect(&g, material_weights + places[f].z, &casts[f], 0, &entry[f][s], shading);
+                UNROLL(group, GROUPS) g.highlight[group] += highlight[group];
+                along += part * middle[f][s];
+            }
+            add_alpha(frame, &g, visible, along / MAX(visible, 1e-30f));
+        }
+        for (int f = 0; f < FIELDS; ++f)
+            march[f].live &= MASK(g.transmittance > frame->min_transmittance);
+    }
+    write_picture(frame, &g, &r, pixel, first_tile * TILE_HEIGHT, channels, coefficients_out,
+                  alpha_out, depth_out, first_out);
+}

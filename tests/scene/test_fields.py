@@ -1,0 +1,123 @@
+"""``[[field]]``: files, channels, matrices and weights, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from tests.support.errors import raises
+from volspec.errors import SceneError
+
+HEAD = """
+[volume]
+file = "ct.npy"
+[[material]]
+name = "bone"
+reflectance = "grey:0.7"
+[[material]]
+name = "hot"
+reflectance = "ColorChecker/orange"
+[transfer]
+points = [
+    { value = 60, opacity = 0, material = "bone" },
+    { value = 200, opacity = 0.3, material = "bone" },
+]
+[[light]]
+name = "D65"
+spectrum = "D65"
+"""
+FIELD = """
+[[field]]
+name = "PET"
+file = "pet.npy"
+{keys}
+[field.transfer]
+{own}
+points = [
+    {{ value = 0.2, opacity = 0, material = "hot" }},
+    {{ value = 1, opacity = 0.5, material = "hot" }},
+]
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    z, y, x = np.mgrid[-1:1:20j, -1:1:22j, -1:1:24j]
+    np.save(tmp_path / "ct.npy", (220 * np.exp(-2 * (x**2 + y**2 + z**2))).astype(np.uint8))
+    z, y, x = np.mgrid[-1:1:10j, -1:1:10j, -1:1:10j]
+    np.save(tmp_path / "pet.npy", np.exp(-3 * (x**2 + y**2 + z**2)).astype(np.float32))
+    return tmp_path
+
+
+def scene(folder: Path, keys: str = "", own: str = "", head: str = HEAD) -> vs.Scene:
+    path = folder / "scene.toml"
+    path.write_text(head + FIELD.format(keys=keys, own=own))
+    return vs.Scene.load(path)
+
+
+def cast(scene: vs.Scene) -> vs.CoefficientImage:
+    return scene.render(size=(40, 32))
+
+
+def test_a_scene_s_fields_are_cast_as_in_python(folder: Path) -> None:
+    made = scene(folder, "matrix = [[2, 0, 0, 1], [0, 2, 0, 2], [0, 0, 2, 3], [0, 0, 0, 1]]")
+    ct, pet = (np.load(folder / name) for name in ("ct.npy", "pet.npy"))
+    world = np.diag([2.0, 2.0, 2.0, 1.0])
+    world[:3, 3] = 1, 2, 3
+    own = vs.Volume(ct).with_fields([vs.Volume(pet, world_from_index=world, name="PET")])
+    volume = made.volume()
+    image = vs.raycast(own, made.transfer, made.camera(volume), (40, 32), made.raycast)
+    found = cast(made)
+    assert np.array_equal(found.coefficients, image.coefficients)
+    alone = vs.raycast(
+        own, made.transfer.functions[""], made.camera(volume), (40, 32), made.raycast
+    )
+    assert np.abs(found.coefficients - alone.coefficients).max() > 0.05
+
+
+def test_weights_and_shown_are_of_each_field(folder: Path) -> None:
+    whole = cast(scene(folder))
+    none = cast(scene(folder, own="weight = 0.0"))
+    hidden = cast(scene(folder, own="shown = false"))
+    assert np.array_equal(none.coefficients, hidden.coefficients)
+    assert not np.array_equal(whole.coefficients, hidden.coefficients)
+    head = HEAD.replace("[transfer]", "[transfer]\nshown = false")
+    other = cast(scene(folder, head=head))
+    assert 0 < other.alpha.max() < whole.alpha.max() + 1e-6
+
+
+def test_a_hidden_field_is_cast_as_fast_and_alike_as_a_volume_alone(folder: Path) -> None:
+    hidden = cast(scene(folder, own="shown = false", keys="spacing_mm = [2, 2, 2]"))
+    (folder / "alone.toml").write_text(HEAD)
+    alone = vs.Scene.load(folder / "alone.toml")
+    assert np.array_equal(hidden.coefficients, cast(alone).coefficients)
+
+
+@pytest.mark.parametrize(
+    ("keys", "own", "code"),
+    [
+        ("matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1]]", "", "range"),
+        ("matrix = [[1, 0, 0, 0]]", "", None),
+        ("", "weight = -1.0", "range"),
+        ("", "gradient_opacity = [[0, 0], [1, 1]]", "conflict"),
+        ("spacing_mm = [1, 1, 0]", "", "range"),
+    ],
+    ids=["singular", "rows", "weight", "gradients", "spacing"],
+)
+def test_what_cannot_be_is_refused_in_one_line(
+    folder: Path, keys: str, own: str, code: str | None
+) -> None:
+    with raises(SceneError, *(() if code is None else (code,))) as caught:
+        cast(scene(folder, keys, own))
+    assert "field" in str(caught.value) and "\n" not in str(caught.value).strip()
+
+
+def test_a_field_that_is_missing_is_named(folder: Path) -> None:
+    path = folder / "scene.toml"
+    path.write_text(HEAD + FIELD.format(keys="", own="").replace('file = "pet.npy"', ""))
+    with raises(SceneError, "unknown") as caught:
+        vs.Scene.load(path).volume()
+    assert "PET" in str(caught.value)

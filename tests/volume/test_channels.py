@@ -1,0 +1,139 @@
+"""Files of several channels: all are read, with what the file says of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from numpy.typing import NDArray
+
+import volspec as vs
+from tests.support.errors import raises, warns
+from volspec.errors import VolumeError
+from volspec.transfer import FieldFunctions
+from volspec.transfer.channel_look import channel_limits
+from volspec.volume import load_volume, volume_choices
+from volspec.volume.channels import Channel
+
+NAMES = ["DAPI", "Actin", "Actin"]
+
+
+@pytest.fixture(scope="module")
+def values() -> NDArray[np.uint16]:
+    """(C, Z, Y, X) with a bright block in each."""
+    found = np.random.default_rng(1).integers(90, 110, (3, 6, 20, 24)).astype(np.uint16)
+    for channel in range(3):
+        found[channel, 1:5, 4:16, 4 + 6 * channel : 10 + 6 * channel] += 2000
+    return found
+
+
+@pytest.fixture(scope="module")
+def ome_tiff(values: NDArray[np.uint16], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("ome") / "cells.ome.tif"
+    metadata = {
+        "axes": "ZCYX",
+        "PhysicalSizeX": 0.2,
+        "PhysicalSizeY": 0.2,
+        "PhysicalSizeZ": 0.5,
+        "Channel": {
+            "Name": NAMES,
+            "Color": [0x0000FFFF, 0x00FF00FF, -1],
+            "EmissionWavelength": [461, 520, 600],
+            "ExcitationWavelength": [358, 490, 4],
+        },
+    }
+    tifffile.imwrite(path, values.transpose(1, 0, 2, 3), metadata=metadata)
+    return path
+
+
+def test_an_ome_tiff_opens_with_all_its_channels(
+    ome_tiff: Path, values: NDArray[np.uint16]
+) -> None:
+    volume = load_volume(ome_tiff)
+    fields = [volume, *volume.fields]
+    assert all(np.array_equal(f.values, v) for f, v in zip(fields, values, strict=True))
+    assert [field.name for field in fields[1:]] == ["Actin", "Actin 2"]
+    assert [field.channel.name for field in fields] == NAMES
+    assert all(field.has_lattice_of(volume) for field in fields)
+    assert volume.spacing_mm == pytest.approx((2e-4, 2e-4, 5e-4))
+    dapi, actin, third = (field.channel for field in fields)
+    assert (dapi.colour, dapi.excitation_nm, dapi.emission_nm) == ((0.0, 0.0, 1.0), 358.0, 461.0)
+    assert actin.colour == (0.0, 1.0, 0.0)
+    assert (third.colour, third.excitation_nm) == ((1.0, 1.0, 1.0), None)  # 4 nm is no light
+
+
+def test_an_address_takes_one_channel_and_the_choice_lists_all(ome_tiff: Path) -> None:
+    one = load_volume(f"{ome_tiff}?channel=1")
+    assert (one.channel.name, one.fields) == ("Actin", ())
+    assert len(load_volume(f"{ome_tiff}?channel=all").fields) == 2
+    (choice,) = volume_choices(ome_tiff)
+    assert (choice.values, choice.chosen) == (("all", "0", "1", "2"), "all")
+    assert choice.names == ("all", *NAMES)
+    with raises(VolumeError, "range"):
+        load_volume(f"{ome_tiff}?channel=3")
+
+
+def test_its_scene_shows_each_channel_in_its_colour(ome_tiff: Path) -> None:
+    scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
+    assert isinstance(scene.transfer, FieldFunctions)
+    assert list(scene.transfer.functions) == ["", "Actin", "Actin 2"]
+    image = scene.render(size=(64, 48))
+    with vs.Relighter(image) as relighter:
+        frame = relighter.frame(vs.light("D65")).astype(int)
+    assert (frame[..., 2] - frame[..., 1]).max() > 40
+    assert (frame[..., 1] - frame[..., 2]).max() > 40
+
+
+def test_a_scene_is_saved_and_read_with_its_channels(ome_tiff: Path, tmp_path: Path) -> None:
+    scene = vs.Scene.from_volume(ome_tiff, lights=["D65"])
+    path = scene.save(tmp_path / "cells.toml")
+    again = vs.Scene.load(path)
+    assert [row.name for row in again.file.field] == ["Actin", "Actin 2"]
+    assert len(again.volume().fields) == 2
+
+
+def test_limits_are_those_of_the_file_or_of_the_histogram(values: NDArray[np.uint16]) -> None:
+    stated = vs.Volume(values[0], channel=Channel(limits=(200.0, 900.0)))
+    assert channel_limits(stated) == (200.0, 900.0)
+    low, high = channel_limits(vs.Volume(values[0], channel=Channel(limits=(5e4, 6e4))))
+    assert 90 <= low < high and high > 2000
+
+
+def test_imagej_s_colours_and_limits_are_read(values: NDArray[np.uint16], tmp_path: Path) -> None:
+    path = tmp_path / "stack.tif"
+    ramp = np.arange(256, dtype=np.uint8)
+    colours = (1, 0, 0), (0, 1, 0), (1, 1, 0)
+    luts = [np.stack([ramp * code for code in colour]) for colour in colours]
+    tifffile.imwrite(
+        path,
+        values.transpose(1, 0, 2, 3),
+        imagej=True,
+        resolution=(5.0, 5.0),
+        metadata={
+            "axes": "ZCYX",
+            "unit": "um",
+            "spacing": 0.5,
+            "LUTs": luts,
+            "Ranges": (100.0, 2000.0, 0.0, 900.0, 5.0, 5.0),
+        },
+    )
+    channels = [each.channel for each in load_volume(path).by_name.values()]
+    assert [c.colour for c in channels] == list(colours)
+    assert [c.limits for c in channels] == [(100.0, 2000.0), (0.0, 900.0), None]
+
+
+def test_a_dark_channel_is_left_out_with_a_warning(
+    values: NDArray[np.uint16], tmp_path: Path
+) -> None:
+    path, dark = tmp_path / "dark.ome.tif", values.copy()
+    dark[0] = 7
+    metadata = {"axes": "ZCYX", "PhysicalSizeX": 1, "PhysicalSizeY": 1, "PhysicalSizeZ": 1}
+    tifffile.imwrite(path, dark.transpose(1, 0, 2, 3), metadata=metadata)
+    with warns("left out"):
+        volume = load_volume(path)
+    assert np.array_equal(volume.values, dark[1]) and len(volume.fields) == 1
+    tifffile.imwrite(path, np.full_like(dark, 7).transpose(1, 0, 2, 3), metadata=metadata)
+    with raises(VolumeError, "range"):
+        load_volume(path)

@@ -1,0 +1,108 @@
+"""The lattice around several fields in one space, in which their rays and lights are placed.
+
+volume, tables by field -> [fields] -> raycast
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from volspec.errors import RaycastError
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import FieldTables, TransferTable
+from volspec.volume import Volume
+
+# Voxels of other fields' corners that may lie outside, by rounding.
+_INSIDE = 1e-6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldCast:
+    """Cast of several fields, and the lattice around all of them.
+
+    ``frame`` has the axes of the volume, and its fields; it is the volume itself if that covers
+    all. ``spec`` are the settings there. ``own`` are those of each field, whose rays the frame's
+    crop cuts, if there is one.
+    """
+
+    tables: Mapping[str, TransferTable]
+    frame: Volume
+    spec: RaycastSpec
+    own: RaycastSpec
+
+    @classmethod
+    def of(
+        cls, volume: Volume, tables: FieldTables, spec: RaycastSpec, frame: Volume | None = None
+    ) -> FieldCast:
+        """Return the cast of a volume's fields; ``frame`` is from `frame_around`, if known.
+
+        Raises RaycastError if a setting is for one field alone.
+        """
+        for name, given in (
+            ("mode", spec.mode != "composite"),
+            ("preintegrated", spec.preintegrated),
+            ("adaptive", spec.adaptive > 0),
+        ):
+            if given:
+                raise RaycastError(
+                    f"{name} does not work with several fields",
+                    "leave it out, or show one field",
+                    code="conflict",
+                    field=f"RaycastSpec.{name}",
+                    given=getattr(spec, name),
+                )
+        frame = frame or frame_around(volume, tables.tables)
+        # Every field takes the volume's steps.
+        spec = replace(spec, step_mm=spec.step_of(volume))
+        own = replace(spec, crop_voxels=None)
+        if spec.crop_voxels is not None and frame is not volume:
+            spec.kept(volume)  # refuses what is beyond
+            first = volume.index_from_world @ frame.world_from_index[:, 3]
+            x, y, z = (
+                (low - round(at), high - round(at))
+                for (low, high), at in zip(spec.crop_voxels, first, strict=False)
+            )
+            spec = replace(spec, crop_voxels=(x, y, z))
+        return cls(tables.tables, frame, spec, own)
+
+
+def frame_around(volume: Volume, names: Iterable[str]) -> Volume:
+    """Return the lattice around some of a volume's fields, with its axes; itself if it covers them.
+
+    >>> import numpy as np
+    >>> inner = Volume(np.zeros((4, 4, 4)), spacing_mm=(0.5, 0.5, 0.5), name="inner")
+    >>> outer = Volume(np.zeros((3, 3, 9)), name="outer")
+    >>> frame_around(Volume(np.zeros((3, 3, 3)), fields=[inner, outer]), ["inner", "outer"])
+    Volume('frame', 9x3x3 uint8 and 3 more, (1.0, 1.0, 1.0) mm)
+    """
+    matrix = volume.index_from_world
+    corners = np.concatenate([volume.by_name[name].corners_mm for name in names])
+    index = corners @ matrix[:3, :3].T + matrix[:3, 3]
+    low = np.minimum(np.floor(index.min(axis=0) + _INSIDE), 0.0).astype(int)
+    last = np.array(volume.shape_xyz) - 1
+    high = np.maximum(np.ceil(index.max(axis=0) - _INSIDE), last).astype(int)
+    shape = tuple((high - low + 1).tolist())
+    if shape == volume.shape_xyz:
+        return volume
+    world = volume.world_from_index.copy()
+    world[:3, 3] += world[:3, :3] @ low
+    # One byte, seen as often as there are voxels.
+    values = np.broadcast_to(np.zeros(1, np.uint8), shape[::-1])
+    fields = (replace(volume, fields=()), *volume.fields)
+    return Volume(values, world_from_index=world, name="frame", fields=fields)
+
+
+def common_dtype(fields: Iterable[Volume]) -> np.dtype[Any]:
+    """Return the type in which the values of all fields are exact (float32 for wide ones).
+
+    >>> import numpy as np
+    >>> kinds = (np.uint8, np.int16)
+    >>> common_dtype(Volume(np.zeros((2, 2, 2), kind)) for kind in kinds)
+    dtype('int16')
+    """
+    dtype = np.result_type(*(each.values.dtype for each in fields))
+    return dtype if dtype.itemsize <= 2 else np.dtype(np.float32)

@@ -1,0 +1,126 @@
+"""``[[field]]``: further fields in the volume's space, such as a PET in a CT.
+
+[[field]] -> [fields] -> Volume with fields, FieldFunctions -> raycast
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import numpy as np
+from pydantic import Field
+
+from volspec.basis import Basis
+from volspec.errors import SceneError, VolumeError, nearest
+from volspec.scene.specs import fault
+from volspec.scene.transfer import TransferSpec
+from volspec.settings import Hint, Name, Unit, Vector, settings
+from volspec.spectra import Spectrum
+from volspec.transfer import FieldFunctions, TransferFunction, Transfers
+from volspec.transfer.fields import OWN
+from volspec.volume import Volume, load_volume
+from volspec.volume.bundled import locate_volume
+
+Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
+Matrix = Annotated[
+    tuple[Row, Row, Row, Row],
+    Field(strict=False),
+    Hint("four rows of four numbers", whole=True),
+]
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldSpec:
+    """``[[field]]``: a further field in the volume's space, with a transfer function of its own."""
+
+    row_keys: ClassVar = ("name",)
+    name: Annotated[Name, Field(examples=["PET"])]
+    """Name in lists; without ``file``, of a channel in the volume's file."""
+    file: Annotated[str, Field(examples=["pet.nii.gz"])] | None = None
+    """As [volume] file; its lattice may be any."""
+    spacing_mm: Annotated[Vector, Unit("mm")] | None = None
+    """x, y, z instead of the file's spacing."""
+    downsample: int = 1
+    """As [volume] downsample."""
+    matrix: Matrix | None = None
+    """From the file's world to the volume's, in mm, such as a registration found it."""
+    transfer: TransferSpec
+    """Opacity and material by value: points."""
+
+    def __post_init__(self) -> None:
+        if self.file is None:
+            for key, given in (("spacing_mm", self.spacing_mm), ("matrix", self.matrix)):
+                if given is not None:
+                    raise fault(key, "is for a field with a file of its own", "add file")
+        if self.transfer.points is None:
+            raise fault("transfer", f"has {self.transfer.kind}", "give points")
+
+    def moved(self, change: Callable[[str], str]) -> FieldSpec:
+        """Return the field with another name of its file."""
+        return replace(self, file=self.file and change(self.file))
+
+    def load(self, folder: Path) -> Volume:
+        """Read the field's file. Raises VolumeError if it cannot be read or placed."""
+        assert self.file is not None
+        field = load_volume(locate_volume(self.file, folder))
+        if self.spacing_mm is not None:
+            field = field.with_spacing(self.spacing_mm)
+        if self.matrix is not None:
+            world = np.array(self.matrix) @ field.world_from_index
+            try:
+                field = replace(
+                    field,
+                    spacing_mm=None,  # type: ignore[arg-type]
+                    world_from_index=world,
+                )
+            except VolumeError as error:
+                problem = f"matrix: {error.problem}"
+                raise VolumeError(problem, "give one that can be inverted", code="range") from error
+        if self.downsample != 1:
+            field = field.downsampled(self.downsample, labels=bool(field.labels))
+        return replace(field, name=self.name)
+
+
+def with_fields(volume: Volume, rows: tuple[FieldSpec, ...], folder: Path) -> Volume:
+    """Return a volume with the fields of ``[[field]]``.
+
+    Raises VolumeError if one cannot be read, or the volume's file has none of its name.
+    """
+    more = {each.name: each for each in volume.fields}
+    for row in rows:
+        if row.file is not None:
+            more[row.name] = row.load(folder)
+        elif row.name not in more:
+            known = ", ".join(more) or "none"
+            raise VolumeError(
+                f"{volume.name} has no field {row.name!r}",
+                f"{nearest(row.name, more)}it has {known}; or give its file",
+                code="unknown",
+            )
+    return volume.with_fields(tuple(more.values())) if rows else volume
+
+
+def scene_transfer(
+    own: TransferSpec,
+    rows: tuple[FieldSpec, ...],
+    materials: Mapping[str, Spectrum],
+    filters: Mapping[str, Spectrum],
+    basis: Basis,
+) -> Transfers:
+    """Return the transfer function of ``[transfer]``, or of all fields."""
+    function = own.function(materials, filters, basis)
+    if not rows and own.weight == 1.0 and own.shown:
+        return function
+    if not isinstance(function, TransferFunction):
+        raise fault("", f"{own.kind} cannot be cast with other fields or a weight", "give points")
+    functions, weights = {OWN: function}, {OWN: own.weight if own.shown else 0.0}
+    for row in rows:
+        made = row.transfer.function(materials, filters, basis)
+        assert isinstance(made, TransferFunction)
+        functions[row.name] = made
+        weights[row.name] = row.transfer.weight if row.transfer.shown else 0.0
+    return FieldFunctions(functions, weights)

@@ -1,0 +1,128 @@
+"""Edits of the list of fields: show, weight, and the one whose transfer function is edited.
+
+panel -> [fields] -> state -> cast, SCENE.toml
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from volspec.errors import VolspecError, one_line
+from volspec.transfer import FieldFunctions, TransferFunction, Transfers
+from volspec.transfer.channel_look import field_title
+from volspec.viewer.model.document import FieldData
+from volspec.viewer.model.edit import edit, with_interface
+from volspec.viewer.model.field_looks import FieldLook
+from volspec.viewer.model.materials import other_fields, with_materials
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.view import clamp
+
+MOST_WEIGHT = 10.0
+
+
+def all_fields(state: ViewState) -> list[FieldLook]:
+    """Return all fields with their present transfer functions."""
+    materials, basis = state.transfer.materials, state.transfer.basis
+    return [
+        replace(look, transfer=state.transfer)
+        if number == state.chosen_field
+        else replace(look, transfer=replace(look.transfer, materials=materials, basis=basis))
+        for number, look in enumerate(state.fields)
+    ]
+
+
+def shown_transfer(state: ViewState) -> Transfers:
+    """Return what is cast: the transfer function, or those of all fields.
+
+    Raises TransferError if one is of a kind that cannot be cast with others.
+    """
+    looks = all_fields(state)
+    if not looks:
+        return state.transfer
+    functions: dict[str, TransferFunction] = {}
+    for look in looks:
+        functions[look.name] = look.transfer  # type: ignore[assignment]  # refused below
+    weights = {look.name: look.weight if look.shown else 0.0 for look in looks}
+    return FieldFunctions(functions, weights)
+
+
+def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
+    """Return a state whose fields can be cast together, and why it is not the new one.
+
+    Materials that the other fields use stay.
+    """
+    if new.transfer is old.transfer or new.document is not old.document:
+        return new, ""
+    known = new.transfer.materials
+    used = {name for look in other_fields(new) for name in _used(look) if name not in known}
+    try:
+        if used:
+            own = {name: each for name, each in old.transfer.materials.items() if name in used}
+            new = replace(new, transfer=with_materials(new.transfer, {**known, **own}))
+        shown_transfer(new)
+    except VolspecError as error:
+        new = replace(new, transfer=old.transfer, shift=old.shift, thickness=old.thickness)
+        return replace(new, unthickened=old.unthickened), one_line(error)
+    return new, ""
+
+
+def _used(look: FieldLook) -> set[str]:
+    assert isinstance(look.transfer, TransferFunction)
+    return {name for _, _, mix in look.transfer.points for name in mix}
+
+
+def data(state: ViewState) -> FieldData:
+    """Return the values and histograms of the field whose transfer function is edited."""
+    if not state.fields:
+        return state.document.data[""]
+    return state.document.data[state.fields[state.chosen_field].name]
+
+
+def title(state: ViewState, look: FieldLook) -> str:
+    """Return a field's name as it is listed."""
+    return field_title(state.document.data[look.name].volume)
+
+
+@edit
+def choose(state: ViewState, number: int) -> ViewState:
+    """Choose the field whose transfer function is edited."""
+    if number == state.chosen_field or not 0 <= number < len(state.fields):
+        return state
+    looks = tuple(all_fields(state))
+    plain = replace(state, shift=0.0, thickness=1.0, unthickened=None)
+    chosen = replace(plain, transfer=looks[number].transfer, fields=looks, chosen_field=number)
+    return with_interface(chosen, part=0)
+
+
+@edit
+def set_weight(state: ViewState, number: int, weight: float) -> ViewState:
+    """Set the factor of a field's extinction."""
+    return _changed(state, number, weight=clamp(weight, 0.0, MOST_WEIGHT))
+
+
+@edit
+def set_shown(state: ViewState, number: int, shown: bool) -> ViewState:
+    """Show or hide a field."""
+    return _changed(state, number, shown=bool(shown))
+
+
+@edit
+def solo(state: ViewState, number: int) -> ViewState:
+    """Show one field alone, or all if it is."""
+    every = is_alone(state, number)
+    looks = [replace(look, shown=every or i == number) for i, look in enumerate(state.fields)]
+    return replace(state, fields=tuple(looks))
+
+
+def is_alone(state: ViewState, number: int) -> bool:
+    """Return True if one field is shown alone."""
+    return [i for i, look in enumerate(state.fields) if look.shown] == [number]
+
+
+def _changed(state: ViewState, number: int, **changes: Any) -> ViewState:
+    if not 0 <= number < len(state.fields):
+        return state
+    looks = list(state.fields)
+    looks[number] = replace(looks[number], **changes)
+    return replace(state, fields=tuple(looks))
