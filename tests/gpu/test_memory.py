@@ -68,23 +68,26 @@ def test_relighters_that_were_closed_take_no_memory(grey: CoefficientImage, back
     assert blocks_left_by(lambda _: Relighter(grey, backend).close(), 10) < 100
 
 
-def test_transfer_functions_views_and_settings_that_changed_take_no_memory(engine: Volume) -> None:
-    caster = Raycaster(engine)
+def test_transfer_functions_views_and_settings_that_changed_take_no_memory(
+    half_engine: Volume,
+) -> None:
+    caster = Raycaster(half_engine)
     copper = {"copper": vs.reflectance("copper")}
     transfer = vs.TransferFunction(
         [(60, 0.0, "copper"), (200, 0.3, "copper")], copper, vs.SpectralBasis.load("general-7")
     )
 
     def cast(number: int) -> None:
-        paler = replace(transfer, points=[(60, 0.0, "copper"), (200 - number, 0.2, "copper")])
-        camera = vs.Camera.orbit(engine, azimuth_deg=float(number))
-        spec = vs.RaycastSpec(alpha_stop=1.0 - number / 1000)
-        raycast(engine, paler, camera, (16, 16), spec, caster=caster)
+        paler = replace(transfer, points=[(60, 0.0, "copper"), (200 - number / 3, 0.2, "copper")])
+        camera = vs.Camera.orbit(half_engine, azimuth_deg=float(number))
+        spec = vs.RaycastSpec(step_mm=1.0, alpha_stop=1.0 - number / 1000)
+        raycast(half_engine, paler, camera, (16, 16), spec, caster=caster)
 
-    assert blocks_left_by(cast, 12) < 5
+    # NumPy's and pyopencl's own lists take sixty casts to fill.
+    assert blocks_left_by(cast, 60) < 5
     assert len(caster._compute._kernels) < MOST_KERNELS
-    # The bricks' codes, and the empty light volume's buffer.
-    assert len(caster._compute._allocated) == 2
+    # The bricks' codes, the empty light volume's buffer, and on GPUs a copy of the voxels.
+    assert len(caster._compute._allocated) == (2 if caster._compute.info.is_cpu else 3)
 
 
 def test_scenes_that_were_loaded_cast_and_relit_take_no_memory() -> None:

@@ -231,6 +231,8 @@ def test_errors_are_read_in_the_forms_of_pocl_and_of_clang(form: str) -> None:
     )
     expected = "kernels/broken.cl:3:12: error: no 'foo': \"x[0] = foo;\""
     assert first_error(log, source) == expected
+    # NVIDIA's: no file's name, and lines of the whole text.
+    assert first_error("<kernel>:8:12: error: no 'foo'", source) == expected
     other = "the linker\n  gave up"
     assert first_error(other, source).split() == other.split()
 

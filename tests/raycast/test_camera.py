@@ -95,10 +95,11 @@ def test_a_picture_beyond_the_device_s_memory_is_refused_in_one_line(
     """20 GB of picture, where 4 are free."""
     monkeypatch.setattr("volspec._gpu.opencl.host_free_bytes", lambda: 4 << 30)
     volume = phantom.ball(8)
+    caster = Raycaster(volume)
+    if not caster._compute.info.is_cpu:
+        pytest.skip("a GPU has memory of its own")
     with raises(DeviceError, "size"):
-        Raycaster(volume).cast(
-            ramp(1, channels=16), Camera.orbit(volume), (16384, 16384), RaycastSpec()
-        )
+        caster.cast(ramp(1, channels=16), Camera.orbit(volume), (16384, 16384), RaycastSpec())
 
 
 def test_an_empty_picture_is_warned_about_with_its_likely_reason() -> None:

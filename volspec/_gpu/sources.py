@@ -107,6 +107,7 @@ def assemble(relative: str, prelude: str, *, glsl_version: str = "") -> Source:
 _ERROR = re.compile(
     r"^(?:(?:fatal )?error: )?([^:\n]+):(\d+):(\d+): (?:(?:fatal )?error: )?(.*)$", re.MULTILINE
 )
+_NVIDIA = "<kernel>"  # its name of every file
 _MARK = re.compile(r'#line (\d+) "([^"]+)"')
 
 
@@ -115,14 +116,16 @@ def first_error(log: str, source: Source) -> str:
     found = next((m for m in _ERROR.finditer(log) if "error: " in m[0]), None)
     if found is None:
         return one_line(log)
-    # The compiler uses its own file name for the lines before the first mark.
+    # The compiler uses its own file name for the lines before the first mark; NVIDIA's names no
+    # file and counts the lines of the whole text.
+    marked = found[1] != _NVIDIA
     file = found[1] if found[1] in source.files else source.files[0]
     name, number = source.files[0], 0
-    for line in source.text.splitlines():
+    for place, line in enumerate(source.text.splitlines(), start=1):
         if mark := _MARK.match(line):
             number, name = int(mark[1]) - 1, mark[2]
             continue
         number += 1
-        if (name, number) == (file, int(found[2])):
-            return f'{file}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
+        if int(found[2]) == (number if marked else place) and (not marked or name == file):
+            return f'{name}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
     return one_line(found[0])
