@@ -12,6 +12,7 @@ from benchmarks import (
     cast,
     equal_error,
     export,
+    fields,
     limits,
     memory,
     models,
@@ -35,6 +36,7 @@ FIGURES = (
     *(
         rooms.figures,
         surfaces.figures,
+        fields.figures,
         witness_mitsuba.figures,
         export.figures,
         cast.figures,

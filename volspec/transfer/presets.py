@@ -85,9 +85,16 @@ def histogram(volume: Volume) -> NDArray[np.float64]:
     every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
     sampled = volume.values[::every, ::every, ::every]
     low, high = volume.range
+    weights = None
+    if sampled.dtype.kind in "iu" and sampled.itemsize <= 2:  # counted by value, then by bin
+        codes = np.iinfo(sampled.dtype)
+        planes = (plane.ravel().astype(np.intp) - codes.min for plane in sampled)
+        weights = sum(np.bincount(plane, minlength=codes.max - codes.min + 1) for plane in planes)
+        sampled = np.arange(codes.min, codes.max + 1)
     # Shifted to 0: far from 0, float32 is too coarse to separate the bins' edges.
     above = np.subtract(sampled, low, dtype=np.float64)
-    return np.histogram(above, bins=_BINS, range=(0.0, high - low))[0].astype(np.float64)
+    counts, _ = np.histogram(above, bins=_BINS, range=(0.0, high - low), weights=weights)
+    return counts.astype(np.float64)
 
 
 def in_hounsfield(volume: Volume) -> bool:
