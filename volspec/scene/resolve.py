@@ -27,8 +27,8 @@ from volspec.scene.fields import with_fields
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
 from volspec.scene.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectance
-from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
-from volspec.spectra.files import palette_grid
+from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, reflectance, white_XYZ
+from volspec.spectra.files import palette_grid, rebase_address
 from volspec.spectra.lights import light_terms
 from volspec.volume import Volume, load_volume
 from volspec.volume.bundled import locate_volume
@@ -71,6 +71,14 @@ class Resolver:
             if self.faults is None:
                 raise faults from error
             self.faults.extend(faults.lines)
+
+    def eye_filter(self, grid: SpectralGrid) -> str | None:
+        """Return the text of ``[viewing] filter``, checked, with an absolute path of a file."""
+        text = self.file.viewing.filter
+        if text is not None:
+            text = rebase_address(text, self.path.parent, None)
+            reflectance(text, grid)
+        return text
 
     def shipped_basis(self) -> Basis | None:
         """Return the basis of ``[basis] name``."""

@@ -139,7 +139,9 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
     volume, mark, query = file.volume.file.partition("?")
     if volume != EMPTY and (bundled_volume(volume) is None or (folder / volume).exists()):
         volume = rebase_path(volume, folder, to)
-    basis, room = file.basis, file.room
+    basis, room, viewing = file.basis, file.room, file.viewing
+    if viewing.filter is not None:
+        viewing = replace(viewing, filter=rebase_address(viewing.filter, folder, to))
     if room is not None:
         paint = {
             name: text if text.startswith("#") else rebase_address(text, folder, to)
@@ -157,6 +159,7 @@ def rebased(file: SceneFile, folder: Path, path: Path) -> SceneFile:
         field=tuple(row.moved(lambda name: rebase_path(name, folder, to)) for row in file.field),
         mesh=tuple(row.moved(lambda name: rebase_path(name, folder, to)) for row in file.mesh),
         room=room,
+        viewing=viewing,
     )
 
 

@@ -174,17 +174,22 @@ def palette_grid(address: str, role: str, folder: Address) -> SpectralGrid | Non
     return palette_spectrum(path, parts[1], role).grid
 
 
-def rebase_address(text: str, folder: Path, to: Path) -> str:
-    """Rewrite ``FILE#selector`` relative to another folder; other names do not change."""
+def rebase_address(text: str, folder: Path, to: Path | None) -> str:
+    """Rewrite ``FILE#selector`` relative to another folder, absolute if that is None.
+
+    Other names do not change.
+    """
     if (address := split_address(text)) is None:
         return text
     return rebase_path(address[0], folder, to) + text[len(address[0]) :]
 
 
-def rebase_path(file: str, folder: Path, to: Path) -> str:
-    """Rewrite a file's name relative to another folder; absolute names do not change."""
+def rebase_path(file: str, folder: Path, to: Path | None) -> str:
+    """Rewrite a file's name as `rebase_address`; absolute names do not change."""
     if os.path.isabs(file):
         return file
+    if to is None:
+        return (folder.resolve() / file).as_posix()
     # `..` of a folder behind a symbolic link is the folder's parent, not the link's.
     return Path(os.path.relpath(folder.resolve() / file, to.resolve())).as_posix()
 

@@ -3,7 +3,8 @@
     grid, spectrum, photometry, library, files, lamps -> [lights] -> scene, basis, command line
 
 Every light is scaled to the luminous energy of a flat light of ones (the V-weighted mean of its
-values is 1), so a weight in a mix is the component's share of the illuminance.
+values is 1), so a weight in a mix is the component's share of the illuminance; a nearly invisible
+one, such as an ultraviolet lamp, to the power of such a light.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.spectra.library import canonical_light, light_names, light_tables, nearest_light
 from volspec.spectra.palettes import palette_holds
-from volspec.spectra.photometry import C2_NM_K, extended_band_means
+from volspec.spectra.photometry import C2_NM_K, extended_band_means, light_level
 from volspec.spectra.spectrum import Spectrum, light_power
 from volspec.spectra.tables import fold_name, path_text, read_number
 
@@ -54,8 +55,9 @@ _NOT_SPIKY = {
     "F40/N (Natural FL)",
 }
 Folder = str | os.PathLike[str]
-# Peaks of coloured LEDs, and their full width at half maximum.
-_LED_NM, _LED_WIDTH_NM = (400.0, 700.0), 20.0
+# Full widths at half maximum of coloured LEDs and lasers, and their peaks.
+_WIDTHS_NM = {"led": 20.0, "laser": 1.0}
+_PEAKS_NM = 350.0, 750.0
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
 
 
@@ -68,7 +70,7 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         A name in `light_names` (any case), an everyday name (``tungsten``, ``sodium``,
         ``candle``, …; see `EVERYDAY`), ``planck:KELVIN`` (500-100000),
         ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), ``led:NM`` (a coloured LED,
-        20 nm wide, with its peak at 400-700 nm), a file (``FILE.csv``,
+        20 nm wide, with its peak at 350-750 nm), ``laser:NM`` (1 nm wide), a file (``FILE.csv``,
         ``FILE.csv#column``, ``FILE.spd``, ``FILE.spdx``, ``FILE.exr#X,Y``,
         ``PALETTE.toml#name``, …; see `read_spectrum`), or a mix
         ``NAME*WEIGHT+NAME*WEIGHT`` with shares of illuminance as weights (default 1). Known names
@@ -204,7 +206,7 @@ def _is_known(name: str, folder: Folder) -> bool:
     prefix, _, number = low.partition(":")
     if prefix == PREFIX:
         return number.strip() in LAMPS
-    return prefix in ("planck", "daylight", "led") and _number(number) is not None
+    return prefix in ("planck", "daylight", *_WIDTHS_NM) and _number(number) is not None
 
 
 def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
@@ -287,15 +289,22 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
             )
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
         return _normalise(values, grid, f"{prefix}:{kelvin:g}")
-    if prefix == "led":
-        low_nm, high_nm = _LED_NM
+    if prefix in _WIDTHS_NM:
+        low_nm, high_nm = _PEAKS_NM
         if peak_nm is None or not low_nm <= peak_nm <= high_nm:
             raise SpectrumError(
-                f"light {name!r}: {number!r} is no peak of a visible LED; give {low_nm:g} to "
-                f"{high_nm:g} nm, as in led:450",
+                f"light {name!r}: {number!r} is no peak of an LED or laser; give {low_nm:g} to "
+                f"{high_nm:g} nm, as in {prefix}:450",
                 code="range",
             )
-        return _normalise(_led(peak_nm, grid), grid, f"{prefix}:{peak_nm:g}")
+        if abs(peak_nm - (grid.start_nm + grid.stop_nm) / 2) > (grid.stop_nm - grid.start_nm) / 2:
+            raise SpectrumError(
+                f"light {name!r}: its peak is beyond the grid, {grid.start_nm:g} to "
+                f"{grid.stop_nm:g} nm; give a peak within it, or a wider grid, as in scenes "
+                "[basis] grid_nm = [360, 750, 10]",
+                code="range",
+            )
+        return _normalise(_line(peak_nm, _WIDTHS_NM[prefix], grid), grid, f"{prefix}:{peak_nm:g}")
     if prefix == PREFIX and number.strip() in LAMPS:
         source = LAMPS[number.strip()]
         return _normalise(_planck(source.kelvin, grid), grid, f"{PREFIX}:{source.name}")
@@ -356,9 +365,8 @@ def _unknown(name: str, context: str = "") -> SpectrumError:
 def _normalise(
     values: NDArray[np.float64], grid: SpectralGrid, name: str, label: str = ""
 ) -> Spectrum:
-    V = colour_matching_functions(grid)[1]
     power = light_power(values, grid, label or f"light {name!r}")
-    return Spectrum(grid.wavelengths_nm, power * (V.sum() / (V @ power)), name)
+    return Spectrum(grid.wavelengths_nm, power / light_level(power, grid), name)
 
 
 def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
@@ -369,10 +377,10 @@ def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
     return grid.band_means(w, (560.0 / w) ** 5 / (np.exp(np.minimum(exponent, 600.0)) - floor))
 
 
-def _led(peak_nm: float, grid: SpectralGrid) -> NDArray[np.float64]:
-    """Return the band means of a Gaussian of an LED's width."""
-    wavelengths = np.arange(360.0, 831.0)
-    values = np.exp(-4.0 * np.log(2.0) * ((wavelengths - peak_nm) / _LED_WIDTH_NM) ** 2)
+def _line(peak_nm: float, width_nm: float, grid: SpectralGrid) -> NDArray[np.float64]:
+    """Return the band means of a Gaussian with its full width at half maximum."""
+    wavelengths = np.arange(300.0, 831.0, width_nm / 20.0)
+    values = np.exp(-4.0 * np.log(2.0) * ((wavelengths - peak_nm) / width_nm) ** 2)
     return extended_band_means(wavelengths, values, grid)
 
 

@@ -23,11 +23,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.spectra.datasets import colour_matching_functions, observers
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.spectrum import Spectrum, light_power, stack
+from volspec.spectra.spectrum import Spectrum, light_leaving, light_power
 
 LUMINOUS_EFFICACY = 683.0
 """lm/W at 555 nm."""
 
+INVISIBLE = 0.01
+"""Luminous efficacy, by that of flat light, below which a light is set by its power."""
 _FULL_RANGE_NM = (360.0, 830.0)
 
 
@@ -35,6 +37,8 @@ def XYZ_from_spectra(
     light: Spectrum, reflectances: Spectrum | Sequence[Spectrum] | ArrayLike, observer_deg: int = 2
 ) -> NDArray[np.float64]:
     """Return the colour (..., 3) of reflectances under a light; Y = 100 for a perfect diffuser.
+
+    What fluorescent ones emit is included.
 
     Parameters
     ----------
@@ -51,10 +55,9 @@ def XYZ_from_spectra(
         If shapes differ, the light is not equidistant, or not a valid light (`light_power`).
     """
     grid = light.grid
-    S = stack(reflectances, grid)
     E = light_power(light, grid)
     Q = colour_matching_functions(grid, observer_deg)
-    return (S * E) @ (Q.T * (100.0 / (Q[1] @ E)))
+    return light_leaving(reflectances, E, grid) @ (Q.T * (100.0 / (Q[1] @ E)))
 
 
 def white_XYZ(light: Spectrum, observer_deg: int = 2) -> NDArray[np.float64]:
@@ -67,6 +70,18 @@ def illuminance_lux(spectrum: Spectrum) -> float:
     grid = spectrum.grid
     V = colour_matching_functions(grid)[1]
     return float(LUMINOUS_EFFICACY * grid.step_nm * (V @ spectrum.values))
+
+
+def luminous_mean(power: NDArray[np.float64], grid: SpectralGrid, observer_deg: int = 2) -> float:
+    """Return the V-weighted mean of a light's (N,) power, 1 for flat light of ones."""
+    V = colour_matching_functions(grid, observer_deg)[1]
+    return float(V @ power / V.sum())
+
+
+def light_level(power: NDArray[np.float64], grid: SpectralGrid, observer_deg: int = 2) -> float:
+    """Return `luminous_mean`; of a nearly invisible light, such as ultraviolet, its mean power."""
+    seen, mean = luminous_mean(power, grid, observer_deg), float(power.mean())
+    return seen if seen >= INVISIBLE * mean else mean
 
 
 def luminance(spectrum: Spectrum) -> float:

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import os
 import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -25,6 +27,13 @@ from volspec.spectra.files import (
     resample,
     split_address,
 )
+from volspec.spectra.fluorescence import Fluorescence
+from volspec.spectra.fluorophores import (
+    FLUOROPHORES,
+    fluorescence_in_file,
+    named_fluorescence,
+)
+from volspec.spectra.fluorophores import PREFIX as FLUOROPHORE
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.spectrum import Spectrum
@@ -44,8 +53,11 @@ def reflectance(
         2024 data; ``TCS 1995/…``: older), ``VS/1``-``VS/15`` (NIST CQS 9.0; ``VS 7.4/…``),
         ``Vrhel/118 wood pine`` (170 natural and man-made objects), ``ACES/1`` (175 patches),
         a metal such as ``aluminium``; ``sRGB/red`` … ``sRGB/yellow`` (the colours of display
-        codes 0 and 1 under D65); ``white``, ``black``, ``grey:0.18``; a mix of these,
-        ``white*0.25+sRGB/red*0.5``, whose weights sum to at most 1; or a file with
+        codes 0 and 1 under D65); ``white``, ``black``, ``grey:0.18``; a filter,
+        ``longpass:500``, ``shortpass:500`` or ``bandpass:525/50`` (middle/width, nm);
+        ``fluorophore:EGFP`` (see `FLUOROPHORES`), which absorbs and emits, and reflects nothing; a
+        mix of these, ``white*0.25+sRGB/red*0.5``, whose weights sum to at most 1; FPbase's
+        ``FILE.csv#EGFP`` with columns ``EGFP ex`` and ``EGFP em``; or a file with
         values in 0..1 (``FILE.csv``, ``FILE.csv#column``, ``FILE.ti3#sample``, ``FILE.cxf#object``,
         ``PALETTE.toml#name``, …; see `read_spectrum`).
     grid : SpectralGrid
@@ -75,9 +87,16 @@ def reflectance(
     name = str(text).strip()
     folded = fold_name(name)
     prefix, _, number = folded.partition(":")
-    if folded in ("white", "black") or prefix in ("grey", "gray"):
+    single = not set("+*") & set(number)
+    if folded in ("white", "black") or (single and prefix in ("grey", "gray")):
         return _flat(name, {"white": "1", "black": "0"}.get(folded, number), grid)
+    if single and prefix == FLUOROPHORE:
+        return _fluorescent(*named_fluorescence(number), grid)
+    if single and prefix in _FILTERS:
+        return _filter(name, prefix, number, grid)
     if address := split_address(name):
+        if found := fluorescence_in_file(Path(folder, address[0]), address[1]):
+            return _fluorescent(*found, grid)
         if given := named_in_palette(address, "reflectance", folder):
             text, its_folder = given
             return reflectance(text, grid, folder=its_folder)
@@ -100,8 +119,9 @@ def reflectance(
 
 
 def reflectance_names() -> tuple[str, ...]:
-    """Return every name that `reflectance` accepts, except files and ``grey:…``."""
-    return ("white", "black", *sample_tables())
+    """Return every name that `reflectance` accepts, except files, filters and ``grey:…``."""
+    dyes = (f"{FLUOROPHORE}:{name}" for name in FLUOROPHORES)
+    return ("white", "black", *sample_tables(), *dyes)
 
 
 def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.float64]:
@@ -111,7 +131,7 @@ def reflectance_set(name: str, grid: SpectralGrid = DEFAULT_GRID) -> NDArray[np.
 
 def _mixed(text: str, grid: SpectralGrid) -> Spectrum:
     """Return the weighted sum of named reflectances; a weight left out is 1."""
-    total, values = 0.0, np.zeros(grid.size)
+    total, mixed = 0.0, _flat("black", "0", grid)
     for part in text.split("+"):
         name, star, given = part.rpartition("*")
         try:
@@ -124,12 +144,39 @@ def _mixed(text: str, grid: SpectralGrid) -> Spectrum:
                 code="range",
             )
         total += weight
-        values += weight * reflectance(name if star else part, grid).values
+        mixed += weight * reflectance(name if star else part, grid)
     if total > 1 + 1e-6:
         raise SpectrumError(
             f"reflectance {text!r}: its weights sum to {total:g}; give at most 1", code="range"
         )
-    return Spectrum(grid.wavelengths_nm, values, text)
+    return replace(mixed, name=text)
+
+
+def _fluorescent(name: str, fluorescence: Fluorescence, grid: SpectralGrid) -> Spectrum:
+    black = np.zeros(grid.size)
+    return Spectrum(grid.wavelengths_nm, black, name, fluorescence=fluorescence)
+
+
+# Wavelengths, nm, between which a filter passes light, from its numbers.
+_FILTERS: Mapping[str, Callable[..., tuple[float, float]]] = {
+    "longpass": lambda start: (start, np.inf),
+    "shortpass": lambda end: (-np.inf, end),
+    "bandpass": lambda middle, width: (middle - width / 2, middle + width / 2),
+}
+
+
+def _filter(name: str, kind: str, numbers: str, grid: SpectralGrid) -> Spectrum:
+    """Return an ideal filter: 1 where it passes light, 0 elsewhere, in parts of bands."""
+    try:
+        low, high = _FILTERS[kind](*(read_number(number) for number in numbers.split("/")))
+    except (TypeError, ValueError):
+        raise SpectrumError(
+            f"filter {name!r}: give nm, as in longpass:500, shortpass:500 or bandpass:525/50",
+            code="syntax",
+        ) from None
+    starts = grid.wavelengths_nm - grid.step_nm / 2
+    passed = np.minimum(starts + grid.step_nm, high) - np.maximum(starts, low)
+    return Spectrum(grid.wavelengths_nm, np.clip(passed / grid.step_nm, 0.0, 1.0), name)
 
 
 def _flat(name: str, level: str, grid: SpectralGrid) -> Spectrum:

@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import add
 from types import MappingProxyType
 from typing import Any, Literal
 
@@ -16,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra.datasets import colour_matching_functions, colour_science
+from volspec.spectra.fluorescence import Fluorescence
 from volspec.spectra.grid import SpectralGrid, require_grid
 
 Kind = Literal["reflective", "emissive"]
@@ -37,6 +40,8 @@ class Spectrum:
     notes : {str: str}
         Metadata: ``manufacturer``, ``instrument``, ``spectral quantity``, ``designed``, … Keys
         are stored in lower case with single blanks; read-only.
+    fluorescence : Fluorescence, optional
+        Of a material: light absorbed and emitted at other wavelengths, besides ``values``.
 
     Raises
     ------
@@ -46,8 +51,9 @@ class Spectrum:
 
     Notes
     -----
-    `on` and multiplication keep the notes. A sum keeps only notes equal on both sides: a lamp's
-    manufacturer did not make the sum. But a sum with a designed part is designed.
+    `on` and multiplication keep notes and fluorescence; a sum has the fluorescence of both sides,
+    and only notes equal on both: a lamp's manufacturer did not make the sum. But a sum with a
+    designed part is designed.
 
     Examples
     --------
@@ -60,6 +66,7 @@ class Spectrum:
     values: NDArray[np.float64]
     name: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
+    fluorescence: Fluorescence | None = None
 
     def __post_init__(self) -> None:
         label = f"spectrum {self.name!r}" if self.name else "spectrum"
@@ -93,7 +100,8 @@ class Spectrum:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A read-only view of a dictionary cannot be pickled.
-        return Spectrum, (self.wavelengths_nm, self.values, self.name, dict(self.notes))
+        own = self.wavelengths_nm, self.values, self.name, dict(self.notes), self.fluorescence
+        return Spectrum, own
 
     @property
     def designed(self) -> bool:
@@ -122,12 +130,14 @@ class Spectrum:
             values = grid.band_means(self.wavelengths_nm, self.values)
         except SpectrumError as error:
             raise error.within(repr(self.name) if self.name else "") from None
-        return Spectrum(grid.wavelengths_nm, values, self.name, self.notes)
+        fluorescence = self.fluorescence and self.fluorescence.on(grid)
+        return Spectrum(grid.wavelengths_nm, values, self.name, self.notes, fluorescence)
 
     def __mul__(self, factor: float) -> Spectrum:
         if not isinstance(factor, int | float | np.integer | np.floating):
             return NotImplemented
-        return Spectrum(self.wavelengths_nm, self.values * factor, self.name, self.notes)
+        fluorescence = self.fluorescence and self.fluorescence * factor
+        return replace(self, values=self.values * factor, fluorescence=fluorescence)
 
     __rmul__ = __mul__
 
@@ -147,7 +157,9 @@ class Spectrum:
         for part in (self, other):
             if part.designed:
                 notes["designed"] = part.notes["designed"]
-        return Spectrum(self.wavelengths_nm, self.values + other.values, name, notes)
+        parts = [each.fluorescence for each in (self, other) if each.fluorescence]
+        fluorescence = reduce(add, parts) if parts else None
+        return Spectrum(self.wavelengths_nm, self.values + other.values, name, notes, fluorescence)
 
     @classmethod
     def from_colour(cls, distribution: Any) -> Spectrum:
@@ -225,6 +237,23 @@ def stack(
         which = f"spectrum number {int(finite.argmin()) + 1} has" if finite.ndim else "spectra have"
         raise SpectrumError(f"{which} values that are not finite (NaN or infinity)")
     return array
+
+
+def light_leaving(
+    spectra: Spectrum | Sequence[Spectrum] | ArrayLike,
+    power: NDArray[np.float64],
+    grid: SpectralGrid,
+) -> NDArray[np.float64]:
+    """Return the light (..., N) that materials reflect and emit under light of (N,) power."""
+    leaving = stack(spectra, grid) * power
+    if isinstance(spectra, Spectrum):
+        if spectra.fluorescence:
+            leaving = leaving + spectra.fluorescence.on(grid).emitted(power)
+    elif isinstance(spectra, list | tuple):
+        for row, spectrum in enumerate(spectra):
+            if isinstance(spectrum, Spectrum) and spectrum.fluorescence:
+                leaving[row] += spectrum.fluorescence.on(grid).emitted(power)
+    return leaving
 
 
 def real_array(values: Any, what: str) -> NDArray[np.float64]:

@@ -181,7 +181,7 @@ def page_html(
         "channels": {"width": width, "height": height, "count": channels + 1, "bits": spec.bits},
         "views": packed_views,
         "groups": dict(first.groups),
-        "basis": payload.basis_numbers(first.basis),
+        "basis": payload.basis_numbers(first.basis, relight_spec.seen_through(first.basis.grid)),
         "lights": [payload.light_numbers(light, first.basis.grid) for light in lights],
         "look": payload.look_numbers(relight_spec, lights),
         **payload.page_viewing(relight_spec.viewing),

@@ -69,10 +69,14 @@ def constants() -> dict[str, Any]:
     }
 
 
-def basis_numbers(basis: Basis) -> dict[str, Any]:
-    """Return the matrices from spectra to channels and from channels to XYZ, as rows."""
+def basis_numbers(basis: Basis, seen_through: Spectrum | None = None) -> dict[str, Any]:
+    """Return the matrices from spectra to channels and from channels to XYZ, as rows.
+
+    ``seen_through`` is the filter in the eye's path.
+    """
     Q = colour_matching_functions(basis.grid, basis.observer_deg)
     materials = isinstance(basis, MaterialBasis)
+    own = list(basis.materials.values()) if isinstance(basis, MaterialBasis) else []
     synthesis = basis.synthesise(np.eye(basis.size)).T
     return {
         "kind": "materials" if materials else "spectral",
@@ -80,6 +84,11 @@ def basis_numbers(basis: Basis) -> dict[str, Any]:
         "analysis": None if isinstance(basis, MaterialBasis) else _plain(basis.analysis),
         "synthesis": _plain(synthesis),
         "D": None if isinstance(basis, MaterialBasis) else _plain(basis.XYZ_from_channels),
+        # [channel, power emitted by power that falls in] of fluorescent materials.
+        "emission": [
+            [k, _plain(each.fluorescence.matrix)] for k, each in enumerate(own) if each.fluorescence
+        ],
+        "filter": None if seen_through is None else _plain(seen_through.values),
         "wavelengths_nm": _plain(basis.grid.wavelengths_nm),
         "colours": _css(spectrum_colours(basis.grid.wavelengths_nm)),
     }

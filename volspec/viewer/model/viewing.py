@@ -95,6 +95,10 @@ def _choice(
     return choose
 
 
+NO_FILTER = "none"
+FILTERS = (NO_FILTER, "longpass:420", "longpass:500", "longpass:575", "longpass:655")
+"""Filters in the eye's path, beyond the usual lasers of microscopes."""
+
 # Edits that set a named option of the viewing, the display or the spec.
 set_adapting = _choice(_set, "adapting", ADAPTING)
 set_surround = _choice(_set, "surround", SCENE_SURROUNDS)
@@ -185,6 +189,14 @@ def set_backdrop(state: ViewState, share: float) -> ViewState:
     if isinstance(state.relight.backdrop, Spectrum):
         return state
     return _change(state, backdrop=clamp(share, 0.0, 1.0))
+
+
+@edit
+def set_filter(state: ViewState, text: str) -> ViewState:
+    """Set the filter in the eye's path to one of `FILTERS`."""
+    if text not in FILTERS:
+        return state
+    return _change(state, filter=None if text == NO_FILTER else text)
 
 
 def _is_marked(state: ViewState) -> bool:

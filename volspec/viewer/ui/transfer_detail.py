@@ -11,6 +11,7 @@ from volspec.basis import Basis
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
 from volspec.spectra.files import split_address
+from volspec.spectra.fluorophores import PREFIX as FLUOROPHORE
 from volspec.transfer import presets
 from volspec.viewer.model import fields, materials, transfer_edits
 from volspec.viewer.model.commands import rank_matches
@@ -106,6 +107,8 @@ def material_class(name: str) -> str:
     >>> [material_class(name) for name in ("gold", "PMC/Banana", "steelblue", "white")]
     ['metal', 'memory colour', 'CSS colour', 'flat']
     """
+    if name.startswith(f"{FLUOROPHORE}:"):
+        return FLUOROPHORE
     start, mark, _ = name.partition("/")
     if mark:
         return _SETS.get(start.partition(" ")[0], "sample")

@@ -169,6 +169,8 @@ def _picture(state: ViewState, ui: UiContext) -> ViewState:
     ui.note("exposure")
     if not isinstance(spec.backdrop, Spectrum):
         new = _slider(new, ui, edits.set_backdrop, "Backdrop", spec.backdrop, (0.0, 1.0), "%.2f")
+    new = _combo(new, ui, edits.set_filter, "Filter", spec.filter or edits.NO_FILTER, edits.FILTERS)
+    tip("In the eye's path, in nm: it keeps out a laser, so that what it excites is seen")
     new = _combo(new, ui, edits.set_mode, "Mode", spec.mode, MODES)
     tip("componentwise: channel by channel; exact: the light matrix. E shows the difference")
     new = _combo(new, ui, edits.set_level, "Level", spec.level, LEVELS)

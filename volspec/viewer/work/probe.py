@@ -96,13 +96,15 @@ def spectra(
     E = rig.facing(image.groups).mixed(grid).values
     back = spec.backdrop
     behind = back.on(grid).values if isinstance(back, Spectrum) else np.full(len(E), float(back))
-    reflected = (1.0 - float(image.alpha[y, x])) * behind * E
+    leaving = (1.0 - float(image.alpha[y, x])) * behind * E
     layers = image.coefficients[y, x].reshape(len(image.groups), basis.size)
     for group, channels in zip(image.groups, layers, strict=True):
         if (own := rig.shining_from(group)) is not None:
-            reflected = reflected + own.mixed(grid).values * basis.synthesise(channels)
+            leaving = leaving + basis.leaving(channels, own.mixed(grid).values)
+    if (seen_through := spec.seen_through(grid)) is not None:
+        leaving = leaving * seen_through.values
     top = max(float(E.max()), 1e-12)
-    return np.asarray(E / top), np.asarray(np.maximum(reflected, 0.0) / top)
+    return np.asarray(E / top), np.asarray(np.maximum(leaving, 0.0) / top)
 
 
 def place_mm(image: CoefficientImage, camera: Camera, pixel: tuple[int, int]) -> Array | None:

@@ -8,6 +8,8 @@
 // volspec/basis/display.py; `basis` is from `basis_numbers` in volspec/export/page/payload.py.
 
 const NO_COLOUR = 1e-3, LEAST_STRETCH = 0.5, MOST_STRETCH = 2;
+// volspec/spectra/photometry.py: INVISIBLE
+const INVISIBLE = 0.01;
 
 // The lights that are on, as parts {power, weight, lux, unit_lux, group}; null if all are off.
 // Lux are used if every light that is on has them.
@@ -88,10 +90,30 @@ function litMatrix(B, E, Q) {
   return product(Q.map((row) => row.map((q, k) => kappa * q * E[k])), B);
 }
 
-// (3, m): channels to XYZ under a light of power E, Y = 100 for white.
+// (N, m): light that each channel reflects and emits under a light of power E.
+function leavingLight(basis, E) {
+  const rows = basis.synthesis.map((row, i) => row.map((b) => b * E[i]));
+  for (const [k, matrix] of basis.emission) {
+    applied(matrix, E).forEach((emitted, i) => { rows[i][k] += emitted; });
+  }
+  return rows;
+}
+
+// Power through the filter in the eye's path.
+const filtered = (basis, E) => (basis.filter ? E.map((e, k) => e * basis.filter[k]) : E);
+
+// (3, m): channels to XYZ under a light of power E, Y = 100 for white without the filter.
 function colourMatrix(basis, E, mode) {
   const { Q, analysis: A, synthesis: B, D } = basis;
-  if (basis.kind === 'materials') return litMatrix(B, E, Q);
+  if (basis.kind === 'materials') {
+    const kappa = 100 / dot(Q[1], E);
+    return product(scaled(Q.map((row) => filtered(basis, row)), kappa), leavingLight(basis, E));
+  }
+  if (basis.filter) {
+    const passed = filtered(basis, E), share = dot(Q[1], passed) / dot(Q[1], E);
+    if (!(share > 0)) return Q.map(() => new Array(B[0].length).fill(0));
+    return scaled(colourMatrix({ ...basis, filter: null }, passed, mode), share);
+  }
   const ones = new Array(B[0].length).fill(1);
   if (mode === 'exact') return whiteExact(litMatrix(B, E, Q), ones, whiteOf(basis, E));
   const e = applied(A, E);
@@ -109,7 +131,10 @@ function illuminationOf(basis, shares, parts, look) {
   const lux = front[0].lux === null
     ? null : front.reduce((sum, part) => sum + part.weight * part.lux, 0);
   const power = mixedPower(front), white = whiteOf(basis, power), V = basis.Q[1];
-  const gain = look.exposure * (look.level === 'absolute' ? lux / look.lux : 1);
+  const seen = dot(V, power) / V.reduce((sum, v) => sum + v, 0);
+  const mean = power.reduce((sum, e) => sum + e, 0) / power.length;
+  const gain = look.exposure * (look.level === 'absolute'
+    ? lux / look.lux : seen >= INVISIBLE * mean ? 1 : seen / mean);
   const matrix = [[], [], []], dark = basis.synthesis[0].map(() => 0);
   for (const group of Object.keys(shares)) {
     const own = shinesFrom(parts, group);
@@ -120,7 +145,9 @@ function illuminationOf(basis, shares, parts, look) {
       ? scaled(colourMatrix(basis, E, look.mode), brightness) : matrix.map(() => dark);
     matrix.forEach((row, i) => row.push(...columns[i]));
   }
-  return { matrix, white, lux, gain, power, backdrop: white.map((x) => x * gain * look.backdrop) };
+  const kappa = 100 / dot(V, power), behind = filtered(basis, power);
+  const backdrop = basis.Q.map((row) => kappa * dot(row, behind) * gain * look.backdrop);
+  return { matrix, white, lux, gain, power, backdrop };
 }
 
 // XYZ of a pixel from its channels and opacity.

@@ -51,9 +51,9 @@ function spectraAt(page, look, lit, channels, alpha) {
     const own = shinesFrom(parts, group);
     if (!own) return;
     const E = mixedPower(own), layer = channels.slice(i * size, (i + 1) * size);
-    const S = applied(page.basis.synthesis, layer);
-    S.forEach((s, k) => { back[k] += E[k] * s; });
+    applied(leavingLight(page.basis, E), layer).forEach((s, k) => { back[k] += s; });
   });
+  const seen = filtered(page.basis, back);
   return {
-    light: lit.power.map((E) => E / top), reflected: back.map((v) => Math.max(v, 0) / top) };
+    light: lit.power.map((E) => E / top), reflected: seen.map((v) => Math.max(v, 0) / top) };
 }

@@ -1,0 +1,283 @@
+"""Fluorescent materials: against sums by hand, energy, files of FPbase, filters and lasers."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from tests.support.errors import raises
+from volspec.basis import MaterialBasis, SpectralBasis, basis_from_dict
+from volspec.errors import BasisError, SceneError, SpectrumError, VolspecWarning
+from volspec.export.spectral import SpectralIllumination
+from volspec.pipeline import raycast
+from volspec.raycast import Camera, RaycastSpec
+from volspec.relight import Illumination, Relighter, RelightSpec
+from volspec.scene import Scene
+from volspec.spectra import (
+    DEFAULT_GRID,
+    SpectralGrid,
+    Spectrum,
+    XYZ_from_spectra,
+    light,
+    reflectance,
+)
+from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.fluorescence import Fluorescence
+from volspec.spectra.fluorophores import FLUOROPHORES, named_fluorescence
+from volspec.transfer import TransferFunction
+from volspec.volume import Volume
+
+NM = DEFAULT_GRID.wavelengths_nm
+LIGHTS = ("D65", "A", "FL2", "led:470", "laser:488")
+
+
+def band(peak: float, width: float) -> Spectrum:
+    return Spectrum(NM, np.exp(-(((NM - peak) / width) ** 2)))
+
+
+def dye(quantum_yield: float = 0.8) -> Spectrum:
+    emitting = Fluorescence.of(band(480, 30), band(530, 25), quantum_yield, absorptance=0.7)
+    return Spectrum(NM, np.full(31, 0.2), "dye", fluorescence=emitting)
+
+
+def test_a_slab_shows_the_sum_over_31_by_31_bands_by_hand_under_five_lights() -> None:
+    """Alpha of a homogeneous slab, 1 - exp(-τ), times Σ_i q_i (R_i E_i + Σ_j D_ij E_j)."""
+    absorbed = [0.7 * math.exp(-(((nm - 480) / 30) ** 2)) for nm in NM]
+    photons = [math.exp(-(((nm - 530) / 25) ** 2)) for nm in NM]
+    Q = colour_matching_functions(DEFAULT_GRID)
+    volume = Volume(np.full((9, 9, 9), 0.5, np.float32))
+    basis = MaterialBasis({"dye": dye()})
+    transfer = TransferFunction(
+        [(0, 0.1, "dye"), (1, 0.1, "dye")], {"dye": dye()}, basis, reference_step_mm=1.0
+    )
+    camera = Camera((4, 4, 100), (4, 4, 4), (0, 1, 0), height_mm=2.0)
+    spec = RaycastSpec(step_mm=0.5, ambient=1.0, diffuse=0.0, alpha_stop=1)
+    image = raycast(volume, transfer, camera, (4, 4), spec)
+    for name in LIGHTS:
+        lamp = light(name)
+        E, total, luminous = lamp.values, np.zeros(3), 0.0
+        for i in range(31):
+            emitted = 0.0
+            for j in range(31):
+                into_band = photons[i] / sum(photons) * NM[j] / NM[i]
+                emitted += 0.8 * absorbed[j] * into_band * E[j]
+            total += Q[:, i] * (0.2 * E[i] + emitted)
+            luminous += Q[1, i] * E[i]
+        expected = (1 - 0.9**8) * total * 100 / luminous
+        lit = Illumination.of(basis, lamp, RelightSpec(backdrop=0.0))
+        found = lit.scene_XYZ(image.coefficients[2, 2], image.alpha[2, 2])
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+        np.testing.assert_allclose(XYZ_from_spectra(lamp, dye()), total * 100 / luminous, rtol=1e-9)
+
+
+def test_engines_draw_what_is_emitted(backend: str) -> None:
+    basis = MaterialBasis({"dye": reflectance("fluorophore:EGFP")})
+    image = vs.CoefficientImage(
+        np.full((4, 4, 2), [1.0, 0.0], np.float32),
+        np.ones((4, 4), np.float32),
+        np.ones((4, 4), np.float32),
+        basis,
+    )
+    spec = RelightSpec(vs.Viewing(D=0.0), backdrop=0.0, filter="longpass:500")
+    with Relighter(image, backend) as relighter:
+        blue, red = (relighter.frame(light(name), spec)[0, 0] for name in ("led:480", "led:640"))
+    assert blue[1] > 150 and red.max() == 0
+
+
+def test_all_of_a_bispectral_matrix_counts_on_any_grid() -> None:
+    fine = SpectralGrid(396, 704, 2)  # five to a band of 10 nm
+    matrix = np.tril(np.random.default_rng(1).random((fine.size, fine.size)), -1)
+    measured = Fluorescence(fine, matrix / matrix.sum(0).max())
+    E = light("D65").values
+    finely = measured.emitted(np.repeat(E, 5)).reshape(31, 5).mean(1)
+    np.testing.assert_allclose(measured.on(DEFAULT_GRID).emitted(E), finely, rtol=1e-9)
+    assert np.linalg.matrix_rank(measured.matrix) > 100
+    assert np.linalg.matrix_rank(dye().fluorescence.matrix) == 1  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("name", FLUOROPHORES)
+def test_shipped_fluorophores_have_their_published_peaks_and_yield(name: str) -> None:
+    published, (full, found) = FLUOROPHORES[name], named_fluorescence(name.upper())
+    assert full == name
+    w = found.grid.wavelengths_nm
+    photons, absorbed = found.matrix * w[:, None], found.matrix / w
+    assert abs(w[photons.sum(1).argmax()] - published.emission_nm) <= 2
+    at = absorbed.sum(0).argmax()
+    assert abs(w[at] - published.excitation_nm) <= 2
+    yields = (found.matrix[:, at] * w / w[at]).sum()
+    assert yields == pytest.approx(published.quantum_yield, rel=1e-3)
+
+
+def test_sums_and_copies_keep_what_is_emitted() -> None:
+    mixed = reflectance("fluorophore:EGFP*0.25+grey:0.5*0.5")
+    whole = reflectance("fluorophore:EGFP")
+    assert mixed.fluorescence and whole.fluorescence
+    np.testing.assert_allclose(mixed.fluorescence.matrix, 0.25 * whole.fluorescence.matrix)
+    np.testing.assert_allclose(mixed.values, 0.25)
+    copy = pickle.loads(pickle.dumps(whole))
+    np.testing.assert_array_equal(copy.fluorescence.matrix, whole.fluorescence.matrix)
+    basis = MaterialBasis({"dye": whole, "paint": reflectance("gold")})
+    again = basis_from_dict(basis.to_dict())
+    assert again.fingerprint == basis.fingerprint
+    lamp = light("led:470")
+    np.testing.assert_array_equal(again.colour_matrix(lamp), basis.colour_matrix(lamp))
+    other = basis.with_reflectances({"dye": reflectance("black")})
+    assert other.fingerprint != basis.fingerprint
+    assert other.colour_matrix(lamp)[1, 0] == 0 < basis.colour_matrix(lamp)[1, 0]
+
+
+def test_only_a_basis_of_materials_holds_what_is_emitted() -> None:
+    dyes = {"dye": dye()}
+    with raises(BasisError, "conflict") as caught:
+        SpectralBasis.load("general-7").channels_for_materials(dyes)
+    assert 'method = "materials"' in str(caught.value)
+    with raises(BasisError, "conflict"):
+        MaterialBasis({"dye": reflectance("grey:0.2")}).channels_for_materials(dyes)
+
+
+def test_more_cannot_be_emitted_than_falls_in() -> None:
+    eye = np.eye(31)
+    with raises(SpectrumError, "impossible"):
+        Fluorescence(DEFAULT_GRID, 1.2 * eye)
+    for matrix in (eye[:4], -eye, np.nan * eye):
+        with raises(SpectrumError):
+            Fluorescence(DEFAULT_GRID, matrix)
+    for numbers in ((1.2, 1.0), (0.5, -1.0)):
+        with raises(SpectrumError):
+            Fluorescence.of(band(480, 30), band(530, 25), *numbers)
+    with raises(SpectrumError):
+        Fluorescence.of(band(480, 30), Spectrum(NM, np.zeros(31)), 0.5)
+    bright = Spectrum(NM, np.full(31, 0.7), "paper", fluorescence=dye(1.0).fluorescence)
+    with raises(BasisError, "impossible"):
+        MaterialBasis({"paper": bright})
+    with raises(SpectrumError, "unknown") as caught:
+        reflectance("fluorophore:EFGP")
+    assert "'EGFP'" in str(caught.value)
+
+
+FPBASE = """# mRed quantum yield: 0.5
+wavelength,mRed ex,mRed em,mBlue ex,mBlue em
+380,,,1.0,
+480,0.2,,0.1,1.0
+550,1.0,0.1,,0.2
+600,0.1,1.0,,
+700,,0.1,,
+"""
+
+
+def test_fluorophores_are_read_from_files_of_fpbase(tmp_path: Path) -> None:
+    path = tmp_path / "pair.csv"
+    path.write_text(FPBASE)
+    red = reflectance("pair.csv#mred", folder=tmp_path)
+    assert red.fluorescence and red.name == "mRed"
+    w = red.fluorescence.grid.wavelengths_nm
+    assert w[(red.fluorescence.matrix * w[:, None]).sum(1).argmax()] == 600
+    assert w[(red.fluorescence.matrix / w).sum(0).argmax()] == 550
+    with pytest.warns(VolspecWarning, match="no quantum yield of mBlue"):
+        reflectance("pair.csv#mBlue", folder=tmp_path)
+    path.write_text(FPBASE.replace("550,1.0", "550,much"))
+    with raises(SpectrumError, "damaged") as caught:
+        reflectance("pair.csv#mRed", folder=tmp_path)
+    assert "much" in str(caught.value) and "row 4" in str(caught.value)
+
+
+def test_filters_pass_parts_of_bands() -> None:
+    assert reflectance("longpass:500").values[[9, 10, 11]].tolist() == [0.0, 0.5, 1.0]
+    assert reflectance("shortpass:502").values[[9, 10, 11]].tolist() == [1.0, 0.7, 0.0]
+    assert reflectance("bandpass:525/20").values.sum() == pytest.approx(2.0)
+    for text in ("longpass:blue", "bandpass:525", "longpass:500/20"):
+        with raises(SpectrumError, "syntax"):
+            reflectance(text)
+
+
+@pytest.mark.parametrize("basis", ["general-7", "materials"])
+def test_a_filter_takes_light_from_reflection_and_backdrop_but_not_from_the_white(
+    basis: str,
+) -> None:
+    own = {"gold": reflectance("gold")}
+    held = MaterialBasis(own) if basis == "materials" else SpectralBasis.load(basis)
+    passed = reflectance("longpass:560")
+    for name in ("D65", "led:560"):
+        lamp = light(name)
+        seen = Illumination.of(held, lamp, RelightSpec(filter="longpass:560", backdrop=0.5))
+        bare = Illumination.of(held, lamp, RelightSpec(backdrop=0.5))
+        np.testing.assert_array_equal(seen.white_XYZ, bare.white_XYZ)
+        filtered = passed.values * own["gold"].values
+        true = XYZ_from_spectra(lamp, filtered)
+        found = seen.XYZ_from_channels @ held.channels_for_materials(own)[0]
+        np.testing.assert_allclose(found, true, atol=1e-9 if basis == "materials" else 0.4)
+        np.testing.assert_allclose(seen.backdrop_XYZ, XYZ_from_spectra(lamp, 0.5 * passed.values))
+    dark = Illumination.of(held, light("led:430"), RelightSpec(filter="longpass:600"))
+    assert np.abs(dark.XYZ_from_channels @ held.white).max() < 1e-6
+
+
+def test_spectral_frames_hold_what_is_emitted_and_passes_the_filter() -> None:
+    basis = MaterialBasis({"dye": dye()})
+    spec, lamp = RelightSpec(filter="longpass:505", backdrop=0.3), light("led:480")
+    coefficients, alpha = np.array([[0.4, 0.1]]), np.array([0.5])
+    spectra = SpectralIllumination.of(basis, lamp, spec).pixels(coefficients, alpha)[0, 3:]
+    Q = colour_matching_functions(DEFAULT_GRID)
+    XYZ = Illumination.of(basis, lamp, spec).scene_XYZ(coefficients, alpha)[0]
+    np.testing.assert_allclose(100 * Q @ spectra / Q[1].sum(), XYZ)
+
+
+def test_ultraviolet_lamps_are_set_by_power_and_light_what_they_excite() -> None:
+    grid = SpectralGrid(360, 700, 10)
+    lamp, day = light("led:365", grid), light("E", grid)
+    assert lamp.values.mean() == pytest.approx(day.values.mean())
+    basis = MaterialBasis({"quinine": reflectance("fluorophore:quinine sulfate", grid)}, grid=grid)
+    lit = Illumination.of(basis, lamp, RelightSpec())
+    emitted, white = lit.XYZ_from_channels[1]
+    assert 1 < emitted < 100 and white < 0.01
+    assert Illumination.of(basis, day, RelightSpec()).gain == 1.0
+    with raises(SpectrumError, "range") as caught:
+        light("led:365")  # nothing of it is on 400 to 700 nm
+    assert "grid_nm" in str(caught.value)
+
+
+def test_scenes_swap_lasers_behind_a_filter(tmp_path: Path) -> None:
+    text = """
+[volume]
+file = "ball.npy"
+[transfer]
+points = [
+    { value = 0.1, opacity = 0.0, material = "green" },
+    { value = 0.9, opacity = 0.5, material = "green" },
+]
+[[material]]
+name = "green"
+reflectance = "fluorophore:EGFP"
+[basis]
+method = "materials"
+[[light]]
+name = "blue"
+spectrum = "laser:488"
+[[light]]
+name = "yellow"
+spectrum = "laser:594"
+[viewing]
+D = 0.0
+backdrop = 0.0
+filter = "pass.csv"
+"""
+    np.save(tmp_path / "ball.npy", vs.phantom.ball(16).values)
+    (tmp_path / "pass.csv").write_text("nm,t\n380,0\n500,0\n510,1\n780,1\n")
+    (tmp_path / "scene.toml").write_text(text)
+    scene = Scene.load(tmp_path / "scene.toml")
+    with Relighter(scene.render(size=(16, 16))) as relighter:
+        blue, yellow = (relighter.frame(each.rig, scene.relight) for each in scene.lights)
+    assert blue.max() > 100 and yellow.max() < 10
+    away = tmp_path / "away"
+    away.mkdir()
+    scene.save(away / "scene.toml")
+    assert 'filter = "../pass.csv"' in (away / "scene.toml").read_text()
+    for wrong in ("lowpass:500", "none.csv"):
+        (tmp_path / "scene.toml").write_text(text.replace("pass.csv", wrong))
+        with raises(SceneError) as caught:
+            Scene.load(tmp_path / "scene.toml")
+        assert "filter" in str(caught.value)
