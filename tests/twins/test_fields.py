@@ -59,15 +59,25 @@ def view(volume: Volume) -> vs.Camera:
 SHADOWS = (LightGroup("g", (Ambient(occlusion=True), Directional((0.3, 0.2, 1), shadows=True))),)
 
 
+LIT = {"groups": SHADOWS, "light_cells": 20}  # few, as the reference takes long
+# It cuts the volume's own field only.
+OPENED = ClipPlane((12.0, 10.0, 9.0), (1.0, 0.5, 0.2), fields=("",))
+
+
 @pytest.mark.parametrize(
     ("shown", "settings", "lanes"),
     [
-        *(("abc", {"groups": SHADOWS}, lanes) for lanes in sorted(TILES)),
+        *(("abc", LIT, lanes) for lanes in sorted(TILES)),
         ("ab", {}, None),
         ("bc", {"crop_voxels": ((3, 20), (2, 18), (0, 15)), "jitter": 1.0}, None),
         ("c", {"clip_planes": (ClipPlane((12.0, 10.0, 9.0), (1.0, 0.5, 0.2)),)}, None),
+        ("ab", {**LIT, "clip_planes": (OPENED, replace(OPENED, fields=("b",)))}, None),
+        ("abc", {**LIT, "clip_planes": (OPENED, replace(OPENED, fields="c"))}, None),
     ],
-    ids=[*(f"shadows-{lanes}" for lanes in sorted(TILES)), "one lattice", "crop", "one, cut"],
+    ids=[
+        *(f"shadows-{lanes}" for lanes in sorted(TILES)),
+        *("one lattice", "crop", "one, cut", "cut apart", "cut apart, two lattices"),
+    ],
 )
 def test_fields_match_the_reference(
     fields: dict[str, Volume], shown: str, settings: dict[str, object], lanes: int | None
@@ -190,3 +200,25 @@ def test_what_does_not_fit_together_is_refused(fields: dict[str, Volume]) -> Non
         with raises(RaycastError, "conflict"):
             spec = RaycastSpec(**settings)  # type: ignore[arg-type]
             vs.raycast(volume, both, view(a), SIZE, spec)
+
+
+def test_a_plane_opens_one_field_and_leaves_the_other_whole(fields: dict[str, Volume]) -> None:
+    volume = fields["a"].with_fields([fields["b"]])
+    transfer = FieldFunctions({"a": function("a"), "b": function("b")})
+    away = ClipPlane((0.0, 0.0, 0.0), (-1.0, 0.0, 0.0), fields=("b",))  # nothing of b stays
+    one, both = (
+        vs.raycast(volume, transfer, view(volume), SIZE, RaycastSpec(clip_planes=planes))
+        for planes in ((away,), ())
+    )
+    alone = vs.raycast(fields["a"], function("a"), view(volume), SIZE)
+    np.testing.assert_allclose(one.alpha, alone.alpha, atol=2e-3)
+    assert np.abs(both.alpha - alone.alpha).max() > 0.1
+    with raises(RaycastError) as caught:
+        vs.raycast(
+            volume,
+            transfer,
+            view(volume),
+            SIZE,
+            RaycastSpec(clip_planes=(replace(away, fields=("d",)),)),
+        )
+    assert "'d'" in str(caught.value) and "'b'" in str(caught.value)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from volspec.errors import RaycastError
-from volspec.raycast.spec import RaycastSpec
+from volspec.raycast.spec import ClipPlane, RaycastSpec
 from volspec.transfer import FieldTables, TransferTable
 from volspec.volume import Volume
 
@@ -25,14 +25,19 @@ class FieldCast:
     """Cast of several fields, and the lattice around all of them.
 
     ``frame`` has the axes of the volume, and its fields; it is the volume itself if that covers
-    all. ``spec`` are the settings there. ``own`` are those of each field, whose rays the frame's
-    crop cuts, if there is one.
+    all. ``spec`` are the settings there. ``own`` are those of each field by name, whose rays the
+    frame's crop cuts, if there is one.
     """
 
     tables: Mapping[str, TransferTable]
     frame: Volume
     spec: RaycastSpec
-    own: RaycastSpec
+    own: Mapping[str, RaycastSpec]
+
+    @property
+    def cut_apart(self) -> bool:
+        """True if a plane cuts some fields and not others."""
+        return any(plane.fields for plane in self.spec.clip_planes)
 
     @classmethod
     def of(
@@ -56,9 +61,10 @@ class FieldCast:
                     given=getattr(spec, name),
                 )
         frame = frame or frame_around(volume, tables.tables)
-        # Every field takes the volume's steps.
-        spec = replace(spec, step_mm=spec.step_of(volume))
-        own = replace(spec, crop_voxels=None)
+        # Every field takes the volume's steps. Tables have the name of the volume's own field.
+        spec = replace(spec, step_mm=spec.step_of(volume), clip_planes=_named(spec, volume.name))
+        uncropped = replace(spec, crop_voxels=None)
+        own = {name: uncropped.for_field(name) for name in tables.tables}
         if spec.crop_voxels is not None and frame is not volume:
             spec.kept(volume)  # refuses what is beyond
             first = volume.index_from_world @ frame.world_from_index[:, 3]
@@ -68,6 +74,14 @@ class FieldCast:
             )
             spec = replace(spec, crop_voxels=(x, y, z))
         return cls(tables.tables, frame, spec, own)
+
+
+def _named(spec: RaycastSpec, own: str) -> tuple[ClipPlane, ...]:
+    """Return the clip planes with the name of the volume's own field instead of ``""``."""
+    return tuple(
+        replace(plane, fields=tuple(name or own for name in plane.fields))
+        for plane in spec.clip_planes
+    )
 
 
 def frame_around(volume: Volume, names: Iterable[str]) -> Volume:

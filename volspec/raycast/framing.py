@@ -88,9 +88,10 @@ def shown_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> Array
         for name in transfer.shown:
             field = volume.by_name[name] if name else volume
             same = field.has_lattice_of(volume)
-            own = shading if same else replace(shading, crop_voxels=None)
+            own = (shading if same else replace(shading, crop_voxels=None)).for_field(name)
             found.append(shown_mm(field, transfer.functions[name], own))
         return np.concatenate(found)
+    shading = shading.for_field("")
     steps = [-(-size // _MOST) for size in volume.values.shape]
     k, j, i = steps
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])

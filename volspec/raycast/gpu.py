@@ -138,7 +138,7 @@ class _Together:
         for name, field in self.fields.items():
             table = cast.tables[name]
             row = kernel_arguments.cast_struct(
-                *(field.volume, table, camera, size, cast.own), self.frame
+                *(field.volume, table, camera, size, cast.own[name]), self.frame
             )
             field.set_buffers(row)
             rows.append(row)
@@ -378,6 +378,7 @@ class Raycaster:
         width, height = checked_size(size)
         self._check_labels(table)
         check_reach(self.volume, camera, spec)
+        spec.require_fields(self.volume)
         if table.size > MAX_CHANNELS:
             raise RaycastError(
                 f"raycast: {table.size} channels",
@@ -402,8 +403,9 @@ class Raycaster:
             several = FieldCast.of(self.volume, table, spec, together.frame)
             frame, spec = several.frame, several.spec
             first = next(iter(table.tables.values()))
-            struct = kernel_arguments.cast_struct(frame, first, *view, spec)
+            struct = kernel_arguments.cast_struct(frame, first, *view, spec.for_field(None))
         else:
+            spec = spec.for_field("")
             together, several, frame = None, None, self.volume
             struct = kernel_arguments.cast_struct(frame, table, *view, spec)
             self._own.set_buffers(struct)
@@ -433,7 +435,7 @@ class Raycaster:
             stored = self.volume.values.dtype
             arguments = self._own.voxels, self._codes(table, spec), *inputs, light, spans, struct
         else:
-            stored, aligned = together.dtype, together.aligned
+            stored, aligned = together.dtype, together.aligned and not several.cut_apart
             structs, places = together.structs(several, *view, struct)
             voxels, codes = together.voxels, self._codes(table, spec)
             arguments = *voxels, codes, *inputs, light, spans, upload(structs), upload(places)
@@ -460,7 +462,10 @@ class Raycaster:
         Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
         """
         with self._lock:
-            return self._lights_of(table).arrivals(table, spec, camera, clear)
+            lights = self._lights_of(table)
+            if isinstance(table, FieldTables):
+                spec = FieldCast.of(self.volume, table, spec, lights.volume).spec
+            return lights.arrivals(table, spec, camera, clear)
 
     def _cast_together(self, table: FieldTables) -> _Together:
         """Return the fields of tables on the device; the last are cached."""

@@ -394,26 +394,27 @@ class LightVolume:
         self._sigma, apart = None, []
         for name, one in table.tables.items():
             volume, voxels = self._fields[name]
+            given = volume, voxels, one, spec.for_field(name)
             if volume.has_lattice_of(self.volume):
-                self._sigma = self._extinction_of(volume, voxels, one, spec, grid, self._sigma)
+                self._sigma = self._extinction_of(*given, grid, self._sigma)
             else:
-                apart.append((volume, voxels, one))
+                apart.append(given)
         if apart:
             self._add_apart(apart, spec, grid)
 
     def _add_apart(
         self,
-        apart: Sequence[tuple[Volume, Any, TransferTable]],
+        apart: Sequence[tuple[Volume, Any, TransferTable, RaycastSpec]],
         spec: RaycastSpec,
         grid: LightGrid,
     ) -> None:
         """Add the extinction of fields that have lattices, and so grids, of their own."""
-        own = replace(spec, crop_voxels=None)
         x, y, z = grid.shape_xyz
         total = np.zeros((z, y, x), np.float32)
-        for volume, voxels, table in apart:
+        for volume, voxels, table, own in apart:
             other = grid.alike(volume)
-            sigma = self._extinction_of(volume, voxels, table, own, other)
+            uncropped = replace(own, crop_voxels=None)
+            sigma = self._extinction_of(volume, voxels, table, uncropped, other)
             per_cell = self._nodes(sigma, other) * (grid.cell_mm / other.cell_mm)
             total += grid.resampled(per_cell, other)
         total *= grid.inside_crop(spec)

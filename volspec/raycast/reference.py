@@ -87,6 +87,7 @@ def cast(
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
+    spec.require_fields(volume)
     width, height = size
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
@@ -100,12 +101,14 @@ def cast(
     if isinstance(table, FieldTables):
         several = FieldCast.of(volume, table, spec)
         frame, spec = several.frame, several.spec
-        cast = _Fields(frame, table, camera, spec, clipped_rays(frame, spec), clear)
+        rays = clipped_rays(frame, spec.for_field(None))
+        cast = _Fields(frame, table, camera, spec, rays, clear)
         cast.rays_of = {
-            name: cast.cropped(clipped_rays(frame.by_name[name], several.own))
+            name: cast.cropped(clipped_rays(frame.by_name[name], several.own[name]))
             for name in table.tables
         }
     else:
+        spec = spec.for_field("")
         kind: type[_March] = _March
         if isinstance(table, SurfaceTable):
             kind = _Surfaces
@@ -456,14 +459,15 @@ def light_at(layer: Array, grid: LightGrid, index: Array) -> Array:
 def extinction(volume: Volume, table: Tables, spec: RaycastSpec, grid: LightGrid) -> Array:
     """Return (nz, ny, nx) σ of each node, 1/mm; of several fields, the sum."""
     if isinstance(table, FieldTables):
-        total, own = np.zeros(grid.shape_xyz[::-1]), replace(spec, crop_voxels=None)
+        total = np.zeros(grid.shape_xyz[::-1])
         for name, one in table.tables.items():
-            field = volume.by_name[name]
+            field, own = volume.by_name[name], spec.for_field(name)
             if field.has_lattice_of(volume):
-                total += extinction(field, one, spec, grid)
+                total += extinction(field, one, own, grid)
                 continue
             other = grid.alike(field)
-            found = grid.resampled(extinction(field, one, own, other), other)
+            uncropped = replace(own, crop_voxels=None)
+            found = grid.resampled(extinction(field, one, uncropped, other), other)
             total += grid.inside_crop(spec) * found
         return total
     if isinstance(table, SurfaceTable):

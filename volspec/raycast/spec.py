@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field
 
-from volspec.errors import InputError, RaycastError
+from volspec.errors import InputError, RaycastError, nearest
 from volspec.raycast.checks import Direction, Weight
 from volspec.raycast.lights import HEADLIT, MAX_GROUPS, MAX_SOURCES, Ambient, LightGroup, as_tuple
 from volspec.raycast.quality import Quality, Target, target_of
@@ -33,6 +33,8 @@ class ClipPlane:
     """Any point on the plane."""
     normal: Annotated[Direction, Field(examples=[[0, 0, 1]])]
     """Direction towards the side that stays; of any length but 0, stored as a unit vector."""
+    fields: Annotated[tuple[str, ...], BeforeValidator(as_tuple), Field(strict=False)] = ()
+    """Names of the fields that it cuts, ``""`` for the volume's own; all of them if empty."""
 
 
 def _crop(box: Box) -> Box:
@@ -252,6 +254,28 @@ class RaycastSpec:
                     "nothing would be left, give other numbers",
                 )
         return np.maximum(low, 0.0), np.minimum(high, last)
+
+    def for_field(self, name: str | None) -> RaycastSpec:
+        """Return the settings with the planes that cut a field, or with None those that cut all.
+
+        ``""`` is the volume's own field.
+        """
+        if not any(plane.fields for plane in self.clip_planes):
+            return self
+        cutting = (each for each in self.clip_planes if not each.fields or name in each.fields)
+        return replace(self, clip_planes=tuple(replace(plane, fields=()) for plane in cutting))
+
+    def require_fields(self, volume: Volume) -> None:
+        """Raise RaycastError if a plane cuts a field that the volume does not have."""
+        known = ["", *(each.name for each in volume.fields)]
+        for number, plane in enumerate(self.clip_planes):
+            for name in plane.fields:
+                if name not in known:
+                    raise _at_cast(
+                        f"clip_planes[{number}].fields",
+                        f"{volume.name} has no field {name!r}",
+                        f"{nearest(name, known)}give {' or '.join(map(repr, known))}",
+                    )
 
     def index_planes(self, volume: Volume) -> NDArray[np.float64]:
         """Return (P, 4) clip planes in index space, normals per voxel: normal · index ≥ w stays."""

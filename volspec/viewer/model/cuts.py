@@ -273,7 +273,8 @@ def tilt_plane(state: ViewState, index: int, azimuth: float, elevation: float) -
     normal = flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)
 
     def change(plane: ClipPlane) -> ClipPlane:
-        return ClipPlane(vector(anchor_mm(plane, state.document.volume)), normal)
+        anchor = vector(anchor_mm(plane, state.document.volume))
+        return replace(plane, point_mm=anchor, normal=normal)
 
     return _with_plane(state, index, change)
 
