@@ -32,6 +32,7 @@ from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Relit
 from volspec.viewer.work.probe import place_mm, read, spectra, value_at
 from volspec.viewer.work.screen import SLOW_MS, Meter, Screen
+from volspec.volume import Volume
 
 BANDS = 3
 AREA = (0, 0, 200, 100)
@@ -364,6 +365,24 @@ def test_a_value_is_that_of_the_nearest_voxel(document: Document) -> None:
     at = (volume.world_from_index @ [3.3, 4.4, 2.1, 1.0])[:3]
     assert value_at(volume, at) == volume.values[2, 4, 3]
     assert value_at(volume, at + 100.0) is None
+
+
+def test_values_are_those_of_all_fields_in_digits_by_which_voxels_differ(state: ViewState) -> None:
+    ball = state.document.volume
+    fine = (0.00025,) * 3
+    second = Volume(2 * ball.values, spacing_mm=fine, name="GFP")
+    volume = Volume(ball.values, spacing_mm=fine, name="DAPI").with_fields([second])
+    camera, image, rig = shot(state)
+    small = replace(
+        camera,
+        position_mm=tuple(0.00025 * np.array(camera.position_mm)),
+        target_mm=tuple(0.00025 * np.array(camera.target_mm)),
+        height_mm=camera.height_mm and 0.00025 * camera.height_mm,
+    )
+    near = replace(image, depth_mm=0.00025 * image.depth_mm, first_mm=None)
+    rows = dict(read(near, small, volume, rig, state.relight, MIDDLE, (1, 2, 3)).rows)
+    assert float(rows["GFP"]) == pytest.approx(2 * float(rows["DAPI"]), rel=1e-4) != 0
+    assert len(rows["mm"].split()[0].partition(".")[2]) == 4
 
 
 def test_the_reflected_spectrum_has_the_colour_that_is_told(state: ViewState) -> None:

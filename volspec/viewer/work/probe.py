@@ -5,6 +5,7 @@ CoefficientImage, light -> [probe] -> Reading
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.transfer import Transfer
+from volspec.transfer.channel_look import field_title
 from volspec.viewer.work.pictures import crop
 from volspec.volume import Volume
 
@@ -165,11 +167,15 @@ def _hit_rows(
 ) -> Iterator[tuple[str, str]]:
     if (place := place_mm(image, camera, pixel)) is None:
         return
-    if volume.labels:
-        yield "Label", _label_at(volume, camera, place)
-    elif (value := value_at(volume, place)) is not None:
-        yield "Value", f"{value:.6g}"
-    yield place_unit(volume, patient), _format(place)
+    fields = [(field_title(each), each) for each in volume.fields]
+    for title, field in [(field_title(volume) if fields else "Value", volume), *fields]:
+        if field.labels:
+            yield title if fields else "Label", _label_at(field, camera, place)
+        elif (value := value_at(field, place)) is not None:
+            yield title, f"{value:.6g}"
+    # Neighbouring voxels differ.
+    decimals = max(1, -math.floor(math.log10(min(volume.spacing_mm))))
+    yield place_unit(volume, patient), _format(place, decimals)
 
 
 def _label_at(volume: Volume, camera: Camera, place: Array) -> str:
@@ -197,5 +203,5 @@ def _error_row(
     yield "Colour error", f"ΔE00 {float(found.delta_e[0, 0]):.2f}"
 
 
-def _format(values: Array) -> str:
-    return "  ".join(f"{value:.1f}" for value in values)
+def _format(values: Array, decimals: int = 1) -> str:
+    return "  ".join(f"{value:.{decimals}f}" for value in values)
