@@ -23,6 +23,7 @@ FEATURES = (
     Feature("Depth and cameras", rays.depth),
     Feature("Metamers", light.metamers),
     Feature("Fluorescence", fields.fluorescence),
+    Feature("PET in CT", fields.pet_in_ct),
 )
 
 

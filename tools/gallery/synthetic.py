@@ -1,6 +1,8 @@
-"""Synthetic cells: a microscope's four channels, made from random numbers."""
+"""Synthetic volumes: a microscope's four channels of cells, and a PET for the chest CT."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,3 +67,21 @@ def _draw(stain: NDArray[np.float32], path: NDArray[np.float64], amount: float =
 def _bytes(stain: NDArray[np.float32]) -> NDArray[np.uint8]:
     top = np.quantile(stain[stain > 0.02 * stain.max()], 0.97)
     return (255 * (stain / top).clip(0, 1)).astype(np.uint8)
+
+
+def tracer() -> vs.Volume:
+    """A made-up PET, 4 mm a voxel: heart muscle, liver, a nodule in the lung, a lymph node."""
+    z, y, x = np.meshgrid(*(4.0 * np.arange(n) for n in (83, 90, 90)), indexing="ij")
+
+    def ball(middle: Sequence[float], radii: Sequence[float]) -> NDArray[np.float64]:
+        parts = zip((x, y, z), middle, radii, strict=True)
+        return np.sqrt(sum(((at - m) / r) ** 2 for at, m, r in parts))
+
+    heart, liver = ball((232, 152, 160), (42, 40, 40)), ball((112, 165, 92), (52, 62, 48))
+    uptake = 0.55 * np.exp(-(((heart - 0.85) / 0.2) ** 2)) + 0.22 * (liver < 1)
+    for middle, radius in (((86, 190, 178), 14), ((172, 196, 196), 9)):
+        uptake += np.exp(-(ball(middle, [radius] * 3) ** 2))
+    random = np.random.default_rng(2)
+    noise = gaussian_filter(random.standard_normal(uptake.shape), 1.2)
+    blurred = gaussian_filter(uptake, 1.2) * (1 + 0.25 * noise)
+    return vs.Volume(blurred.clip(0, 1).astype(np.float32), spacing_mm=(4, 4, 4), name="PET")
