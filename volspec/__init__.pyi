@@ -64,6 +64,7 @@ from .room import (
 )
 from .scene import Scene as Scene
 from .spectra import (
+    Fluorescence as Fluorescence,
     SpectralGrid as SpectralGrid,
     SpectralImage as SpectralImage,
     Spectrum as Spectrum,

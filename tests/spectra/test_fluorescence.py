@@ -180,6 +180,12 @@ def test_fluorophores_are_read_from_files_of_fpbase(tmp_path: Path) -> None:
     assert w[(red.fluorescence.matrix / w).sum(0).argmax()] == 550
     with pytest.warns(VolspecWarning, match="no quantum yield of mBlue"):
         reflectance("pair.csv#mBlue", folder=tmp_path)
+    path.write_text(FPBASE.replace(",", ";"))
+    assert reflectance("pair.csv#mRed", folder=tmp_path).fluorescence
+    path.write_text(FPBASE.replace("mRed em", "mRed"))
+    with raises(SpectrumError, "missing") as caught:
+        reflectance("pair.csv#mRed", folder=tmp_path)
+    assert "'mRed em'" in str(caught.value)
     path.write_text(FPBASE.replace("550,1.0", "550,much"))
     with raises(SpectrumError, "damaged") as caught:
         reflectance("pair.csv#mRed", folder=tmp_path)
@@ -190,7 +196,7 @@ def test_filters_pass_parts_of_bands() -> None:
     assert reflectance("longpass:500").values[[9, 10, 11]].tolist() == [0.0, 0.5, 1.0]
     assert reflectance("shortpass:502").values[[9, 10, 11]].tolist() == [1.0, 0.7, 0.0]
     assert reflectance("bandpass:525/20").values.sum() == pytest.approx(2.0)
-    for text in ("longpass:blue", "bandpass:525", "longpass:500/20"):
+    for text in ("longpass:blue", "bandpass:525", "longpass:500/20", "bandpass:525/-50"):
         with raises(SpectrumError, "syntax"):
             reflectance(text)
 
@@ -281,3 +287,25 @@ filter = "pass.csv"
         with raises(SceneError) as caught:
             Scene.load(tmp_path / "scene.toml")
         assert "filter" in str(caught.value)
+
+
+def test_reports_compare_what_is_emitted_with_full_spectra() -> None:
+    dyes = {name: reflectance(f"fluorophore:{name}") for name in ("EGFP", "mCherry")}
+    report = MaterialBasis(dyes).report([light("D65"), light("led:480")])
+    assert report.worst.delta_e < 1e-6
+
+
+def test_lasers_keep_their_wavelength_on_any_grid() -> None:
+    for nm in (404.0, 488.0, 561.0):
+        lamp = light(f"laser:{nm:g}").values
+        assert NM @ lamp / lamp.sum() == pytest.approx(nm)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [("notch:488", "longpass"), ("longpass:2000", "nothing"), ("fluorophore:EGFP", "nothing")],
+)
+def test_filters_that_pass_nothing_are_refused(text: str, word: str) -> None:
+    with raises(SpectrumError) as caught:
+        RelightSpec(filter=text).seen_through(DEFAULT_GRID)
+    assert text in str(caught.value) and word in str(caught.value)

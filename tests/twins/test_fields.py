@@ -222,3 +222,12 @@ def test_a_plane_opens_one_field_and_leaves_the_other_whole(fields: dict[str, Vo
             RaycastSpec(clip_planes=(replace(away, fields=("d",)),)),
         )
     assert "'d'" in str(caught.value) and "'b'" in str(caught.value)
+
+
+def test_a_field_that_is_far_away_is_named_with_its_remedy(fields: dict[str, Volume]) -> None:
+    far = replace(fields["b"], spacing_mm=(1e6, 1e6, 1e6), world_from_index=None, name="far")
+    volume = fields["a"].with_fields([far])
+    transfer = FieldFunctions({"a": function("a"), "far": function("b")})
+    with raises(RaycastError, "range") as caught:
+        vs.raycast(volume, transfer, view(volume), SIZE)
+    assert "'far'" in str(caught.value) and "spacing_mm" in str(caught.value)

@@ -244,6 +244,17 @@ def require_channels(basis: StoredBasis, coefficients: ArrayLike) -> Array:
     return c
 
 
+def require_reflective(materials: Mapping[str, Spectrum], basis: str) -> None:
+    """Raise BasisError if a material is fluorescent: only a `MaterialBasis` holds what it emits."""
+    for name, spectrum in materials.items():
+        if spectrum.fluorescence:
+            raise BasisError(
+                f"material {name!r} is fluorescent, and basis {basis!r} holds only reflectances; "
+                'use a MaterialBasis, in scenes [basis] method = "materials"',
+                code="conflict",
+            )
+
+
 def require_materials(given: Any, label: str) -> None:
     """Raise BasisError unless ``given`` is a mapping with at least one entry."""
     if not isinstance(given, Mapping) or not given:

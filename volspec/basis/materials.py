@@ -143,7 +143,7 @@ class MaterialBasis(StoredBasis):
                     f"it holds {', '.join(own)}: make the basis from all materials",
                     code="unknown",
                 )
-            if not _alike(self._resample(name, spectrum), self.materials[name]):
+            if not alike(self._resample(name, spectrum), self.materials[name]):
                 raise BasisError(
                     f"material {name!r} has another reflectance in the basis; make both the "
                     "same, and change it afterwards with Relighter.set_reflectances",
@@ -298,7 +298,7 @@ class MaterialBasis(StoredBasis):
         return Spectrum(w, values, spectrum.name, spectrum.notes, fluorescence)
 
 
-def _alike(one: Spectrum, other: Spectrum) -> bool:
+def alike(one: Spectrum, other: Spectrum) -> bool:
     """Return True if two materials on one grid reflect and emit alike."""
     if (one.fluorescence is None) != (other.fluorescence is None):
         return False

@@ -31,6 +31,7 @@ from volspec.basis.base import (
     require_grid_and_observer,
     require_materials,
     require_matrices,
+    require_reflective,
     require_text,
 )
 from volspec.errors import BasisError
@@ -134,13 +135,7 @@ class SpectralBasis(StoredBasis):
             If there are none, one is fluorescent, or does not cover the grid.
         """
         require_materials(materials, f"basis {self.name!r}")
-        for name, spectrum in materials.items():
-            if spectrum.fluorescence:
-                raise BasisError(
-                    f"material {name!r} is fluorescent, and basis {self.name!r} holds only "
-                    'reflectances; use a MaterialBasis, in scenes [basis] method = "materials"',
-                    code="conflict",
-                )
+        require_reflective(materials, self.name)
         return self.analyse(list(materials.values())).reshape(-1, self.size)
 
     def synthesise(self, coefficients: ArrayLike) -> NDArray[np.float64]:

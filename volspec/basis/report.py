@@ -9,7 +9,7 @@ interreflection and coloured absorption: light * S1 * S2 in full spectra, e * s1
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 from itertools import combinations_with_replacement
@@ -24,9 +24,10 @@ from volspec.appearance import spaces
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ, to_uint8
 from volspec.basis.display import MODES, visible_white
-from volspec.basis.materials import MaterialBasis
+from volspec.basis.materials import MaterialBasis, alike
 from volspec.errors import BasisError
 from volspec.spectra.datasets import colour_matching_functions, colour_science
+from volspec.spectra.fluorescence import Fluorescence
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.lights import light_set
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
@@ -97,18 +98,22 @@ def pair_errors(
     reflectances: Array,
     channels: Array,
     names: Sequence[str],
+    fluorescent: Mapping[int, Fluorescence],
     chained: bool,
 ) -> PairErrors:
     """Compare all modes with full spectra, light by light.
 
-    Lights are on the basis' grid; reflectances are (K, N) and their channels (K, m). ``chained`` is
-    True if channels multiply as spectra do, so that products have an error.
+    Lights are on the basis' grid; reflectances are (K, N) and their channels (K, m);
+    ``fluorescent`` ones of them, by number, also emit. ``chained`` is True if channels multiply as
+    spectra do, so that products have an error.
     """
     rgb = sharp_surfaces(reflectances, basis.grid, basis.observer_deg)
     rows: list[dict[Any, Array]] = []
     for light in lights:
         against = _Reference(light, basis.observer_deg)
         true = against.XYZ(reflectances)
+        for number, emitting in fluorescent.items():
+            true[number] += against.emitted_XYZ(emitting)
         matrices = {mode: basis.colour_matrix(light, mode) for mode in MODES}
         row: dict[Any, Array] = {
             "XYZ": true,
@@ -185,6 +190,12 @@ class _Reference:
 
     def XYZ(self, reflectances: Array) -> Array:
         return XYZ_from_spectra(self._light, reflectances, self._observer)
+
+    def emitted_XYZ(self, fluorescence: Fluorescence) -> Array:
+        Q = colour_matching_functions(self._light.grid, self._observer)
+        E = self._light.values
+        emitted = fluorescence.on(self._light.grid).emitted(E)
+        return np.asarray(Q @ emitted * (100.0 / (Q[1] @ E)))
 
     def lit(self, surfaces: Array) -> Array:
         """Multiply surfaces by the light in Sharp sensors, like an RGB renderer; return XYZ."""
@@ -384,7 +395,14 @@ def basis_report(
             "report: no lights or no reflectances given; nothing to compare", code="missing"
         )
     chained = not isinstance(basis, MaterialBasis)
-    pairs = pair_errors(basis, lights, S, _channels(basis, S, names), names, chained=chained)
+    given = reflectances if isinstance(reflectances, list | tuple) else [reflectances]
+    fluorescent = {
+        number: each.fluorescence
+        for number, each in enumerate(given)
+        if isinstance(each, Spectrum) and each.fluorescence
+    }
+    channels = _channels(basis, S, names, fluorescent)
+    pairs = pair_errors(basis, lights, S, channels, names, fluorescent, chained=chained)
     way = own_way(basis.method)
     j, i = divmod(int(pairs.delta_e[way].argmax()), len(S))
     return BasisReport(
@@ -441,20 +459,27 @@ def _samples(
     return S, [name or f"reflectance {i}" for i, name in enumerate(given, start=1)]
 
 
-def _channels(basis: SpectralBasis | MaterialBasis, S: Array, names: Sequence[str]) -> Array:
+def _channels(
+    basis: SpectralBasis | MaterialBasis,
+    S: Array,
+    names: Sequence[str],
+    fluorescent: Mapping[int, Fluorescence],
+) -> Array:
     """Return (K, m) channels: analysed by the basis, or looked up among its materials."""
     if not isinstance(basis, MaterialBasis):
         return np.asarray(basis.analyse(S))
     own = basis.materials
-    values = np.array([spectrum.on(basis.grid).values for spectrum in own.values()])
+    w = basis.grid.wavelengths_nm
     found = []
-    for row, name in zip(S, names, strict=True):
-        match = np.flatnonzero(np.isclose(values, row, atol=1e-9).all(axis=1))
-        if not match.size:
+    for number, (row, name) in enumerate(zip(S, names, strict=True)):
+        emitting = fluorescent.get(number)
+        wanted = Spectrum(w, row, fluorescence=emitting and emitting.on(basis.grid))
+        match = [k for k, each in enumerate(own.values()) if alike(each, wanted)]
+        if not match:
             raise BasisError(
                 f"report: {name} is not a material of basis {basis.name!r}, which holds "
                 f"{', '.join(own)}; it has no channels for others",
                 code="unknown",
             )
-        found.append(int(match[0]))
+        found.append(match[0])
     return np.asarray(basis.channels_for_materials(own))[found]

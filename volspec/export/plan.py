@@ -19,11 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.scene_to_display import view_transform
-from volspec.errors import SceneError
+from volspec.errors import InputError, SceneError
 from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
 from volspec.raycast import Camera
+from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
@@ -35,7 +36,8 @@ from volspec.scene.lights import require_lux
 from volspec.scene.resolve import Resolver
 from volspec.scene.specs import EMPTY, ROOM_LIGHT
 from volspec.settings import try_table
-from volspec.transfer import Transfers
+from volspec.transfer import FieldTables, Transfers
+from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
 # Stem of coefficient images; other frames are named after their light.
@@ -292,6 +294,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
             scene = Scene(file, path)
             scene.camera(volume)
             scene.behind(volume)
+            _require_castable(scene, volume)
             require_lux(scene.lights, scene.relight, path)
             errors += map(str, animation.keyframe_faults(scene, volume))
             if not errors:
@@ -309,6 +312,17 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         reason=scene.basis_reason,
         room_error=None if scene.room is None else scene.room.specimen.error,
     )
+
+
+def _require_castable(scene: Scene, volume: Volume) -> None:
+    """Raise SceneError if settings of the cast do not fit the volume's fields."""
+    try:
+        spec = scene.raycast.naming_fields(volume)
+        tables = bake_for_volume(scene.transfer, volume)
+        if isinstance(tables, FieldTables):
+            FieldCast.of(volume, tables, spec)
+    except InputError as error:
+        raise error.within(f"{scene.path}: [raycast]", SceneError) from error
 
 
 # Of a room that is only looked at.

@@ -6,13 +6,14 @@ volume, tables by field -> [fields] -> raycast
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from volspec.errors import RaycastError
-from volspec.raycast.spec import ClipPlane, RaycastSpec
+from volspec.raycast.spec import MAX_STEPS, ClipPlane, RaycastSpec
 from volspec.transfer import FieldTables, TransferTable
 from volspec.volume import Volume
 
@@ -102,12 +103,26 @@ def frame_around(volume: Volume, names: Iterable[str]) -> Volume:
     shape = tuple((high - low + 1).tolist())
     if shape == volume.shape_xyz:
         return volume
+    if max(shape) > MAX_STEPS:
+        middle = volume.corners_mm.mean(axis=0)
+        far = {name: np.abs(volume.by_name[name].corners_mm - middle).max() for name in names}
+        name = max(far, key=far.__getitem__)
+        raise RaycastError(
+            f"field {name!r} reaches {far[name]:.3g} mm from the middle of {volume.name}, which is "
+            f"{np.ptp(volume.corners_mm, axis=0).max():.3g} mm large",
+            "check its spacing_mm and matrix, both in mm",
+            code="range",
+        )
     world = volume.world_from_index.copy()
     world[:3, 3] += world[:3, :3] @ low
-    # One byte, seen as often as there are voxels.
+    # A volume without voxels: one byte, seen as often as there would be. Checks would copy it.
     values = np.broadcast_to(np.zeros(1, np.uint8), shape[::-1])
     fields = (replace(volume, fields=()), *volume.fields)
-    return Volume(values, world_from_index=world, name="frame", fields=fields)
+    frame = copy(replace(volume, fields=()))
+    given = {"values": values, "world_from_index": world, "name": "frame", "fields": fields}
+    for key, value in given.items():
+        object.__setattr__(frame, key, value)
+    return frame
 
 
 def common_dtype(fields: Iterable[Volume]) -> np.dtype[Any]:

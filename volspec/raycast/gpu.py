@@ -378,7 +378,7 @@ class Raycaster:
         width, height = checked_size(size)
         self._check_labels(table)
         check_reach(self.volume, camera, spec)
-        spec.require_fields(self.volume)
+        spec = spec.naming_fields(self.volume)
         if table.size > MAX_CHANNELS:
             raise RaycastError(
                 f"raycast: {table.size} channels",
@@ -462,7 +462,7 @@ class Raycaster:
         Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
         """
         with self._lock:
-            lights = self._lights_of(table)
+            lights, spec = self._lights_of(table), spec.naming_fields(self.volume)
             if isinstance(table, FieldTables):
                 spec = FieldCast.of(self.volume, table, spec, lights.volume).spec
             return lights.arrivals(table, spec, camera, clear)

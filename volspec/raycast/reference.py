@@ -87,7 +87,7 @@ def cast(
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
-    spec.require_fields(volume)
+    spec = spec.naming_fields(volume)
     width, height = size
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:

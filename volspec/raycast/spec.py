@@ -265,17 +265,32 @@ class RaycastSpec:
         cutting = (each for each in self.clip_planes if not each.fields or name in each.fields)
         return replace(self, clip_planes=tuple(replace(plane, fields=()) for plane in cutting))
 
-    def require_fields(self, volume: Volume) -> None:
-        """Raise RaycastError if a plane cuts a field that the volume does not have."""
-        known = ["", *(each.name for each in volume.fields)]
+    def naming_fields(self, volume: Volume) -> RaycastSpec:
+        """Return the settings with ``""`` for the volume's own name or channel in clip planes.
+
+        Raises
+        ------
+        RaycastError
+            If a plane cuts a field that the volume does not have.
+        """
+        own = "", volume.name, volume.channel.name
+        known = [each.name for each in volume.fields]
+        planes = []
         for number, plane in enumerate(self.clip_planes):
             for name in plane.fields:
-                if name not in known:
+                if name not in (*own, *known):
                     raise _at_cast(
                         f"clip_planes[{number}].fields",
                         f"{volume.name} has no field {name!r}",
-                        f"{nearest(name, known)}give {' or '.join(map(repr, known))}",
+                        f"{nearest(name, known)}it has {', '.join(map(repr, ['', *known]))}, of "
+                        'which "" is its own',
                     )
+            named = tuple("" if name in own else name for name in plane.fields)
+            planes.append(plane if named == plane.fields else replace(plane, fields=named))
+        named_planes = tuple(planes)
+        if named_planes == self.clip_planes:
+            return self
+        return replace(self, clip_planes=named_planes)
 
     def index_planes(self, volume: Volume) -> NDArray[np.float64]:
         """Return (P, 4) clip planes in index space, normals per voxel: normal · index ≥ w stays."""

@@ -261,7 +261,20 @@ class RelightSpec:
 
 @lru_cache(maxsize=16)
 def _transmittance(text: str, grid: SpectralGrid) -> Spectrum:
+    forms = "longpass:500, shortpass:500, bandpass:525/50 or FILE.csv"
     try:
-        return reflectance(text, grid)
+        found = reflectance(text, grid)
     except SpectrumError as error:
+        code: str = error.code
+        if code == "unknown":
+            problem = f"filter {text!r} is unknown; give {forms}"
+            raise SpectrumError(problem, code="unknown", field="viewing.filter") from None
         raise error.within("viewing.filter") from None
+    if not found.values.max() > 0:
+        raise SpectrumError(
+            f"filter {text!r} passes nothing from {grid.start_nm:g} to {grid.stop_nm:g} nm; "
+            f"give another, as {forms}",
+            code="impossible",
+            field="viewing.filter",
+        )
+    return found

@@ -20,7 +20,8 @@ import numpy as np
 
 from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
-from volspec.basis import Basis
+from volspec.basis import Basis, MaterialBasis
+from volspec.basis.base import require_reflective
 from volspec.errors import ImageError, MeshError, SceneError, visible
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
@@ -142,6 +143,9 @@ class Scene:
                     chosen = replace(chosen, reason=reason)
             self.basis, self.basis_reason = chosen.basis, chosen.reason
         names.warn_of_palette_grids(grid, self.materials)
+        if not isinstance(self.basis, MaterialBasis):
+            with names.at("basis"):
+                require_reflective(self.materials, self.basis.name)
         with names.at("transfer"):
             self.transfer = scene_transfer(
                 file.transfer, file.field, self.materials, filters, self.basis

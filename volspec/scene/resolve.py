@@ -27,7 +27,7 @@ from volspec.scene.fields import with_fields
 from volspec.scene.file import SceneFaults, SceneFile
 from volspec.scene.lights import NamedLight, named_light, rows_by_name
 from volspec.scene.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectance
-from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, reflectance, white_XYZ
+from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.files import palette_grid, rebase_address
 from volspec.spectra.lights import light_terms
 from volspec.volume import Volume, load_volume
@@ -77,7 +77,7 @@ class Resolver:
         text = self.file.viewing.filter
         if text is not None:
             text = rebase_address(text, self.path.parent, None)
-            reflectance(text, grid)
+            replace(self.file.viewing, filter=text).seen_through(grid)
         return text
 
     def shipped_basis(self) -> Basis | None:

@@ -5,6 +5,7 @@ from volspec.spectra.construct import reflectance_from_colour, reflectances_from
 from volspec.spectra.construct.base import BaseSpectra, MadeReflectances, base_spectra
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.files import read_spectrum
+from volspec.spectra.fluorescence import Fluorescence
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.library import light_names
 from volspec.spectra.lights import light, light_set
@@ -22,6 +23,7 @@ from volspec.spectra.tables import write_spectrum
 __all__ = [
     "DEFAULT_GRID",
     "BaseSpectra",
+    "Fluorescence",
     "MadeReflectances",
     "SpectralGrid",
     "SpectralImage",

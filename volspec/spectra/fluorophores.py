@@ -125,19 +125,33 @@ def fluorescence_in_file(path: Path, name: str) -> tuple[str, Fluorescence] | No
     if path.suffix.lower() != ".csv" or not path.is_file():
         return None
     lines = file_content(str(path)).decode("utf-8-sig", "replace").splitlines()
-    rows = [row for row in csv.reader(line for line in lines if not line.startswith("#")) if row]
-    header = [cell.strip() for cell in rows[0]] if rows else []
+    data = [line for line in lines if line.strip() and not line.startswith("#")]
+    separator = max(",;\t", key=(data[0] if data else "").count)
+    rows = list(csv.reader(data, delimiter=separator))
     found: dict[str, dict[str, int]] = {}
-    for column, cell in enumerate(header):
-        if column and (match := _ENDS.fullmatch(cell)):
+    for column, cell in enumerate(rows[0] if rows else []):
+        if column and (match := _ENDS.fullmatch(cell.strip())):
             kind = "emission" if match[2].lower().startswith("em") else "excitation"
-            found.setdefault(match[1].strip(), {}).setdefault(kind, column)
-    pairs = {each: columns for each, columns in found.items() if len(columns) == 2}
-    wanted = next((each for each in pairs if fold_name(each) == fold_name(name)), None)
-    if not name and len(pairs) == 1:
-        wanted = next(iter(pairs))
+            own = found.setdefault(match[1].strip(), {})
+            if kind in own:
+                raise SpectrumError(
+                    f"{path}: two columns are the {kind} of {match[1]!r}; leave one",
+                    code="duplicate",
+                )
+            own[kind] = column
+    wanted = next((each for each in found if fold_name(each) == fold_name(name)), None)
+    if not name and len(found) == 1:
+        wanted = next(iter(found))
     if wanted is None:
         return None
+    pairs = found
+    if len(found[wanted]) < 2:
+        missing = {"emission", "excitation"} - found[wanted].keys()
+        raise SpectrumError(
+            f"{path}: {wanted!r} has no {missing.pop()}; a fluorophore needs two columns, "
+            f"'{wanted} ex' and '{wanted} em'",
+            code="missing",
+        )
     bands: list[Spectrum] = []
     for kind in ("excitation", "emission"):
         w: list[float] = []
@@ -154,9 +168,16 @@ def fluorescence_in_file(path: Path, name: str) -> tuple[str, Fluorescence] | No
                         "number; write one or leave the cell empty",
                         code="damaged",
                     ) from None
-        bands.append(_widened(Spectrum(np.array(w), np.array(values), f"{wanted} {kind}")))
+        try:
+            bands.append(_widened(Spectrum(np.array(w), np.array(values), f"{wanted} {kind}")))
+        except SpectrumError as error:
+            raise error.within(str(path)) from None
     excitation, emission = bands
-    return wanted, Fluorescence.of(excitation, emission, _quantum_yield(lines, wanted, path))
+    quantum_yield = _quantum_yield(lines, wanted, path)
+    try:
+        return wanted, Fluorescence.of(excitation, emission, quantum_yield)
+    except SpectrumError as error:
+        raise error.within(f"{path}: {wanted}") from None
 
 
 def _quantum_yield(lines: list[str], name: str, path: Path) -> float:
@@ -167,7 +188,9 @@ def _quantum_yield(lines: list[str], name: str, path: Path) -> float:
             try:
                 return read_number(text)
             except ValueError:
-                raise SpectrumError(f"{path}: {key} {text.strip()!r} is no number") from None
+                raise SpectrumError(
+                    f"{path}: {key} {text.strip()!r} is no number; give 0 to 1, as 0.6"
+                ) from None
     warnings.warn(
         f"{path}: no quantum yield of {name}, taken as 1; write # {name} quantum yield: 0.6",
         VolspecWarning,

@@ -55,9 +55,9 @@ _NOT_SPIKY = {
     "F40/N (Natural FL)",
 }
 Folder = str | os.PathLike[str]
-# Full widths at half maximum of coloured LEDs and lasers, and their peaks.
-_WIDTHS_NM = {"led": 20.0, "laser": 1.0}
-_PEAKS_NM = 350.0, 750.0
+# Peaks of coloured LEDs and lasers, and the full width at half maximum of the former.
+_PEAKED = ("led", "laser")
+_PEAKS_NM, _LED_WIDTH_NM = (350.0, 750.0), 20.0
 _SMOOTH = ("A", "B", "C", "D50", "D55", "D60", "D65", "D75", "E")
 
 
@@ -70,9 +70,9 @@ def light(text: str, grid: SpectralGrid = DEFAULT_GRID, *, folder: Folder = ".")
         A name in `light_names` (any case), an everyday name (``tungsten``, ``sodium``,
         ``candle``, …; see `EVERYDAY`), ``planck:KELVIN`` (500-100000),
         ``daylight:KELVIN`` (4000-25000), ``lamp:NAME`` (see `LAMPS`), ``led:NM`` (a coloured LED,
-        20 nm wide, with its peak at 350-750 nm), ``laser:NM`` (1 nm wide), a file (``FILE.csv``,
-        ``FILE.csv#column``, ``FILE.spd``, ``FILE.spdx``, ``FILE.exr#X,Y``,
-        ``PALETTE.toml#name``, …; see `read_spectrum`), or a mix
+        20 nm wide, with its peak at 350-750 nm), ``laser:NM`` (a line, shared by the
+        two bands around it), a file (``FILE.csv``, ``FILE.csv#column``, ``FILE.spd``,
+        ``FILE.spdx``, ``FILE.exr#X,Y``, ``PALETTE.toml#name``, …; see `read_spectrum`), or a mix
         ``NAME*WEIGHT+NAME*WEIGHT`` with shares of illuminance as weights (default 1). Known names
         with ``+`` or ``/`` are matched whole; in a mix, give a column with ``+`` or ``*`` in its
         name by number.
@@ -206,7 +206,7 @@ def _is_known(name: str, folder: Folder) -> bool:
     prefix, _, number = low.partition(":")
     if prefix == PREFIX:
         return number.strip() in LAMPS
-    return prefix in ("planck", "daylight", *_WIDTHS_NM) and _number(number) is not None
+    return prefix in ("planck", "daylight", *_PEAKED) and _number(number) is not None
 
 
 def _parse_mix(text: str, folder: Folder) -> list[_Term] | None:
@@ -289,7 +289,7 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
             )
         values = _planck(kelvin, grid) if prefix == "planck" else _daylight(kelvin, grid)
         return _normalise(values, grid, f"{prefix}:{kelvin:g}")
-    if prefix in _WIDTHS_NM:
+    if prefix in _PEAKED:
         low_nm, high_nm = _PEAKS_NM
         if peak_nm is None or not low_nm <= peak_nm <= high_nm:
             raise SpectrumError(
@@ -304,7 +304,8 @@ def _component(name: str, grid: SpectralGrid, folder: Folder) -> Spectrum:
                 "[basis] grid_nm = [360, 750, 10]",
                 code="range",
             )
-        return _normalise(_line(peak_nm, _WIDTHS_NM[prefix], grid), grid, f"{prefix}:{peak_nm:g}")
+        values = _led(peak_nm, grid) if prefix == "led" else _laser(peak_nm, grid)
+        return _normalise(values, grid, f"{prefix}:{peak_nm:g}")
     if prefix == PREFIX and number.strip() in LAMPS:
         source = LAMPS[number.strip()]
         return _normalise(_planck(source.kelvin, grid), grid, f"{PREFIX}:{source.name}")
@@ -357,7 +358,8 @@ def _unknown(name: str, context: str = "") -> SpectrumError:
         meant = f"did you mean 'led:{peak[1]}'? "
     return SpectrumError(
         f"light {name!r}{context} is unknown; {meant or nearest_light(name)}"
-        f"other forms: planck:3200, daylight:6500, lamp:candle-1900, {FILE_FORMS}",
+        "other forms: planck:3200, daylight:6500, lamp:candle-1900, led:450, laser:488, "
+        f"{FILE_FORMS}",
         code="unknown",
     )
 
@@ -377,10 +379,15 @@ def _planck(kelvin: float, grid: SpectralGrid) -> NDArray[np.float64]:
     return grid.band_means(w, (560.0 / w) ** 5 / (np.exp(np.minimum(exponent, 600.0)) - floor))
 
 
-def _line(peak_nm: float, width_nm: float, grid: SpectralGrid) -> NDArray[np.float64]:
-    """Return the band means of a Gaussian with its full width at half maximum."""
-    wavelengths = np.arange(300.0, 831.0, width_nm / 20.0)
-    values = np.exp(-4.0 * np.log(2.0) * ((wavelengths - peak_nm) / width_nm) ** 2)
+def _laser(nm: float, grid: SpectralGrid) -> NDArray[np.float64]:
+    """Return a line, shared by the two bands around it so that its mean wavelength is kept."""
+    return np.maximum(0.0, 1.0 - np.abs(grid.wavelengths_nm - nm) / grid.step_nm)
+
+
+def _led(peak_nm: float, grid: SpectralGrid) -> NDArray[np.float64]:
+    """Return the band means of a Gaussian of an LED's width."""
+    wavelengths = np.arange(300.0, 831.0)
+    values = np.exp(-4.0 * np.log(2.0) * ((wavelengths - peak_nm) / _LED_WIDTH_NM) ** 2)
     return extended_band_means(wavelengths, values, grid)
 
 

@@ -107,7 +107,7 @@ def reflectance(
     if folded not in known:
         raise SpectrumError(
             f"reflectance {name!r} is unknown; {nearest(name, reflectance_names())}"
-            f"other forms: grey:0.18, white, black, {FILE_FORMS}",
+            f"other forms: grey:0.18, white, black, {FLUOROPHORE}:EGFP, longpass:500, {FILE_FORMS}",
             code="unknown",
         )
     w, v = sample_tables()[known[folded]]
@@ -168,10 +168,14 @@ _FILTERS: Mapping[str, Callable[..., tuple[float, float]]] = {
 def _filter(name: str, kind: str, numbers: str, grid: SpectralGrid) -> Spectrum:
     """Return an ideal filter: 1 where it passes light, 0 elsewhere, in parts of bands."""
     try:
-        low, high = _FILTERS[kind](*(read_number(number) for number in numbers.split("/")))
+        given = [read_number(number) for number in numbers.split("/")]
+        low, high = _FILTERS[kind](*given)
+        if not all(0 < number < np.inf for number in given):
+            raise ValueError
     except (TypeError, ValueError):
         raise SpectrumError(
-            f"filter {name!r}: give nm, as in longpass:500, shortpass:500 or bandpass:525/50",
+            f"filter {name!r}: give nm above 0, as in longpass:500, shortpass:500 or "
+            "bandpass:525/50 (middle/width)",
             code="syntax",
         ) from None
     starts = grid.wavelengths_nm - grid.step_nm / 2

@@ -91,9 +91,12 @@ class FieldFunctions:
             where = f"{_WHO}.weights[{name!r}]"
             if name not in functions:
                 raise TransferError(
-                    "no such field", nearest(name, functions), code="unknown", field=where
+                    "no such field",
+                    f"{nearest(name, functions)}give one of {', '.join(map(repr, functions))}",
+                    code="unknown",
+                    field=where,
                 )
-            if not (math.isfinite(weight) and weight >= 0):
+            if not (isinstance(weight, int | float) and math.isfinite(weight) and weight >= 0):
                 raise TransferError.refused(where, weight, "give 0 or more", "range")
         object.__setattr__(self, "functions", MappingProxyType(dict(functions)))
         object.__setattr__(self, "weights", MappingProxyType(dict(self.weights)))

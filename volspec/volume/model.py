@@ -156,6 +156,8 @@ class Volume:
         VolumeError
             If two have the same name, or one has fields of its own.
         """
+        if not isinstance(fields, Iterable):
+            raise VolumeError.refused("fields", fields, "give a list of volumes", "type")
         volume = copy(self)
         object.__setattr__(volume, "fields", tuple(fields))
         object.__setattr__(volume, "fields", checked_fields(volume))
