@@ -10,6 +10,7 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises
 from volspec.errors import SceneError
+from volspec.export.plan import check_scene
 
 HEAD = """
 [volume]
@@ -104,15 +105,35 @@ def test_a_hidden_field_is_cast_as_fast_and_alike_as_a_volume_alone(folder: Path
         ("", "weight = -1.0", "range"),
         ("", "gradient_opacity = [[0, 0], [1, 1]]", "conflict"),
         ("spacing_mm = [1, 1, 0]", "", "range"),
+        ("matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 1, 1]]", "", "range"),
+        ("", "weight = inf", "range"),
     ],
-    ids=["singular", "rows", "weight", "gradients", "spacing"],
+    ids=["singular", "rows", "weight", "gradients", "spacing", "last row", "infinite"],
 )
 def test_what_cannot_be_is_refused_in_one_line(
     folder: Path, keys: str, own: str, code: str | None
 ) -> None:
     with raises(SceneError, *(() if code is None else (code,))) as caught:
         cast(scene(folder, keys, own))
-    assert "field" in str(caught.value) and "\n" not in str(caught.value).strip()
+    assert "[[field]] PET" in str(caught.value) and "\n" not in str(caught.value).strip()
+
+
+@pytest.mark.parametrize(
+    ("keys", "raycast", "words"),
+    [
+        ("", 'clip_planes = [{point_mm = [0, 0, 0], normal = [0, 0, 1], fields = ["MR"]}]', "'MR'"),
+        ("", "preintegrated = true", "several fields"),
+        ("spacing_mm = [1e6, 1e6, 1e6]", "", "'PET'"),
+    ],
+    ids=["unknown field", "preintegrated", "far"],
+)
+def test_what_a_cast_refuses_is_found_by_the_check(
+    folder: Path, keys: str, raycast: str, words: str
+) -> None:
+    head = HEAD + f"[raycast]\n{raycast}\n"
+    (folder / "scene.toml").write_text(head + FIELD.format(keys=keys, own=""))
+    (fault,) = check_scene(folder / "scene.toml").errors
+    assert words in fault and "scene.toml" in fault
 
 
 def test_a_field_that_is_missing_is_named(folder: Path) -> None:

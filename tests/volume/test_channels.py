@@ -16,6 +16,7 @@ from volspec.transfer import FieldFunctions
 from volspec.transfer.channel_look import channel_limits
 from volspec.volume import load_volume, volume_choices
 from volspec.volume.channels import Channel
+from volspec.volume.summary import summarise
 
 NAMES = ["DAPI", "Actin", "Actin"]
 
@@ -62,6 +63,14 @@ def test_an_ome_tiff_opens_with_all_its_channels(
     assert (dapi.colour, dapi.excitation_nm, dapi.emission_nm) == ((0.0, 0.0, 1.0), 358.0, 461.0)
     assert actin.colour == (0.0, 1.0, 0.0)
     assert (third.colour, third.excitation_nm) == ((1.0, 1.0, 1.0), None)  # 4 nm is no light
+
+
+def test_the_summary_lists_them_with_their_ranges(ome_tiff: Path) -> None:
+    volume = load_volume(ome_tiff)
+    channels = summarise(volume).channels
+    assert list(channels.values()) == [each.range for each in (volume, *volume.fields)]
+    assert list(channels)[:2] == NAMES[:2]
+    assert summarise(load_volume(f"{ome_tiff}?channel=1")).channels == {}
 
 
 def test_an_address_takes_one_channel_and_the_choice_lists_all(ome_tiff: Path) -> None:

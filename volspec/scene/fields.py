@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, ClassVar
@@ -24,7 +25,10 @@ from volspec.transfer.fields import OWN
 from volspec.volume import Volume, load_volume
 from volspec.volume.bundled import locate_volume
 
-Row = Annotated[tuple[float, float, float, float], Field(strict=False)]
+At = Callable[[str], AbstractContextManager[None]]
+"""Adds a place in the scene's file to an error that is raised within."""
+Number = Annotated[float, Field(allow_inf_nan=False)]
+Row = Annotated[tuple[Number, Number, Number, Number], Field(strict=False)]
 Matrix = Annotated[
     tuple[Row, Row, Row, Row],
     Field(strict=False),
@@ -56,6 +60,9 @@ class FieldSpec:
             for key, given in (("spacing_mm", self.spacing_mm), ("matrix", self.matrix)):
                 if given is not None:
                     raise fault(key, "is for a field with a file of its own", "add file")
+        if self.matrix is not None and self.matrix[3] != (0.0, 0.0, 0.0, 1.0):
+            problem = f"has the last row {list(self.matrix[3])}"
+            raise fault("matrix", problem, "give [0, 0, 0, 1] there", "range")
         if self.transfer.points is None:
             raise fault("transfer", f"has {self.transfer.kind}", "give points")
 
@@ -85,23 +92,26 @@ class FieldSpec:
         return replace(field, name=self.name)
 
 
-def with_fields(volume: Volume, rows: tuple[FieldSpec, ...], folder: Path) -> Volume:
+def with_fields(volume: Volume, rows: tuple[FieldSpec, ...], folder: Path, at: At) -> Volume:
     """Return a volume with the fields of ``[[field]]``.
 
-    Raises VolumeError if one cannot be read, or the volume's file has none of its name.
+    ``at`` adds the row to the VolumeError that is raised if a field cannot be read, or the volume's
+    file has none of its name.
     """
     more = {each.name: each for each in volume.fields}
-    for row in rows:
-        if row.file is not None:
-            more[row.name] = row.load(folder)
-        elif row.name not in more:
-            known = ", ".join(more) or "none"
-            raise VolumeError(
-                f"{volume.name} has no field {row.name!r}",
-                f"{nearest(row.name, more)}it has {known}; or give its file",
-                code="unknown",
-            )
-    return volume.with_fields(tuple(more.values())) if rows else volume
+    for number, row in enumerate(rows):
+        with at(f"field[{number}]"):
+            if row.file is not None:
+                more[row.name] = row.load(folder)
+            elif row.name not in more:
+                others = f"or one of {', '.join(more)}" if more else "as the volume's file has none"
+                raise VolumeError(
+                    f"{volume.name} has no field {row.name!r}",
+                    f"{nearest(row.name, more)}give its file, {others}",
+                    code="unknown",
+                )
+    with at("field"):
+        return volume.with_fields(tuple(more.values())) if rows else volume
 
 
 def scene_transfer(
@@ -110,17 +120,27 @@ def scene_transfer(
     materials: Mapping[str, Spectrum],
     filters: Mapping[str, Spectrum],
     basis: Basis,
+    at: At,
 ) -> Transfers:
-    """Return the transfer function of ``[transfer]``, or of all fields."""
-    function = own.function(materials, filters, basis)
-    if not rows and own.weight == 1.0 and own.shown:
-        return function
-    if not isinstance(function, TransferFunction):
-        raise fault("", f"{own.kind} cannot be cast with other fields or a weight", "give points")
-    functions, weights = {OWN: function}, {OWN: own.weight if own.shown else 0.0}
-    for row in rows:
-        made = row.transfer.function(materials, filters, basis)
-        assert isinstance(made, TransferFunction)
+    """Return the transfer function of ``[transfer]``, or of all fields.
+
+    ``at`` adds the table to the error that is raised if one cannot be made.
+    """
+    with at("transfer"):
+        function = own.function(materials, filters, basis)
+        if not rows and own.weight == 1.0 and own.shown:
+            return function
+        if not isinstance(function, TransferFunction):
+            problem = f"{own.kind} cannot be cast with other fields or a weight"
+            raise fault("", problem, "give points")
+        functions, weights = {OWN: function}, {OWN: own.weight if own.shown else 0.0}
+        FieldFunctions(functions, weights)  # refuses what several fields cannot have
+    for number, row in enumerate(rows):
+        with at(f"field[{number}].transfer"):
+            made = row.transfer.function(materials, filters, basis)
+            assert isinstance(made, TransferFunction)
+            FieldFunctions({row.name: made})
         functions[row.name] = made
         weights[row.name] = row.transfer.weight if row.transfer.shown else 0.0
-    return FieldFunctions(functions, weights)
+    with at("field"):
+        return FieldFunctions(functions, weights)

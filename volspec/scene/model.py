@@ -146,10 +146,9 @@ class Scene:
         if not isinstance(self.basis, MaterialBasis):
             with names.at("basis"):
                 require_reflective(self.materials, self.basis.name)
-        with names.at("transfer"):
-            self.transfer = scene_transfer(
-                file.transfer, file.field, self.materials, filters, self.basis
-            )
+        self.transfer = scene_transfer(
+            file.transfer, file.field, self.materials, filters, self.basis, names.at
+        )
         with names.at("viewing.filter"):
             self.filter = names.eye_filter(grid)
         self.relight = self._seen_in_room()

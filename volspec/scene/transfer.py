@@ -15,7 +15,7 @@ from pydantic import Discriminator, Field, Tag
 from volspec.basis import Basis
 from volspec.errors import SceneError
 from volspec.scene.specs import fault
-from volspec.settings import Hint, Pair, Unit, read_table, settings
+from volspec.settings import Hint, NotNegative, Pair, Unit, read_table, settings
 from volspec.spectra import Spectrum
 from volspec.transfer import (
     Isosurfaces,
@@ -107,7 +107,7 @@ class TransferSpec:
     """Isosurfaces, up to eight; rows as points."""
     reference_step_mm: Annotated[float, Unit("mm")] | None = None
     """Length to which opacities refer; default: the smallest spacing. Not with surfaces."""
-    weight: Annotated[float, Field(ge=0.0)] = 1.0
+    weight: NotNegative = 1.0
     """Factor of the extinction; with points."""
     shown: bool = True
     """False hides the field; with points."""

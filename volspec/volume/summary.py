@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from volspec.volume.channels import unique_titles
 from volspec.volume.model import Volume
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ class VolumeSummary:
     histogram: list[tuple[float, float, int]]  # from, to (included by integers), count
     missing: int  # voxels that are NaN or infinite
     labels: dict[int, str]  # names of a segmentation's labels by number; empty for other volumes
+    channels: dict[str, tuple[float, float]]  # ranges by name, if there are several; or empty
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to JSON types."""
@@ -59,6 +61,9 @@ class VolumeSummary:
         axes = ["(" + ", ".join(f"{v:g}" for v in column) + ")" for column in columns]
         letters = f"{self.directions}: " if self.directions else ""
         table.add_row("axes x y z", letters + " ".join(axes))
+        if self.channels:
+            ranges = (f"{name} {low:g} … {high:g}" for name, (low, high) in self.channels.items())
+            table.add_row("channels", "; ".join(ranges) + "; below, the first")
         table.add_row("range", f"{self.range[0]:g} … {self.range[1]:g}, mean {self.mean:.4g}")
         if self.missing:
             table.add_row("missing", f"{self.missing:,} voxels are NaN or infinite: transparent")
@@ -101,6 +106,14 @@ def _directions(volume: Volume) -> str:
     )
 
 
+def _channels(volume: Volume) -> dict[str, tuple[float, float]]:
+    if not volume.fields:
+        return {}
+    every = volume, *volume.fields
+    names = unique_titles([each.channel.name or each.name for each in every])
+    return {name: each.range for name, each in zip(names, every, strict=True)}
+
+
 def summarise(volume: Volume) -> VolumeSummary:
     """Measure a volume's size, geometry and histogram."""
     low, high = volume.range
@@ -132,4 +145,5 @@ def summarise(volume: Volume) -> VolumeSummary:
             (float(a), float(b), int(n)) for a, b, n in zip(edges[:-1], ends, counts, strict=True)
         ],
         labels={number: label.name for number, label in volume.labels.items()},
+        channels=_channels(volume),
     )
