@@ -36,7 +36,7 @@ _SAMPLED = 128
 _BLACK, _WHITE = 1.5e-4, 0.995
 _PROBLEMS = {"black": "is all black", "clipped": "is clipped all over"}
 _REMEDIES = {
-    "black": "there is too little light, or materials do not reflect it: raise",
+    "black": "there is too little light, materials do not reflect it, or a filter stops it: raise",
     "clipped": "there is too much light: lower",
 }
 
