@@ -182,6 +182,8 @@ def page_html(
         "views": packed_views,
         "groups": dict(first.groups),
         "basis": payload.basis_numbers(first.basis, relight_spec.seen_through(first.basis.grid)),
+        # A file without its folder, which is of this machine.
+        "filter": os.path.basename(relight_spec.filter or ""),
         "lights": [payload.light_numbers(light, first.basis.grid) for light in lights],
         "look": payload.look_numbers(relight_spec, lights),
         **payload.page_viewing(relight_spec.viewing),

@@ -58,6 +58,8 @@ function fillChoices(page) {
   byId('surround').append(
     ...ratios.reverse().map(([ratio, name]) => el('option', { value: ratio }, name)));
   const fields = lookFields(page);
+  byId('filter').textContent = page.filter;
+  byId('filter-row').hidden = !page.filter;
   // If channels are materials, colours are exact in every mode.
   byId('mode-row').hidden = byId('errors-row').hidden = page.basis.kind === 'materials';
   byId('level-row').hidden = fields.level.read('absolute') === undefined;
