@@ -19,7 +19,8 @@
 //                      material_weights (in vectors); 1 if the frame's crop cuts it, too
 // Writes  as raycast.cl
 //
-// The host sets FIELDS (up to 8), ALIGNED (all fields have the frame's lattice), MIX_OPAQUE, and the constants of raycast.cl.
+// The host sets FIELDS (up to 8), ALIGNED (all fields have the frame's lattice and planes),
+// MIX_OPAQUE, and the constants of raycast.cl.
 
 #include "lanes.clh"
 #include "rays.clh"

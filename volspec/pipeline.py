@@ -333,8 +333,11 @@ def _empty_picture_warning(volume: Volume, table: Tables) -> str:
     if isinstance(table, FieldTables):
         if not any(one.opacity.any() for one in table.tables.values()):
             return f"{volume.name}: the picture is empty: every field's opacities are 0; raise one"
-        content = f"Shown are {', '.join(table.tables)}"
-    elif isinstance(table, SurfaceTable):
+        return (
+            f"{volume.name}: the picture is empty. Shown are {', '.join(table.tables)}, but none "
+            "has values that its transfer function shows, or the camera looks past them"
+        )
+    if isinstance(table, SurfaceTable):
         levels = ", ".join(f"{value:g}" for value in table.values)
         content = f"The isosurfaces lie at {levels}"
     elif not table.opacity.any():
@@ -343,11 +346,6 @@ def _empty_picture_warning(volume: Volume, table: Tables) -> str:
         content = (
             f"The transfer function runs from {table.domain[0]:g} to {table.domain[1]:g} with "
             f"opacity up to {table.opacity.max():g}"
-        )
-    if isinstance(table, FieldTables):
-        return (
-            f"{volume.name}: the picture is empty. {content}, but none has values that its "
-            "transfer function shows, or the camera looks past them"
         )
     return (
         f"{volume.name}: the picture is empty. {content}, but the volume's values from "

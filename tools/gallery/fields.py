@@ -11,9 +11,9 @@ from tools.gallery.studio import BASIS, STUDIO, Picture, cast, halved, materials
 
 
 def fluorescence(cells: vs.Volume) -> dict[str, Picture]:
-    """Four stains in one cast. A fluorophore absorbs at some wavelengths and emits at others, so
-    that a laser picks what is seen, and a filter in the eye's path keeps the laser out. Under a
-    lamp of white light the same stains mix. `D = 0`: the eye does not adapt to a laser.
+    """Four stains in one cast. A fluorophore absorbs at some wavelengths and emits at others: a
+    laser selects the stains that shine, and a filter in the eye's path stops the laser itself.
+    Under white light the same stains mix. `D = 0`: the eye does not adapt to a laser.
     """
     stains = {
         "nuclei": ("mTagBFP2", 0.04),

@@ -118,7 +118,6 @@ def first_error(log: str, source: Source) -> str:
         return one_line(log)
     # The compiler uses its own file name for the lines before the first mark; NVIDIA's names no
     # file and counts the lines of the whole text.
-    marked = found[1] != _NVIDIA
     file = found[1] if found[1] in source.files else source.files[0]
     name, number = source.files[0], 0
     for place, line in enumerate(source.text.splitlines(), start=1):
@@ -126,6 +125,8 @@ def first_error(log: str, source: Source) -> str:
             number, name = int(mark[1]) - 1, mark[2]
             continue
         number += 1
-        if int(found[2]) == (number if marked else place) and (not marked or name == file):
+        if (found[1], found[2]) == (_NVIDIA, str(place)) or (
+            found[1] != _NVIDIA and (name, number) == (file, int(found[2]))
+        ):
             return f'{name}:{number}:{found[3]}: error: {found[4]}: "{line.strip()}"'
     return one_line(found[0])

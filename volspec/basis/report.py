@@ -9,7 +9,7 @@ interreflection and coloured absorption: light * S1 * S2 in full spectra, e * s1
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 from itertools import combinations_with_replacement
@@ -27,12 +27,11 @@ from volspec.basis.display import MODES, visible_white
 from volspec.basis.materials import MaterialBasis, alike
 from volspec.errors import BasisError
 from volspec.spectra.datasets import colour_matching_functions, colour_science
-from volspec.spectra.fluorescence import Fluorescence
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.lights import light_set
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 from volspec.spectra.reflectances import reflectance_set, reflectance_set_names
-from volspec.spectra.spectrum import Spectrum, reflectance_values
+from volspec.spectra.spectrum import Spectrum, reflectance_values, stack
 
 if TYPE_CHECKING:
     from volspec.basis.model import SpectralBasis
@@ -95,25 +94,21 @@ class PairErrors:
 def pair_errors(
     basis: SpectralBasis | MaterialBasis,
     lights: Sequence[Spectrum],
-    reflectances: Array,
+    surfaces: Sequence[Spectrum],
     channels: Array,
-    names: Sequence[str],
-    fluorescent: Mapping[int, Fluorescence],
     chained: bool,
 ) -> PairErrors:
     """Compare all modes with full spectra, light by light.
 
-    Lights are on the basis' grid; reflectances are (K, N) and their channels (K, m);
-    ``fluorescent`` ones of them, by number, also emit. ``chained`` is True if channels multiply as
-    spectra do, so that products have an error.
+    Lights and the K surfaces are on the basis' grid; channels are (K, m). ``chained`` is True if
+    channels multiply as spectra do, so that products have an error.
     """
-    rgb = sharp_surfaces(reflectances, basis.grid, basis.observer_deg)
+    S = stack(list(surfaces), basis.grid)
+    rgb = sharp_surfaces(S, basis.grid, basis.observer_deg)
     rows: list[dict[Any, Array]] = []
     for light in lights:
         against = _Reference(light, basis.observer_deg)
-        true = against.XYZ(reflectances)
-        for number, emitting in fluorescent.items():
-            true[number] += against.emitted_XYZ(emitting)
+        true = against.XYZ(surfaces)
         matrices = {mode: basis.colour_matrix(light, mode) for mode in MODES}
         row: dict[Any, Array] = {
             "XYZ": true,
@@ -128,12 +123,10 @@ def pair_errors(
     factors = PRODUCTS if chained else ()
     return PairErrors(
         lights=tuple(light.name or f"light {j + 1}" for j, light in enumerate(lights)),
-        reflectances=tuple(names),
+        reflectances=tuple(each.name for each in surfaces),
         delta_e={way: stacked.pop(way) for way in (*MODES, RGB_PRODUCT)},
         shown_XYZ={mode: stacked.pop(("shown", mode)) for mode in MODES},
-        compare_products=partial(
-            _product_errors, basis, lights, factors, reflectances, channels, rgb
-        ),
+        compare_products=partial(_product_errors, basis, lights, factors, S, channels, rgb),
         **stacked,
     )
 
@@ -188,14 +181,8 @@ class _Reference:
         self._own_white = white_XYZ(light, observer_deg)
         self.white = visible_white(self._own_white)
 
-    def XYZ(self, reflectances: Array) -> Array:
+    def XYZ(self, reflectances: Reflectances) -> Array:
         return XYZ_from_spectra(self._light, reflectances, self._observer)
-
-    def emitted_XYZ(self, fluorescence: Fluorescence) -> Array:
-        Q = colour_matching_functions(self._light.grid, self._observer)
-        E = self._light.values
-        emitted = fluorescence.on(self._light.grid).emitted(E)
-        return np.asarray(Q @ emitted * (100.0 / (Q[1] @ E)))
 
     def lit(self, surfaces: Array) -> Array:
         """Multiply surfaces by the light in Sharp sensors, like an RGB renderer; return XYZ."""
@@ -389,22 +376,15 @@ def basis_report(
     lights = light_set("smooth", basis.grid) if lights is None else _lights(lights, basis.grid)
     if reflectances is None:
         reflectances, names = _own_samples(basis)
-    S, names = _samples(reflectances, names, basis.grid)
-    if not lights or not len(S):
+    surfaces = _samples(reflectances, names, basis.grid)
+    if not lights or not surfaces:
         raise BasisError(
             "report: no lights or no reflectances given; nothing to compare", code="missing"
         )
     chained = not isinstance(basis, MaterialBasis)
-    given = reflectances if isinstance(reflectances, list | tuple) else [reflectances]
-    fluorescent = {
-        number: each.fluorescence
-        for number, each in enumerate(given)
-        if isinstance(each, Spectrum) and each.fluorescence
-    }
-    channels = _channels(basis, S, names, fluorescent)
-    pairs = pair_errors(basis, lights, S, channels, names, fluorescent, chained=chained)
+    pairs = pair_errors(basis, lights, surfaces, _channels(basis, surfaces), chained=chained)
     way = own_way(basis.method)
-    j, i = divmod(int(pairs.delta_e[way].argmax()), len(S))
+    j, i = divmod(int(pairs.delta_e[way].argmax()), len(surfaces))
     return BasisReport(
         basis=basis.name,
         size=basis.size,
@@ -444,40 +424,37 @@ def _own_samples(basis: SpectralBasis | MaterialBasis) -> tuple[Reflectances, Se
 
 def _samples(
     reflectances: Reflectances, names: Sequence[str] | None, grid: SpectralGrid
-) -> tuple[Array, list[str]]:
-    """Return (K, N) values of reflectances, and a name for each."""
+) -> list[Spectrum]:
+    """Return reflectances on a grid, each with a name, and with what it emits."""
     if isinstance(reflectances, Spectrum):
         reflectances = [reflectances]
     S = reflectance_values(reflectances, grid, "report: reflectances").reshape(-1, grid.size)
-    if names is None and isinstance(reflectances, list | tuple):
-        names = [r.name if isinstance(r, Spectrum) else "" for r in reflectances]
-    given = [""] * len(S) if names is None else list(names)
+    spectra = list(reflectances) if isinstance(reflectances, list | tuple) else [None] * len(S)
+    given = [getattr(each, "name", "") for each in spectra] if names is None else list(names)
     if len(given) != len(S):
         raise BasisError(
             f"report: {len(given)} names for {len(S)} reflectances; give one for each", code="shape"
         )
-    return S, [name or f"reflectance {i}" for i, name in enumerate(given, start=1)]
+    made = []
+    for i, (row, name, spectrum) in enumerate(zip(S, given, spectra, strict=True), start=1):
+        emitting = getattr(spectrum, "fluorescence", None)
+        fluorescence = emitting and emitting.on(grid)
+        name = name or f"reflectance {i}"
+        made.append(Spectrum(grid.wavelengths_nm, row, name, fluorescence=fluorescence))
+    return made
 
 
-def _channels(
-    basis: SpectralBasis | MaterialBasis,
-    S: Array,
-    names: Sequence[str],
-    fluorescent: Mapping[int, Fluorescence],
-) -> Array:
+def _channels(basis: SpectralBasis | MaterialBasis, surfaces: Sequence[Spectrum]) -> Array:
     """Return (K, m) channels: analysed by the basis, or looked up among its materials."""
     if not isinstance(basis, MaterialBasis):
-        return np.asarray(basis.analyse(S))
+        return np.asarray(basis.analyse(list(surfaces)))
     own = basis.materials
-    w = basis.grid.wavelengths_nm
     found = []
-    for number, (row, name) in enumerate(zip(S, names, strict=True)):
-        emitting = fluorescent.get(number)
-        wanted = Spectrum(w, row, fluorescence=emitting and emitting.on(basis.grid))
-        match = [k for k, each in enumerate(own.values()) if alike(each, wanted)]
+    for surface in surfaces:
+        match = [k for k, each in enumerate(own.values()) if alike(each, surface)]
         if not match:
             raise BasisError(
-                f"report: {name} is not a material of basis {basis.name!r}, which holds "
+                f"report: {surface.name} is not a material of basis {basis.name!r}, which holds "
                 f"{', '.join(own)}; it has no channels for others",
                 code="unknown",
             )

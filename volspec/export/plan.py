@@ -317,10 +317,11 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
 def _require_castable(scene: Scene, volume: Volume) -> None:
     """Raise SceneError if settings of the cast do not fit the volume's fields."""
     try:
-        spec = scene.raycast.naming_fields(volume)
         tables = bake_for_volume(scene.transfer, volume)
         if isinstance(tables, FieldTables):
-            FieldCast.of(volume, tables, spec)
+            FieldCast.of(volume, tables, scene.raycast)
+        else:
+            scene.raycast.naming_fields(volume)
     except InputError as error:
         raise error.within(f"{scene.path}: [raycast]", SceneError) from error
 

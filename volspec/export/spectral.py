@@ -121,11 +121,9 @@ def flat_white_scale(basis: Basis, light: Spectrum, gain: float) -> float:
 
 def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
     """Return the (N, M) matrix from channels to bands of the colour signal."""
-    B = basis.synthesise(np.eye(basis.size)).T
-    if not isinstance(basis, SpectralBasis):
+    if not isinstance(basis, SpectralBasis) or mode == "exact":
         return np.asarray(basis.leaving(np.eye(basis.size), light.values).T)
-    if mode == "exact":
-        return light.values[:, None] * B
+    B = basis.synthesise(np.eye(basis.size)).T
     if mode == "componentwise":
         return B * basis.analyse(light)
     return B @ basis.illumination_matrix(light)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from volspec.errors import RaycastError
-from volspec.raycast.spec import MAX_STEPS, ClipPlane, RaycastSpec
+from volspec.raycast.spec import MAX_STEPS, RaycastSpec
 from volspec.transfer import FieldTables, TransferTable
 from volspec.volume import Volume
 
@@ -46,7 +46,7 @@ class FieldCast:
     ) -> FieldCast:
         """Return the cast of a volume's fields; ``frame`` is from `frame_around`, if known.
 
-        Raises RaycastError if a setting is for one field alone.
+        Raises RaycastError if a setting is for one field alone, or a plane cuts an unknown one.
         """
         for name, given in (
             ("mode", spec.mode != "composite"),
@@ -62,8 +62,8 @@ class FieldCast:
                     given=getattr(spec, name),
                 )
         frame = frame or frame_around(volume, tables.tables)
-        # Every field takes the volume's steps. Tables have the name of the volume's own field.
-        spec = replace(spec, step_mm=spec.step_of(volume), clip_planes=_named(spec, volume.name))
+        # Every field takes the volume's steps.
+        spec = replace(spec.naming_fields(volume), step_mm=spec.step_of(volume))
         uncropped = replace(spec, crop_voxels=None)
         own = {name: uncropped.for_field(name) for name in tables.tables}
         if spec.crop_voxels is not None and frame is not volume:
@@ -75,14 +75,6 @@ class FieldCast:
             )
             spec = replace(spec, crop_voxels=(x, y, z))
         return cls(tables.tables, frame, spec, own)
-
-
-def _named(spec: RaycastSpec, own: str) -> tuple[ClipPlane, ...]:
-    """Return the clip planes with the name of the volume's own field instead of ``""``."""
-    return tuple(
-        replace(plane, fields=tuple(name or own for name in plane.fields))
-        for plane in spec.clip_planes
-    )
 
 
 def frame_around(volume: Volume, names: Iterable[str]) -> Volume:

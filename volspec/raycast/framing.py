@@ -84,14 +84,14 @@ def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> f
 def shown_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> Array:
     """(N, 3) points around the visible voxels; the volume's corners if none is visible."""
     if isinstance(transfer, FieldFunctions):
-        found = []
+        found, shading = [], shading.naming_fields(volume)
         for name in transfer.shown:
             field = volume.by_name[name] if name else volume
             same = field.has_lattice_of(volume)
-            own = (shading if same else replace(shading, crop_voxels=None)).for_field(name)
+            own = (shading if same else replace(shading, crop_voxels=None)).for_field(field.name)
             found.append(shown_mm(field, transfer.functions[name], own))
         return np.concatenate(found)
-    shading = shading.for_field("")
+    shading = shading.naming_fields(volume).for_field(volume.name)
     steps = [-(-size // _MOST) for size in volume.values.shape]
     k, j, i = steps
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])

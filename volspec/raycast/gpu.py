@@ -378,7 +378,6 @@ class Raycaster:
         width, height = checked_size(size)
         self._check_labels(table)
         check_reach(self.volume, camera, spec)
-        spec = spec.naming_fields(self.volume)
         if table.size > MAX_CHANNELS:
             raise RaycastError(
                 f"raycast: {table.size} channels",
@@ -405,7 +404,7 @@ class Raycaster:
             first = next(iter(table.tables.values()))
             struct = kernel_arguments.cast_struct(frame, first, *view, spec.for_field(None))
         else:
-            spec = spec.for_field("")
+            spec = spec.naming_fields(self.volume).for_field(self.volume.name)
             together, several, frame = None, None, self.volume
             struct = kernel_arguments.cast_struct(frame, table, *view, spec)
             self._own.set_buffers(struct)
@@ -462,9 +461,11 @@ class Raycaster:
         Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
         """
         with self._lock:
-            lights, spec = self._lights_of(table), spec.naming_fields(self.volume)
+            lights = self._lights_of(table)
             if isinstance(table, FieldTables):
                 spec = FieldCast.of(self.volume, table, spec, lights.volume).spec
+            else:
+                spec = spec.naming_fields(self.volume).for_field(self.volume.name)
             return lights.arrivals(table, spec, camera, clear)
 
     def _cast_together(self, table: FieldTables) -> _Together:

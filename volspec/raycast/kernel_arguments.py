@@ -244,10 +244,9 @@ class Program:
         """Return the program for several fields, whose tables follow one another."""
         each = list(table.tables.values())
         powers = any(needs_powers(one) for one in each)
-        opacity, weights, channels = zip(
-            *(cls.of(one, spec, step_mm, powers=powers).tables[:3] for one in each), strict=True
-        )
-        constants = cls.of(each[0], spec, step_mm, powers=powers).constants
+        programs = [cls.of(one, spec, step_mm, powers=powers) for one in each]
+        opacity, weights, channels = zip(*(one.tables[:3] for one in programs), strict=True)
+        constants = programs[0].constants
         tables = (
             np.concatenate([rows.reshape(-1, 2) for rows in opacity]),
             np.concatenate(weights),

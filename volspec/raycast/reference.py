@@ -87,7 +87,6 @@ def cast(
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
-    spec = spec.naming_fields(volume)
     width, height = size
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
@@ -108,7 +107,7 @@ def cast(
             for name in table.tables
         }
     else:
-        spec = spec.for_field("")
+        spec = spec.naming_fields(volume).for_field(volume.name)
         kind: type[_March] = _March
         if isinstance(table, SurfaceTable):
             kind = _Surfaces

@@ -258,7 +258,7 @@ class RaycastSpec:
     def for_field(self, name: str | None) -> RaycastSpec:
         """Return the settings with the planes that cut a field, or with None those that cut all.
 
-        ``""`` is the volume's own field.
+        Fields have the names of `naming_fields`.
         """
         if not any(plane.fields for plane in self.clip_planes):
             return self
@@ -266,7 +266,9 @@ class RaycastSpec:
         return replace(self, clip_planes=tuple(replace(plane, fields=()) for plane in cutting))
 
     def naming_fields(self, volume: Volume) -> RaycastSpec:
-        """Return the settings with ``""`` for the volume's own name or channel in clip planes.
+        """Return the settings with the volume's name for its own field in clip planes.
+
+        Given are ``""``, that name or its channel's.
 
         Raises
         ------
@@ -275,6 +277,8 @@ class RaycastSpec:
         """
         own = "", volume.name, volume.channel.name
         known = [each.name for each in volume.fields]
+        if not any(plane.fields for plane in self.clip_planes):
+            return self
         planes = []
         for number, plane in enumerate(self.clip_planes):
             for name in plane.fields:
@@ -285,12 +289,9 @@ class RaycastSpec:
                         f"{nearest(name, known)}it has {', '.join(map(repr, ['', *known]))}, of "
                         'which "" is its own',
                     )
-            named = tuple("" if name in own else name for name in plane.fields)
-            planes.append(plane if named == plane.fields else replace(plane, fields=named))
-        named_planes = tuple(planes)
-        if named_planes == self.clip_planes:
-            return self
-        return replace(self, clip_planes=named_planes)
+            named = (name if name in known else volume.name for name in plane.fields)
+            planes.append(replace(plane, fields=tuple(named)))
+        return replace(self, clip_planes=tuple(planes))
 
     def index_planes(self, volume: Volume) -> NDArray[np.float64]:
         """Return (P, 4) clip planes in index space, normals per voxel: normal · index ≥ w stays."""

@@ -45,11 +45,11 @@ class FieldSpec:
     name: Annotated[Name, Field(examples=["PET"])]
     """Name in lists; without ``file``, of a channel in the volume's file."""
     file: Annotated[str, Field(examples=["pet.nii.gz"])] | None = None
-    """As [volume] file; its lattice may be any."""
+    """File, in the notation of [volume] file, on any lattice."""
     spacing_mm: Annotated[Vector, Unit("mm")] | None = None
     """x, y, z instead of the file's spacing."""
     downsample: int = 1
-    """As [volume] downsample."""
+    """Voxels along a block's edge that become one, in the notation of [volume] downsample."""
     matrix: Matrix | None = None
     """From the file's world to the volume's, in mm, such as a registration found it."""
     transfer: TransferSpec

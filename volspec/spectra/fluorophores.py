@@ -28,7 +28,7 @@ from volspec.errors import SpectrumError, VolspecWarning, nearest
 from volspec.spectra.fluorescence import Fluorescence
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Spectrum
-from volspec.spectra.tables import file_content, fold_name, read_number
+from volspec.spectra.tables import file_content, fold_name, keep_note, read_number
 
 Array = NDArray[np.float64]
 PREFIX = "fluorophore"
@@ -38,10 +38,10 @@ _FINE = SpectralGrid(300.0, 830.0, 2.0)
 
 @dataclass(frozen=True, slots=True)
 class Fluorophore:
-    """Published numbers of a fluorophore: peaks and widths of its bands, nm, and quantum yield.
+    """Numbers of a fluorophore: peaks and full widths at half maximum, nm, and quantum yield.
 
-    The bands are log-normal [1], with the longer tail of the excitation towards the blue and of the
-    emission towards the red; widths are read off published spectra to some 5 nm.
+    Peaks and yield are those of the source. The bands are log-normal [1], with the longer tail of
+    the excitation towards the blue and of the emission towards the red; their widths are rough.
     """
 
     excitation_nm: float
@@ -128,8 +128,38 @@ def fluorescence_in_file(path: Path, name: str) -> tuple[str, Fluorescence] | No
     data = [line for line in lines if line.strip() and not line.startswith("#")]
     separator = max(",;\t", key=(data[0] if data else "").count)
     rows = list(csv.reader(data, delimiter=separator))
+    columns = _columns(rows[0] if rows else [], path)
+    if name:
+        wanted = next((each for each in columns if fold_name(each) == fold_name(name)), None)
+    else:  # of other files, a column may end in "em" by chance
+        pairs = [each for each, own in columns.items() if len(own) == 2]
+        wanted = pairs[0] if len(pairs) == 1 else None
+    if wanted is None:
+        return None
+    if missing := {"excitation", "emission"} - columns[wanted].keys():
+        raise SpectrumError(
+            f"{path}: {wanted!r} has no {missing.pop()}; a fluorophore needs two columns, "
+            f"'{wanted} ex' and '{wanted} em'",
+            code="missing",
+        )
+    notes: dict[str, str] = {}
+    for line in lines:
+        keep_note(line, notes)
+    try:
+        excitation, emission = (
+            _band(rows, columns[wanted][kind], f"{wanted} {kind}")
+            for kind in ("excitation", "emission")
+        )
+        quantum_yield = _quantum_yield(notes, wanted, path)
+        return wanted, Fluorescence.of(excitation, emission, quantum_yield)
+    except SpectrumError as error:
+        raise error.within(f"{path}: {wanted}") from None
+
+
+def _columns(header: list[str], path: Path) -> dict[str, dict[str, int]]:
+    """Return the columns of excitation and emission by the fluorophores' names."""
     found: dict[str, dict[str, int]] = {}
-    for column, cell in enumerate(rows[0] if rows else []):
+    for column, cell in enumerate(header):
         if column and (match := _ENDS.fullmatch(cell.strip())):
             kind = "emission" if match[2].lower().startswith("em") else "excitation"
             own = found.setdefault(match[1].strip(), {})
@@ -139,57 +169,38 @@ def fluorescence_in_file(path: Path, name: str) -> tuple[str, Fluorescence] | No
                     code="duplicate",
                 )
             own[kind] = column
-    wanted = next((each for each in found if fold_name(each) == fold_name(name)), None)
-    if not name and len(found) == 1:
-        wanted = next(iter(found))
-    if wanted is None:
-        return None
-    pairs = found
-    if len(found[wanted]) < 2:
-        missing = {"emission", "excitation"} - found[wanted].keys()
-        raise SpectrumError(
-            f"{path}: {wanted!r} has no {missing.pop()}; a fluorophore needs two columns, "
-            f"'{wanted} ex' and '{wanted} em'",
-            code="missing",
-        )
-    bands: list[Spectrum] = []
-    for kind in ("excitation", "emission"):
-        w: list[float] = []
-        values: list[float] = []
-        for number, row in enumerate(rows[1:], start=2):
-            cell = row[pairs[wanted][kind]].strip() if len(row) > pairs[wanted][kind] else ""
-            if cell:
-                try:
-                    w.append(read_number(row[0]))
-                    values.append(read_number(cell))
-                except ValueError:
-                    raise SpectrumError(
-                        f"{path}: row {number} of {wanted} {kind}: {cell!r} at {row[0]!r} is no "
-                        "number; write one or leave the cell empty",
-                        code="damaged",
-                    ) from None
-        try:
-            bands.append(_widened(Spectrum(np.array(w), np.array(values), f"{wanted} {kind}")))
-        except SpectrumError as error:
-            raise error.within(str(path)) from None
-    excitation, emission = bands
-    quantum_yield = _quantum_yield(lines, wanted, path)
-    try:
-        return wanted, Fluorescence.of(excitation, emission, quantum_yield)
-    except SpectrumError as error:
-        raise error.within(f"{path}: {wanted}") from None
+    return found
 
 
-def _quantum_yield(lines: list[str], name: str, path: Path) -> float:
-    notes = dict(line[1:].split(":", 1) for line in lines if line.startswith("#") and ":" in line)
-    given = {" ".join(key.split()).casefold(): text for key, text in notes.items()}
-    for key in (f"{name} quantum yield", "quantum yield"):
-        if (text := given.get(key.casefold())) is not None:
+def _band(rows: list[list[str]], column: int, name: str) -> Spectrum:
+    """Return a column on the bands of fluorophores, 0 where its cells are empty or end."""
+    w: list[float] = []
+    values: list[float] = []
+    for number, row in enumerate(rows[1:], start=2):
+        if cell := row[column].strip() if len(row) > column else "":
             try:
-                return read_number(text)
+                w.append(read_number(row[0]))
+                values.append(read_number(cell))
             except ValueError:
                 raise SpectrumError(
-                    f"{path}: {key} {text.strip()!r} is no number; give 0 to 1, as 0.6"
+                    f"row {number} of {name}: {cell!r} at {row[0]!r} is no number; write one or "
+                    "leave the cell empty",
+                    code="damaged",
+                ) from None
+    given = Spectrum(np.array(w), np.maximum(values, 0.0), name)
+    nm = _FINE.wavelengths_nm
+    fine = np.interp(nm, given.wavelengths_nm, given.values, left=0.0, right=0.0)
+    return Spectrum(nm, fine, name)
+
+
+def _quantum_yield(notes: Mapping[str, str], name: str, path: Path) -> float:
+    for key in (f"{name} quantum yield".lower(), "quantum yield"):
+        if key in notes:
+            try:
+                return read_number(notes[key])
+            except ValueError:
+                raise SpectrumError(
+                    f"{key} {notes[key]!r} is no number; give 0 to 1, as 0.6"
                 ) from None
     warnings.warn(
         f"{path}: no quantum yield of {name}, taken as 1; write # {name} quantum yield: 0.6",
@@ -197,10 +208,3 @@ def _quantum_yield(lines: list[str], name: str, path: Path) -> float:
         stacklevel=4,
     )
     return 1.0
-
-
-def _widened(spectrum: Spectrum) -> Spectrum:
-    """Return a spectrum on the bands of fluorophores, 0 where it was not measured."""
-    w, values = spectrum.wavelengths_nm, spectrum.values
-    fine = np.interp(_FINE.wavelengths_nm, w, np.maximum(values, 0.0), left=0.0, right=0.0)
-    return Spectrum(_FINE.wavelengths_nm, fine, spectrum.name)

@@ -245,14 +245,12 @@ def light_leaving(
     grid: SpectralGrid,
 ) -> NDArray[np.float64]:
     """Return the light (..., N) that materials reflect and emit under light of (N,) power."""
-    leaving = stack(spectra, grid) * power
     if isinstance(spectra, Spectrum):
-        if spectra.fluorescence:
-            leaving = leaving + spectra.fluorescence.on(grid).emitted(power)
-    elif isinstance(spectra, list | tuple):
-        for row, spectrum in enumerate(spectra):
-            if isinstance(spectrum, Spectrum) and spectrum.fluorescence:
-                leaving[row] += spectrum.fluorescence.on(grid).emitted(power)
+        return light_leaving([spectra], power, grid)[0]
+    leaving = stack(spectra, grid) * power
+    for row, spectrum in enumerate(spectra if isinstance(spectra, list | tuple) else ()):
+        if isinstance(spectrum, Spectrum) and spectrum.fluorescence:
+            leaving[row] += spectrum.fluorescence.on(grid).emitted(power)
     return leaving
 
 

@@ -78,7 +78,7 @@ def read_table(path: str | os.PathLike[str]) -> TextTable:
     for number, line in enumerate(text.splitlines(), start=1):
         line = line.strip()
         if not line or line.startswith("#"):
-            _keep_note(line, notes)
+            keep_note(line, notes)
             continue
         # The first row of numbers determines the separator: headers may contain any.
         candidates = (separator,) if rows else _SEPARATORS
@@ -249,7 +249,8 @@ def require_nanometres(wavelengths: NDArray[np.float64], label: str) -> None:
     raise SpectrumError(f"{label}: wavelengths of {low:g}-{high:g} nm are not visible; {guess}")
 
 
-def _keep_note(line: str, notes: dict[str, str]) -> None:
+def keep_note(line: str, notes: dict[str, str]) -> None:
+    """Add a comment's note, ``# name: text``, to those of a file; names in lower case."""
     # Spreadsheets pad comments with separators, too.
     if note := _NOTE.match(line.rstrip(",;\t ")):
         key = " ".join(note[1].replace("_", " ").split()).lower()
