@@ -56,7 +56,7 @@ def channel_functions(
     """
     texts, points = {}, {}
     fields = volume, *volume.fields
-    titles = unique_titles([field_title(field) for field in fields])
+    titles = unique_titles([field.title for field in fields])
     for number, (field, material) in enumerate(zip(fields, titles, strict=True)):
         name = field.name if number else OWN
         texts[material] = mix_text(smits_weights(channel_colour(field.channel, number)))
@@ -74,11 +74,6 @@ def channel_functions(
         name: TransferFunction(each, materials, basis, step) for name, each in points.items()
     }
     return FieldFunctions(functions), texts
-
-
-def field_title(field: Volume) -> str:
-    """Return a field's name for people: that of its channel, or its own."""
-    return field.channel.name or field.name.replace("\\", "/").rpartition("/")[2]
 
 
 def channel_colour(channel: Channel, number: int) -> Colour:

@@ -117,6 +117,11 @@ class Volume:
         return x, y, z
 
     @property
+    def title(self) -> str:
+        """Name for people: that of its channel, or its own without folders."""
+        return self.channel.name or self.name.replace("\\", "/").rpartition("/")[2]
+
+    @property
     def by_name(self) -> dict[str, Volume]:
         """All fields by name, its own first."""
         return {each.name: each for each in (self, *self.fields)}

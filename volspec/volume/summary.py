@@ -110,7 +110,7 @@ def _channels(volume: Volume) -> dict[str, tuple[float, float]]:
     if not volume.fields:
         return {}
     every = volume, *volume.fields
-    names = unique_titles([each.channel.name or each.name for each in every])
+    names = unique_titles([each.title for each in every])
     return {name: each.range for name, each in zip(names, every, strict=True)}
 
 

@@ -10,7 +10,6 @@ from typing import Any
 
 from volspec.errors import VolspecError, one_line
 from volspec.transfer import FieldFunctions, TransferFunction, Transfers
-from volspec.transfer.channel_look import field_title
 from volspec.viewer.model.document import FieldData
 from volspec.viewer.model.edit import edit, with_interface
 from volspec.viewer.model.field_looks import FieldLook
@@ -81,7 +80,7 @@ def data(state: ViewState) -> FieldData:
 
 def title(state: ViewState, look: FieldLook) -> str:
     """Return a field's name as it is listed."""
-    return field_title(state.document.data[look.name].volume)
+    return state.document.data[look.name].volume.title
 
 
 @edit

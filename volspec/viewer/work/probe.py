@@ -21,7 +21,6 @@ from volspec.relight import Illumination, LightRig, RelightSpec
 from volspec.relight.error_map import error_map
 from volspec.spectra import SpectralGrid, Spectrum
 from volspec.transfer import Transfer
-from volspec.transfer.channel_look import field_title
 from volspec.viewer.work.pictures import crop
 from volspec.volume import Volume
 
@@ -167,12 +166,11 @@ def _hit_rows(
 ) -> Iterator[tuple[str, str]]:
     if (place := place_mm(image, camera, pixel)) is None:
         return
-    fields = [(field_title(each), each) for each in volume.fields]
-    for title, field in [(field_title(volume) if fields else "Value", volume), *fields]:
+    for field in (volume, *volume.fields):
         if field.labels:
-            yield title if fields else "Label", _label_at(field, camera, place)
+            yield field.title if volume.fields else "Label", _label_at(field, camera, place)
         elif (value := value_at(field, place)) is not None:
-            yield title, f"{value:.6g}"
+            yield field.title if volume.fields else "Value", f"{value:.6g}"
     # Neighbouring voxels differ.
     decimals = max(1, -math.floor(math.log10(min(volume.spacing_mm))))
     yield place_unit(volume, patient), _format(place, decimals)
