@@ -28,7 +28,7 @@ from volspec.transfer import (
 )
 from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.commands import COMMANDS
-from volspec.viewer.model.document import Document, joint_histogram
+from volspec.viewer.model.document import Document, field_data
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
@@ -386,10 +386,10 @@ def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Docu
 def test_the_joint_histogram_knows_a_ramps_gradient() -> None:
     """0.25 per voxel of 0.5 mm."""
     ramp = np.broadcast_to(0.25 * np.arange(8, dtype=np.float32), (5, 6, 8))
-    joint = joint_histogram(Volume(ramp, spacing_mm=(0.5, 1, 1)))
+    joint = field_data((Volume(ramp, spacing_mm=(0.5, 1, 1)),))[""].joint
     assert joint.top == pytest.approx(0.5)
     assert joint.counts[:-1].sum() == 0 and joint.counts[-1].sum() > 0
-    assert joint_histogram(Volume(np.zeros((2, 2, 2), np.uint8))).top == 1.0
+    assert field_data((Volume(np.zeros((2, 2, 2), np.uint8)),))[""].joint.top == 1.0
 
 
 def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) -> None:

@@ -51,7 +51,7 @@ def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
 
     Materials that the other fields use stay.
     """
-    if new.transfer is old.transfer or new.document is not old.document:
+    if new.transfer is old.transfer or not new.document.is_of(old.document):
         return new, ""
     known = new.transfer.materials
     used = {name for look in other_fields(new) for name in _used(look) if name not in known}

@@ -116,8 +116,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
     """
 
     _name = "volspec-cast"
-    # The document and the basis of a room's picture, which caches what the last camera sees.
-    _behind: tuple[Document, Basis, Backdrop] | None = None
+    # The opened document and the basis of a room's picture, which caches what the last camera sees.
+    _behind: tuple[object, Basis, Backdrop] | None = None
 
     def _results(self, job: CastJob) -> Iterator[CastDone]:
         if (image := job.document.image) is not None:
@@ -171,14 +171,14 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         Raises SceneError if the volume is not in it.
         """
         document, basis = job.document, job.transfer.basis
-        if self._behind is None or self._behind[:2] != (document, basis):
+        if self._behind is None or self._behind[:2] != (document.opening, basis):
             backdrop = room.behind(document.volume, basis)
             assert backdrop is not None
         else:
             backdrop = self._behind[2]
             if backdrop.response is not room.response:
                 backdrop = backdrop.repainted(room.response)
-        self._behind = document, basis, backdrop
+        self._behind = document.opening, basis, backdrop
         return WhiteWalls(room, backdrop, len(room.response.names) * basis.size)
 
 
@@ -254,7 +254,7 @@ class CastScheduler:
 
     def change(self, state: ViewState, now: float, held: bool) -> None:
         """Cast a state: coarse now, and whole when it rests or no mouse button is ``held``."""
-        if self._wanted is None or state.document is not self._wanted.document:
+        if self._wanted is None or not state.document.is_of(self._wanted.document):
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now
         moving = self._pace.moving
@@ -274,7 +274,7 @@ class CastScheduler:
         taken = self._worker.take()
         for done in taken:
             wanted = self._wanted
-            if done.image is None or wanted is None or done.job.document is not wanted.document:
+            if done.image is None or wanted is None or not done.job.document.is_of(wanted.document):
                 continue
             if done.made == WHOLE:
                 self._builder.request((done.job, wanted.relight.viewing))
