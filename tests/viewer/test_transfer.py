@@ -78,6 +78,17 @@ def test_a_drag_across_shifts_and_one_upwards_spreads(state: ViewState, kind: st
     np.testing.assert_allclose(values_of(back), old, atol=1e-12)
 
 
+def test_contrast_limits_move_the_ends_and_what_is_between(state: ViewState) -> None:
+    old = np.array(values_of(state))
+    low, high = state.document.volume.range
+    ends = low + 0.1 * (high - low), low + 0.6 * (high - low)
+    new = np.array(values_of(transfer_edits.set_limits(state, *ends)))
+    assert (new.min(), new.max()) == pytest.approx(ends)
+    shares = (old - old.min()) / (old.max() - old.min())
+    np.testing.assert_allclose(shares, (new - new.min()) / np.ptp(new), atol=1e-12)
+    assert transfer_edits.set_limits(state, ends[1], ends[0]) is state
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_thickening_is_as_of_denser_matter_and_undone(state: ViewState, kind: str) -> None:
     """Exactly: opacities that were rounded to 1 and such as were 1 come back too."""

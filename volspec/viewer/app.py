@@ -210,7 +210,7 @@ class _App:
 
     def _take(self) -> bool:
         """Take the threads' results; return True if there are any."""
-        casts = self._scheduler.take()
+        casts = self._scheduler.take(self._steps.playing)
         for done in casts:
             self._screen.take(done, self._present)
         if casts and self._shown is not None:
