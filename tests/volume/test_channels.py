@@ -49,6 +49,25 @@ def ome_tiff(values: NDArray[np.uint16], tmp_path_factory: pytest.TempPathFactor
     return path
 
 
+def test_a_vti_of_several_arrays_opens_with_all(tmp_path: Path) -> None:
+    import pyvista
+
+    ramp = np.arange(60, dtype=np.float32)
+    for place in ("point_data", "cell_data"):
+        grid = pyvista.ImageData(dimensions=(5, 4, 3) if place == "point_data" else (6, 5, 4))
+        getattr(grid, place)["pressure"] = ramp
+        getattr(grid, place)["label"] = (ramp > 20).astype(np.uint8)
+        getattr(grid, place)["velocity"] = np.ones((60, 3))  # no scalar
+        grid.save(tmp_path / "flow.vti")
+        volume = load_volume(tmp_path / "flow.vti")
+        assert [each.title for each in (volume, *volume.fields)] == ["pressure", "label"]
+        assert volume.range == (0.0, 59.0) and volume.fields[0].values.dtype == np.uint8
+        alone = load_volume(f"{tmp_path / 'flow.vti'}?channel=1")
+        assert alone.fields == () and alone.range == (0.0, 1.0)
+    (choice,) = volume_choices(tmp_path / "flow.vti")
+    assert choice.names == ("all", "pressure", "label")
+
+
 def test_an_ome_tiff_opens_with_all_its_channels(
     ome_tiff: Path, values: NDArray[np.uint16]
 ) -> None:

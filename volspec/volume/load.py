@@ -357,7 +357,6 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
     if lower.endswith(".npy"):
         return read_npy
     if lower.endswith(_VTK_SUFFIXES):
-        query.allow()
         return read_vtk
     if is_dicom(path) and not lower.endswith(".raw"):
         return read_series

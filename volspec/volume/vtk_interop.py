@@ -45,7 +45,7 @@ def values_and_lattice(
         grid = _evenly_spaced(grid, name)
     if type(grid).__name__ != "ImageData":
         raise VolumeError(f"{name}: is a {type(grid).__name__}; {_RESAMPLE}", code="type")
-    cells = scalars is None and not len(grid.point_data) and len(grid.cell_data) > 0
+    cells = _has_cells_alone(grid)
     data = grid.cell_data if cells else grid.point_data
     available = list(data.keys())
     chosen = scalars or data.active_scalars_name or (available[0] if available else None)
@@ -75,6 +75,22 @@ def values_and_lattice(
     centre = np.full(3, 0.5 if cells else 0.0)
     world[:3, 3] = np.asarray(grid.origin) + world[:3, :3] @ centre
     return array.reshape(shape[::-1]), world
+
+
+def _has_cells_alone(grid: Any) -> bool:
+    return not len(grid.point_data) and len(grid.cell_data) > 0
+
+
+def scalar_names(grid: Any) -> list[str]:
+    """Return the names of a grid's arrays of numbers, without VTK's own such as ghost cells."""
+    if not hasattr(grid, "point_data"):  # several grids in one
+        return []
+    data = grid.cell_data if _has_cells_alone(grid) else grid.point_data
+    return [
+        name
+        for name, array in data.items()
+        if np.ndim(array) == 1 and array.dtype.kind in "buif" and not name.startswith("vtk")
+    ]
 
 
 def _evenly_spaced(grid: Any, name: str) -> pyvista.ImageData:

@@ -24,9 +24,10 @@ from typing import Any
 from xml.parsers import expat
 
 from volspec.errors import VolumeError
+from volspec.volume.channels import Channel
 from volspec.volume.files.headers import TRUNCATED
 from volspec.volume.files.query import Query, Reading
-from volspec.volume.vtk_interop import values_and_lattice
+from volspec.volume.vtk_interop import scalar_names, values_and_lattice
 
 # Bits of the legacy format's types; vtkIdType is stored as int.
 _LEGACY_BITS = {
@@ -46,13 +47,13 @@ _CHUNK = 1 << 20
 
 
 def read_vtk(query: Query) -> Reading:
-    """Read image data, or a rectilinear grid of even spacing."""
+    """Read image data, or a rectilinear grid of even spacing; of several arrays one."""
     import pyvista
     from pyvista.core.utilities.observers import VtkErrorCatcher
     from vtkmodules.vtkCommonCore import vtkLogger, vtkObject
 
     path = query.path
-    query.end_choices()
+    query.allow("channel")
     check_vtk(query)
     # VTK prints its errors and pyvista logs them again; both are replaced by one line.
     before = vtkLogger.GetCurrentVerbosityCutoff()
@@ -72,8 +73,13 @@ def read_vtk(query: Query) -> Reading:
         logging.disable(logging.NOTSET)
         vtkLogger.SetStderrVerbosity(before)
         vtkObject.SetGlobalWarningDisplay(warnings_shown)
-    values, world = values_and_lattice(grid, None, str(path))
-    return Reading(values, world_from_index=world)
+    names = scalar_names(grid)
+    number = query.index("channel", max(len(names), 1), "arrays", names)
+    query.end_choices()
+    several = len(names) > 1
+    values, world = values_and_lattice(grid, names[number] if several else None, str(path))
+    channel = Channel(names[number]) if several else None
+    return Reading(values, world_from_index=world, channel=channel)
 
 
 def check_vtk(query: Query) -> None:
