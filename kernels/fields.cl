@@ -7,6 +7,9 @@
 // have lattices of their own; the steps are those of `frame`, a lattice around all of them, in whose
 // index space lights are placed. A field is not sampled where its bricks are empty.
 //
+// A field with a mask has a curve by row of the mask: τ_f = Σ w_r τ_r(v_f), where w_r is the weight of
+// the mask's corners with row r (mask.clh). In cells of one row α_f is that row's, without a log.
+//
 // NumPy twin: volspec/raycast/reference.py (_Fields). Same steps, same clipping, same order.
 //
 // Launch: as raycast.cl.
@@ -17,10 +20,14 @@
 //         casts        Cast[FIELDS + 1]: of each field, and of `frame`
 //         places       int4[FIELDS]: first element of a field in brick_codes, opacity and
 //                      material_weights (in vectors); 1 if the frame's crop cuts it, too
+//         and with MASKED
+//         curves       Curve[]: of each field, row by row of its mask
+//         masks        Mask[FIELDS]
+//         codes        ushort[nz][ny][nx] of each mask
 // Writes  as raycast.cl
 //
-// The host sets FIELDS (up to 8), ALIGNED (all fields have the frame's lattice and planes),
-// MIX_OPAQUE, and the constants of raycast.cl.
+// The host sets FIELDS (up to 8), ALIGNED (all fields have the frame's lattice and planes), MASKED
+// (a field has a mask), MIX_OPAQUE, and the constants of raycast.cl.
 
 #include "lanes.clh"
 #include "rays.clh"
@@ -28,6 +35,9 @@
 #include "classify.clh"
 #include "shade.clh"
 #include "picture.clh"
+#if MASKED
+#include "mask.clh"
+#endif
 
 #define NO_STEP 0x3fffffff
 
@@ -38,6 +48,95 @@ static inline floatN extinction_of(floatN opacity) {
     const floatN ratio = opacity / MAX(1.0f - pass, 1e-30f);
     return SELECT(MASK(pass == 1.0f), opacity, minus_log(MAX(pass, MIX_OPAQUE)) * ratio);
 }
+
+#if MASKED
+// A field's sample by row of its mask: iterates over the rows that the packet has.
+typedef struct {
+    floatN weight;      // of the row
+    intN alone;         // mask: the row is all of the sample
+    floatN extinction;  // of a step, times the weight; 0 where alone
+    Entry entry;
+    Cast cast;          // the field's, with the row's table
+    __global const float2 *table;
+    __global const Curve *curve;
+    int row;
+} RowPart;
+
+static inline void start_rows(const Cast *cast, RowPart *part) {
+    part->cast = *cast;
+    part->row = -1;
+}
+
+// Go on to the packet's next row; false if none is left.
+static inline bool next_part(const Corners *corners, __global const Curve *curves,
+                             __global const float2 *opacity, const Sample *sample, RowPart *part) {
+    part->row = next_row(corners, part->row, &part->weight);
+    if (part->row == NO_ROW) return false;
+    __global const Curve *curve = curves + part->row;
+    part->curve = curve;
+    part->table = opacity + curve->opacity;
+    part->cast.domain_rest = curve->domain_rest;
+    part->cast.domain_scale = curve->domain_scale;
+    part->cast.last_entry = curve->last_entry;
+    part->cast.power = curve->power;
+    part->entry = classify(&part->cast, part->table, sample);
+    part->alone = MASK(part->weight == 1.0f);
+    part->extinction = 0.0f;
+    const intN mixed = ~part->alone & MASK(part->weight > 0.0f);
+    if (ANY(mixed))
+        part->extinction = SELECT(mixed, part->weight * extinction_of(part->entry.opacity),
+                                  (floatN)(0.0f));
+    return true;
+}
+
+// Opacity of a step; `extinction` where several rows make it, else 0.
+static inline floatN opacity_of_rows(const Cast *cast, const Corners *corners,
+                                     __global const Curve *curves,
+                                     __global const float2 *opacity, const Sample *sample,
+                                     floatN *extinction) {
+    floatN alone = 0.0f;
+    *extinction = 0.0f;
+    RowPart part;
+    for (start_rows(cast, &part); next_part(corners, curves, opacity, sample, &part);) {
+        alone = SELECT(part.alone, part.entry.opacity, alone);
+        *extinction += part.extinction;
+    }
+    const intN mixed = MASK(*extinction > 0.0f);
+    if (!ANY(mixed)) return alone;
+    return SELECT(mixed, 0.0f - expm1(0.0f - *extinction), alone);
+}
+
+static inline floatN log_transmittance_of_rows(const Cast *cast, const Corners *corners,
+                                               __global const Curve *curves,
+                                               __global const float2 *opacity,
+                                               const Sample *sample, floatN extinction) {
+    floatN log_step = 0.0f - extinction;
+    RowPart part;
+    for (start_rows(cast, &part); next_part(corners, curves, opacity, sample, &part);) {
+        const floatN own = log_transmittance(&part.cast, part.table, sample, &part.entry);
+        log_step = SELECT(part.alone, own, log_step);
+    }
+    return log_step;
+}
+
+static inline void reflect_rows(Accumulator *g, __global const floatV *material_weights,
+                                const Cast *cast, const Corners *corners,
+                                __global const Curve *curves, __global const float2 *opacity,
+                                const Sample *sample, floatN extinction,
+                                const floatN shading[GROUPS]) {
+    const floatN per_extinction = 1.0f / MAX(extinction, 1e-30f);
+    RowPart part;
+    for (start_rows(cast, &part); next_part(corners, curves, opacity, sample, &part);) {
+        const floatN fraction =
+            SELECT(part.alone, (floatN)(1.0f), part.extinction * per_extinction);
+        if (!ANY(MASK(fraction > 0.0f))) continue;
+        floatN of_row[GROUPS];
+        UNROLL(group, GROUPS) of_row[group] = fraction * shading[group];
+        reflect(g, material_weights + part.curve->material_weights, &part.cast, sample,
+                &part.entry, of_row);
+    }
+}
+#endif
 
 __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOXEL *restrict voxels_1,
                      __global const VOXEL *restrict voxels_2, __global const VOXEL *restrict voxels_3,
@@ -50,7 +149,12 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                      __global const float4 *restrict sources,
                      __global const ushort *restrict light_volume,
                      __global const float2 *restrict spans, __global const Cast *restrict casts_in,
-                     __global const int4 *restrict places, __global float *restrict coefficients_out,
+                     __global const int4 *restrict places,
+#if MASKED
+                     __global const Curve *restrict curves, __global const Mask *restrict masks_in,
+                     __global const ushort *restrict codes,
+#endif
+                     __global float *restrict coefficients_out,
                      __global float *restrict alpha_out, __global float *restrict depth_out,
                      __global float *restrict first_out, const int first_tile) {
     __global const VOXEL *const voxels[8] = {voxels_0, voxels_1, voxels_2, voxels_3,
@@ -58,6 +162,10 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
     Cast casts[FIELDS + 1];
     for (int f = 0; f <= FIELDS; ++f) casts[f] = casts_in[f];
     const Cast *frame = &casts[FIELDS];
+#if MASKED
+    Mask masks[FIELDS];
+    for (int f = 0; f < FIELDS; ++f) masks[f] = masks_in[f];
+#endif
     const int2 pixel = tile_pixel(first_tile);
     if (pixel.x >= frame->width || pixel.y >= frame->height) return;
     const float step = frame->step, per_step = 1.0f / step;
@@ -98,7 +206,12 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
 
         floatN middle[FIELDS][STEPS], alpha[FIELDS][STEPS];
         floatN nx[FIELDS][STEPS], ny[FIELDS][STEPS], nz[FIELDS][STEPS];
+#if MASKED
+        Corners corners[FIELDS][STEPS];
+        floatN value[FIELDS][STEPS], extinction[FIELDS][STEPS];
+#else
         Entry entry[FIELDS][STEPS];
+#endif
         int seen[FIELDS], seen_count = 0;
         for (int f = 0; f < FIELDS; ++f) {
             March *m = &march[f];
@@ -116,9 +229,21 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 sample[s] = sample_at(cast, voxels[f], table, &RAYS(f), middle[f][s]);
             }
             UNROLL(s, STEPS) {
-                entry[f][s] = classify(cast, table, &sample[s]);
                 const intN due = m->live & MASK(k + s >= m->k) & MASK(k + s < m->k_end);
-                alpha[f][s] = SELECT(due, entry[f][s].opacity, (floatN)(0.0f));
+#if MASKED
+                corners[f][s] = corners_at(
+                    &masks[f], codes, position_at(RAYS(f).ox, RAYS(f).dx, middle[f][s], cast->last.x),
+                    position_at(RAYS(f).oy, RAYS(f).dy, middle[f][s], cast->last.y),
+                    position_at(RAYS(f).oz, RAYS(f).dz, middle[f][s], cast->last.z), due);
+                const floatN opaque =
+                    opacity_of_rows(cast, &corners[f][s], curves + masks[f].curves, opacity,
+                                    &sample[s], &extinction[f][s]);
+                value[f][s] = sample[s].value;
+#else
+                entry[f][s] = classify(cast, table, &sample[s]);
+                const floatN opaque = entry[f][s].opacity;
+#endif
+                alpha[f][s] = SELECT(due, opaque, (floatN)(0.0f));
                 seen[f] |= ANY(MASK(alpha[f][s] > 0.0f));
             }
             transparent[f] = !seen[f];
@@ -136,8 +261,14 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
             UNROLL(s, STEPS) {
                 const intN clipped = MASK(alpha[f][s] > 0.0f) & MASK(fraction[s] < 1.0f - 1e-5f);
                 if (ANY(clipped)) {
+#if MASKED
+                    const floatN log_step = log_transmittance_of_rows(
+                        cast, &corners[f][s], curves + masks[f].curves, opacity, &sample[s],
+                        extinction[f][s]);
+#else
                     const floatN log_step =
                         log_transmittance(cast, table, &sample[s], &entry[f][s]);
+#endif
                     const floatN shorter = opacity_along(alpha[f][s], log_step, fraction[s]);
                     alpha[f][s] = SELECT(clipped, shorter, alpha[f][s]);
                 }
@@ -172,7 +303,14 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 floatN shading[GROUPS], highlight[GROUPS];
                 shade(frame, sources, light_volume, &r, middle[f][s], nx[f][s], ny[f][s], nz[f][s],
                       part, shading, highlight);
+#if MASKED
+                Sample sample;  // of which curves take the value alone
+                sample.value = value[f][s];
+                reflect_rows(&g, material_weights, &casts[f], &corners[f][s],
+                             curves + masks[f].curves, opacity, &sample, extinction[f][s], shading);
+#else
                 reflect(&g, material_weights + places[f].z, &casts[f], 0, &entry[f][s], shading);
+#endif
                 UNROLL(group, GROUPS) g.highlight[group] += highlight[group];
                 along += part * middle[f][s];
             }
