@@ -50,54 +50,52 @@ static inline floatN extinction_of(floatN opacity) {
 }
 
 #if MASKED
-// A field's sample by row of its mask: iterates over the rows that the packet has.
-typedef struct {
-    floatN weight;      // of the row
-    intN alone;         // mask: the row is all of the sample
-    floatN extinction;  // of a step, times the weight; 0 where alone
-    Entry entry;
-    Cast cast;          // the field's, with the row's table
-    __global const float2 *table;
-    __global const Curve *curve;
-    int row;
-} RowPart;
-
-static inline void start_rows(const Cast *cast, RowPart *part) {
-    part->cast = *cast;
-    part->row = -1;
+// Give a field's settings the table of a row; samples and gradients do not depend on it.
+static inline void take_table(Cast *cast, const Curve *curve) {
+    cast->domain_rest = curve->domain_rest;
+    cast->domain_scale = curve->domain_scale;
+    cast->last_entry = curve->last_entry;
+    cast->power = curve->power;
 }
 
-// Go on to the packet's next row; false if none is left.
-static inline bool next_part(const Corners *corners, __global const Curve *curves,
-                             __global const float2 *opacity, const Sample *sample, RowPart *part) {
-    part->row = next_row(corners, part->row, &part->weight);
-    if (part->row == NO_ROW) return false;
-    __global const Curve *curve = curves + part->row;
-    part->curve = curve;
-    part->table = opacity + curve->opacity;
-    part->cast.domain_rest = curve->domain_rest;
-    part->cast.domain_scale = curve->domain_scale;
-    part->cast.last_entry = curve->last_entry;
-    part->cast.power = curve->power;
-    part->entry = classify(&part->cast, part->table, sample);
-    part->alone = MASK(part->weight == 1.0f);
-    part->extinction = 0.0f;
-    const intN mixed = ~part->alone & MASK(part->weight > 0.0f);
+// What a row of a field's mask is of a sample.
+typedef struct {
+    intN alone;         // mask: all of it
+    floatN extinction;  // of a step, times the row's weight; 0 where alone
+    Entry entry;
+    __global const float2 *table;
+    int first;          // element of material_weights
+} RowPart;
+
+// The part of number `r` of the rows, whose table the cast takes; `curves` are those of the field.
+static inline RowPart part_of_row(Cast *cast, const RowList *rows, int r,
+                                  __global const Curve *curves, __global const float2 *opacity,
+                                  const Sample *sample) {
+    const Curve curve = curves[rows->row[r]];
+    RowPart part;
+    take_table(cast, &curve);
+    part.table = opacity + curve.opacity;
+    part.first = curve.material_weights;
+    part.entry = classify(cast, part.table, sample);
+    const floatN weight = rows->weight[r];
+    part.alone = MASK(weight == 1.0f);
+    part.extinction = 0.0f;
+    const intN mixed = ~part.alone & MASK(weight > 0.0f);
     if (ANY(mixed))
-        part->extinction = SELECT(mixed, part->weight * extinction_of(part->entry.opacity),
-                                  (floatN)(0.0f));
-    return true;
+        part.extinction =
+            SELECT(mixed, weight * extinction_of(part.entry.opacity), (floatN)(0.0f));
+    return part;
 }
 
 // Opacity of a step; `extinction` where several rows make it, else 0.
-static inline floatN opacity_of_rows(const Cast *cast, const Corners *corners,
+static inline floatN opacity_of_rows(Cast *cast, const RowList *rows,
                                      __global const Curve *curves,
                                      __global const float2 *opacity, const Sample *sample,
                                      floatN *extinction) {
     floatN alone = 0.0f;
     *extinction = 0.0f;
-    RowPart part;
-    for (start_rows(cast, &part); next_part(corners, curves, opacity, sample, &part);) {
+    for (int r = 0; r < rows->count; ++r) {
+        const RowPart part = part_of_row(cast, rows, r, curves, opacity, sample);
         alone = SELECT(part.alone, part.entry.opacity, alone);
         *extinction += part.extinction;
     }
@@ -106,34 +104,33 @@ static inline floatN opacity_of_rows(const Cast *cast, const Corners *corners,
     return SELECT(mixed, 0.0f - expm1(0.0f - *extinction), alone);
 }
 
-static inline floatN log_transmittance_of_rows(const Cast *cast, const Corners *corners,
+static inline floatN log_transmittance_of_rows(Cast *cast, const RowList *rows,
                                                __global const Curve *curves,
                                                __global const float2 *opacity,
                                                const Sample *sample, floatN extinction) {
     floatN log_step = 0.0f - extinction;
-    RowPart part;
-    for (start_rows(cast, &part); next_part(corners, curves, opacity, sample, &part);) {
-        const floatN own = log_transmittance(&part.cast, part.table, sample, &part.entry);
+    for (int r = 0; r < rows->count; ++r) {
+        const RowPart part = part_of_row(cast, rows, r, curves, opacity, sample);
+        const floatN own = log_transmittance(cast, part.table, sample, &part.entry);
         log_step = SELECT(part.alone, own, log_step);
     }
     return log_step;
 }
 
 static inline void reflect_rows(Accumulator *g, __global const floatV *material_weights,
-                                const Cast *cast, const Corners *corners,
+                                Cast *cast, const RowList *rows,
                                 __global const Curve *curves, __global const float2 *opacity,
                                 const Sample *sample, floatN extinction,
                                 const floatN shading[GROUPS]) {
     const floatN per_extinction = 1.0f / MAX(extinction, 1e-30f);
-    RowPart part;
-    for (start_rows(cast, &part); next_part(corners, curves, opacity, sample, &part);) {
+    for (int r = 0; r < rows->count; ++r) {
+        const RowPart part = part_of_row(cast, rows, r, curves, opacity, sample);
         const floatN fraction =
             SELECT(part.alone, (floatN)(1.0f), part.extinction * per_extinction);
         if (!ANY(MASK(fraction > 0.0f))) continue;
         floatN of_row[GROUPS];
         UNROLL(group, GROUPS) of_row[group] = fraction * shading[group];
-        reflect(g, material_weights + part.curve->material_weights, &part.cast, sample,
-                &part.entry, of_row);
+        reflect(g, material_weights + part.first, cast, sample, &part.entry, of_row);
     }
 }
 #endif
@@ -207,17 +204,16 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
         floatN middle[FIELDS][STEPS], alpha[FIELDS][STEPS];
         floatN nx[FIELDS][STEPS], ny[FIELDS][STEPS], nz[FIELDS][STEPS];
 #if MASKED
-        Corners corners[FIELDS][STEPS];
+        RowList rows[FIELDS][STEPS];
         floatN value[FIELDS][STEPS], extinction[FIELDS][STEPS];
-#else
-        Entry entry[FIELDS][STEPS];
 #endif
+        Entry entry[FIELDS][STEPS];
         int seen[FIELDS], seen_count = 0;
         for (int f = 0; f < FIELDS; ++f) {
             March *m = &march[f];
             seen[f] = 0;
             if (!ANY(m->live & MASK(m->k < k + STEPS))) continue;
-            const Cast *cast = &casts[f];
+            Cast *cast = &casts[f];
             __global const float2 *table = opacity + places[f].y;
             Sample sample[STEPS];
             floatN fraction[STEPS];
@@ -231,13 +227,22 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
             UNROLL(s, STEPS) {
                 const intN due = m->live & MASK(k + s >= m->k) & MASK(k + s < m->k_end);
 #if MASKED
-                corners[f][s] = corners_at(
-                    &masks[f], codes, position_at(RAYS(f).ox, RAYS(f).dx, middle[f][s], cast->last.x),
-                    position_at(RAYS(f).oy, RAYS(f).dy, middle[f][s], cast->last.y),
-                    position_at(RAYS(f).oz, RAYS(f).dz, middle[f][s], cast->last.z), due);
-                const floatN opaque =
-                    opacity_of_rows(cast, &corners[f][s], curves + masks[f].curves, opacity,
-                                    &sample[s], &extinction[f][s]);
+                rows_at(&masks[f], codes,
+                        position_at(RAYS(f).ox, RAYS(f).dx, middle[f][s], cast->last.x),
+                        position_at(RAYS(f).oy, RAYS(f).dy, middle[f][s], cast->last.y),
+                        position_at(RAYS(f).oz, RAYS(f).dz, middle[f][s], cast->last.z), due,
+                        &rows[f][s]);
+                const Curve curve = curves[masks[f].curves + rows[f][s].row[0]];
+                floatN opaque;
+                extinction[f][s] = 0.0f;
+                if (rows[f][s].count == 1) {
+                    take_table(cast, &curve);
+                    entry[f][s] = classify(cast, opacity + curve.opacity, &sample[s]);
+                    opaque = entry[f][s].opacity;
+                } else {
+                    opaque = opacity_of_rows(cast, &rows[f][s], curves + masks[f].curves, opacity,
+                                             &sample[s], &extinction[f][s]);
+                }
                 value[f][s] = sample[s].value;
 #else
                 entry[f][s] = classify(cast, table, &sample[s]);
@@ -263,7 +268,7 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 if (ANY(clipped)) {
 #if MASKED
                     const floatN log_step = log_transmittance_of_rows(
-                        cast, &corners[f][s], curves + masks[f].curves, opacity, &sample[s],
+                        cast, &rows[f][s], curves + masks[f].curves, opacity, &sample[s],
                         extinction[f][s]);
 #else
                     const floatN log_step =
@@ -304,10 +309,17 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 shade(frame, sources, light_volume, &r, middle[f][s], nx[f][s], ny[f][s], nz[f][s],
                       part, shading, highlight);
 #if MASKED
-                Sample sample;  // of which curves take the value alone
-                sample.value = value[f][s];
-                reflect_rows(&g, material_weights, &casts[f], &corners[f][s],
-                             curves + masks[f].curves, opacity, &sample, extinction[f][s], shading);
+                if (rows[f][s].count == 1) {
+                    const Curve curve = curves[masks[f].curves + rows[f][s].row[0]];
+                    reflect(&g, material_weights + curve.material_weights, &casts[f], 0,
+                            &entry[f][s], shading);
+                } else {
+                    Sample sample;  // of which curves take the value alone
+                    sample.value = value[f][s];
+                    reflect_rows(&g, material_weights, &casts[f], &rows[f][s],
+                                 curves + masks[f].curves, opacity, &sample, extinction[f][s],
+                                 shading);
+                }
 #else
                 reflect(&g, material_weights + places[f].z, &casts[f], 0, &entry[f][s], shading);
 #endif

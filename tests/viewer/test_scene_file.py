@@ -144,7 +144,10 @@ MASK = """
 mask = "halves"
 [[transfer.label]]
 label = 1
-points = [{ value = 0.1, opacity = 0.0, material = "grey" }, { value = 0.9, opacity = 0.7, material = "grey" }]
+points = [
+    { value = 0.1, opacity = 0.0, material = "grey" },
+    { value = 0.9, opacity = 0.7, material = "grey" },
+]
 [[transfer.label]]
 label = 2
 shown = false

@@ -109,10 +109,10 @@ def _shown_mm(
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
     visible = _visible_voxels(values, tables[0])
     if lattice is not None:
-        rows = lattice.nearest_to_voxels((k, j, i))
-        visible &= rows == 0
+        nearest = lattice.nearest_to_voxels((k, j, i))
+        visible &= nearest == 0
         for row, table in enumerate(tables[1:], start=1):
-            visible |= (rows == row) & _visible_voxels(values, table)
+            visible |= (nearest == row) & _visible_voxels(values, table)
     crop = crop_bounds(shading, volume)
     for axis, (low, high) in enumerate(reversed(crop)):
         at = np.arange(values.shape[axis]) * steps[axis]

@@ -530,7 +530,8 @@ class Raycaster:
         """Return the fields of tables on the device; the last are cached."""
         names, present = list(table.tables), self._together
         key = _Masks.key_of(table)
-        if present is None or list(present.fields) != names or present.masks.key != key:
+        known = present.masks if present is not None and present.masks.key == key else None
+        if present is None or list(present.fields) != names or known is None:
             volumes = [self.volume.by_name[name] for name in names]
             for each in volumes:
                 if each.name not in self._uploaded:
@@ -539,8 +540,7 @@ class Raycaster:
             fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
             frame = frame_around(self.volume, names)
             voxels = {name: (field.volume, field.unpadded) for name, field in fields.items()}
-            known = present is not None and present.masks.key == key
-            masks = present.masks if known else _Masks.of(self._compute, self.volume, table)
+            masks = known or _Masks.of(self._compute, self.volume, table)
             by_field = {name: (masks.codes, masks.struct(name)) for name in masks.lattices}
             lights = LightVolume(
                 self._compute, frame, self._own.unpadded, fields=voxels, masks=by_field

@@ -295,7 +295,8 @@ def curve_structs(
         starts[id(one)] = int(at[0]), int(at[1])
         entries, width = len(one.opacity) + 1, one.material_weights.shape[1]
         at += 2 * entries, 2 * entries * -(-width // vector_width(width))
-    curves, first = [], {}
+    curves: list[NDArray[np.void]] = []
+    first: dict[str, int] = {}
     for name in table.tables:
         first[name] = len(curves)
         for one in table.rows(name):

@@ -454,7 +454,8 @@ class LightVolume:
         constants, rows, kind = _constants(volume, tables[0], spec, grid)
         constants["adds"] = added_to is not None
         sigma = added_to or self._compute.output(padded * 4)
-        upload, by_label = self._compute.upload, ()
+        upload = self._compute.upload
+        by_label: tuple[Any, ...] = ()
         if volume.name in self._masks:
             codes, mask = self._masks[volume.name]
             rows, curves = _by_row(tables, grid)

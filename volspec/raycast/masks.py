@@ -36,6 +36,7 @@ class MaskLattice:
     rows: Rows  # (Z + 2, Y + 2, X + 2)
     from_index: Array  # (3, 4): from the masked field's index to one of `rows`
     field: Volume
+    same: bool  # both fields have the same lattice
 
     @classmethod
     def of(cls, volume: Volume, name: str, mask: MaskTables) -> MaskLattice:
@@ -46,12 +47,9 @@ class MaskLattice:
             inner[:] = mask.row_of[np.maximum(plane, 0).astype(np.uint16)]
             if labels.missing is not None:
                 inner[plane == labels.missing] = 0
-        matrix = labels.index_from_world @ field.world_from_index
-        if field.has_lattice_of(labels):
-            matrix = np.eye(4)
-        matrix = matrix[:3].copy()
-        matrix[:, 3] += 1
-        return cls(rows, matrix, field)
+        same = field.has_lattice_of(labels)
+        matrix = np.eye(4) if same else labels.index_from_world @ field.world_from_index
+        return cls(rows, matrix[:3] + np.eye(4)[3], field, same)
 
     @property
     def last(self) -> NDArray[np.int64]:
@@ -66,7 +64,9 @@ class MaskLattice:
                 extreme(each, np.roll(each, -1, axis))
                 for extreme, each in ((np.minimum, least), (np.maximum, most))
             )
-        return self.rows + np.where(least != most, np.uint16(MIXED), np.uint16(0))
+        codes = self.rows.astype(np.uint16)
+        codes[least != most] |= MIXED
+        return codes
 
     def weights(self, point: Array, count: int) -> Array:
         """Return the (R, count) weights of rows at (R, 3) indices of the field."""
@@ -97,7 +97,7 @@ class MaskLattice:
 
     def brick_ranges(self) -> tuple[Rows, Rows]:
         """Return the least and the greatest row in each of the field's bricks."""
-        if np.array_equal(self.from_index, np.eye(3, 4) + np.eye(4)[3]):
+        if self.same:
             return brick_ranges(self.rows[1:-1, 1:-1, 1:-1])
         # Imported late: it takes a quarter of a second, and few masks differ in lattice.
         from scipy.ndimage import maximum_filter, minimum_filter
