@@ -7,8 +7,8 @@
 // have lattices of their own; the steps are those of `frame`, a lattice around all of them, in whose
 // index space lights are placed. A field is not sampled where its bricks are empty.
 //
-// A field with a mask has a curve by row of the mask: τ_f = Σ w_r τ_r(v_f), where w_r is the weight of
-// the mask's corners with row r (mask.clh). In cells of one row α_f is that row's, without a log.
+// A field with a mask has a curve by row of the mask: τ_f = Σ w_r τ_r(v_f), where w_r is the weight
+// of the mask's corners with row r (mask.clh). In cells of one row α_f is that row's, without a log.
 //
 // NumPy twin: volspec/raycast/reference.py (_Fields). Same steps, same clipping, same order.
 //
@@ -58,79 +58,60 @@ static inline void take_table(Cast *cast, const Curve *curve) {
     cast->power = curve->power;
 }
 
-// What a row of a field's mask is of a sample.
-typedef struct {
-    intN alone;         // mask: all of it
-    floatN extinction;  // of a step, times the row's weight; 0 where alone
-    Entry entry;
-    __global const float2 *table;
-    int first;          // element of material_weights
-} RowPart;
-
-// The part of number `r` of the rows, whose table the cast takes; `curves` are those of the field.
-static inline RowPart part_of_row(Cast *cast, const RowList *rows, int r,
-                                  __global const Curve *curves, __global const float2 *opacity,
-                                  const Sample *sample) {
-    const Curve curve = curves[rows->row[r]];
-    RowPart part;
-    take_table(cast, &curve);
-    part.table = opacity + curve.opacity;
-    part.first = curve.material_weights;
-    part.entry = classify(cast, part.table, sample);
-    const floatN weight = rows->weight[r];
-    part.alone = MASK(weight == 1.0f);
-    part.extinction = 0.0f;
-    const intN mixed = ~part.alone & MASK(weight > 0.0f);
-    if (ANY(mixed))
-        part.extinction =
-            SELECT(mixed, weight * extinction_of(part.entry.opacity), (floatN)(0.0f));
-    return part;
-}
-
-// Opacity of a step; `extinction` where several rows make it, else 0.
-static inline floatN opacity_of_rows(Cast *cast, const RowList *rows,
-                                     __global const Curve *curves,
+// Opacity of a step by the rows of a mask, and the extinction of samples of several rows, else 0.
+// The rows' weights become the fractions of the step that are of their materials.
+static inline floatN opacity_of_rows(Cast *cast, __global const Curve *curves,
                                      __global const float2 *opacity, const Sample *sample,
-                                     floatN *extinction) {
-    floatN alone = 0.0f;
-    *extinction = 0.0f;
+                                     RowList *rows, floatN *extinction) {
+    const floatN zero = 0.0f, one = 1.0f;
+    floatN alone = zero, total = zero;
     for (int r = 0; r < rows->count; ++r) {
-        const RowPart part = part_of_row(cast, rows, r, curves, opacity, sample);
-        alone = SELECT(part.alone, part.entry.opacity, alone);
-        *extinction += part.extinction;
+        const Curve curve = curves[rows->row[r]];
+        take_table(cast, &curve);
+        const Entry entry = classify(cast, opacity + curve.opacity, sample);
+        const floatN weight = rows->weight[r];
+        const intN whole = MASK(weight == 1.0f), some = ~whole & MASK(weight > 0.0f);
+        alone = SELECT(whole, entry.opacity, alone);
+        if (!ANY(some)) continue;
+        const floatN part = weight * extinction_of(entry.opacity);
+        rows->weight[r] = SELECT(some, part, weight);
+        total += SELECT(some, part, zero);
     }
-    const intN mixed = MASK(*extinction > 0.0f);
+    *extinction = total;
+    const intN mixed = MASK(total > 0.0f);
     if (!ANY(mixed)) return alone;
-    return SELECT(mixed, 0.0f - expm1(0.0f - *extinction), alone);
+    const floatN per_total = SELECT(mixed, 1.0f / total, one);
+    for (int r = 0; r < rows->count; ++r) rows->weight[r] *= per_total;
+    return SELECT(mixed, 0.0f - expm1(0.0f - total), alone);
 }
 
-static inline floatN log_transmittance_of_rows(Cast *cast, const RowList *rows,
-                                               __global const Curve *curves,
+static inline floatN log_transmittance_of_rows(Cast *cast, __global const Curve *curves,
                                                __global const float2 *opacity,
-                                               const Sample *sample, floatN extinction) {
-    floatN log_step = 0.0f - extinction;
+                                               const Sample *sample, const RowList *rows,
+                                               floatN extinction) {
+    floatN log_step = 0.0f;
     for (int r = 0; r < rows->count; ++r) {
-        const RowPart part = part_of_row(cast, rows, r, curves, opacity, sample);
-        const floatN own = log_transmittance(cast, part.table, sample, &part.entry);
-        log_step = SELECT(part.alone, own, log_step);
+        const Curve curve = curves[rows->row[r]];
+        take_table(cast, &curve);
+        const Entry entry = classify(cast, opacity + curve.opacity, sample);
+        const floatN own = log_transmittance(cast, opacity + curve.opacity, sample, &entry);
+        log_step = SELECT(MASK(rows->weight[r] > 0.0f), own, log_step);
     }
-    return log_step;
+    return SELECT(MASK(extinction > 0.0f), 0.0f - extinction, log_step);
 }
 
-static inline void reflect_rows(Accumulator *g, __global const floatV *material_weights,
-                                Cast *cast, const RowList *rows,
+static inline void reflect_rows(Accumulator *g, __global const floatV *material_weights, Cast *cast,
                                 __global const Curve *curves, __global const float2 *opacity,
-                                const Sample *sample, floatN extinction,
+                                const Sample *sample, const RowList *rows,
                                 const floatN shading[GROUPS]) {
-    const floatN per_extinction = 1.0f / MAX(extinction, 1e-30f);
     for (int r = 0; r < rows->count; ++r) {
-        const RowPart part = part_of_row(cast, rows, r, curves, opacity, sample);
-        const floatN fraction =
-            SELECT(part.alone, (floatN)(1.0f), part.extinction * per_extinction);
-        if (!ANY(MASK(fraction > 0.0f))) continue;
+        if (!ANY(MASK(rows->weight[r] > 0.0f))) continue;
+        const Curve curve = curves[rows->row[r]];
+        take_table(cast, &curve);
+        const Entry entry = classify(cast, opacity + curve.opacity, sample);
         floatN of_row[GROUPS];
-        UNROLL(group, GROUPS) of_row[group] = fraction * shading[group];
-        reflect(g, material_weights + part.first, cast, sample, &part.entry, of_row);
+        UNROLL(group, GROUPS) of_row[group] = rows->weight[r] * shading[group];
+        reflect(g, material_weights + curve.material_weights, cast, sample, &entry, of_row);
     }
 }
 #endif
@@ -240,8 +221,8 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                     entry[f][s] = classify(cast, opacity + curve.opacity, &sample[s]);
                     opaque = entry[f][s].opacity;
                 } else {
-                    opaque = opacity_of_rows(cast, &rows[f][s], curves + masks[f].curves, opacity,
-                                             &sample[s], &extinction[f][s]);
+                    opaque = opacity_of_rows(cast, curves + masks[f].curves, opacity, &sample[s],
+                                             &rows[f][s], &extinction[f][s]);
                 }
                 value[f][s] = sample[s].value;
 #else
@@ -268,7 +249,7 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 if (ANY(clipped)) {
 #if MASKED
                     const floatN log_step = log_transmittance_of_rows(
-                        cast, &rows[f][s], curves + masks[f].curves, opacity, &sample[s],
+                        cast, curves + masks[f].curves, opacity, &sample[s], &rows[f][s],
                         extinction[f][s]);
 #else
                     const floatN log_step =
@@ -316,9 +297,8 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 } else {
                     Sample sample;  // of which curves take the value alone
                     sample.value = value[f][s];
-                    reflect_rows(&g, material_weights, &casts[f], &rows[f][s],
-                                 curves + masks[f].curves, opacity, &sample, extinction[f][s],
-                                 shading);
+                    reflect_rows(&g, material_weights, &casts[f], curves + masks[f].curves,
+                                 opacity, &sample, &rows[f][s], shading);
                 }
 #else
                 reflect(&g, material_weights + places[f].z, &casts[f], 0, &entry[f][s], shading);
