@@ -12,7 +12,14 @@ from scipy.ndimage import gaussian_filter
 import volspec as vs
 from tests.support.errors import raises
 from volspec.errors import TransferError
-from volspec.raycast import Ambient, Directional, LightGroup, RaycastSpec, reference
+from volspec.raycast import (
+    Ambient,
+    ClipPlane,
+    Directional,
+    LightGroup,
+    RaycastSpec,
+    reference,
+)
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.masks import MaskLattice
 from volspec.transfer import FieldFunctions, Mask, TransferFunction
@@ -98,21 +105,22 @@ def test_masks_match_the_reference(
 
 
 @pytest.mark.parametrize("lanes", [1, None])
-def test_a_mask_and_a_plain_field_match_the_reference(
+def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
     ct: Volume, turned: Volume, lanes: int | None
 ) -> None:
-    other = replace(ct, values=ct.values[::-1].copy(), name="MR")
-    volume, transfer = masked(ct, turned)
-    volume = volume.with_fields([turned, other])
-    functions = {"": BODY, "MR": LIVER}
-    transfer = FieldFunctions(functions, {"": 0.6, "MR": 0.3}, transfer.masks)
-    spec = replace(
-        FLAT, crop_voxels=((2.5, 22.0), (3.0, 20.5), (4.0, 25.0)), ambient=0.5, diffuse=0.5
-    )
+    """The volume's own field is plain; a further one has a mask, and a plane of its own."""
+    own = Volume(ct.values[::2, ::2, ::2].copy(), spacing_mm=(2.0, 2.0, 2.4), name="MR")
+    world = np.array([[0.9, -0.3, 0, 3], [0.3, 0.9, 0.1, -2], [0, 0.1, 1.1, 1], [0, 0, 0, 1.0]])
+    volume = own.with_fields([Volume(ct.values, world_from_index=world, name="CT"), turned])
+    masks = {"CT": Mask("organs", ORGANS)}
+    transfer = FieldFunctions({"": LIVER, "CT": BODY}, {"": 0.3, "CT": 0.6}, masks)
+    plane = ClipPlane((12.0, 10.0, 9.0), (1.0, 0.5, 0.2), fields=("CT",))
+    spec = replace(LIT, crop_voxels=((1, 12), (0.5, 12.5), (1, 11)), clip_planes=(plane,), jitter=1)
     caster = Raycaster(volume, lanes=lanes)
     table = caster.bake(transfer)
     found = caster.cast(table, view(volume), SIZE, spec)
     colour, alpha, _, _ = reference.cast(volume, table, view(volume), SIZE, spec)
+    assert alpha.max() > 0.9
     assert np.abs(found.coefficients - colour).max() < TOLERANCE
     assert np.abs(found.alpha - alpha).max() < TOLERANCE
 

@@ -127,7 +127,8 @@ def label_number(label: int | str, labels: Volume) -> int:
         if not 0 <= label <= MAX_LABEL:
             raise TransferError.refused("", label, f"give 0 to {MAX_LABEL}", "range")
         return label
-    names = {name: number for number, name in unique_names(labels.labels).items()}
+    stated = {number: each for number, each in labels.labels.items() if each.name}
+    names = {name: number for number, name in unique_names(stated).items()}
     if label not in names:
         more = ", …" if len(names) > _MOST_NAMED else ""
         known = f"it has {', '.join([*names][:_MOST_NAMED])}{more}" if names else "it names none"
