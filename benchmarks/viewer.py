@@ -13,6 +13,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
+import volspec as vs
 from benchmarks.measure import Figure, report
 from tests.support.window import ENGINE, Robot, along, missing
 
@@ -44,6 +47,41 @@ def figures(size: tuple[int, int] = (1280, 720)) -> Iterator[Figure]:
         robot.whole()
         robot.rest()
         yield from _paint(robot)
+    with tempfile.TemporaryDirectory() as folder:
+        series = _series(Path(folder))
+        with Robot(Path(folder), [str(series)], size) as robot:
+            robot.whole()
+            robot.rest()
+            yield from _played(robot)
+
+
+def _series(folder: Path) -> Path:
+    """Write 20 steps of 128³ voxels, the engine that moves through itself; return their file."""
+    import SimpleITK
+
+    engine = vs.load_volume("engine").values[::2, ::2, ::2]
+    still = np.zeros((128, 128, 128), np.uint8)
+    still[: engine.shape[0], : engine.shape[1], : engine.shape[2]] = engine[:128, :128, :128]
+    steps = [np.roll(still, 3 * k, axis=0) for k in range(20)]
+    image = SimpleITK.JoinSeries([SimpleITK.GetImageFromArray(step) for step in steps])
+    SimpleITK.WriteImage(image, folder / "moving.nrrd")
+    return folder / "moving.nrrd"
+
+
+def _played(robot: Robot) -> Iterator[Figure]:
+    """Drag a light while 20 time steps play."""
+    robot.key("j")
+    time.sleep(3.0)  # every step has been shown, and the casts have found their size
+    x, y, width, height = robot.area("weight 1")
+    start, end = (x + 4, y + height / 2), (x + width - 4, y + height / 2)
+    pressed, released = _drag(robot, along(start, end, DRAG_S))
+    rows = [row for row in robot.since(pressed) if row["t"] <= released]
+    frames = sum(row["stage"] == "frame" for row in rows) / (released - pressed)
+    yield Figure("viewer/light dragged while steps play, frames a second", frames, 15.0, unit="/s")
+    casts = [row for row in rows if row["event"] == "cast"]
+    coarse = max(row["divisor"] for row in casts)
+    name = f"viewer/time steps of 128³ a second, at 1/{coarse} of the sides"
+    yield Figure(name, len(casts) / (released - pressed), 5.0, unit="/s")
 
 
 def _start(robot: Robot) -> Figure:

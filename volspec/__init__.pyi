@@ -85,7 +85,13 @@ from .transfer import (
     TransferFunction as TransferFunction,
     TransferFunction2D as TransferFunction2D,
 )
-from .volume import Volume as Volume, load_volume as load_volume, phantom as phantom
+from .volume import (
+    Series as Series,
+    Volume as Volume,
+    load_series as load_series,
+    load_volume as load_volume,
+    phantom as phantom,
+)
 from .wizard import (
     Redesigned as Redesigned,
     hide as hide,

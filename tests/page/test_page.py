@@ -36,7 +36,7 @@ BAD_TITLE = "</script><b id=hurt>\"'&amp; \u202egnisrever"
 def files(
     tmp_path_factory: pytest.TempPathFactory, engine_scene: Scene, engine_image: CoefficientImage
 ) -> Path:
-    """Pages of the engine: ``8.html``, ``12.html`` and ``turn.html``."""
+    """Pages of the engine: ``8.html``, ``12.html``, ``turn.html`` and ``beat.html``."""
     folder = tmp_path_factory.mktemp("pages")
     lights, seen = engine_scene.lights, engine_scene.relight
     views = [PageView(engine_image)]
@@ -45,6 +45,8 @@ def files(
         write_page(folder / f"{bits}.html", views, lights, seen, spec)
     views += [PageView(mirrored(engine_image), 180.0), PageView(engine_image, 270.0)]
     write_page(folder / "turn.html", views, lights, seen)
+    steps = [replace(view, step=step) for step in (0, 1) for view in views[step : step + 2]]
+    write_page(folder / "beat.html", steps, lights, seen, PageSpec(fps=4))
     return folder
 
 
@@ -189,6 +191,27 @@ def test_other_views_are_turned_to(
     # It is drawn once it is unpacked, which nothing on the page shows.
     pictures = (page.picture() for _ in range(20))
     assert any(mean_difference(picture, wanted[:, ::-1]) <= EIGHT for picture in pictures)
+
+
+def test_time_steps_are_shown_and_played(opened: Callable[..., Opened], files: Path) -> None:
+    page = opened(files / "beat.html")
+    shown = "document.getElementById('step-read').textContent"
+    turned = "document.getElementById('view-read').textContent"
+    page.page.focus("#port")
+    page.page.keyboard.press("PageDown")
+    page.until(f"{turned} === '180°' && {shown} === '1 / 2'")
+    page.page.keyboard.press(".")
+    page.until(f"{turned} === '270°' && {shown} === '2 / 2'")
+    page.page.keyboard.press("PageDown")
+    page.until(f"{turned} === '180°' && {shown} === '2 / 2'")
+    page.page.click("#play")
+    page.until(f"{shown} === '1 / 2'")
+    page.until(f"{shown} === '2 / 2'")
+    assert page.page.text_content("#play") == "Pause"
+    page.page.fill("#step", "0")  # which stops it
+    page.until(f"{shown} === '1 / 2'")
+    assert page.page.text_content("#play") == "Play"
+    assert page.complaints == []
 
 
 def test_a_view_that_cannot_be_unpacked_leaves_the_one_before(

@@ -27,7 +27,6 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
-from volspec.transfer.presets import histogram
 from volspec.viewer.model import palette_edits
 from volspec.viewer.model.commands import BY_KEY, BY_NAME
 from volspec.viewer.model.document import Document
@@ -215,7 +214,6 @@ def small_document() -> Document:
         shading=RaycastSpec(),
         lights=(*rows, planck),
         relight=RelightSpec(),
-        histogram=histogram(ball),
     )
 
 

@@ -11,7 +11,7 @@ import volspec as vs
 from tests.support.transfers import BASIS, MATERIALS
 from volspec.transfer.missing import bake_for_volume, transparent_below
 from volspec.transfer.table import TransferTable
-from volspec.viewer.model.document import joint_histogram
+from volspec.viewer.model.document import field_data
 from volspec.volume.summary import summarise
 
 NAME = next(iter(MATERIALS))
@@ -69,5 +69,5 @@ def test_statistics_leave_missing_voxels_out() -> None:
     assert summary.range == (1, 3) and summary.mean == pytest.approx(2, abs=1e-5)
     assert summary.missing == 8 * 16 * 16
     assert sum(count for _, _, count in summary.histogram) == 8 * 16 * 16
-    joint = joint_histogram(volume)
+    joint = field_data((volume,))[""].joint
     assert joint.top < 3 and joint.counts.sum() > 0

@@ -26,7 +26,6 @@ from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.relight import programs as programs_of_gl
 from volspec.spectra import light
 from volspec.viewer.model import lighting
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.lighting_aim import list_sources
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import file_commands
@@ -41,7 +40,8 @@ from volspec.viewer.work.outputs import Progress
 from volspec.viewer.work.screenshot import render_frame
 from volspec.viewer.work.session import SUFFIX, save_session
 from volspec.viewer.work.session_store import STATE_VARIABLE
-from volspec.volume import Choice, Volume
+from volspec.viewer.work.steps import Steps
+from volspec.volume import Volume
 
 
 class Slow(LatestWorker[str, str]):
@@ -172,41 +172,6 @@ def test_only_the_opening_s_message_ends_with_it(
     assert notice.text == "later"
 
 
-def test_time_steps_pressed_while_one_is_read_are_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
-    values = tuple(map(str, range(65)))
-    state = opened(tmp_path)
-    document = replace(state.document, choices=(Choice("time", values, values, "2"),))
-    state, go_on, read = replace(state, document=document), threading.Event(), list[str]()
-
-    def slow(path: str, _: object, choices: tuple[Choice, ...]) -> Document:
-        read.append(path.partition("time=")[2])
-        assert go_on.wait(20)
-        return replace(document, choices=choices)
-
-    monkeypatch.setattr(documents, "open_document", slow)
-    tasks, notice = Tasks(lambda: None), Notice()
-    each = DocumentService(tasks, notice, None)
-    for _ in range(3):
-        each.step(state, 1)
-    assert "step 6 of 65 (?time=5)" in notice.text
-    go_on.set()
-    shown = replace(state, relight=replace(state.relight, backdrop=0.7))
-    for _ in range(2):
-        wait_until(lambda: tasks.busy)
-        (outcome,) = take_until(tasks.take, bool)
-        found = each.finish_open(outcome, first=False)
-        assert found is not None
-        shown = found.after(shown).state
-        each.begin(found, None)
-    assert shown.relight.backdrop == 0.7  # edited while the steps were read
-    assert shown.document.choices[0].chosen == "5" and read == ["3", "5"] and not tasks.busy
-    each.step(shown, -1)
-    assert "step 5 of 65" in notice.text
-
-
 @pytest.mark.parametrize("written", [True, False])
 def test_a_late_picture_is_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, written: bool
@@ -220,7 +185,8 @@ def test_a_late_picture_is_saved(
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "state"))
     monkeypatch.setattr(file_commands, "save_picture", taken)
     notice, came = Notice(), threading.Event()
-    rest: tuple[Any, ...] = (UiContext(), notice, None, None, lambda *_: None)
+    steps = Steps(came.set, notice)
+    rest: tuple[Any, ...] = (UiContext(), notice, None, None, lambda *_: None, steps)
     each = file_commands.FileCommands(Tasks(came.set), cast(Any, None), *rest)
     each.run(Request("screenshot"), opened(tmp_path))
     assert came.wait(20) and each.take(first=False)[0]

@@ -70,16 +70,16 @@ def test_what_is_ambiguous_is_asked_and_what_is_damaged_is_refused(tmp_path: Pat
     notes |= {f"PhysicalSize{axis}": 1.0 for axis in "XYZ"}
     notes |= {f"PhysicalSize{axis}Unit": "mm" for axis in "XYZ"}
     tifffile.imwrite(several, stack, metadata=notes)
-    asked = open_path(str(several), None)
-    assert isinstance(asked, Undecided)
-    assert {choice.key: choice.names for choice in asked.choices} == {
-        "time": ("0", "1", "2"),
-        "channel": ("all", "DAPI", "GFP"),
-    }
-    found = open_path(address_with(asked.path, {"time": "1", "channel": "1"}), None)
+    found = open_path(str(several), None)
     assert isinstance(found, Opened)
-    chosen = {choice.key: choice.chosen for choice in found.state.document.choices}
-    assert chosen == {"time": "1", "channel": "1"}
+    document = found.state.document
+    assert document.series is not None and len(document.series) == 3 and document.choices == ()
+    assert [look.name for look in found.state.fields] == ["", "GFP"]
+    found = open_path(address_with(str(several), {"time": "1", "channel": "1"}), None)
+    assert isinstance(found, Opened)
+    document = found.state.document
+    assert {choice.key: choice.chosen for choice in document.choices} == {"channel": "1"}
+    assert document.series is None
     raw = tmp_path / "scan.raw"
     raw.write_bytes(bytes(64))
     layout = open_path(str(raw), None)

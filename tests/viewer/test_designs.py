@@ -49,6 +49,7 @@ from volspec.viewer.work import designs
 from volspec.viewer.work.background import Tasks
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session_store import STATE_VARIABLE
+from volspec.viewer.work.steps import Steps
 
 PALETTES = Path(__file__).resolve().parents[2] / "data" / "palettes"
 
@@ -280,8 +281,9 @@ def test_the_dialog_s_path_goes_to_the_design(
     monkeypatch.setenv(STATE_VARIABLE, str(tmp_path / "kept"))
     monkeypatch.setattr(dialogs, "has_native_dialogs", lambda: False)
     path, bench, asked = str(tmp_path / "mine.toml"), Bench(), with_target(state, 5)
-    rest = (UiContext(), bench.notice, None, None)
-    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, bench.designs.file)
+    rest = (UiContext(), bench.notice, None, None, bench.designs.file)
+    steps = Steps(lambda: None, bench.notice)
+    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, steps)
     history = History(asked)
     for name in ("palette-save", "palette-load"):
         assert name not in bench.designs.commands
@@ -304,8 +306,9 @@ def test_requested_files_are_there_when_the_window_has_closed(
     monkeypatch.setattr("volspec.viewer.ui.file_commands.export_scene", slow)
     monkeypatch.setattr(designs, "save_palette", slow)
     bench = Bench()
-    rest = (UiContext(), bench.notice, None, None)
-    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, bench.designs.file)
+    rest = (UiContext(), bench.notice, None, None, bench.designs.file)
+    steps = Steps(lambda: None, bench.notice)
+    file_commands = FileCommands(Tasks(lambda: None), cast(Any, None), *rest, steps)
     for name in ("export-scene", "palette-save"):
         answer = REQUESTS[name], str(tmp_path / name)
         monkeypatch.setattr(FileDialogs, "take", lambda _, answer=answer: answer)

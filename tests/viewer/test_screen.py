@@ -116,7 +116,7 @@ def test_an_empty_picture_says_so_and_a_fault_takes_its_place(
         slow.take(replace(cast, image=blank, made=Pass(divisor)), state)
         assert bool(slow.missing_message(state, painted)) == empty
     # Another document that cannot be cast has no picture.
-    other = replace(cast.job, document=replace(cast.job.document))
+    other = replace(cast.job, document=replace(cast.job.document, opening=object()))
     slow.take(CastDone(other, WHOLE, 0.0, error="no device; see volspec doctor"), state)
     assert slow.painted_picture(AREA, state) is None
     assert slow.missing_message(state, None) == slow.fault == "no device; see volspec doctor"

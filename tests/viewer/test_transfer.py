@@ -28,7 +28,7 @@ from volspec.transfer import (
 )
 from volspec.viewer.model import materials, transfer_edits
 from volspec.viewer.model.commands import COMMANDS
-from volspec.viewer.model.document import Document, joint_histogram
+from volspec.viewer.model.document import Document, field_data
 from volspec.viewer.model.edit import Change, after
 from volspec.viewer.model.history import History
 from volspec.viewer.model.state import ViewState
@@ -76,6 +76,17 @@ def test_a_drag_across_shifts_and_one_upwards_spreads(state: ViewState, kind: st
     np.testing.assert_allclose(values_of(up), middle + math.exp(0.2) * (old - middle), atol=1e-12)
     back = transfer_edits.shift(transfer_edits.window(up, 0.0, 0.1), 0.0)
     np.testing.assert_allclose(values_of(back), old, atol=1e-12)
+
+
+def test_contrast_limits_move_the_ends_and_what_is_between(state: ViewState) -> None:
+    old = np.array(values_of(state))
+    low, high = state.document.volume.range
+    ends = low + 0.1 * (high - low), low + 0.6 * (high - low)
+    new = np.array(values_of(transfer_edits.set_limits(state, *ends)))
+    assert (new.min(), new.max()) == pytest.approx(ends)
+    shares = (old - old.min()) / (old.max() - old.min())
+    np.testing.assert_allclose(shares, (new - new.min()) / np.ptp(new), atol=1e-12)
+    assert transfer_edits.set_limits(state, ends[1], ends[0]) is state
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -386,10 +397,10 @@ def test_a_preset_shows_the_ball_and_replaces_materials_and_basis(document: Docu
 def test_the_joint_histogram_knows_a_ramps_gradient() -> None:
     """0.25 per voxel of 0.5 mm."""
     ramp = np.broadcast_to(0.25 * np.arange(8, dtype=np.float32), (5, 6, 8))
-    joint = joint_histogram(Volume(ramp, spacing_mm=(0.5, 1, 1)))
+    joint = field_data((Volume(ramp, spacing_mm=(0.5, 1, 1)),))[""].joint
     assert joint.top == pytest.approx(0.5)
     assert joint.counts[:-1].sum() == 0 and joint.counts[-1].sum() > 0
-    assert joint_histogram(Volume(np.zeros((2, 2, 2), np.uint8))).top == 1.0
+    assert field_data((Volume(np.zeros((2, 2, 2), np.uint8)),))[""].joint.top == 1.0
 
 
 def test_the_histogram_on_the_screen_keeps_no_closed_volume(document: Document) -> None:

@@ -184,7 +184,7 @@ def twice(robot: Robot, area: str, done: Callable[[], bool]) -> None:
 
 
 @pytest.mark.slow
-def test_channels_steps_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> None:
+def test_steps_play_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) -> None:
     tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
     ball = (phantom.ball(16).values * 1000).astype(np.uint16)
     stack = np.stack([np.stack([ball, ball[::-1]])] * 3)
@@ -199,20 +199,26 @@ def test_channels_steps_and_raw_layouts_are_chosen_from_lists(tmp_path: Path) ->
         assert robot.until(lambda: red(pixels(robot, "nothing", "picture")[300:]) > 100)
         robot.key("ctrl+o")
         robot.wait_for(lambda row: "file c.ome.tif" in row.get("areas", {}))
-        twice(robot, "file c.ome.tif", lambda: "choice ok" in layout(robot))
-        robot.click("choice channel 1")
-        robot.click("choice ok")
+        twice(robot, "file c.ome.tif", lambda: "time play" in layout(robot))
         opened = event(robot, "open")
         robot.whole(opened["t"])
-        # Lights stay with another channel, and steps are chosen by key or from the status line.
+        # Steps are chosen by key, by the slider and while they play.
         before = robot.rest()
-        robot.key("period")
-        assert event(robot, "open", before)
+        robot.key("comma")
+        assert event(robot, "step", before)["step"] == 2
         before = robot.rest()
-        robot.click("status channel")
-        robot.rest()
-        robot.click("choose channel 0")
-        assert event(robot, "open", before)
+        x, y, width, height = robot.area("time step")
+        robot.drag([(x + width - 8, y + height / 2), (x + width / 2, y + height / 2)])
+        assert event(robot, "step", before)["step"] == 1
+        before = robot.rest()
+        robot.click("time play")
+
+        def all_shown() -> bool:
+            rows = robot.since(before)
+            return {row["step"] for row in rows if row["event"] == "step"} == {0, 1, 2}
+
+        assert robot.until(all_shown)
+        robot.key("j")
         before = robot.rest()
         robot.drop((tmp_path / "ball.raw").as_uri())
         robot.wait_for(lambda row: "guess 0" in row.get("areas", {}), before)

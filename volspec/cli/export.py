@@ -52,6 +52,7 @@ def export(
     camera: CameraOption = None,
     turntable: _Whole = None,
     sweep: _Whole = None,
+    play: Annotated[bool, Parameter(negative="")] = False,
     size: Size = None,
     quality: QualityOption = None,
     samples: _Whole = None,
@@ -76,6 +77,8 @@ def export(
 
     Example: `volspec export head.nii.gz -o head.mp4 --preset skin --turntable 120`
 
+    Example: `volspec export heart.nii.gz -o heart.mp4 --play --fps 10 --light tungsten`
+
     Example: `volspec export 'scans/*.nrrd' -o 'films/{name}.mp4' --turntable 60`
 
     Example: `volspec export engine.toml -o shot --format coefficients --turntable 72`
@@ -89,11 +92,14 @@ def export(
         folder of folders, or a pattern such as `films/{name}.mp4`.
     light
         Name of a light of the scene to export, or all; for a volume: a light such as D65 or
-        planck:3200; repeatable. Default: all lights, but with --turntable the first.
+        planck:3200; repeatable. Default: all lights, but with --turntable and --play the first.
     turntable
         Number of frames in a full turn of the camera.
     sweep
         Number of frames in which one light fades into the next.
+    play
+        Show the time steps of a series one after the other, a frame each, or in as many as the
+        camera or the lights have.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's; large pictures are cast in tiles.
     samples
@@ -132,6 +138,7 @@ def export(
             "transparent": transparent or None,
             "fps": fps,
             "annotate": MARKS if annotate == [_ALL] else annotate,
+            "play": {} if play and own.play is None else None,
         }
         for key, count, table in (
             ("turntable", turntable, own.turntable),
@@ -143,7 +150,8 @@ def export(
         names = tuple(each.name for each in scene.lights)
         fades = own.sweep is not None or sweep is not None
         # One turn under one light; coefficient images hold no light, and a sweep needs several.
-        one = turntable is not None and not (
+        moves = turntable is not None or play
+        one = moves and not (
             light or own.lights or fades or (format or own.format) == "coefficients"
         )
         changes["lights"] = names[:1] if one else names if light == [_ALL] else light
@@ -184,7 +192,7 @@ def export(
             f"{counted(made.casts, 'cast')}" + (f"; {there} already existed" if there else "")
         )
         if one and len(names) > 1:
-            turns = f"a turn under each of {len(names)} lights"
+            turns = f"{'a turn' if turntable else 'them'} under each of {len(names)} lights"
             line += f", under {names[0]}; --light {_ALL} makes {turns}"
         return line
 
@@ -216,6 +224,7 @@ def page(
     preset: Preset = None,
     camera: CameraOption = None,
     views: Annotated[int, Parameter(converter=as_written, validator=_check_views)] = 1,
+    play: Annotated[bool, Parameter(negative="")] = False,
     light: Lights = None,
     size: Size = None,
     quality: QualityOption = None,
@@ -242,6 +251,8 @@ def page(
         The HTML file to write; of a batch, a folder, or a pattern such as `pages/{name}.html`.
     views
         Cameras on a circle around the scene's `up`, starting at the scene's own: drag to turn.
+    play
+        Hold all time steps of a series, with a slider and a button that plays them.
     light
         A light to add to the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
         for a volume, instead of the default ones; repeatable.
@@ -287,17 +298,25 @@ def page(
             rig = LightRig.of(read_setting(text, shares, scene.basis.grid))
             shown = rig.facing(shares).mixed(scene.basis.grid)
             lights.append(NamedLight(text, text, shown, rig))
+        series = scene.series() if play else None
+        if play and series is None:
+            raise InputError(
+                f"--play: {job.address} has one time step; leave it out", code="conflict"
+            )
         cast = scene_views(
             scene,
             views,
+            series=series,
             size=sides(size) if size else None,
             device=device,
             progress=lambda share: tell("cast", share),
             volume=volume,
         )
         name = title or scene.file.title or Path(job.address).stem
-        count = write_page(job.output, cast, lights, scene.relight, PageSpec(name, caption, bits))
+        spec = PageSpec(name, caption, bits, scene.file.volume.fps)
+        count = write_page(job.output, cast, lights, scene.relight, spec)
         many = f", {views} views" if views > 1 else ""
+        many += f", {len(series)} time steps" if series else ""
         lit = counted(len(lights), "light")
         return f"{job.output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser"
 

@@ -77,7 +77,8 @@ def open_scene(
     from volspec._triangles import is_mesh_file
     from volspec.scene import Scene
     from volspec.spectra import DEFAULT_GRID, light
-    from volspec.volume import Volume, load_volume
+    from volspec.volume import Volume
+    from volspec.volume.series import open_volume
 
     require_scene(Path(address), image)
     wanted = None if camera is None else _camera(camera)
@@ -94,7 +95,7 @@ def open_scene(
         for text in lights or ():
             light(text, DEFAULT_GRID)  # refused before the volume is read
             note_everyday(text)
-        volume = load_volume(address)
+        volume, _ = open_volume(address)
         orbit = None if wanted is None else _orbit(wanted, lambda: volume)
         with in_options({"preset": "--preset"}):
             scene = Scene.from_volume(

@@ -51,7 +51,7 @@ def info(volume: str, /, *, json: Json = False) -> None:
         follow a question mark: `FOLDER?series=3`, `FILE.tif?spacing=0.65,0.65,2`,
         `channel=`, `time=`, `level=`; `labels=FILE` names a table of a segmentation's labels.
     """
-    from volspec.volume import load_volume
+    from volspec.volume.series import open_volume
     from volspec.volume.summary import summarise
 
     path = Path(volume)
@@ -59,8 +59,8 @@ def info(volume: str, /, *, json: Json = False) -> None:
     if path.suffix.lower() == ".toml":
         check = f"volspec scene check {shlex.quote(volume)}"
         raise InputError(f"{volume}: is a scene; give the volume of its [volume], or run {check}")
-    loaded = load_volume(volume)
-    summary = summarise(loaded)
+    loaded, series = open_volume(volume)
+    summary = summarise(loaded, 1 if series is None else len(series))
     if json:
         print_json(summary.to_dict())
     else:

@@ -55,6 +55,16 @@ class FrameState:
     camera: Camera
     transfer: Transfers
     spec: RelightSpec
+    step: int | None = None  # of a series that plays
+
+
+def played_steps(frames: int, steps: int, loops: int = 1) -> list[int]:
+    """Return the time step of every frame.
+
+    >>> played_steps(6, 3), played_steps(4, 2, loops=2)
+    ([0, 0, 1, 1, 2, 2], [0, 1, 0, 1])
+    """
+    return [i * steps * loops // frames % steps for i in range(frames)]
 
 
 def frame_times_s(keys: Keys, fps: float) -> Array:

@@ -41,9 +41,10 @@ from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
 from volspec.scene.model import viewing_note
 from volspec.settings import plain
-from volspec.volume import Volume
+from volspec.volume import Series, Volume
 
 Progress = Callable[[str, float], object]
+CasterOf = Callable[[list[Shot]], TileCaster]
 
 # Suffixes that are not a folder's, nor are names close to them, such as ".mp5".
 _OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".mpg", ".mpeg", ".wmv", ".flv", ".3gp", ".ogv")
@@ -96,6 +97,7 @@ def export(
     volume: Volume | None = None,
     caster: Raycaster | None = None,
     plan: Plan | None = None,
+    series: Series | None = None,
 ) -> Exported:
     """Export the frames of a scene's ``[export]``.
 
@@ -122,6 +124,8 @@ def export(
         Caster that already has the volume on a device; ``device`` is then ignored.
     plan : Plan, optional
         Frames instead of those of ``[export]``, in its files' format.
+    series : Series, optional
+        The scene's time steps, if they are already open.
 
     Raises
     ------
@@ -141,11 +145,15 @@ def export(
     own = scene.file.output.width, scene.file.output.height
     pixels = _checked_size(size or (even_size(own) if is_film else own))
     progress("read the volume", 0.0)
+    if series is None and (plan.plays if plan else table.play is not None):
+        series = scene.series()
+    if series is not None and caster is None:
+        volume = series[0]
     volume = caster.volume if caster else volume or scene.volume()
     progress("read the volume", 1.0)
     settings = {"size": pixels, "export": plain(table), "film": is_film}
     if plan is None:
-        plan = plan_export(scene, volume, table)
+        plan = plan_export(scene, volume, table, series)
     else:
         settings["plan"] = plan.fingerprint()
     # Until a film is done, its frames are in a folder next to it.
@@ -153,15 +161,15 @@ def export(
     has_sheet = table.sheet and not is_film
     files = tuple(f"{shot.stem}{table.suffix}" for shot in plan.shots)
     files += ("sheet.png",) if has_sheet else ()
+    volumes = series if series is not None and plan.plays else [volume]
+    casters = _Casters(volume, device, caster, series)
     with exclusive_folder(path):
-        folder = ExportFolder(path, fingerprint(scene, volume, settings), files)
+        folder = ExportFolder(path, fingerprint(scene, volumes, settings), files)
         try:
             folder.begin(overwrite, own=is_film)
             maker = FrameMaker(FrameFiles(scene, folder, table, pixels))
             try:
-                made, casts = maker.make(
-                    plan, lambda: caster or Raycaster(volume, device=device), progress
-                )
+                made, casts = maker.make(plan, casters, progress)
             except ViewingError as error:
                 message = re.sub(r"^(?:[A-Z]\w+\.|export: )", "", str(error))
                 raise ViewingError(f"{scene.path}: [viewing] {message}", code=error.code) from error
@@ -234,6 +242,27 @@ def _checked_size(size: tuple[int, int]) -> tuple[int, int]:
     return width, height
 
 
+@dataclass(slots=True)
+class _Casters:
+    """Casters of a volume and of its time steps, opened when they are needed."""
+
+    volume: Volume
+    device: str | None
+    own: Raycaster | None  # of the volume
+    series: Series | None
+    # The last step, as frames of several lights follow each other.
+    _last: tuple[int, Raycaster] | None = None
+
+    def at(self, step: int | None) -> Raycaster:
+        """Return the caster of a time step, or of the volume."""
+        self.own = self.own or Raycaster(self.volume, device=self.device)
+        if step is None or self.series is None:
+            return self.own
+        if self._last is None or self._last[0] != step:
+            self._last = step, Raycaster(self.series[step], like=self.own)
+        return self._last[1]
+
+
 class _ProgressMeter:
     """Combined progress of casts and frames."""
 
@@ -265,13 +294,8 @@ class FrameMaker:
         canvas = Canvas(self.files.size, self.files.table.samples, channels)
         object.__setattr__(self, "_canvas", canvas)
 
-    def make(
-        self, plan: Plan, open_caster: Callable[[], Raycaster], progress: Progress
-    ) -> tuple[int, int]:
-        """Make the missing frames; return the numbers of frames and of casts.
-
-        ``open_caster`` is called only if a frame is missing.
-        """
+    def make(self, plan: Plan, casters: _Casters, progress: Progress) -> tuple[int, int]:
+        """Make the missing frames; return the numbers of frames and of casts."""
         casts = self._missing(plan)
         if not casts:
             return 0, 0
@@ -282,12 +306,15 @@ class FrameMaker:
         if self._parts > 1 and not only_cast:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
-        opened = open_caster()
-        caster = TileCaster(opened, scene.raycast, notes, scene.behind(opened.volume))
+        behind = scene.behind(casters.volume)
+
+        def caster_of(shots: list[Shot]) -> TileCaster:
+            return TileCaster(casters.at(shots[0].step), scene.raycast, notes, behind)
+
         if only_cast:
-            self._cast(casts, caster, meter)
+            self._cast(casts, caster_of, meter)
         else:
-            self._relight(casts, caster, meter)
+            self._relight(casts, caster_of, meter)
         return sum(len(shots) for shots in casts), len(casts)
 
     def _missing(self, plan: Plan) -> list[list[Shot]]:
@@ -303,18 +330,20 @@ class FrameMaker:
         strips = self._canvas.strips()
         return len(strips) * len(strips[0])
 
-    def _cast(self, casts: list[list[Shot]], caster: TileCaster, meter: _ProgressMeter) -> None:
+    def _cast(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
         for shots in casts:
+            caster = caster_of(shots)
             image = caster.whole(shots[0].transfer, shots[0].camera, self._canvas, meter.casting)
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
                 self.files.save(shot, image)
                 meter.add(1)
 
-    def _relight(self, casts: list[list[Shot]], caster: TileCaster, meter: _ProgressMeter) -> None:
+    def _relight(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
         blanks = BlankFrames(_BRIGHTNESS)
         with closing(RelighterPool()) as pool, self.files.encoders() as encoders:
             for unmeasured in casts:
+                caster = caster_of(unmeasured)
                 shots = self._measured(unmeasured, caster)
                 transfer, camera = shots[0].transfer, shots[0].camera
                 images = caster.strips(transfer, camera, self._canvas, meter.casting)

@@ -32,16 +32,20 @@ from volspec.volume import Volume
 NAME = "export.json"
 
 
-def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
+def fingerprint(scene: Scene, volumes: Iterable[Volume], settings: dict[str, Any]) -> str:
     """Return a hash that is equal for exports of equal frames, on the same device.
 
-    Spectra, meshes and the volume are hashed by value; ``settings`` is JSON.
+    Spectra, meshes and volumes, the steps of a series, are hashed by value; ``settings`` is JSON.
     """
     digest = hashlib.blake2b(digest_size=16)
     filters = getattr(scene.transfer, "filters", None) or {}
-    values = np.ascontiguousarray(volume.values)
-    digest.update(values.data.cast("B"))
-    digest.update(np.ascontiguousarray(volume.world_from_index, np.float64).data.cast("B"))
+    shapes = []
+    for volume in volumes:
+        for each in (volume, *volume.fields):
+            values = np.ascontiguousarray(each.values)
+            digest.update(values.data.cast("B"))
+            digest.update(np.ascontiguousarray(each.world_from_index, np.float64).data.cast("B"))
+            shapes.append([each.name, str(values.dtype), values.shape])
     lights = [spectrum for light in scene.lights for spectrum in light.rig.lights]
     for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
         digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())
@@ -52,7 +56,7 @@ def fingerprint(scene: Scene, volume: Volume, settings: dict[str, Any]) -> str:
     file.pop("export", None)  # settings
     facts = {
         "volspec": __version__,
-        "volume": [volume.name, str(values.dtype), values.shape],
+        "volume": shapes,
         "file": file,
         "lights": [[light.rig.weights, light.rig.illuminance_lux] for light in scene.lights],
         "viewing": plain(scene.relight),

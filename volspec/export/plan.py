@@ -30,7 +30,7 @@ from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import mixed_rig
 from volspec.scene import NamedLight, Scene
-from volspec.scene.export import ExportSpec
+from volspec.scene.export import ExportSpec, Play
 from volspec.scene.file import SceneFaults, SceneFile, scene_data, scene_file
 from volspec.scene.lights import require_lux
 from volspec.scene.resolve import Resolver
@@ -38,7 +38,8 @@ from volspec.scene.specs import EMPTY, ROOM_LIGHT
 from volspec.settings import try_table
 from volspec.transfer import FieldTables, Transfers
 from volspec.transfer.missing import bake_for_volume
-from volspec.volume import Volume
+from volspec.volume import Series, Volume
+from volspec.volume.series import KEPT_BYTES
 
 # Stem of coefficient images; other frames are named after their light.
 _CAST = "cast"
@@ -57,11 +58,12 @@ class Shot:
     light: str  # a description for the file's notes
     rig: LightRig
     spec: RelightSpec
+    step: int | None = None  # of a series that plays
 
     @property
-    def cast(self) -> tuple[Camera, int]:
+    def cast(self) -> tuple[Camera, int, int | None]:
         """Key of the cast: shots with equal keys share one."""
-        return self.camera, id(self.transfer)
+        return self.camera, id(self.transfer), self.step
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,10 +76,15 @@ class Plan:
 
     def casts(self) -> list[list[Shot]]:
         """Return the shots grouped by cast, in the order of each group's first shot."""
-        found: dict[tuple[Camera, int], list[Shot]] = {}
+        found: dict[object, list[Shot]] = {}
         for shot in self.shots:
             found.setdefault(shot.cast, []).append(shot)
         return list(found.values())
+
+    @property
+    def plays(self) -> bool:
+        """True if frames show time steps of a series."""
+        return any(shot.step is not None for shot in self.shots)
 
     def fingerprint(self) -> str:
         """Return a hash that is equal for equal frames."""
@@ -85,14 +92,18 @@ class Plan:
         for shot in self.shots:
             rig = shot.rig
             facts = shot.stem, shot.camera, shot.transfer, shot.spec, rig.weights, rig.groups
-            digest.update(repr((*facts, rig.illuminance_lux)).encode())
+            digest.update(repr((*facts, rig.illuminance_lux, shot.step)).encode())
             for light in rig.lights:
                 digest.update(np.stack([light.wavelengths_nm, light.values]).tobytes())
         return digest.hexdigest()
 
 
-def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:
+def plan_export(
+    scene: Scene, volume: Volume, table: ExportSpec, series: Series | None = None
+) -> Plan:
     """Plan the frames of ``[export]``, or of another table that fits the scene.
+
+    ``series`` are the volume's time steps, if they are open; else they are only counted.
 
     Raises
     ------
@@ -103,6 +114,8 @@ def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:
     lights = export_lights(scene, table)
     require_lux(_visible_lights(scene, table, lights), scene.relight, scene.path)
     states = _states(scene, volume, table, len(lights))
+    if table.play is not None:
+        states = _played(scene, states, table.play, series)
     mixes = _mixes(scene, table, lights, len(states))
     digits = max(4, len(str(len(states) - 1)))
     numbers = [f"{i:0{digits}d}" for i in range(len(states))]
@@ -126,7 +139,7 @@ def plan_export(scene: Scene, volume: Volume, table: ExportSpec) -> Plan:
 
 
 def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) -> Shot:
-    return Shot(stem, number, state.camera, state.transfer, light, rig, state.spec)
+    return Shot(stem, number, state.camera, state.transfer, light, rig, state.spec, state.step)
 
 
 def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
@@ -155,6 +168,23 @@ def _weights(scene: Scene) -> list[dict[str, float]] | None:
     return [key.lights or {} for key in keys]
 
 
+def _played(
+    scene: Scene, states: list[FrameState], play: Play, series: Series | None
+) -> list[FrameState]:
+    """Return the states with the time steps of a series; of a single one a frame for each."""
+    steps = scene.step_count() if series is None else len(series)
+    if steps == 1:
+        raise SceneError(
+            f"{scene.path}: [export] play: the volume has one time step",
+            "leave it out, or give a series as [volume] file, such as beat/*.nrrd",
+            code="conflict",
+        )
+    if len(states) == 1:
+        states = states * (play.frames or steps * play.loops)
+    shown = animation.played_steps(len(states), steps, play.loops)
+    return [replace(state, step=step) for state, step in zip(states, shown, strict=True)]
+
+
 def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> list[FrameState]:
     # A spectrum has all bands; other modes would smooth a lamp's spectrum.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
@@ -169,8 +199,8 @@ def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> lis
         return animation.frame_states(scene, volume, spec, animation.frame_times_s(keys, table.fps))
     if table.sweep is not None:
         fades = lights if table.sweep.closed else lights - 1
-        frames = table.sweep.frames or _FRAMES_A_FADE * fades + (not table.sweep.closed)
-        return [still] * frames
+        fading = _FRAMES_A_FADE * fades + (not table.sweep.closed)
+        return [still] * (table.sweep.frames or (table.play and table.play.frames) or fading)
     return [still]
 
 
@@ -368,7 +398,7 @@ def _unresolved(file: SceneFile, path: Path) -> tuple[list[str], Volume | None]:
     names.lights(grid, file.cast, names.room(grid))
     try:
         if file.volume.file != _NO_VOLUME:
-            return errors, names.volume()
+            return errors, names.opened(KEPT_BYTES)[0]
     except SceneError as error:
         errors.append(str(error))
     return errors, None

@@ -204,6 +204,14 @@ class _Together:
         return found
 
 
+@dataclass(slots=True, eq=False)
+class _Known:
+    """Results that casters of one series share: the last table, and a quality's step in mm."""
+
+    baked: tuple[Transfers, Tables] | None
+    steps_mm: dict[Target, tuple[tuple[Any, ...], float]]
+
+
 class Raycaster:
     """A volume on an OpenCL device, ready to be cast; threads may share it and cast in turn.
 
@@ -222,7 +230,8 @@ class Raycaster:
         ``raycast(into=…)`` passes pictures to a Relighter of the same context without the host.
     like : Raycaster, optional
         A caster of another volume, whose device, programs and packet this one shares; they cast in
-        turn. The other parameters are then left out.
+        turn. Of two steps of a series, which have one lattice and range, tables and the length of
+        a quality's steps are shared, too. The other parameters are then left out.
 
     Raises
     ------
@@ -273,8 +282,9 @@ class Raycaster:
         self._casting = False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
-        self._chosen: dict[Target, tuple[tuple[Any, ...], float]] = {}
-        self._baked: tuple[Transfers, Tables] | None = None
+        self._known: _Known = (
+            like._known if like and volume.is_step_of(like.volume) else _Known(None, {})
+        )
         self._lights = LightVolume(self._compute, volume, self._own.unpadded)
 
     @property
@@ -297,9 +307,9 @@ class Raycaster:
 
         The light volume compares tables by identity to detect changes.
         """
-        baked = self._baked
+        baked = self._known.baked
         if baked is None or baked[0] is not transfer:
-            baked = self._baked = transfer, bake_for_volume(transfer, self.volume)
+            baked = self._known.baked = transfer, bake_for_volume(transfer, self.volume)
         return baked[1]
 
     table_of = renamed_attribute("bake")
@@ -328,7 +338,7 @@ class Raycaster:
         plain = replace(spec, groups=groups, half=False, jitter=0.0)
         grey = _grey(table)
         key = plain, *opacity_key(table), *_weights_key(grey)
-        known, step_mm = self._chosen.get(spec.target, (None, 0.0))
+        known, step_mm = self._known.steps_mm.get(spec.target, (None, 0.0))
         if known != key:
             cameras = [
                 Camera.orbit(self.volume, azimuth_deg=33.0, elevation_deg=22.0, up=tuple(up))
@@ -356,7 +366,7 @@ class Raycaster:
                     stacklevel=3,
                 )
             step_mm = chosen.step * unit
-            self._chosen[spec.target] = key, step_mm
+            self._known.steps_mm[spec.target] = key, step_mm
         return replace(spec, step_mm=step_mm)
 
     def cast(

@@ -65,6 +65,17 @@ class Sweep:
     """Fade from the last light back to the first, so that it can loop."""
 
 
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class Play:
+    """``play`` of [export]: the time steps of a series follow each other."""
+
+    frames: Frames | None = None
+    """Number of frames; default: as many as the camera or the lights have, or else one per step."""
+    loops: Annotated[int, Field(ge=1, le=1000)] = 1
+    """How often the series is played."""
+
+
 Mark = Literal["scale", "orientation", "title", "light", "materials"]
 MARKS: tuple[Mark, ...] = get_args(Mark)
 
@@ -80,6 +91,8 @@ class ExportSpec:
     """The camera orbits its target."""
     sweep: Sweep | None = None
     """One light fades into the next; default: each light has its own frames."""
+    play: Play | None = None
+    """The time steps of a series follow each other; default: that of [volume] step."""
     fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 25.0
     """Frames per second, of films and keyframes."""
     format: Literal["png", "exr", "coefficients"] = "png"
@@ -108,6 +121,8 @@ class ExportSpec:
         sweep, turntable = self.sweep, self.turntable
         apart = self.spectral or form == "coefficients"  # files that compositors take apart
         frames = None if sweep is None or turntable is None else sweep.frames
+        played = None if self.play is None else self.play.frames
+        others = [each.frames for each in (turntable, sweep) if each and each.frames]
         for field, refused, problem in (
             (
                 "shows",
@@ -154,6 +169,11 @@ class ExportSpec:
                 "sweep.frames",
                 turntable is not None and frames not in (None, turntable.frames),
                 f"{frames}, but the turntable has {turntable and turntable.frames}",
+            ),
+            (
+                "play.frames",
+                played is not None and others != [played] * len(others),
+                f"{played}, but the turntable or the sweep has {', '.join(map(str, others))}",
             ),
         ):
             if refused:
@@ -328,6 +348,8 @@ def _check_ways(table: ExportSpec, keys: Sequence[Keyframe]) -> None:
         raise fault("export.turntable", "given with [[keyframe]]", "leave out one of them")
     if table.sweep is not None and table.sweep.frames is not None:
         raise fault("export.sweep.frames", "set by the [[keyframe]]s", "leave it out")
+    if table.play is not None and table.play.frames is not None:
+        raise fault("export.play.frames", "set by the [[keyframe]]s", "leave it out")
     weighted: Mapping[bool, int] = {key.lights is not None: i for i, key in enumerate(keys)}
     for name in ("sweep", "lights"):
         if True in weighted and getattr(table, name) is not None:

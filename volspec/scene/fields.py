@@ -23,8 +23,9 @@ from volspec.spectra import Spectrum
 from volspec.transfer import FieldFunctions, Mask, TransferFunction, Transfers
 from volspec.transfer.fields import OWN
 from volspec.transfer.missing import label_number, mask_labels
-from volspec.volume import Volume, load_volume
+from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
+from volspec.volume.series import load_at
 
 At = Callable[[str], AbstractContextManager[None]]
 """Adds a place in the scene's file to an error that is raised within."""
@@ -74,10 +75,13 @@ class FieldSpec:
         """Return the field with another name of its file."""
         return replace(self, file=self.file and change(self.file))
 
-    def load(self, folder: Path) -> Volume:
-        """Read the field's file. Raises VolumeError if it cannot be read or placed."""
+    def load(self, folder: Path, step: int) -> Volume:
+        """Read the field's file, or a time step if it is a series.
+
+        Raises VolumeError if it cannot be read or placed.
+        """
         assert self.file is not None
-        field = load_volume(locate_volume(self.file, folder))
+        field = load_at(locate_volume(self.file, folder), step)
         if self.spacing_mm is not None:
             field = field.with_spacing(self.spacing_mm)
         if self.matrix is not None:
@@ -98,9 +102,14 @@ class FieldSpec:
 
 
 def with_fields(
-    volume: Volume, own: TransferSpec, rows: tuple[FieldSpec, ...], folder: Path, at: At
+    volume: Volume,
+    own: TransferSpec,
+    rows: tuple[FieldSpec, ...],
+    folder: Path,
+    at: At,
+    step: int,
 ) -> Volume:
-    """Return a volume with the fields of ``[[field]]``.
+    """Return a volume with the fields of ``[[field]]``, at a time step of those that are series.
 
     ``at`` adds the row to the VolumeError that is raised if a field cannot be read, or the volume's
     file has none of its name; and to the TransferError if ``[transfer]``, ``own``, or that of a
@@ -110,7 +119,7 @@ def with_fields(
     for number, row in enumerate(rows):
         with at(f"field[{number}]"):
             if row.file is not None:
-                more[row.name] = row.load(folder)
+                more[row.name] = row.load(folder, step)
             elif row.name not in more:
                 others = f"or one of {', '.join(more)}" if more else "as the volume's file has none"
                 raise VolumeError(

@@ -40,8 +40,9 @@ from volspec.settings import plain, read_table
 from volspec.spectra import Spectrum
 from volspec.transfer.label_look import LABELS, with_labels
 from volspec.transfer.presets import DEFAULT, preset_named
-from volspec.volume import Volume, load_volume
+from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
+from volspec.volume.series import KEPT_BYTES, Series, open_volume
 
 if TYPE_CHECKING:
     from volspec.export.exporter import Exported
@@ -190,7 +191,8 @@ class Scene:
         Parameters
         ----------
         path : path
-            A volume, as for `volspec.load_volume`; the scene's paths are relative to its folder.
+            A volume or a series, as for `volspec.load_volume` and `volspec.load_series`; the
+            scene's paths are relative to its folder.
         preset : str, optional
             Name of a transfer function in ``data/presets.toml``, or labels; default: labels if
             the volume has some, a colour per field if it has several, else soft-hard.
@@ -219,7 +221,7 @@ class Scene:
         (['A'], 'surfaces')
         """
         address = locate_volume(os.fspath(path))
-        volume = volume or load_volume(address)
+        volume = volume or open_volume(address)[0]
         if preset == LABELS and not volume.labels:
             volume = with_labels(volume)
         # A look of its own: of labels, or of several fields.
@@ -299,8 +301,31 @@ class Scene:
         return MappingProxyType(self._known)
 
     def volume(self) -> Volume:
-        """Read the volume, with the scene's spacing and downsampling."""
-        return self._names.volume()
+        """Read the volume, or the step of a series, with the scene's spacing and downsampling."""
+        return self._names.opened(KEPT_BYTES)[0]
+
+    def opened(self) -> tuple[Volume, Series | None]:
+        """Read the volume; of a series open all steps, and return the one that is shown."""
+        return self._names.opened(KEPT_BYTES)
+
+    def step_count(self) -> int:
+        """Return the number of the volume's time steps, which are not read; 1 without a series."""
+        return len(self._names.steps())
+
+    def series(self, kept_bytes: int = KEPT_BYTES) -> Series | None:
+        """Open the volume's time steps; None if it has one.
+
+        Parameters
+        ----------
+        kept_bytes : int
+            Bytes of voxels that stay in memory; other steps are read again when they are needed.
+
+        Raises
+        ------
+        SceneError
+            If no step can be read, or steps have different lattices.
+        """
+        return self._names.series(kept_bytes)
 
     def camera(self, volume: Volume) -> Camera:
         """The camera, placed for a volume."""

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -30,8 +31,10 @@ from volspec.scene.specs import EMPTY, ROOM_LIGHT, given_light, given_reflectanc
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.files import palette_grid, rebase_address
 from volspec.spectra.lights import light_terms
-from volspec.volume import Volume, load_volume
+from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
+from volspec.volume.load import load_step
+from volspec.volume.series import Series, require_step, step_addresses, volume_or_steps
 
 if TYPE_CHECKING:
     from volspec.mesh.caster import MeshCaster
@@ -294,23 +297,66 @@ class Resolver:
 
         return some_colours(next(iter(materials.values())).grid)
 
-    def volume(self) -> Volume:
-        """Load the volume, with the scene's spacing and downsampling.
+    def opened(self, kept_bytes: int) -> tuple[Volume, Series | None]:
+        """Load the volume, with the scene's spacing and downsampling, and the series it is of.
 
+        Of a series all steps are opened, as they have one range; the volume is ``[volume] step``.
         Raises SceneError even with ``faults``, as nothing works without the volume.
         """
         table = self.file.volume
         if table.file == EMPTY:
             box_mm = table.box_mm
-            return Volume.empty(*(self._mesh_box() if box_mm is None else np.transpose(box_mm)))
+            corners = self._mesh_box() if box_mm is None else np.transpose(box_mm)
+            return Volume.empty(*corners), None
+        with self._reading():
+            found = volume_or_steps(locate_volume(table.file, self.path.parent))
+        if isinstance(found, Volume):
+            return self._prepared(found, 0), None
+        with self._reading():
+            require_step(table.file, table.step, len(found))
+        series = self._series(found, kept_bytes)
+        return series[min(table.step, len(series) - 1)], series  # some may be left out
+
+    def series(self, kept_bytes: int) -> Series | None:
+        """Open the time steps of the volume; None if it has one.
+
+        Raises SceneError even with ``faults``.
+        """
+        addresses = self.steps()
+        return None if len(addresses) == 1 else self._series(addresses, kept_bytes)
+
+    def steps(self) -> tuple[str, ...]:
+        """Return the addresses of the volume's time steps; one if it is not a series."""
+        table = self.file.volume
+        if table.file == EMPTY:
+            return (EMPTY,)
+        with self._reading():
+            return step_addresses(locate_volume(table.file, self.path.parent))
+
+    def _series(self, addresses: tuple[str, ...], kept_bytes: int) -> Series:
+        def load(number: int) -> Volume:
+            return self._prepared(load_step(addresses[number], number), number)
+
+        loads = [partial(load, number) for number in range(len(addresses))]
+        with self._reading():
+            return Series(loads, addresses, kept_bytes)
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Add the file and ``[volume]`` to an error in the body, even with ``faults``."""
         with Resolver(self.file, self.path).at("volume"):
             try:
-                volume = load_volume(locate_volume(table.file, self.path.parent))
+                yield
             except VolumeError as error:
                 if error.code != "not-found":
                     raise
                 remedy = f"{error.remedy}, or edit `file` in [volume] of {self.path}"
                 raise VolumeError(error.problem, remedy, code=error.code) from error
+
+    def _prepared(self, volume: Volume, step: int) -> Volume:
+        """Return a volume with the scene's spacing, downsampling and further fields."""
+        table = self.file.volume
+        with self._reading():
             if table.spacing_mm:
                 self._warn_of_spacing(volume, table.spacing_mm)
                 volume = volume.with_spacing(table.spacing_mm)
@@ -319,7 +365,7 @@ class Resolver:
                 volume = volume.downsampled(table.downsample, labels=labels)
         strict = Resolver(self.file, self.path)
         file = self.file
-        return with_fields(volume, file.transfer, file.field, self.path.parent, strict.at)
+        return with_fields(volume, file.transfer, file.field, self.path.parent, strict.at, step)
 
     def _mesh_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return two corners of the box around all meshes, also those that are not shown."""

@@ -146,7 +146,12 @@ class VolumeSpec:
     """NRRD, MHD/MHA, NIfTI, VTI/VTK, TIFF, .npy, FILE.raw?shape=256x256x110&dtype=uint8, or a
     folder: DICOM (?series=3 selects one of several), TIFF or PNG slices, OME-Zarr; of time steps
     and channels ?time=2&channel=0; ?labels=FILE is a table of a segmentation's labels; or the
-    name of a bundled volume: engine, head, frog; or empty, around meshes."""
+    name of a bundled volume: engine, head, frog; or empty, around meshes. Without ?time= a file of
+    several time steps is a series, and so are files of one step each: beat/*.nrrd."""
+    step: Annotated[int, Field(ge=0)] = 0
+    """Time step of a series that is shown, from 0."""
+    fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 10.0
+    """Time steps per second at which a series plays in the viewer and in pages."""
     spacing_mm: Annotated[Vector, Unit("mm")] | None = None
     """x, y, z instead of the file's spacing; there is a warning if they differ."""
     downsample: int = 1

@@ -41,6 +41,7 @@ from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, WarningQueu
 from volspec.viewer.work.pictures import return_large_blocks
 from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
+from volspec.viewer.work.steps import Steps
 
 _ONE_VIEW = "A cast image has one view of fixed materials; open its scene to change them"
 LEAST_PICTURE, MOST_PICTURE = 8, 8192
@@ -109,6 +110,7 @@ class _App:
         self._screen = Screen(window.context, Window.wake, self._meter, self._notice)
         self._thumbnails = Thumbnails(window.context)
         self._designs = DesignService(Window.wake, self._notice)
+        self._steps = Steps(Window.wake, self._notice)
         self._file_commands = FileCommands(
             tasks,
             self._screen.pictures,
@@ -117,6 +119,7 @@ class _App:
             device=options.device,
             size=options.screenshot,
             palette=self._designs.file,
+            steps=self._steps,
         )
         if options.restore:
             self._file_commands.documents.resume_last(options.path)
@@ -146,7 +149,7 @@ class _App:
     @property
     def _moves(self) -> bool:
         """True if more changes are likely: a mouse button is down, or lights fade."""
-        return self._mouse.held or self._fading or self._ui.plays
+        return self._mouse.held or self._fading or self._ui.plays or self._steps.playing
 
     def run(self) -> None:
         """Draw frames until the window closes; raise InputError if nothing could be opened."""
@@ -169,9 +172,11 @@ class _App:
                     self._settle -= 1
                     self._draw(inputs)
                 ended = time.perf_counter()
-                self._scheduler.tick(ended, self._mouse.held)
+                if not self._steps.playing:  # each step is cast once, coarsely
+                    self._scheduler.tick(ended, self._mouse.held)
                 if self._history is not None:
                     self._screen.tick(self._history.present, ended, self._mouse.held)
+                    self._steps.tick(self._history.present, self._screen.document, ended)
                     self._file_commands.documents.tick(self._history.present, ended, self._moves)
                 self._meter.note_wait(began - waited - patience, time.perf_counter() - began)
                 self._rest()
@@ -179,6 +184,7 @@ class _App:
             faulty = isinstance(sys.exception(), Exception)
             self._file_commands.close(self._present, faulty)
             self._designs.close()
+            self._steps.close()
             self._scheduler.close()
             self._thumbnails.close()
             self._screen.close()
@@ -188,13 +194,14 @@ class _App:
     def _patience(self) -> float:
         if self._settle > 0:
             return 0.0
-        longest = _BUSY_S if self._scheduler.busy else _IDLE_S
-        rest = longest if self._still is None else max(self._still - time.perf_counter(), 0.0)
+        now = time.perf_counter()
+        longest = min(_BUSY_S if self._scheduler.busy else _IDLE_S, self._steps.patience(now))
+        rest = longest if self._still is None else max(self._still - now, 0.0)
         return min(rest, longest)
 
     def _rest(self) -> None:
         """Note in the trace when everything is done and drawn."""
-        services = self._scheduler, self._designs, self._screen, self._file_commands
+        services = self._scheduler, self._steps, self._designs, self._screen, self._file_commands
         moves = self._settle > 0 or self._moves
         rests = not moves and not any(service.busy for service in services)
         if rests and not self._rested:
@@ -203,7 +210,7 @@ class _App:
 
     def _take(self) -> bool:
         """Take the threads' results; return True if there are any."""
-        casts = self._scheduler.take()
+        casts = self._scheduler.take(self._steps.playing)
         for done in casts:
             self._screen.take(done, self._present)
         if casts and self._shown is not None:
@@ -214,6 +221,11 @@ class _App:
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
+        opened_document = None if self._history is None else self._history.present.document
+        if (document := self._steps.take(opened_document)) is not None:
+            assert self._history is not None
+            self._history = self._history.amend(replace(self._history.present, document=document))
+            news = True
         if (solved := self._screen.take_room(self._present)) is not None:
             assert self._history is not None
             self._history = self._history.amend(replace(self._history.present, room=solved))
@@ -379,6 +391,8 @@ class _App:
             under_mouse=screen.under_mouse,
             error_map=screen.error_map,
             slices=screen.slices,
+            step=self._steps.step,
+            playing=(self._steps.playing, self._steps.loops),
             design=self._designs.status,
             recent=self._file_commands.documents.recent,
             messages=self._notice.messages,

@@ -4,5 +4,14 @@ from volspec.volume import phantom
 from volspec.volume.files.query import Choice
 from volspec.volume.load import load_volume, volume_choices
 from volspec.volume.model import Volume
+from volspec.volume.series import Series, load_series
 
-__all__ = ["Choice", "Volume", "load_volume", "phantom", "volume_choices"]
+__all__ = [
+    "Choice",
+    "Series",
+    "Volume",
+    "load_series",
+    "load_volume",
+    "phantom",
+    "volume_choices",
+]

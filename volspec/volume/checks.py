@@ -132,10 +132,19 @@ def _replace_non_finite(
     low = float(values.min(where=finite, initial=np.inf))
     high = float(values.max(where=finite, initial=-np.inf))
     count = values.size - np.count_nonzero(finite)
-    missing = low - _BELOW * ((high - low) or max(abs(low), 1.0))
-    missing = float(np.float32(max(missing, float(np.finfo(np.float32).min))))
+    missing = missing_value(low, high)
     _warn(f"{name}: {count} of {values.size} voxels are NaN or infinite; they are transparent")
     return np.where(finite, values, np.float32(missing)), low, high, missing
+
+
+def missing_value(low: float, high: float) -> float:
+    """Return the value of missing voxels where the others lie within a range.
+
+    >>> missing_value(0.0, 1.0)
+    -1024.0
+    """
+    missing = low - _BELOW * ((high - low) or max(abs(low), 1.0))
+    return float(np.float32(max(missing, float(np.finfo(np.float32).min))))
 
 
 def _warn_of_lost_digits(

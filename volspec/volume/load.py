@@ -122,24 +122,41 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
     DeviceError
         If it is an OME-Zarr and zarr is not installed.
     """
+    volume, remarks = _read_volume(path)
+    low, high = volume.range
+    if low == high and not volume.fields:
+        raise VolumeError(
+            f"{volume.name}: every voxel is {low:g}, so there is nothing to show; was the right "
+            "file or channel given?",
+            code="range",
+        )
+    for remark in remarks:
+        warnings.warn(remark, VolspecWarning, stacklevel=2)
+    return volume
+
+
+def load_step(path: str | os.PathLike[str], number: int) -> Volume:
+    """Read a time step as `load_volume` reads a volume; it may be uniform, as at a beginning.
+
+    Remarks on the file are made on its first step, number 0.
+    """
+    volume, remarks = _read_volume(path, uniform=True)
+    for remark in remarks if number == 0 else ():
+        warnings.warn(remark, VolspecWarning, stacklevel=2)
+    return volume
+
+
+def _read_volume(path: str | os.PathLike[str], uniform: bool = False) -> tuple[Volume, list[str]]:
+    """Return a volume, or all channels of one, and remarks on it; ``uniform`` ones if asked."""
     query, library = _query(path)
     remarks: list[str] = []
     try:
         volume = _read_field(query, library, str(query.path), remarks)
-        low, high = volume.range
-        if low == high:
-            raise VolumeError(
-                f"{query.path}: every voxel is {low:g}, so there is nothing to show; was the "
-                "right file or channel given?",
-                code="range",
-            )
     except VolumeError as error:
         if error.code != "missing" or not (names := _open_channels(query, library)):
             raise
-        volume = _read_channels(query, library, names, remarks)
-    for remark in dict.fromkeys(remarks):
-        warnings.warn(remark, VolspecWarning, stacklevel=2)
-    return volume
+        volume = _read_channels(query, library, names, remarks, uniform)
+    return volume, list(dict.fromkeys(remarks))
 
 
 def _open_channels(query: Query, library: str) -> list[str]:
@@ -155,14 +172,18 @@ def _open_channels(query: Query, library: str) -> list[str]:
     return unique_titles(titles[1:])
 
 
-def _read_channels(query: Query, library: str, names: list[str], remarks: list[str]) -> Volume:
-    """Read all channels of a file as the fields of one volume; without those of one value."""
+def _read_channels(
+    query: Query, library: str, names: list[str], remarks: list[str], uniform: bool
+) -> Volume:
+    """Read all channels of a file as the fields of one volume; ``uniform`` ones only if asked."""
     fields: list[Volume] = []
     for number, name in enumerate(names):
         one = replace(query, options={**query.options, "channel": str(number)})
-        field = _read_field(one, library, name if fields else str(query.path), remarks)
+        of_field: list[str] = []
+        field = _read_field(one, library, name if fields else str(query.path), of_field)
+        remarks += [] if number else of_field  # those on a file are the same for all channels
         low, high = field.range
-        if low < high:
+        if low < high or uniform:
             fields.append(field)
         else:
             remarks.append(

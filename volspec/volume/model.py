@@ -21,7 +21,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.errors import VolumeError
 from volspec.volume.channels import Channel
-from volspec.volume.checks import array_and_lattice, checked_geometry, checked_values
+from volspec.volume.checks import (
+    array_and_lattice,
+    checked_geometry,
+    checked_values,
+    missing_value,
+)
 from volspec.volume.labels import Labels
 
 if TYPE_CHECKING:
@@ -167,6 +172,32 @@ class Volume:
         object.__setattr__(volume, "fields", tuple(fields))
         object.__setattr__(volume, "fields", checked_fields(volume))
         return volume
+
+    def of_series(self, name: str, dtype: np.dtype[Any], low: float, high: float) -> Volume:
+        """Return this volume as a time step, with the name, type and range of all.
+
+        >>> Volume(np.eye(2)[None].repeat(2, 0)).of_series("beat", np.dtype("f4"), 0, 9).range
+        (0, 9)
+        """
+        values, missing = self.values.astype(dtype, copy=False), self.missing
+        if missing is not None:
+            missing = missing_value(low, high)
+            values = np.where(values == self.missing, np.float32(missing), values)
+        values.flags.writeable = False
+        volume = copy(self)
+        changes = {"name": name, "values": values, "missing": missing, "range": (low, high)}
+        for key, value in changes.items():
+            object.__setattr__(volume, key, value)
+        return volume
+
+    def is_step_of(self, other: Volume) -> bool:
+        """Return True if two volumes may be steps of one series: only their values differ."""
+        pairs = zip((self, *self.fields), (other, *other.fields), strict=False)
+        return len(self.fields) == len(other.fields) and all(
+            (one.name, one.range, one.missing) == (two.name, two.range, two.missing)
+            and one.has_lattice_of(two)
+            for one, two in pairs
+        )
 
     def with_spacing(self, spacing_mm: tuple[float, float, float]) -> Volume:
         """Return this volume with another spacing; directions and the first voxel's position stay.

@@ -43,6 +43,7 @@ class VolumeSummary:
     missing: int  # voxels that are NaN or infinite
     labels: dict[int, str]  # names of a segmentation's labels by number; empty for other volumes
     channels: dict[str, tuple[float, float]]  # ranges by name, if there are several; or empty
+    steps: int = 1  # of time; ranges are of all, the rest is of the one that is summarised
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to JSON types."""
@@ -61,6 +62,8 @@ class VolumeSummary:
         axes = ["(" + ", ".join(f"{v:g}" for v in column) + ")" for column in columns]
         letters = f"{self.directions}: " if self.directions else ""
         table.add_row("axes x y z", letters + " ".join(axes))
+        if self.steps > 1:
+            table.add_row("time steps", f"{self.steps}; below, the first")
         if self.channels:
             ranges = (f"{name} {low:g} … {high:g}" for name, (low, high) in self.channels.items())
             table.add_row("channels", "; ".join(ranges) + "; below, the first")
@@ -114,8 +117,8 @@ def _channels(volume: Volume) -> dict[str, tuple[float, float]]:
     return {name: each.range for name, each in zip(names, every, strict=True)}
 
 
-def summarise(volume: Volume) -> VolumeSummary:
-    """Measure a volume's size, geometry and histogram."""
+def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:
+    """Measure size, geometry and histogram of a volume, or of one of several time steps."""
     low, high = volume.range
     present = volume.values
     if volume.missing is not None:
@@ -146,4 +149,5 @@ def summarise(volume: Volume) -> VolumeSummary:
         ],
         labels={number: label.name for number, label in volume.labels.items()},
         channels=_channels(volume),
+        steps=steps,
     )

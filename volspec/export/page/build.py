@@ -42,7 +42,7 @@ from volspec.scene import Scene
 from volspec.scene.export import Turntable
 from volspec.scene.lights import NamedLight
 from volspec.settings import settings
-from volspec.volume import Volume
+from volspec.volume import Series, Volume
 
 Codes = NDArray[np.int64]
 
@@ -66,7 +66,7 @@ _POLICY = (
 @settings(ImageError)
 @dataclass(frozen=True, slots=True)
 class PageSpec:
-    """Title of a page and precision of its channels.
+    """Title of a page, precision of its channels, and rate of its time steps.
 
     Raises
     ------
@@ -80,6 +80,8 @@ class PageSpec:
     """Plain text below the title."""
     bits: Annotated[int, Field(ge=BITS[0], le=BITS[1])] = 8
     """Bits of a channel's code: 8, or up to 12 at twice the file size."""
+    fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 10.0
+    """Time steps per second at which a series plays."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,6 +93,8 @@ class PageView:
     image : CoefficientImage
     azimuth_deg : float
         Angle from the first view's camera.
+    step : int
+        Time step of a series, from 0.
     marks : str
         SVG drawn over the picture, in its pixels; for example `annotation_svg`.
     """
@@ -98,6 +102,7 @@ class PageView:
     image: CoefficientImage
     azimuth_deg: float = 0.0
     marks: str = ""
+    step: int = 0
 
 
 @renamed_keyword(seen="relight_spec")
@@ -141,7 +146,8 @@ def page_html(
     Parameters
     ----------
     views : iterable of PageView
-        Views of equal size, basis and light groups; the first is shown. Consumed one at a time.
+        Views of equal size, basis and light groups, step by step; the first is shown. Consumed one
+        at a time.
     lights : sequence of NamedLight
         Lights; the first is switched on.
     relight_spec : RelightSpec, optional
@@ -168,7 +174,12 @@ def page_html(
         # Not in the numbers: the page's policy allows no markup from scripts.
         marks.append(f'<g id="marks-{i}" display="none">{view.marks}</g>' if view.marks else "")
         packed_views.append(
-            {"azimuth_deg": view.azimuth_deg, "low": packed.low, "high": packed.high}
+            {
+                "azimuth_deg": view.azimuth_deg,
+                "step": view.step,
+                "low": packed.low,
+                "high": packed.high,
+            }
         )
     if first is None:
         raise ImageError(
@@ -180,6 +191,7 @@ def page_html(
         "title": spec.title,
         "channels": {"width": width, "height": height, "count": channels + 1, "bits": spec.bits},
         "views": packed_views,
+        "fps": spec.fps,
         "groups": dict(first.groups),
         "basis": payload.basis_numbers(first.basis, relight_spec.seen_through(first.basis.grid)),
         # A file without its folder, which is of this machine.
@@ -206,8 +218,9 @@ def scene_views(
     progress: Progress | None = None,
     volume: Volume | None = None,
     caster: Raycaster | None = None,
+    series: Series | None = None,
 ) -> Iterator[PageView]:
-    """Cast a scene from cameras around it.
+    """Cast a scene from cameras around it, each at every step of a series if one is given.
 
     Parameters
     ----------
@@ -216,23 +229,46 @@ def scene_views(
         Number of cameras on a circle around the scene's ``up``; the first is the scene's own.
     size, device, progress, volume, caster
         As in `Scene.render`.
+    series : Series, optional
+        Time steps of the scene's volume: `Scene.series`.
+
+    Raises
+    ------
+    ImageError
+        If there are more than 360 pictures.
     """
-    volume = caster.volume if caster else volume or scene.volume()
-    caster, behind = caster or Raycaster(volume, device=device), scene.behind(volume)
-    pixels = size or (scene.file.output.width, scene.file.output.height)
-    for i, camera in enumerate(turntable_cameras(scene, volume, Turntable(frames=count))):
-        image = raycast(
-            volume,
-            scene.transfer,
-            camera,
-            pixels,
-            scene.raycast,
-            caster=caster,
-            progress=progress and part_of(progress, i / count, 1 / count),
-            behind=behind,
+    steps = len(series) if series else 1
+    if count * steps > MOST_VIEWS:
+        raise ImageError(
+            f"{count} views of {steps} time steps are {count * steps} pictures; a page holds up to "
+            f"{MOST_VIEWS}",
+            f"give at most {MOST_VIEWS // steps} views"
+            if steps <= MOST_VIEWS
+            else "leave out steps",
+            code="size",
         )
-        marks = annotation_svg(scene.file.annotation, camera, pixels)
-        yield PageView(image, 360.0 * i / count, marks)
+    if series and not caster:
+        volume = series[0]
+    volume = caster.volume if caster else volume or scene.volume()
+    own, behind = caster or Raycaster(volume, device=device), scene.behind(volume)
+    pixels = size or (scene.file.output.width, scene.file.output.height)
+    cameras = turntable_cameras(scene, volume, Turntable(frames=count))
+    for step in range(steps):
+        shown = Raycaster(series[step], like=own) if series else own
+        for i, camera in enumerate(cameras):
+            done, total = step * count + i, count * steps
+            image = raycast(
+                shown.volume,
+                scene.transfer,
+                camera,
+                pixels,
+                scene.raycast,
+                caster=shown,
+                progress=progress and part_of(progress, done / total, 1 / total),
+                behind=behind,
+            )
+            marks = annotation_svg(scene.file.annotation, camera, pixels)
+            yield PageView(image, 360.0 * i / count, marks, step)
 
 
 @dataclass(frozen=True, slots=True)

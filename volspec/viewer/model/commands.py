@@ -195,6 +195,7 @@ COMMANDS: tuple[Command, ...] = (
     *labels.COMMANDS,
     *camera.COMMANDS,
     Command("next-step", "View", "Next time step", (".",), words="time series frame"),
+    Command("play", "View", "Play the time steps", ("j",), words="time series animate pause"),
     Command("previous-step", "View", "Previous time step", (",",), words="time series frame"),
     _switch("error_map", "View", "Error map", "e"),
     *measure.COMMANDS,

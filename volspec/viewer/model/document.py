@@ -11,6 +11,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,12 +35,14 @@ from volspec.transfer import Transfer, Transfers, presets
 from volspec.viewer.model.field_looks import FieldLook, field_looks
 from volspec.viewer.model.light_rows import Rows, rows_from_scene
 from volspec.viewer.model.view import View
-from volspec.volume import Choice, Volume
+from volspec.volume import Choice, Series, Volume
 
 if TYPE_CHECKING:
     from volspec.raycast.behind import Behind
     from volspec.scene.room import SceneRoom
 
+Samples = tuple[NDArray[np.float64], NDArray[np.float64]]
+"""Values, and their gradients."""
 _JOINT_BINS = 128, 64
 # Number of voxels sampled, which takes two milliseconds.
 _SAMPLES = 60_000
@@ -57,38 +60,39 @@ class JointHistogram:
     counts: NDArray[np.float64]
     top: float  # gradient at the end of the last row, value per millimetre; above 0
 
+    @classmethod
+    def of(cls, samples: Sequence[Samples], span: tuple[float, float]) -> JointHistogram:
+        """Count samples of values, over a range, and of gradients."""
+        here, gradients = (np.concatenate(parts) for parts in zip(*samples, strict=True))
+        if not gradients.size:
+            return cls(np.zeros(_JOINT_BINS[::-1]), 1.0)
+        top = float(np.quantile(gradients, _SHOWN)) or 1.0
+        low, high = span
+        fractions = (here - low) / max(high - low, 1e-30)
+        columns, rows = _JOINT_BINS
+        column = np.minimum((fractions * columns).astype(np.intp), columns - 1)
+        row = np.minimum((gradients / top * rows).astype(np.intp), rows - 1)
+        counts = np.bincount(row * columns + column, minlength=rows * columns)
+        return cls(counts.reshape(rows, columns).astype(np.float64), top)
 
-def joint_histogram(volume: Volume) -> JointHistogram:
-    """Return the histogram of every n-th voxel along each axis; gradients by central differences.
 
-    >>> from volspec.volume import phantom
-    >>> joint = joint_histogram(phantom.ball(16))
-    >>> joint.counts.shape, joint.top > 0
-    ((64, 128), True)
+def _samples(volume: Volume, count: int) -> Samples:
+    """Return values and gradients of every n-th voxel, without missing ones and neighbours.
+
+    About ``count`` of them; gradients by central differences.
     """
     values = volume.values
-    every = max(1, round((values.size / _SAMPLES) ** (1 / 3)))
+    every = max(1, round((values.size / count) ** (1 / 3)))
     at = [np.arange(min(1, n - 2), max(n - 1, 1), every) for n in values.shape]
     square = np.zeros([len(indices) for indices in at])
     for axis, spacing in enumerate(volume.spacing_mm[::-1]):
         before, after = (_sample_shifted(values, at, axis, by) for by in (-1, 1))
         square += ((after - before) / (2 * spacing)) ** 2
     gradients = np.sqrt(square).ravel()
-    # Without missing voxels and their neighbours.
     there = gradients <= _STEEPEST * (volume.range[1] - volume.range[0]) / min(volume.spacing_mm)
     here = _sample_shifted(values, at, 0, 0).ravel()
     there &= here >= volume.range[0]
-    gradients, here = gradients[there], here[there]
-    if not gradients.size:
-        return JointHistogram(np.zeros(_JOINT_BINS[::-1]), 1.0)
-    top = float(np.quantile(gradients, _SHOWN)) or 1.0
-    low, high = volume.range
-    fractions = (here - low) / max(high - low, 1e-30)
-    columns, rows = _JOINT_BINS
-    column = np.minimum((fractions * columns).astype(np.intp), columns - 1)
-    row = np.minimum((gradients / top * rows).astype(np.intp), rows - 1)
-    counts = np.bincount(row * columns + column, minlength=rows * columns)
-    return JointHistogram(counts.reshape(rows, columns).astype(np.float64), top)
+    return here[there], gradients[there]
 
 
 def _sample_shifted(
@@ -108,11 +112,35 @@ class FieldData:
     histogram: NDArray[np.float64]  # (256,) voxels by value over the volume's range
     joint: JointHistogram
 
-    @classmethod
-    def of(cls, volume: Volume, histogram: NDArray[np.float64] | None = None) -> FieldData:
-        """Return a field's data; the histogram if it is not known."""
-        counts = presets.histogram(volume) if histogram is None else histogram
-        return cls(volume, counts, joint_histogram(volume))
+    def at(self, volume: Volume) -> FieldData:
+        """Return the data with the volume of another time step."""
+        return replace(self, volume=volume)
+
+
+def field_data(steps: Series | tuple[Volume, ...]) -> dict[str, FieldData]:
+    """Return the data of all fields by name, over all time steps; "" is the volume's own.
+
+    >>> from volspec.volume import phantom
+    >>> data = field_data((phantom.ball(16),))[""]
+    >>> data.joint.counts.shape, data.joint.top > 0, int(data.histogram.sum())
+    ((64, 128), True, 4096)
+    """
+    first = _by_role(steps[0])
+    counts = {name: np.zeros(0) for name in first}
+    samples: dict[str, list[Samples]] = {name: [] for name in first}
+    for step in steps:
+        for name, each in _by_role(step).items():
+            own = presets.histogram(each)
+            counts[name] = counts[name] + own if counts[name].size else own
+            samples[name].append(_samples(each, max(_SAMPLES // len(steps), 1)))
+    return {
+        name: FieldData(each, counts[name], JointHistogram.of(samples[name], each.range))
+        for name, each in first.items()
+    }
+
+
+def _by_role(volume: Volume) -> dict[str, Volume]:
+    return {"": volume} | {each.name: each for each in volume.fields}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +155,6 @@ class Document:
     shading: RaycastSpec
     lights: Rows
     relight: RelightSpec
-    histogram: NDArray[np.float64]  # (256,) voxels by value over the volume's range
     file: SceneFile | None = None  # opened, or made for a volume
     path: Path | None = None  # scene or volume; relative file names start from its folder
     fault: str = ""  # why nothing can be cast on this machine; empty if it can
@@ -138,20 +165,45 @@ class Document:
     image: CoefficientImage | None = None
     room: SceneRoom | None = None  # the volume is in it; its lamps are the lights
     meshes: MeshCache = field(default_factory=lambda: MeshCache(Path()))
+    series: Series | None = None  # the volume's time steps
+    step: int = 0  # the one that `volume` is
+    opening: object = field(default_factory=object)  # the same at all time steps
     # By the names of `fields`; "" is the volume's own.
     data: Mapping[str, FieldData] = field(init=False)
 
     def __post_init__(self) -> None:
-        data = {"": FieldData.of(self.volume, self.histogram)}
-        data |= {each.name: FieldData.of(each) for each in self.volume.fields}
+        data = field_data((self.volume,) if self.series is None else self.series)
+        for name, each in _by_role(self.volume).items():
+            data[name] = data[name].at(each)
         object.__setattr__(self, "data", data)
+
+    def at_step(self, step: int, volume: Volume, caster: Raycaster | None) -> Document:
+        """Return the document at another time step; histograms are of all steps."""
+        document = copy(self)
+        data = {name: self.data[name].at(each) for name, each in _by_role(volume).items()}
+        changes = {"step": step, "volume": volume, "caster": caster, "data": data}
+        for name, value in changes.items():
+            object.__setattr__(document, name, value)
+        return document
+
+    def is_of(self, other: Document) -> bool:
+        """Return True if the other is the same document, at this or another time step."""
+        return self.opening is other.opening
+
+    @property
+    def step_rate(self) -> float:
+        """Time steps per second at which the series plays."""
+        return 10.0 if self.file is None else self.file.volume.fps
 
     def saved(self) -> tuple[SceneFile, Path]:
         """Return the scene's file and its path; raises SceneError if there is none."""
         if self.file is None or self.path is None:
             problem = "not read from a file; save the volume first"
             raise SceneError(f"{self.title}: {problem}", code="missing")
-        return self.file, self.path
+        file = self.file
+        if file.volume.step != self.step:
+            file = replace(file, volume=replace(file.volume, step=self.step))
+        return file, self.path
 
     def surfaces(self, rows: Sequence[MeshSpec], transfer: Transfers) -> tuple[Behind, ...]:
         """Return the meshes shown, if any, in the transfer function's materials.
@@ -195,8 +247,9 @@ class Document:
         volume: Volume,
         caster: Raycaster | None,
         fault: str = "",
+        series: Series | None = None,
     ) -> Document:
-        """Make a document of a scene and its volume."""
+        """Make a document of a scene and its volume, or the step of a series that it shows."""
         transfer, fields = field_looks(scene.transfer)
         return cls(
             title=scene.file.title or scene.path.stem,
@@ -211,13 +264,19 @@ class Document:
             ),
             # Conditions in the room follow from the view.
             relight=scene.file.viewing,
-            histogram=presets.histogram(volume),
+            series=series,
+            step=shown_step(scene.file, series),
             file=_with_box(scene.file, volume),
             path=scene.path.absolute(),
             fault=fault,
             room=scene.room,
             meshes=MeshCache(scene.path.absolute().parent, scene.file.mesh, scene.meshes(volume)),
         )
+
+
+def shown_step(file: SceneFile, series: Series | None) -> int:
+    """Return the time step that a file shows; the last one if some that follow were left out."""
+    return 0 if series is None else min(file.volume.step, len(series) - 1)
 
 
 def demo() -> Path:

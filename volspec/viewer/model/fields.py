@@ -58,7 +58,7 @@ def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
 
     Materials that the other fields and the masks use stay.
     """
-    if new.transfer is old.transfer or new.document is not old.document:
+    if new.transfer is old.transfer or not new.document.is_of(old.document):
         return new, ""
     known = new.transfer.materials
     masks = (each for look in new.fields if look.mask for each in look.mask.curves if each)

@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, replace
 
 from volspec.relight import RelightSpec
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import Rows, light_rig, only_row
 from volspec.viewer.model.light_states import interpolate_lights
 from volspec.viewer.model.state import ViewState
@@ -29,6 +30,7 @@ class Film:
     loops: bool = True  # lights fade back to the first, so that the end meets the start
     seconds: float = 4.0
     fps: float = 25.0
+    steps: bool = True  # the time steps of a series play, at their own rate
 
     @property
     def frames(self) -> int:
@@ -40,6 +42,14 @@ def with_frames(film: Film, frames: int) -> Film:
     """Return a film of a number of frames, at the same rate."""
     most = int(SECONDS[1] * film.fps)
     return replace(film, seconds=min(max(frames, 1), most) / film.fps)
+
+
+def film_steps(document: Document, film: Film) -> list[int | None]:
+    """Return the time step of every frame; None for the one that is shown."""
+    if document.series is None or not film.steps:
+        return [None] * film.frames
+    per_frame, count = document.step_rate / film.fps, len(document.series)
+    return [int(i * per_frame) % count for i in range(film.frames)]
 
 
 def light_changes(state: ViewState) -> tuple[str, ...]:

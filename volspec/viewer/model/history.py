@@ -90,8 +90,11 @@ class Difference:
 
     @property
     def undoable(self) -> bool:
-        """Return True if the change is an undo step; the window's size and settings are not."""
-        stage = self._stage_of(self.fields - {"size"})
+        """Return True if the change is an undo step.
+
+        The window's size and settings are none, nor is another time step of the document.
+        """
+        stage = self._stage_of(self.fields - {"size", "document"})
         return stage not in (None, "frame") or "saved_lights" in self.fields
 
     @property
@@ -116,7 +119,7 @@ class Difference:
 
 def without_cast(old: ViewState, new: ViewState) -> ViewState:
     """Return a state without the changes that need a cast: an image has one view only."""
-    if new.document is not old.document:
+    if not new.document.is_of(old.document):
         return new
     names = (n for n, stage in STAGES.items() if stage == "cast" and n not in ("document", "size"))
     kept = {n: getattr(old, n) for n in names if getattr(old, n) != getattr(new, n)}
@@ -173,5 +176,5 @@ class History:
         interface = now.interface
         if state.lights != now.lights:  # the chosen light belongs to them
             interface = replace(interface, light=state.interface.light)
-        state = replace(state, size=now.size, interface=interface, fade=None)
+        state = replace(state, document=now.document, size=now.size, interface=interface, fade=None)
         return History(state, past, future, difference=Difference.between(now, state))

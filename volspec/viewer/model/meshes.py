@@ -115,7 +115,7 @@ def with_own_materials(old: ViewState, new: ViewState) -> ViewState:
 
     If there would be too many, the transfer function stays the old one.
     """
-    if new.transfer is old.transfer or new.document is not old.document:
+    if new.transfer is old.transfer or not new.document.is_of(old.document):
         return new
     known = new.transfer.materials
     used = {name for row in new.meshes for name in row.used if name not in known}

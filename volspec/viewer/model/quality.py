@@ -117,7 +117,7 @@ def wants_greys(state: ViewState) -> bool:
     if state.shading.mode == "composite":
         return False
     document, grey = state.document, presets.BY_NAME["grey"]
-    return not presets.is_preset(state.transfer, grey, document.volume, document.histogram)
+    return not presets.is_preset(state.transfer, grey, document.volume, document.data[""].histogram)
 
 
 @refusable

@@ -52,7 +52,7 @@ def _spec_in_room(spec: RelightSpec, room: SceneRoom, view: View) -> RelightSpec
 
 def with_room_light(old: ViewState, new: ViewState) -> ViewState:
     """Return a state without changes of the light sources, which are the room's."""
-    if new.room is None or new.document is not old.document:
+    if new.room is None or not new.document.is_of(old.document):
         return new
     if new.shading.groups == old.shading.groups:
         return new

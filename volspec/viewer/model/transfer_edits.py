@@ -291,6 +291,14 @@ def window(state: ViewState, across: float, down: float) -> ViewState:
 
 
 @edit
+def set_limits(state: ViewState, low: float, high: float) -> ViewState:
+    """Set the values between which the transfer function lies, its contrast limits."""
+    return _with_values(
+        state, lambda old: transfer_parts.place_values(old, low, high, _span(state))
+    )
+
+
+@edit
 def thicken_by(state: ViewState, _across: float, down: float) -> ViewState:
     """Increase the density by a drag upwards."""
     factor = math.exp(clamp(-_THICKER * down, -10.0, 10.0))

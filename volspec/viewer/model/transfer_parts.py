@@ -132,14 +132,30 @@ def undo_thickening(transfer: Transfer, thick: Transfer, thin: Transfer, factor:
 
 def stretch_values(transfer: Transfer, factor: float, span: tuple[float, float]) -> Transfer:
     """Multiply the distance of all values from their middle."""
-    values = [value for part in list_parts(transfer) for value in part.values]
-    low, high = min(values), max(values)
+    low, high = limits(transfer)
     least, most = (share * (span[1] - span[0]) for share in _WIDTHS)
     width = high - low
     if not width > 0 or not min(least, width) <= width * factor <= max(most, width):
         return transfer
     middle = (low + high) / 2
     return map_values(transfer, lambda value: middle + factor * (value - middle), span)
+
+
+def limits(transfer: Transfer) -> tuple[float, float]:
+    """Return the least and the greatest value of a transfer function."""
+    values = [value for part in list_parts(transfer) for value in part.values]
+    return min(values), max(values)
+
+
+def place_values(
+    transfer: Transfer, low: float, high: float, span: tuple[float, float]
+) -> Transfer:
+    """Move the least value and the greatest one, and the others in proportion."""
+    first, last = limits(transfer)
+    if not (last > first and high - low >= _WIDTHS[0] * (span[1] - span[0])):
+        return transfer
+    scale = (high - low) / (last - first)
+    return map_values(transfer, lambda value: low + scale * (value - first), span)
 
 
 def map_values(

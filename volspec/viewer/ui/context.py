@@ -39,8 +39,8 @@ def tip(text: str, at_once: bool = False, greyed: bool = False) -> None:
 class Request(NamedTuple):
     """A command for the app to run after the panels are drawn."""
 
-    name: str  # of a `Command`, or "message", "warning" or "choose"
-    # The message, the path that "open" opens without a dialog, or "key=value" of a choice.
+    name: str  # of a `Command`, or "message", "warning", "choose", "step" or "loop"
+    # The message, the path that "open" opens without a dialog, "key=value" of a choice, or a step.
     argument: str = ""
 
 
@@ -113,6 +113,8 @@ class Results:
     under_mouse: Reading | None = None
     error_map: ErrorMapTexture | None = None
     slices: SlicePictures | None = None
+    step: int = 0  # the time step that was wanted last
+    playing: tuple[bool, bool] = (False, True)  # time steps play, and in a loop
     design: DesignStatus = field(default_factory=DesignStatus)
     recent: tuple[RecentFile, ...] = ()
     messages: tuple[Message, ...] = ()  # the last is the newest

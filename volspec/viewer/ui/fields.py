@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from imgui_bundle import imgui
 
-from volspec.viewer.model import fields
+from volspec.viewer.model import fields, transfer_edits, transfer_parts
 from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext
-from volspec.viewer.ui.widgets import as_one_line, lit_button, shorten
+from volspec.viewer.ui.widgets import as_one_line, lit_button, shorten, text_width
 
 _FLAGS = imgui.TableFlags_.sizing_fixed_fit
 
@@ -29,7 +29,21 @@ def draw(state: ViewState, ui: UiContext) -> ViewState:
         new = _row(new, ui, number, look)
         imgui.pop_id()
     imgui.end_table()
-    return new
+    return _limits(new, ui)
+
+
+def _limits(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the contrast limits of the chosen field."""
+    low, high = transfer_parts.limits(state.transfer)
+    first, last = fields.data(state).volume.range
+    step = (last - first) / 500
+    decimals = "%.0f" if step > 0.05 else "%.4g"
+    imgui.set_next_item_width(-text_width("Limits") - imgui.get_style().item_inner_spacing.x)
+    moved, low, high = imgui.drag_float_range2(
+        "Limits", low, high, step, first, last, decimals, decimals, imgui.SliderFlags_.always_clamp
+    )
+    ui.note("field limits", "Contrast limits: the values between which the field's curve lies")
+    return transfer_edits.set_limits(state, low, high) if moved else state
 
 
 def _row(state: ViewState, ui: UiContext, number: int, look: FieldLook) -> ViewState:

@@ -33,6 +33,7 @@ from volspec.viewer.work.pictures import Pictures
 from volspec.viewer.work.screenshot import Shot, copy_shown, copy_values, save_picture
 from volspec.viewer.work.script import export_python
 from volspec.viewer.work.session import save_session
+from volspec.viewer.work.steps import Steps
 
 
 class FileCommands:
@@ -51,9 +52,10 @@ class FileCommands:
         device: str | None,
         size: tuple[int, int] | None,
         palette: Callable[[str, str, ViewState], None],
+        steps: Steps,
     ) -> None:
         self._tasks, self._ui, self._palette = tasks, ui, palette
-        self._notice = notice
+        self._notice, self._steps = notice, steps
         self.documents = DocumentService(tasks, notice, device)
         sides = PictureSize() if size is None else PictureSize(CUSTOM, size)
         self._dialogs, self._picture = FileDialogs(), PictureDialog(Shot(sides))
@@ -69,8 +71,10 @@ class FileCommands:
             "picture": lambda _: self._picture.ask(),
             "film": lambda _: self._film.ask(),
             "page": lambda _: self._page.ask(),
-            "next-step": lambda state: self.documents.step(state, 1),
-            "previous-step": lambda state: self.documents.step(state, -1),
+            "next-step": lambda state: steps.go(state, 1),
+            "previous-step": lambda state: steps.go(state, -1),
+            "play": steps.toggle,
+            "loop": lambda _: steps.toggle_loop(),
             "cancel": lambda _: self._cancel(),
             "clear-messages": lambda _: notice.clear(),
             "clear-recent": lambda _: self.documents.clear_recent(),
@@ -103,6 +107,8 @@ class FileCommands:
             return
         elif name == "choose":
             self.documents.choose(state, *argument.split("=", 1))
+        elif name == "step":
+            self._steps.show(state, int(argument))
         else:
             self._commands[name](state)
 
@@ -130,7 +136,7 @@ class FileCommands:
         for each in read:
             for error in each.errors:
                 self._notice.show_error(error)
-            if not each.rows or each.document is not history.present.document:
+            if not each.rows or not each.document.is_of(history.present.document):
                 continue
             history = history.step(meshes.add(history.present, each.rows))
             self._ui.front = meshes.PANEL

@@ -25,6 +25,7 @@ from volspec.viewer.ui import (
     room,
     slices,
     start,
+    time_bar,
     viewing,
 )
 from volspec.viewer.ui import lights_panel as lights
@@ -64,6 +65,7 @@ _OVERLAYS = (
     lighting.draw_handles,
     overlays.draw_cube,
     overlays.draw_scale,
+    time_bar.draw,
     measure.draw_annotations,
     effects.draw_picture_menu,
     start.draw,

@@ -172,13 +172,17 @@ class FilmDialog(_OutputDialog):
         if lights != AS_SHOWN:
             _, loops = imgui.checkbox("The last fades back to the first", loops)
             ui.note("film loops")
+        steps = film.steps
+        if state.document.series is not None:
+            _, steps = imgui.checkbox("Play the time steps", steps)
+            ui.note("film steps", f"{state.document.step_rate:g} per second, again from the first")
         logarithmic = imgui.SliderFlags_.logarithmic
         moved, seconds = imgui.slider_float("Length", film.seconds, *SECONDS, "%.2f s", logarithmic)
         ui.note("film length")
         seconds = round(seconds, 1) if moved else film.seconds
         _, fps = imgui.slider_float("Rate", film.fps, *RATES, "%.0f fps")
         ui.note("film rate")
-        film = Film(float(round(degrees)), lights, loops, seconds, float(round(fps)))
+        film = Film(float(round(degrees)), lights, loops, seconds, float(round(fps)), steps)
         typed, frames = imgui.input_int("Frames", film.frames, 0)
         ui.note("film frames", "Length times rate; a turntable of 36 turns by 10° each")
         if typed:
@@ -228,14 +232,20 @@ class PageDialog(_OutputDialog):
         ui.note("page title")
         _, views = imgui.slider_int("Views", file.views, 1, _MOST_SLIDER_VIEWS)
         ui.note("page views", "1 for a still; more to turn it by a drag")
+        series, steps = state.document.series, file.steps
+        if series is not None:
+            _, steps = imgui.checkbox(f"All {len(series)} time steps", steps)
+            ui.note("page steps")
+        count = len(series) if series is not None and steps else 1
+        views = min(views, MOST_VIEWS // count)
         size = _size_fields(file.size, state, ui)
         width, height = size.pixels(state.size)
         channels = state.transfer.basis.size * len(state.shading.groups) + 1
-        megabytes = 0.2 + 1e-6 * views * width * height * channels * _PAGE_BYTES
+        megabytes = 0.2 + 1e-6 * views * count * width * height * channels * _PAGE_BYTES
         wrap_text(f"One file of up to {megabytes:,.1f} MB that any browser opens", _DIM)
         to = _destination_fields(file.to, state.document, ".html", ui)
         imgui.pop_item_width()
-        self.file = PageFile(min(max(views, 1), MOST_VIEWS), title, size, to)
+        self.file = PageFile(max(views, 1), title, size, to, steps)
         return self._end("page ok", state, to, ".html", ui)[0]
 
 

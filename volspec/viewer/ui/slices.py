@@ -205,7 +205,7 @@ def _looks(state: ViewState, ui: UiContext) -> ViewState:
     imgui.end_disabled()
     low, high = state.document.volume.range
     span = (high - low) or 1.0
-    window = slices.grey_window(settings, state.document.histogram)
+    window = slices.grey_window(settings, state.document.data[""].histogram)
     black, white = (low + share * span for share in window)
     imgui.set_next_item_width(_steady_width())
     digits = "%.0f" if state.document.volume.values.dtype.kind in "iu" else "%.4g"

@@ -116,8 +116,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
     """
 
     _name = "volspec-cast"
-    # The document and the basis of a room's picture, which caches what the last camera sees.
-    _behind: tuple[Document, Basis, Backdrop] | None = None
+    # The opened document and the basis of a room's picture, which caches what the last camera sees.
+    _behind: tuple[object, Basis, Backdrop] | None = None
 
     def _results(self, job: CastJob) -> Iterator[CastDone]:
         if (image := job.document.image) is not None:
@@ -171,14 +171,14 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         Raises SceneError if the volume is not in it.
         """
         document, basis = job.document, job.transfer.basis
-        if self._behind is None or self._behind[:2] != (document, basis):
+        if self._behind is None or self._behind[:2] != (document.opening, basis):
             backdrop = room.behind(document.volume, basis)
             assert backdrop is not None
         else:
             backdrop = self._behind[2]
             if backdrop.response is not room.response:
                 backdrop = backdrop.repainted(room.response)
-        self._behind = document, basis, backdrop
+        self._behind = document.opening, basis, backdrop
         return WhiteWalls(room, backdrop, len(room.response.names) * basis.size)
 
 
@@ -187,6 +187,8 @@ DIVISORS = (1, 2, 3, 4, 6, 8)
 # Coarse casts slower than the first become coarser; they become finer if that stays below the
 # second. The gap allows for simultaneous drawing and for work that does not depend on the size.
 SLOW_MS, QUICK_MS = 75.0, 45.0
+# Of time steps that play, five to ten a second are enough; a mouse that turns the view wants more.
+PLAY_SLOW_MS, PLAY_QUICK_MS = 180.0, 90.0
 # A whole cast that takes longer gets a pass with longer steps before it.
 STEP_MS = 900.0
 # A drag rests if the mouse is still for this long.
@@ -206,18 +208,19 @@ class Pace:
     divisor: int = 4
     whole_ms: float = 0.0
 
-    def after(self, made: Pass, ms: float) -> Pace:
-        """Return the pace after a cast that took this long."""
+    def after(self, made: Pass, ms: float, plays: bool = False) -> Pace:
+        """Return the pace after a cast that took this long; ``plays``: of a series that plays."""
         divisor = made.divisor
+        slow, quick = (PLAY_SLOW_MS, PLAY_QUICK_MS) if plays else (SLOW_MS, QUICK_MS)
         if made == WHOLE:
             paced = replace(self, whole_ms=ms)
-            return paced if self.divisor > 1 or ms <= SLOW_MS else replace(paced, divisor=2)
+            return paced if self.divisor > 1 or ms <= slow else replace(paced, divisor=2)
         if divisor != self.divisor:
             return self
         at = DIVISORS.index(divisor)
-        if ms > SLOW_MS:
+        if ms > slow:
             return replace(self, divisor=DIVISORS[min(at + 1, len(DIVISORS) - 1)])
-        finer = [each for each in DIVISORS[:at] if ms * (divisor / each) ** 2 < QUICK_MS]
+        finer = [each for each in DIVISORS[:at] if ms * (divisor / each) ** 2 < quick]
         return replace(self, divisor=finer[0]) if finer else self
 
     @property
@@ -254,7 +257,7 @@ class CastScheduler:
 
     def change(self, state: ViewState, now: float, held: bool) -> None:
         """Cast a state: coarse now, and whole when it rests or no mouse button is ``held``."""
-        if self._wanted is None or state.document is not self._wanted.document:
+        if self._wanted is None or not state.document.is_of(self._wanted.document):
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now
         moving = self._pace.moving
@@ -269,17 +272,20 @@ class CastScheduler:
             self._whole_wanted = False
             self._request(self._wanted, self._to_whole(self._wanted))
 
-    def take(self) -> list[CastDone]:
-        """Return the casts that have ended, in order; their times change the pace."""
+    def take(self, plays: bool = False) -> list[CastDone]:
+        """Return the casts that have ended, in order; their times change the pace.
+
+        ``plays`` is True while a series does.
+        """
         taken = self._worker.take()
         for done in taken:
             wanted = self._wanted
-            if done.image is None or wanted is None or done.job.document is not wanted.document:
+            if done.image is None or wanted is None or not done.job.document.is_of(wanted.document):
                 continue
             if done.made == WHOLE:
                 self._builder.request((done.job, wanted.relight.viewing))
             if not self._first:
-                self._pace = self._pace.after(done.made, done.ms)
+                self._pace = self._pace.after(done.made, done.ms, plays)
             self._first = False
         return taken
 

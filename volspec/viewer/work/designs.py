@@ -18,7 +18,6 @@ from volspec.errors import PaletteError, VolspecError, one_line
 from volspec.palette import Design, Palette, design, load_palette, save_palette
 from volspec.palette.advice import VISIBLE, suggestions
 from volspec.viewer.model import effects, palette_results, palette_table
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.history import History
 from volspec.viewer.model.palette_targets import DesignStatus, DesignTargets, stays
 from volspec.viewer.model.state import ViewState
@@ -113,7 +112,7 @@ class DesignService:
         self._reported: DesignTargets | None = None  # targets that the status is about
         self._advising: DesignTargets | None = None
         self._missed: tuple[Design, DesignTargets] | None = None
-        self._document: Document | None = None
+        self._opening: object = None  # of the document
         self._number = 0  # of the state's history; results for an earlier one are dropped
         self._wizard = ""  # message about the wizard that is requested or runs
         self._wizard_waits = ""  # its name, until the designs in progress are done
@@ -126,8 +125,8 @@ class DesignService:
 
     def follow(self, state: ViewState) -> None:
         """Request a design if the targets have changed."""
-        if state.document is not self._document:
-            self._document = state.document
+        if state.document.opening is not self._opening:
+            self._opening = state.document.opening
             if self._wizard_waits:
                 self._wizard = self._wizard_waits = ""
             self.forget()
@@ -197,7 +196,7 @@ class DesignService:
     def _with_design(self, history: History, done: DesignDone) -> History:
         present, targets = history.present, done.job.targets
         # A job with this number is for the document that `follow` saw last.
-        if done.job.number != self._number or present.document is not self._document:
+        if done.job.number != self._number or present.document.opening is not self._opening:
             return history
         finished = done.whole and targets is present.palette.targets
         if finished:
@@ -242,7 +241,7 @@ class DesignService:
         begun, name, made = outcome.result
         if isinstance(made, str):
             self._notice.show(f"Saved {made}")
-        elif begun.document is present.document:
+        elif begun.document.is_of(present.document):
             try:
                 if isinstance(made, Palette):
                     if missing := palette_results.unmatched_reflectances(present, made):

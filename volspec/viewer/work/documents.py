@@ -32,7 +32,8 @@ from volspec.viewer.work.demonstrations import demonstration_at
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.session import SUFFIX, BrokenSession, restore_state
 from volspec.viewer.work.session_store import RecentFiles, SessionStore, state_folder
-from volspec.volume import Choice, load_volume, volume_choices
+from volspec.volume import Choice, volume_choices
+from volspec.volume.series import open_volume
 
 
 def open_document(
@@ -52,16 +53,16 @@ def open_document(
     is_mesh = is_mesh_file(opened)
     if path is None or is_mesh or path.lower().endswith(".toml"):
         scene = Scene.from_mesh(opened) if is_mesh else Scene.load(opened)
-        volume, choices = scene.volume(), ()
+        (volume, series), choices = scene.opened(), ()
     else:
-        volume = load_volume(path)
+        volume, series = open_volume(path)
         if choices is None:
             choices = list_choices(path)
         scene = Scene.from_volume(path, volume=volume)
     # Loaded ahead, as presets would have to wait for the names.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
-    document = Document.of(scene, volume, caster, fault)
+    document = Document.of(scene, volume, caster, fault, series)
     return replace(document, choices=choices)
 
 
@@ -73,7 +74,8 @@ def list_choices(path: str) -> tuple[Choice, ...]:
     if "?" not in path and not os.path.isdir(path):
         return ()
     try:
-        return volume_choices(path)
+        # Time steps are shown by the series, or the one that is asked for alone.
+        return tuple(each for each in volume_choices(path) if each.key != "time")
     except VolspecError:
         return ()
 
@@ -142,24 +144,6 @@ def read_meshes(state: ViewState, paths: tuple[str, ...]) -> ReadMeshes:
     return ReadMeshes(document, tuple(rows), tuple(errors))
 
 
-# Choices whose values mean the same in each, so that the transfer function stays.
-_SAME_VALUES = ("time", "level")
-
-
-def _time_step(document: Document) -> str | None:
-    """Return the time step of a document, as in its address; None if it has none."""
-    return next((each.chosen for each in document.choices if each.key == "time"), None)
-
-
-def _opening_text(document: Document, key: str, value: str, path: str) -> str:
-    """Return the message while another choice of a document's volume is read."""
-    for choice in document.choices:
-        if key == "time" and choice.key == key and value in choice.values:
-            number = choice.values.index(value) + 1
-            return f"Opening step {number} of {len(choice.values)} (?time={value}) …"
-    return f"Opening {path} …"
-
-
 class DocumentService:
     """Opens files in the background, and saves sessions."""
 
@@ -173,8 +157,6 @@ class DocumentService:
         self.recent = self._recent.rows()
         self.undecided: Undecided | None = None  # an address of which to choose what to open
         self.problem = ""  # why nothing is open yet
-        # The document shown while another of its time steps is read, and the step wanted last.
-        self._stepping: tuple[Document, str] | None = None
 
     def open(self, path: str | None, notify: bool = True) -> None:
         """Start reading a scene, a volume or a session; None for the bundled demo.
@@ -184,7 +166,6 @@ class DocumentService:
         if path is not None and path.lower().endswith(SUFFIX):
             self.resume(Path(path))
             return
-        self._stepping = None
         if notify:
             self._show_opening(f"Opening {path or 'the demo'} …")
         self._tasks.start("open", lambda: open_path(path, self._device))
@@ -219,7 +200,6 @@ class DocumentService:
             opened: Opened = outcome.result
             self.problem = ""
             return opened
-        self._stepping = None
         if first:
             # In the terminal, too, where the command was typed.
             print(f"volspec: {one_line(outcome.error)}", file=sys.stderr)
@@ -245,9 +225,6 @@ class DocumentService:
         elif opened.path is not None:
             self._recent.add(opened.path)
             self.recent = self._recent.rows()
-        stepping, self._stepping = self._stepping, None
-        if stepping is not None and stepping[1] != _time_step(opened.state.document):
-            self.choose(opened.state, "time", stepping[1])
 
     def tick(self, state: ViewState, now: float, moves: bool) -> None:
         """Save the session if it is due and nothing is moving that this could disturb."""
@@ -279,7 +256,6 @@ class DocumentService:
 
     def reload(self, state: ViewState) -> None:
         """Read the open file again; only the view and the window stay."""
-        self._stepping = None
         path = state.document.source
         self._show_opening("Reading the file again; only the view stays …")
 
@@ -290,19 +266,12 @@ class DocumentService:
         self._tasks.start("open", again)
 
     def choose(self, state: ViewState, key: str, value: str) -> None:
-        """Open another channel, time step, … of the open volume, under the same lights and view.
-
-        While a time step is being read, the one wanted last is next.
-        """
+        """Open another channel, level, … of the open volume, under the same lights and view."""
         source = state.document.source
         if source is None:
             return
         path = address_with(source, {key: value})
-        reads = self._stepping is not None and self._stepping[0] is state.document
-        self._stepping = (state.document, value) if key == "time" else None
-        self._show_opening(_opening_text(state.document, key, value, path))
-        if reads and self._stepping is not None:
-            return
+        self._show_opening(f"Opening {path} …")
         choices = tuple(
             replace(choice, chosen=value) if choice.key == key else choice
             for choice in state.document.choices
@@ -312,7 +281,7 @@ class DocumentService:
             # The steps of a series may differ from another's.
             known = None if key == "series" else choices
             document = open_document(path, self._device, known)
-            if key in _SAME_VALUES:
+            if key == "level":  # whose values mean the same, so that the transfer function stays
                 found = replace(state, document=document)
                 return Opened(found, instead_of=state.document)
             found = ViewState.first(document, state.size)
@@ -322,17 +291,6 @@ class DocumentService:
 
         self._tasks.start("open", chosen)
 
-    def step(self, state: ViewState, by: int) -> None:
-        """Open a later or an earlier time step; the first follows the last."""
-        now = _time_step(state.document)
-        if now is None:
-            self._notice.show_warning("This volume has no time steps")
-            return
-        if self._stepping is not None and self._stepping[0] is state.document:
-            now = self._stepping[1]
-        values = next(each.values for each in state.document.choices if each.key == "time")
-        self.choose(state, "time", values[(values.index(now) + by) % len(values)])
-
     def clear_recent(self) -> None:
         """Clear the list of recent files."""
         self._recent.clear()
@@ -340,7 +298,6 @@ class DocumentService:
 
     def resume(self, path: Path) -> None:
         """Start restoring the session in a file."""
-        self._stepping = None
 
         def restored() -> Opened:
             check_name(path)

@@ -18,7 +18,8 @@ from volspec.export.plan import Plan, Shot
 from volspec.pipeline import Raycaster
 from volspec.scene import Scene
 from volspec.scene.export import ExportSpec, Mark
-from volspec.viewer.model.film import Film, frame_state
+from volspec.viewer.model.fields import shown_transfer
+from volspec.viewer.model.film import Film, film_steps, frame_state
 from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.room import shown_spec, solved
 from volspec.viewer.model.scene_file import scene_from_state
@@ -60,6 +61,7 @@ class PageFile:
     title: str = ""  # empty for the scene's
     size: PictureSize = field(default_factory=PictureSize)
     to: Destination = field(default_factory=Destination)
+    steps: bool = True  # all time steps of a series, not only the one that is shown
 
 
 def possible_kinds() -> tuple[str, ...]:
@@ -84,7 +86,8 @@ def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
         progress.check()
 
     def make(caster: Raycaster) -> None:
-        export(scene, path, size=size, progress=report, caster=caster, plan=plan)
+        series = state.document.series
+        export(scene, path, size=size, progress=report, caster=caster, plan=plan, series=series)
 
     with_own_caster(state.document, make)
     return path
@@ -93,14 +96,15 @@ def save_film(state: ViewState, file: FilmFile, progress: Progress) -> Path:
 def film_plan(state: ViewState, film: Film) -> Plan:
     """Return the frames of a film."""
     volume, shots = state.document.volume, []
-    for i in range(film.frames):
+    transfer = shown_transfer(state)
+    for i, step in enumerate(film_steps(state.document, film)):
         now = frame_state(state, film, i)
         rig = light_rig(now.lights, now.room)
         if rig is None:
             raise ViewingError("No light is on, so there is no film to save", code="missing")
         camera = now.view.camera(volume)
         names, spec = lit_names(now.lights), shown_spec(now)
-        shots.append(Shot(f"{i:04d}", i, camera, now.transfer, names, rig, spec))
+        shots.append(Shot(f"{i:04d}", i, camera, transfer, names, rig, spec, step))
     return Plan(tuple(shots), ())
 
 
@@ -114,8 +118,12 @@ def save_page(state: ViewState, file: PageFile, progress: Progress) -> Path:
         progress.check()
 
     def make(caster: Raycaster) -> None:
-        views = scene_views(scene, file.views, size=size, progress=report, caster=caster)
-        write_page(path, views, scene.lights, scene.relight, PageSpec(scene.file.title))
+        series = state.document.series if file.steps else None
+        views = scene_views(
+            scene, file.views, size=size, progress=report, caster=caster, series=series
+        )
+        spec = PageSpec(scene.file.title, fps=state.document.step_rate)
+        write_page(path, views, scene.lights, scene.relight, spec)
 
     with_own_caster(state.document, make)
     return path

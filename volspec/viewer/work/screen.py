@@ -22,6 +22,7 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.error_map import ErrorMap, error_map
 from volspec.settings import Vector
+from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.room import has_walls, shown_spec
 from volspec.viewer.model.state import ViewState
@@ -257,12 +258,12 @@ class Screen:
         if done.error:
             self._notice.show(done.error, kind="error")
             how = "error"
-            if self._cast is None or self._cast.job.document is not done.job.document:
+            if self._cast is None or not self._cast.job.document.is_of(done.job.document):
                 # The picture that is shown belongs to another document.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
         self._notice.trace.note(how, "cast", done.ms, divisor=divisor, steps=steps, size=size)
-        if done.image is None or state is None or done.job.document is not state.document:
+        if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         try:
             self.pictures.show(done.image, done.packed)
@@ -276,6 +277,11 @@ class Screen:
         self.image, self.whole = done.image, divisor == 1
         self._blank = not done.image.alpha.any()
         self._meter.ms["cast"] = done.ms
+
+    @property
+    def document(self) -> Document | None:
+        """The document, at its time step, of the picture; None without one."""
+        return None if self._cast is None else self._cast.job.document
 
     def forget(self) -> None:
         """Stop showing the picture, which belongs to another document."""

@@ -97,7 +97,7 @@ def script_from_state(state: ViewState, basis_file: str = "basis.json") -> str:
     space = state.relight.viewing.display.space
     arguments = "volume", "transfer", "camera", f"size={state.size}", "spec=spec"
     lines = [
-        f"volume = {_volume(file, path)}",
+        f"volume = {_volume(file, path, document.series is not None)}",
         f"materials = {code.of(dict(state.transfer.materials))}",
         f"basis = {_basis(state.transfer, basis_file)}",
         f"transfer = {code.transfer(state.transfer)}",
@@ -126,12 +126,14 @@ def _spectrum_names(state: ViewState, file: SceneFile) -> dict[str, str]:
     return names | {text: "reflectance" for text in given if isinstance(text, str)}
 
 
-def _volume(file: SceneFile, scene: Path) -> str:
+def _volume(file: SceneFile, scene: Path, is_series: bool) -> str:
     """Return the call that loads a scene's volume, from any folder."""
     table = file.volume
     name, _, query = table.file.partition("?")
     path = os.path.normpath(scene.parent / name) + (f"?{query}" if query else "")
     text = f"vs.load_volume({python_text(path)})"
+    if is_series:
+        text = f"vs.load_series({python_text(path)})[{table.step}]"
     if table.spacing_mm is not None:
         text += f".with_spacing({table.spacing_mm})"
     if table.downsample != 1:

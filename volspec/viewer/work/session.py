@@ -23,12 +23,12 @@ from volspec.scene.file import SceneFile
 from volspec.scene.meshes import MeshCache
 from volspec.scene.resolve import Resolver
 from volspec.settings import plain, read_table
-from volspec.transfer.presets import histogram
-from volspec.viewer.model.document import Document
+from volspec.viewer.model.document import Document, shown_step
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.cast_images import is_cast_image, open_image
 from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
+from volspec.volume.series import KEPT_BYTES
 
 FORMAT = "volspec-session"
 VERSION = 3
@@ -52,13 +52,15 @@ _REMADE = (
     "volume",
     "caster",
     "fault",
-    "histogram",
     "file",
     "path",
     "choices",
     "image",
     "room",
     "meshes",
+    "series",
+    "step",
+    "opening",
 )
 # Fields of a state that are made again or not saved: a fade must not run a second time.
 _PASSING = ("document", "fade", "room")
@@ -202,7 +204,7 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         moved = replace(file.volume, file=f"{session.path}{mark}{query}")
         file = replace(file, volume=moved)
     names = Resolver(file, session.path)
-    volume = names.volume()
+    volume, series = names.opened(KEPT_BYTES)
     room = painted = names.room(of_document["transfer"].basis.grid)
     if room is not None:
         painted = room.with_paint(_paint(data))
@@ -216,7 +218,8 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         volume=volume,
         caster=caster,
         fault=fault,
-        histogram=histogram(volume),
+        series=series,
+        step=shown_step(file, series),
         file=file,
         path=session.path,
         room=room,

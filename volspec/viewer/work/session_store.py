@@ -25,7 +25,6 @@ from volspec._files import (
 from volspec._parse import parse_json
 from volspec.errors import InputError
 from volspec.export.frames import file_stem
-from volspec.viewer.model.document import Document
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.session import SUFFIX, BrokenSession, Session, read_session, save_session
 
@@ -104,7 +103,7 @@ class SessionStore:
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "sessions"
         self._running = Running(folder / "running")
-        self._document: Document | None = None
+        self._opening: object = None  # of the document
         self._own: Path | None = None
         self._saved: ViewState | None = None
         self._latest: ViewState | None = None  # the last state given to `due`
@@ -117,7 +116,7 @@ class SessionStore:
         """Start the session of an opened state; an ``own`` file of this store is continued."""
         clear_unfinished(self._folder)
         with self._lock:
-            self._document, self._saved = state.document, _without_window(state)
+            self._opening, self._saved = state.document.opening, _without_window(state)
             self._latest, self._due = None, 0.0
             self._running.end()
             self._own = own if own is not None and self.holds(own) else None
@@ -210,7 +209,7 @@ class SessionStore:
         return BrokenSession(f"{error}; it was renamed to {aside.name}")
 
     def _changed(self, state: ViewState) -> bool:
-        own = state.document is self._document and state.document.file is not None
+        own = state.document.opening is self._opening and state.document.file is not None
         return own and _without_window(state) != self._saved
 
 

@@ -73,7 +73,7 @@ class SlicePictures:
     def _relight(self, state: ViewState, entries: Entries) -> None:
         """Compute the colours of all values under the state's lights, if anything has changed."""
         slices = state.interface.slices
-        window = grey_window(slices, state.document.histogram)
+        window = grey_window(slices, state.document.data[""].histogram)
         of: tuple[Any, ...] = state.document, entries, window
         if slices.lit:
             of = (*of, state.transfer, state.shading.groups, state.lights, shown_spec(state))

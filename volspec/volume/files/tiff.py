@@ -39,12 +39,10 @@ _SAMPLES = "S"
 
 def read_tiff(query: Query) -> Reading:
     """Read a TIFF file's stack, with the channel and time that the query selects."""
-    from tifffile import TiffFile
-
     path = query.path
     query.allow("spacing", "channel", "time")
     remarks: list[str] = []
-    with picture_errors(path), TiffFile(path, **_open_options(path)) as tiff:
+    with picture_errors(path), _opened(path) as tiff:
         series = _only_series(tiff, query)
         through = _slice_axis(series, query)
         sizes = dict(zip(series.axes, series.shape, strict=True))
@@ -65,13 +63,15 @@ def read_tiff(query: Query) -> Reading:
     return Reading(values, spacing_mm=spacing, remarks=remarks, channel=channel)
 
 
-def _open_options(path: Path) -> dict[str, bool]:
-    """Return options that join pages written one by one, which tifffile makes separate series."""
+def _opened(path: Path) -> Any:
+    """Open a file; pages written one by one are joined, which tifffile makes separate series."""
     from tifffile import TiffFile
 
-    with TiffFile(path) as tiff:
-        single = len(tiff.series) > 1 and all(len(each.pages) == 1 for each in tiff.series)
-        return {"is_shaped": False} if single and tiff.is_shaped else {}
+    tiff = TiffFile(path)
+    if tiff.is_shaped and len(tiff.series) > 1 and all(len(s.pages) == 1 for s in tiff.series):
+        tiff.close()
+        tiff = TiffFile(path, is_shaped=False)
+    return tiff
 
 
 def _only_series(tiff: Any, query: Query) -> Any:

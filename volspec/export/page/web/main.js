@@ -18,6 +18,7 @@ class App {
     this.texels = null;
     this.shown = -1;
     this.turning = false;
+    this.playing = false;
     // Pixel under the mouse; the pinned one is in the state.
     this.hovered = null;
     this.spoken = false;
@@ -87,10 +88,22 @@ class App {
     } finally {
       this.turning = false;
     }
-    const count = this.page.views.length;
     // Faults of a view are reported when it is shown.
-    for (const by of count > 2 ? [1, count - 1] : []) {
-      this.decode((this.shown + by) % count).catch(() => {});
+    for (const by of this.playing ? [[0, 1]] : [[1, 0], [-1, 0], [0, 1]]) {
+      this.decode(viewAfter(this.page, this.shown, ...by)).catch(() => {});
+    }
+  }
+
+  // Play the time steps, in a loop; a step that takes longer to unpack is shown late.
+  async play(wanted) {
+    const was = this.playing;
+    this.playing = wanted && stepsOf(this.page) > 1;
+    this.refresh();
+    if (was) return;
+    while (this.playing) {
+      const due = new Promise((done) => { setTimeout(done, 1000 / this.page.fps); });
+      await this.turnTo(viewAfter(this.page, this.state.view, 0, 1));
+      await due;
     }
   }
 
@@ -203,7 +216,8 @@ class App {
     ].map((panel) => panel(this));
     captioning();
     sharing(this);
-    if (this.page.views.length > 1) turning(this);
+    if (camerasOf(this.page) > 1) turning(this);
+    if (stepsOf(this.page) > 1) stepping(this);
     inNotebook(this);
     await this.turnTo(this.state.view);
     const { canvas } = this.relighter;
@@ -290,12 +304,36 @@ function labels(app) {
 function turning(app) {
   const input = byId('view'), output = byId('view-read');
   byId('view-row').hidden = false;
-  input.max = app.page.views.length - 1;
-  input.addEventListener('input', () => app.turnTo(input.valueAsNumber));
+  const cameras = camerasOf(app.page);
+  input.max = cameras - 1;
+  input.addEventListener('input', () => {
+    const { view } = app.state;
+    app.turnTo(view - view % cameras + input.valueAsNumber);
+  });
   app.panels.push(() => {
-    input.value = app.state.view;
+    input.value = app.state.view % cameras;
     output.textContent = `${Math.round(app.page.views[app.state.view].azimuth_deg)}\u00b0`;
     input.setAttribute('aria-valuetext', output.textContent);
+  });
+}
+
+function stepping(app) {
+  const input = byId('step'), output = byId('step-read'), button = byId('play');
+  const cameras = camerasOf(app.page), steps = stepsOf(app.page);
+  byId('step-row').hidden = false;
+  input.max = steps - 1;
+  input.addEventListener('input', () => {
+    app.play(false);
+    app.turnTo(input.valueAsNumber * cameras + app.state.view % cameras);
+  });
+  button.addEventListener('click', () => app.play(!app.playing));
+  app.panels.push(() => {
+    const step = Math.floor(app.state.view / cameras);
+    input.value = step;
+    output.textContent = `${step + 1} / ${steps}`;
+    input.setAttribute('aria-valuetext', `${step + 1} of ${steps}`);
+    button.textContent = app.playing ? 'Pause' : 'Play';
+    button.setAttribute('aria-pressed', app.playing);
   });
 }
 

@@ -136,10 +136,10 @@ class Stage {
     this.port.setPointerCapture(event.pointerId);
     const at = this.within(event), { state, page } = this.app, { across, left } = this.box;
     const line = left + state.divide * page.channels.width * across;
-    const turns = page.views.length > 1 && event.button === 0 && !event.shiftKey;
+    const turns = camerasOf(page) > 1 && event.button === 0 && !event.shiftKey;
     const divides = state.compare && Math.abs(at[0] - line) < NEAR_DIVIDE;
     const task = divides ? 'divide' : turns ? 'turn' : 'pan';
-    this.pointers.set(event.pointerId, { at, from: at, task, view: state.view });
+    this.pointers.set(event.pointerId, { at, from: at, task, turned: 0 });
   }
 
   dragged(event) {
@@ -155,9 +155,9 @@ class Stage {
       const { across, left } = this.box;
       app.put({ divide: clamped((at[0] - left) / (app.page.channels.width * across), 0, 1) });
     } else if (held.task === 'turn') {
-      const count = app.page.views.length;
-      const steps = Math.round((held.from[0] - at[0]) / this.port.clientWidth * count);
-      app.turnTo((((held.view + steps) % count) + count) % count);
+      const turned = (held.from[0] - at[0]) / this.port.clientWidth * camerasOf(app.page);
+      app.turnTo(viewAfter(app.page, app.state.view, Math.round(turned) - held.turned, 0));
+      held.turned = Math.round(turned);
     } else if (this.place.zoom > 1) {
       this.moved(dx, dy);
     }
@@ -189,7 +189,8 @@ class Stage {
   }
 
   key(event) {
-    const { app } = this, { width, height } = app.page.channels, count = app.page.views.length;
+    const { app } = this, { width, height } = app.page.channels;
+    const go = (turns, steps) => app.turnTo(viewAfter(app.page, app.state.view, turns, steps));
     const step = event.shiftKey ? 10 : 1;
     const way = ARROWS[event.key];
     const calls = {
@@ -197,8 +198,11 @@ class Stage {
       '=': () => this.zoomed(1.25),
       '-': () => this.zoomed(0.8),
       0: () => this.fit(),
-      PageUp: () => app.turnTo((app.state.view + count - 1) % count),
-      PageDown: () => app.turnTo((app.state.view + 1) % count),
+      PageUp: () => go(-1, 0),
+      PageDown: () => go(1, 0),
+      ',': () => go(0, -1),
+      '.': () => go(0, 1),
+      ' ': () => app.play(!app.playing),
       Escape: () => { app.hovered = null; app.put({ probe: null }); },
     };
     if (event.ctrlKey || event.metaKey || event.altKey || !(way || calls[event.key])) return;

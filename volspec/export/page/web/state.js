@@ -55,6 +55,19 @@ const desktopFields = (page) => ({
   probe: orNone(numbers(2, 0, Math.max(page.channels.width, page.channels.height))),
 });
 
+// Number of cameras; views are ordered by time step, and then by camera.
+const camerasOf = ({ views }) => views.filter(({ step }) => step === views[0].step).length;
+
+const stepsOf = (page) => page.views.length / camerasOf(page);
+
+// Number of the view that some turns and time steps lead to; both go round.
+function viewAfter(page, view, turns, steps) {
+  const cameras = camerasOf(page), count = stepsOf(page);
+  const around = (n, all) => ((n % all) + all) % all;
+  const step = around(Math.floor(view / cameras) + steps, count);
+  return step * cameras + around(view % cameras + turns, cameras);
+}
+
 // Initial state of a page: sides A and B are equal, and not compared.
 const opened = (page) => ({
   sides: [page.look, page.look], edited: 0, compare: false, divide: 0.5, view: 0, errors: false,

@@ -1,0 +1,175 @@
+"""Time steps: files of several and files of one each, one range for all, gaps and faults."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import volspec as vs
+from tests.support.errors import raises, warns
+from volspec.errors import SceneError, VolumeError
+from volspec.volume.series import Series, load_at, open_volume, step_addresses
+
+SCENE = """
+volume.file = "{file}"
+material = [{{ name = "a", reflectance = "copper" }}]
+transfer.points = [
+    {{ value = 20, opacity = 0, material = "a" }}, {{ value = 90, opacity = 0.5, material = "a" }},
+]
+light = [{{ name = "day", spectrum = "D65" }}, {{ name = "night", spectrum = "A" }}]
+basis.name = "general-5"
+output = {{ width = 24, height = 20 }}
+{more}
+"""
+
+
+def steps(count: int = 4) -> list[np.ndarray]:
+    """Balls that grow, and are brighter every time."""
+    z, y, x = np.mgrid[:12, :12, :12] - 5.5
+    away = np.sqrt(z**2 + y**2 + x**2)
+    return [((away < 2 + k) * (60 + 40 * k)).astype(np.uint8) for k in range(count)]
+
+
+@pytest.fixture
+def beat(tmp_path: Path) -> Path:
+    """Four files of one step each."""
+    import SimpleITK
+
+    for number, values in enumerate(steps()):
+        image = SimpleITK.GetImageFromArray(values)
+        SimpleITK.WriteImage(image, tmp_path / f"beat{number + 8}.nrrd")
+    return tmp_path
+
+
+def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat: Path) -> None:
+    series = vs.load_series(beat / "beat*.nrrd")
+    assert len(series) == 4 and series.names[-1].endswith("beat11.nrrd")
+    for volume, values in zip(series, steps(), strict=True):
+        assert np.array_equal(volume.values, values) and volume.range == (0.0, 180.0)
+    assert series[-1].is_step_of(series[0])
+    with pytest.raises(IndexError):
+        series[4]
+
+
+def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path: Path) -> None:
+    tifffile = pytest.importorskip("tifffile", reason="tifffile is not installed")
+    stack = np.stack([np.stack([each, each // 2]) for each in steps()])
+    path = tmp_path / "heart.ome.tif"
+    notes = {"axes": "TCZYX", "Channel": {"Name": ["a", "b"]}}
+    notes |= {f"PhysicalSize{axis}": 1.0 for axis in "XYZ"}
+    tifffile.imwrite(path, stack, metadata=notes)
+    assert step_addresses(str(path)) == tuple(f"{path}?time={k}" for k in range(4))
+    volume, series = open_volume(str(path))
+    assert series is not None and volume.by_name.keys() == {str(path), "b"}
+    assert series[3].fields[0].range == (0.0, 90.0)
+    assert open_volume(f"{path}?time=2")[1] is None
+    assert np.array_equal(load_at(str(path), 2).values, steps()[2])
+    with raises(VolumeError, "range"):
+        load_at(str(path), 4)
+    with raises(VolumeError, "missing"):
+        vs.load_series(f"{path}?time=2")
+
+
+def test_a_truncated_step_is_named_and_the_rest_plays(beat: Path) -> None:
+    whole = (beat / "beat9.nrrd").read_bytes()
+    (beat / "beat9.nrrd").write_bytes(whole[: len(whole) // 2])
+    with warns("beat9.nrrd is left out"):
+        series = vs.load_series(beat / "beat*.nrrd")
+    assert [Path(name).stem for name in series.names] == ["beat8", "beat10", "beat11"]
+    assert series[1].values.max() == 140
+
+
+def test_missing_numbers_are_named(beat: Path) -> None:
+    (beat / "beat9.nrrd").unlink()
+    with warns("no file has the number 9"):
+        assert len(step_addresses(str(beat / "beat*.nrrd"))) == 3
+    with raises(VolumeError, "not-found"):
+        step_addresses(str(beat / "none*.nrrd"))
+
+
+def test_steps_of_other_lattices_or_fields_are_refused() -> None:
+    volume = vs.Volume(steps()[0])
+    with raises(VolumeError, "shape"):
+        Series([volume, vs.Volume(steps()[1][:, :, 1:])])
+    with raises(VolumeError, "conflict"):
+        Series([volume, volume.with_fields([vs.Volume(steps()[1], name="b")])])
+    with raises(VolumeError, "missing", "steps"):
+        Series([])
+
+
+def test_types_and_missing_voxels_are_alike_in_all_steps() -> None:
+    first = vs.Volume(steps()[0])
+    holey = steps()[3].astype(np.float32)
+    holey[0, 0, 0] = np.nan
+    with warns("NaN"):
+        last = vs.Volume(holey)
+    series = Series([first, last])
+    assert series[0].values.dtype == np.float32 and series[0].range == series[1].range
+    missing = series[1].missing
+    assert missing is not None and missing < -1000 and series[1].values[0, 0, 0] == missing
+    assert first.values.dtype == np.uint8  # as it was
+
+
+def test_steps_beyond_the_room_are_read_again() -> None:
+    read: list[int] = []
+
+    def load(number: int) -> vs.Volume:
+        read.append(number)
+        return vs.Volume(steps()[number])
+
+    loads = [lambda number=number: load(number) for number in range(4)]
+    series = Series(loads, kept_bytes=2 * 12**3)
+    assert read == [0, 1, 2, 3]
+    assert series[3].values.max() == 180 and read == [0, 1, 2, 3]
+    assert series[0].values.max() == 60 and read == [0, 1, 2, 3, 0]
+
+
+def test_a_scene_shows_a_step_and_exports_all(beat: Path) -> None:
+    path = beat / "scene.toml"
+    path.write_text(SCENE.format(file="beat*.nrrd", more="volume.step = 2"))
+    scene = vs.Scene.load(path)
+    assert scene.step_count() == 4 and scene.volume().values.max() == 140
+    lights = {"lights": ["day"], "sheet": False}
+    made = scene.export(beat / "frames", play={"loops": 2}, **lights)
+    assert made.frames == 8 and made.casts == 4
+    frames = [(made.output / name).read_bytes() for name in made.files]
+    assert frames[:4] == frames[4:] and len(set(frames)) == 4
+    turned = scene.export(beat / "turn", turntable={"frames": 6}, play={}, **lights)
+    assert turned.frames == turned.casts == 6
+    again = scene.export(beat / "turn", turntable={"frames": 6}, play={}, **lights)
+    assert again.made == 0
+    still = scene.volume()
+    own = vs.raycast(still, scene.transfer, scene.camera(still), (24, 20), scene.raycast)
+    step = scene.series()[2]
+    as_step = vs.raycast(step, scene.transfer, scene.camera(step), (24, 20), scene.raycast)
+    assert np.abs(own.coefficients - as_step.coefficients).max() < 1e-5
+
+
+def test_what_cannot_play_is_refused(beat: Path) -> None:
+    path = beat / "scene.toml"
+    path.write_text(SCENE.format(file="beat8.nrrd", more=""))
+    with raises(SceneError, "conflict"):
+        vs.Scene.load(path).export(beat / "frames", play={})
+    path.write_text(SCENE.format(file="beat*.nrrd", more="volume.step = 4"))
+    with raises(SceneError, "range"):
+        vs.Scene.load(path).volume()
+    path.write_text(
+        SCENE.format(file="beat*.nrrd", more="export.play.frames = 5\nexport.turntable.frames = 6")
+    )
+    with raises(SceneError, "conflict"):
+        vs.Scene.load(path)
+
+
+def test_a_further_field_may_be_a_series_too(beat: Path) -> None:
+    path = beat / "scene.toml"
+    field = """
+[[field]]
+name = "late"
+file = "beat*.nrrd"
+transfer.points = [{ value = 20, opacity = 0.2, material = "a" }]
+"""
+    path.write_text(SCENE.format(file="beat*.nrrd", more=field))
+    series = vs.Scene.load(path).series()
+    assert [each.fields[0].values.max() for each in series] == [60, 100, 140, 180]

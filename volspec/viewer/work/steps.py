@@ -1,0 +1,171 @@
+"""Time steps of the open document: shown when they are wanted, and played.
+
+    step -> [steps] -> thread -> Document at that step -> state -> cast
+
+While a step is shown, the next one is read, uploaded to the device, and cast with a few rays: its
+empty bricks and its shadows are then known, and the cast in the window's size takes half the time.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+
+from volspec.errors import VolspecError, one_line
+from volspec.pipeline import Raycaster, raycast
+from volspec.viewer.model.document import Document
+from volspec.viewer.model.fields import shown_transfer
+from volspec.viewer.model.quality import cast_spec
+from volspec.viewer.model.state import ViewState
+from volspec.viewer.work.background import LatestWorker
+from volspec.viewer.work.casts import Pass
+from volspec.viewer.work.notify import Notice
+from volspec.volume.series import KEPT_BYTES
+
+# Width and height of a cast ahead, and its pass, as of pictures that move.
+_FEW, _COARSE = (16, 12), Pass(2, "voxel")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Wanted:
+    state: ViewState
+    step: int
+    ahead: int  # the step that is likely next
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Ready:
+    document: Document | None
+    error: str = ""
+
+
+class _StepWorker(LatestWorker[_Wanted, _Ready]):
+    """Prepares documents at their steps; the last ones stay ready."""
+
+    _name = "volspec-steps"
+
+    def __init__(self, wake: Callable[[], object]) -> None:
+        super().__init__(wake)
+        self._ready: OrderedDict[int, Document] = OrderedDict()
+        self._of: object = None
+
+    def _results(self, job: _Wanted) -> Iterator[_Ready]:
+        document = job.state.document
+        try:
+            yield _Ready(self._at(document, job.step))
+            if not self._is_superseded():
+                self._cast_ahead(job.state, self._at(document, job.ahead))
+        except VolspecError as error:
+            yield _Ready(None, one_line(error))
+
+    def _cast_ahead(self, state: ViewState, document: Document) -> None:
+        """Cast a few rays, so that the device has what a cast of this step needs."""
+        volume, caster = document.volume, document.caster
+        if caster is not None and not document.fault:
+            camera, spec = state.view.camera(volume), _COARSE.spec(cast_spec(state), volume)
+            with suppress(VolspecError):  # shown when it is cast
+                raycast(volume, shown_transfer(state), camera, _FEW, spec, caster=caster)
+
+    def _at(self, document: Document, step: int) -> Document:
+        """Return the document at a step, with a caster of its own."""
+        if document.opening is not self._of:
+            self._of = document.opening
+            self._ready.clear()
+        if step not in self._ready:
+            series, like = document.series, document.caster
+            assert series is not None
+            volume = series[step]
+            caster = None if like is None else Raycaster(volume, like=like)
+            self._ready[step] = document.at_step(step, volume, caster)
+            while len(self._ready) > max(2, KEPT_BYTES // series.nbytes):
+                self._ready.popitem(last=False)
+        self._ready.move_to_end(step)
+        return self._ready[step]
+
+
+class Steps:
+    """Shows and plays the time steps of the open document."""
+
+    def __init__(self, wake: Callable[[], object], notice: Notice) -> None:
+        self._worker, self._notice = _StepWorker(wake), notice
+        self.playing = False
+        self.loops = True  # play again from the first step after the last
+        self._wanted: tuple[object, int] | None = None
+        self._due = 0.0  # when the next step is to be shown
+
+    @property
+    def busy(self) -> bool:
+        """True while a step is read, or steps play."""
+        return self.playing or self._worker.busy
+
+    def show(self, state: ViewState, step: int) -> None:
+        """Start showing a step, counted from 0 and beyond the last from the first again."""
+        document = state.document
+        if document.series is None:
+            self._notice.show_warning("This volume has no time steps")
+            return
+        count = len(document.series)
+        step %= count
+        self._wanted = document.opening, step
+        self._worker.request(_Wanted(state, step, (step + 1) % count))
+
+    def go(self, state: ViewState, by: int) -> None:
+        """Start showing a later or an earlier step than the one that was wanted last."""
+        document, (opening, step) = state.document, self._wanted or (None, 0)
+        self.show(state, (step if opening is document.opening else document.step) + by)
+
+    def toggle(self, state: ViewState) -> None:
+        """Start or stop playing."""
+        document = state.document
+        if document.series is None:
+            self._notice.show_warning("This volume has no time steps")
+            return
+        self.playing = not self.playing
+        if self.playing and document.step == len(document.series) - 1 and not self.loops:
+            self.show(state, 0)
+
+    def toggle_loop(self) -> None:
+        """Play once, or again and again."""
+        self.loops = not self.loops
+
+    @property
+    def step(self) -> int:
+        """The step that was wanted last."""
+        return 0 if self._wanted is None else self._wanted[1]
+
+    def patience(self, now: float) -> float:
+        """Return the seconds until the next step is due; inf if none plays."""
+        return max(self._due - now, 0.0) if self.playing else float("inf")
+
+    def tick(self, state: ViewState, shown: Document | None, now: float) -> None:
+        """Go on to the next step when it is due and the present one is ``shown``."""
+        document = state.document
+        if not self.playing or document.series is None:
+            self.playing = False
+            return
+        if shown is not document or self._worker.busy or now < self._due:
+            return
+        if document.step == len(document.series) - 1 and not self.loops:
+            self.playing = False
+            return
+        # A step that came late does not make the others early.
+        self._due = max(self._due + 1.0 / document.step_rate, now)
+        self.show(state, document.step + 1)
+
+    def take(self, document: Document | None) -> Document | None:
+        """Return the open document at a step that is ready; None without one."""
+        found = None
+        for ready in self._worker.take():
+            if ready.error:
+                self.playing = False
+                self._notice.show_error(ready.error)
+            elif ready.document and document and ready.document.is_of(document):
+                found = ready.document
+                self._notice.trace.note("step", step=found.step)
+        return found
+
+    def close(self) -> None:
+        """End the thread."""
+        self._worker.close(0.0)

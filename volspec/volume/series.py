@@ -1,0 +1,350 @@
+"""A series: the time steps of a volume, read when they are needed.
+
+    4-D file, or files by a pattern -> [series] -> Volume of each step
+
+All steps have one lattice, one type, and the range of all, so that nothing that depends on these
+flickers: transfer functions, histograms, presets.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+import threading
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from volspec.errors import VolspecError, VolspecWarning, VolumeError
+from volspec.volume.files.query import Choice
+from volspec.volume.load import load_step, load_volume, volume_choices
+from volspec.volume.model import Volume
+
+PATTERN = "*"
+"""Part of an address in place of any text in the names of files."""
+KEPT_BYTES = 2 << 30
+"""Bytes of steps that stay in memory by default."""
+# Most file names that a message lists.
+_MOST_LISTED = 3
+_NUMBER = re.compile(r"\d+")
+
+Load = Callable[[], Volume]
+
+
+class Series:
+    """Time steps of a volume.
+
+    Parameters
+    ----------
+    steps : sequence of Volume or of callables
+        In the order of time; a callable reads its step, whenever that is not in memory.
+    names : sequence of str, optional
+        Of the steps, for messages; default: their numbers.
+    kept_bytes : int
+        Bytes of read steps that stay in memory.
+
+    Every step is read once to find the range of all. One that cannot be read is left out.
+
+    Raises
+    ------
+    VolumeError
+        If no step can be read, or one has another lattice or other fields than the first.
+
+    Warns
+    -----
+    VolspecWarning
+        If a step cannot be read.
+
+    Examples
+    --------
+    >>> ramp = np.arange(8, dtype=np.uint8).reshape(2, 2, 2)
+    >>> beat = Series([Volume(ramp), Volume(ramp + 5)])
+    >>> len(beat), beat[0].range
+    (2, (0.0, 12.0))
+    """
+
+    def __init__(
+        self,
+        steps: Sequence[Volume | Load],
+        names: Sequence[str] = (),
+        kept_bytes: int = KEPT_BYTES,
+    ) -> None:
+        named = list(names) or [f"step {number}" for number in range(len(steps))]
+        self._kept: OrderedDict[int, Volume] = OrderedDict()
+        self._kept_bytes = kept_bytes
+        self._lock = threading.Lock()
+        self._alike: dict[str, tuple[np.dtype[Any], float, float]] = {}
+        self._loads: list[Load] = []
+        self.names: tuple[str, ...] = ()
+        failed: VolumeError | None = None
+        first: Volume | None = None
+        for step, name in zip(steps, named, strict=True):
+            load = step if callable(step) else lambda volume=step: volume
+            try:
+                volume = load()
+            except VolumeError as error:
+                failed = failed or error
+                warnings.warn(
+                    f"{name} is left out of the series: {error}", VolspecWarning, stacklevel=2
+                )
+                continue
+            first = first or volume
+            _require_alike(volume, first, name)
+            self._widen(volume)
+            self._keep(len(self._loads), volume)
+            self._loads.append(load)
+            self.names += (name,)
+        self._name = first.name if first else ""
+        if not self._loads:
+            raise failed or VolumeError(
+                "series: no time steps", "give a volume for each", code="missing", field="steps"
+            )
+
+    def __len__(self) -> int:
+        return len(self._loads)
+
+    def __repr__(self) -> str:
+        return f"Series({len(self)} steps of {self[0]!r})"
+
+    def __iter__(self) -> Iterator[Volume]:
+        return (self[number] for number in range(len(self)))
+
+    def __getitem__(self, number: int) -> Volume:
+        """Return a step, from memory or its file; threads may do so at once.
+
+        Raises VolumeError if its file cannot be read any more, IndexError if there is none.
+        """
+        number = range(len(self))[number]
+        with self._lock:
+            volume = self._kept.get(number)
+            if volume is None:
+                volume = self._loads[number]()
+                self._keep(number, volume)
+            self._kept.move_to_end(number)
+        return self._as_others(volume)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of a step's voxels."""
+        return _nbytes(self[0])
+
+    def _widen(self, volume: Volume) -> None:
+        """Take a step's type and range into those of all, field by field."""
+        for name, field in _by_role(volume).items():
+            low, high = field.range
+            dtype = field.values.dtype
+            if (known := self._alike.get(name)) is not None:
+                low, high = min(low, known[1]), max(high, known[2])
+                dtype = np.result_type(dtype, known[0])
+                dtype = dtype if dtype.itemsize <= 2 else np.dtype(np.float32)
+            self._alike[name] = dtype, low, high
+
+    def _as_others(self, volume: Volume) -> Volume:
+        """Return a step with the type and range of all."""
+        own = volume.of_series(self._name, *self._alike[""])
+        fields = [each.of_series(each.name, *self._alike[each.name]) for each in volume.fields]
+        return own.with_fields(fields) if fields else own
+
+    def _keep(self, number: int, volume: Volume) -> None:
+        """Keep a step in memory, instead of those used longest ago if there is no room."""
+        self._kept[number] = volume
+        while len(self._kept) > 1 and sum(map(_nbytes, self._kept.values())) > self._kept_bytes:
+            self._kept.popitem(last=False)
+
+
+def _by_role(volume: Volume) -> dict[str, Volume]:
+    """Return fields by name; the own one's, which a file's name may differ in, is ""."""
+    return {"": volume} | {each.name: each for each in volume.fields}
+
+
+def _nbytes(volume: Volume) -> int:
+    return sum(each.values.nbytes for each in (volume, *volume.fields))
+
+
+def _require_alike(volume: Volume, first: Volume, name: str) -> None:
+    """Refuse a step with another lattice or other fields than the first."""
+    fields, others = _by_role(volume), _by_role(first)
+    if fields.keys() != others.keys():
+        raise VolumeError(
+            f"{name}: has the fields {', '.join(volume.by_name)}, but the first step has "
+            f"{', '.join(first.by_name)}",
+            "give steps of the same fields",
+            code="conflict",
+        )
+    for key, field in fields.items():
+        if not field.has_lattice_of(others[key]):
+            raise VolumeError(
+                f"{name}: has another lattice, {_lattice(field)}, than the first step, "
+                f"{_lattice(others[key])}",
+                "give steps of one lattice, or resample this one",
+                code="shape",
+            )
+
+
+def _lattice(volume: Volume) -> str:
+    counts = "x".join(map(str, volume.shape_xyz))
+    return f"{counts} voxels of {', '.join(f'{mm:.4g}' for mm in volume.spacing_mm)} mm"
+
+
+def load_series(path: str | os.PathLike[str], *, kept_bytes: int = KEPT_BYTES) -> Series:
+    """Open the time steps of a volume.
+
+    Parameters
+    ----------
+    path : str or path
+        A file of several time steps, as for `volspec.load_volume` without ``time=``; or files of
+        one step each, by a pattern: ``beat/*.nrrd``, in the order of the numbers in their names.
+        Options follow a question mark: ``beat/*.nrrd?spacing=1,1,2``.
+    kept_bytes : int
+        Bytes of voxels that stay in memory; other steps are read again when they are needed.
+
+    Raises
+    ------
+    VolumeError
+        If there is only one step; if a file is missing, no step can be read, or steps have
+        different lattices.
+
+    Warns
+    -----
+    VolspecWarning
+        If a step cannot be read and is left out, or the numbers of files have a gap.
+    """
+    addresses = step_addresses(os.fspath(path))
+    if len(addresses) < 2:
+        raise VolumeError(
+            f"{path}: holds no time steps",
+            "give a file of several, or a pattern of files, such as 'beat/*.nrrd'",
+            code="missing",
+        )
+    return _opened(addresses, kept_bytes)
+
+
+def open_volume(address: str) -> tuple[Volume, Series | None]:
+    """Return a volume; or the first step of a series, with the range of all, and the series.
+
+    Errors and warnings are those of `load_volume` and `load_series`.
+    """
+    found = volume_or_steps(address)
+    if isinstance(found, Volume):
+        return found, None
+    series = _opened(found, KEPT_BYTES)
+    return series[0], series
+
+
+def load_at(address: str, step: int) -> Volume:
+    """Read a volume, or one step of a series, from 0.
+
+    Raises VolumeError as `load_volume`, or if there are fewer steps.
+    """
+    found = volume_or_steps(address)
+    if isinstance(found, Volume):
+        return found
+    require_step(address, step, len(found))
+    return load_step(found[step], 0)
+
+
+def require_step(address: str, step: int, count: int) -> None:
+    """Raise VolumeError if there is no step of this number."""
+    if step >= count:
+        raise VolumeError(
+            f"{address}: has {count} time steps, step = {step} is none of them",
+            f"give 0 to {count - 1}",
+            code="range",
+            given=step,
+        )
+
+
+def volume_or_steps(address: str) -> Volume | tuple[str, ...]:
+    """Read a volume; of a series return the addresses of its steps."""
+    if is_pattern(address):
+        return step_addresses(address)
+    try:
+        return load_volume(address)
+    except VolumeError as error:
+        if error.code != "missing" or len(found := step_addresses(address)) == 1:
+            raise
+        return found
+
+
+def _opened(addresses: Sequence[str], kept_bytes: int) -> Series:
+    loads = [partial(load_step, each, number) for number, each in enumerate(addresses)]
+    return Series(loads, addresses, kept_bytes)
+
+
+def step_addresses(address: str) -> tuple[str, ...]:
+    """Return the addresses of a volume's time steps; itself if it has one.
+
+    Raises VolumeError if a pattern fits no file.
+
+    Warns
+    -----
+    VolspecWarning
+        If the numbers in the names of files have a gap.
+    """
+    path, mark, options = address.partition("?")
+    if is_pattern(address):
+        found = sorted(glob.glob(path), key=_in_order)
+        if not found:
+            raise VolumeError(
+                f"{path}: no file fits this pattern", "check the folder", code="not-found"
+            )
+        _warn_of_gaps(path, found)
+        return tuple(f"{name}{mark}{options}" for name in found)
+    choices: tuple[Choice, ...] = ()
+    with suppress(VolspecError):  # raised again when it is read
+        choices = volume_choices(address)
+    times = next((each for each in choices if each.key == "time"), None)
+    if times is None or times.chosen is not None:
+        return (address,)
+    joined = f"{address}&" if mark else f"{address}?"
+    return tuple(f"{joined}time={value}" for value in times.values)
+
+
+def is_pattern(address: str) -> bool:
+    """Return True if an address is a pattern of files, and not the name of one.
+
+    >>> is_pattern("beat/*.nrrd?spacing=1,1,1"), is_pattern("heart.nii")
+    (True, False)
+    """
+    path = address.partition("?")[0]
+    return PATTERN in path and not Path(path).exists()
+
+
+def _in_order(name: str) -> list[int | str]:
+    """Return a key that sorts numbers in names by their value."""
+    parts = re.split(r"(\d+)", name)
+    return [int(part) if part.isdecimal() else part for part in parts]
+
+
+def _warn_of_gaps(pattern: str, names: Sequence[str]) -> None:
+    """Warn if the only number that differs in the names misses some of its regular values."""
+    numbers = [[int(n) for n in _NUMBER.findall(Path(name).name)] for name in names]
+    if len({len(each) for each in numbers}) > 1:
+        return
+    differing = [column for column in zip(*numbers, strict=True) if len(set(column)) > 1]
+    if len(differing) != 1:
+        return
+    steps = [later - earlier for earlier, later in pairwise(differing[0])]
+    usual = min(steps)
+    missing = [
+        earlier + usual * k
+        for earlier, step in zip(differing[0], steps, strict=False)
+        for k in range(1, step // usual)
+        if step % usual == 0
+    ]
+    if missing:
+        listed = ", ".join(map(str, missing[:_MOST_LISTED])) + ", …" * (len(missing) > _MOST_LISTED)
+        warnings.warn(
+            f"{pattern}: no file has the number {listed}; the steps before and after follow each "
+            "other",
+            VolspecWarning,
+            stacklevel=4,
+        )
