@@ -70,6 +70,7 @@ def _series(folder: Path) -> Path:
 
 def _played(robot: Robot) -> Iterator[Figure]:
     """Drag a light while 20 time steps play."""
+    time.sleep(AHEAD_S / 2)  # few programs
     robot.key("j")
     time.sleep(3.0)  # every step has been shown, and the casts have found their size
     x, y, width, height = robot.area("weight 1")

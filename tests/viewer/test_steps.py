@@ -76,10 +76,13 @@ def test_steps_play_in_a_loop_or_once(tmp_path: Path) -> None:
 
     for k in range(5):
         wait_until(lambda: not steps._worker.busy)
-        tick(0.1 * k)
+        tick(0.1 * k)  # makes the next one ready,
+        wait_until(lambda: not steps._worker.busy)
+        tick(0.1 * k)  # and shows it
         if k < 4:
             shown.append(ready(steps, shown[-1]))
     assert [each.step for each in shown] == [0, 1, 2, 0, 1]
+    assert steps.patience(0.6) == float("inf")  # it waits for the present one to be shown
     assert steps.patience(0.41) == pytest.approx(0.09)
     last = ready(steps, shown[-1])
     wait_until(lambda: not steps._worker.busy)
@@ -87,6 +90,8 @@ def test_steps_play_in_a_loop_or_once(tmp_path: Path) -> None:
     steps.tick(of_last, shown[-1], 2.0)  # the picture of the last step is still cast
     assert steps.step == last.step == 2
     steps.toggle_loop()
+    steps.tick(of_last, last, 3.0)
+    wait_until(lambda: not steps._worker.busy)
     steps.tick(of_last, last, 3.0)
     assert not steps.playing
     steps.close()

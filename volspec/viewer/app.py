@@ -211,6 +211,7 @@ class _App:
     def _take(self) -> bool:
         """Take the threads' results; return True if there are any."""
         casts = self._scheduler.take(self._steps.playing)
+        pictures = bool(casts)
         for done in casts:
             self._screen.take(done, self._present)
         if casts and self._shown is not None:
@@ -221,11 +222,11 @@ class _App:
             news, self._history = news or history is not self._history, history
         if opened is not None:
             self._open(opened)
-        opened_document = None if self._history is None else self._history.present.document
-        if (document := self._steps.take(opened_document)) is not None:
-            assert self._history is not None
-            self._history = self._history.amend(replace(self._history.present, document=document))
-            news = True
+        if self._history is not None:
+            stepped = self._steps.take(self._history.present.document)
+            if stepped is not None:
+                shown = replace(self._history.present, document=stepped)
+                self._history, pictures = self._history.amend(shown), True
         if (solved := self._screen.take_room(self._present)) is not None:
             assert self._history is not None
             self._history = self._history.amend(replace(self._history.present, room=solved))
@@ -237,7 +238,10 @@ class _App:
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.take_tables()
-        return self._notice.expire(time.perf_counter()) or news or bool(casts or warned)
+        if pictures and self._steps.playing:
+            # Steps leave the layout as it is; more frames would take the casts' time.
+            self._settle, pictures = max(self._settle, 1), False
+        return self._notice.expire(time.perf_counter()) or news or pictures or bool(warned)
 
     def _open(self, opened: Opened) -> None:
         before = self._present
@@ -289,7 +293,7 @@ class _App:
                 if change is None or change.old is not self._shown or change.new is not now:
                     change = Difference.between(self._shown, now)  # a fade, or several steps
                 self._update(change, started)
-                if change.fields:
+                if change.fields - {"document"}:  # time steps leave the layout as it is
                     self._settle = max(self._settle, _SETTLE)
             if self._fading or self._ui.plays:
                 self._settle = max(self._settle, _SETTLE)

@@ -32,7 +32,7 @@ _FEW, _COARSE = (16, 12), Pass(2, "voxel")
 class _Wanted:
     state: ViewState
     step: int
-    ahead: int  # the step that is likely next
+    ahead: bool  # only to be ready when it is shown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,11 +54,14 @@ class _StepWorker(LatestWorker[_Wanted, _Ready]):
     def _results(self, job: _Wanted) -> Iterator[_Ready]:
         document = job.state.document
         try:
-            yield _Ready(self._at(document, job.step))
-            if not self._is_superseded():
-                self._cast_ahead(job.state, self._at(document, job.ahead))
+            made = self._at(document, job.step)
+            if job.ahead:
+                self._cast_ahead(job.state, made)
+            else:
+                yield _Ready(made)
         except VolspecError as error:
-            yield _Ready(None, one_line(error))
+            if not job.ahead:
+                yield _Ready(None, one_line(error))
 
     def _cast_ahead(self, state: ViewState, document: Document) -> None:
         """Cast a few rays, so that the device has what a cast of this step needs."""
@@ -93,6 +96,7 @@ class Steps:
         self.playing = False
         self.loops = True  # play again from the first step after the last
         self._wanted: tuple[object, int] | None = None
+        self._followed: Document | None = None  # the one after which another is ready
         self._due = 0.0  # when the next step is to be shown
 
     @property
@@ -106,10 +110,9 @@ class Steps:
         if document.series is None:
             self._notice.show_warning("This volume has no time steps")
             return
-        count = len(document.series)
-        step %= count
+        step %= len(document.series)
         self._wanted = document.opening, step
-        self._worker.request(_Wanted(state, step, (step + 1) % count))
+        self._worker.request(_Wanted(state, step, ahead=False))
 
     def go(self, state: ViewState, by: int) -> None:
         """Start showing a later or an earlier step than the one that was wanted last."""
@@ -136,16 +139,27 @@ class Steps:
         return 0 if self._wanted is None else self._wanted[1]
 
     def patience(self, now: float) -> float:
-        """Return the seconds until the next step is due; inf if none plays."""
-        return max(self._due - now, 0.0) if self.playing else float("inf")
+        """Return the seconds until the next step is due; inf if none plays, or it waits."""
+        return self._due - now if self.playing and self._due > now else float("inf")
 
     def tick(self, state: ViewState, shown: Document | None, now: float) -> None:
-        """Go on to the next step when it is due and the present one is ``shown``."""
+        """Go on to the next step when it is due and the present one is ``shown``.
+
+        Until then the next one is made ready; not before, as casts take turns.
+        """
         document = state.document
-        if not self.playing or document.series is None:
+        if document.series is None:
             self.playing = False
+        if self._wanted is None and not self.playing:
             return
-        if shown is not document or self._worker.busy or now < self._due:
+        if shown is not document or document.series is None or self._worker.busy:
+            return
+        if self._followed is not document:
+            self._followed = document
+            following = (document.step + 1) % len(document.series)
+            self._worker.request(_Wanted(state, following, ahead=True))
+            return
+        if not self.playing or now < self._due:
             return
         if document.step == len(document.series) - 1 and not self.loops:
             self.playing = False
