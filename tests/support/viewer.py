@@ -31,6 +31,7 @@ from volspec.viewer.model import palette_edits
 from volspec.viewer.model.commands import BY_KEY, BY_NAME
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.edit import Edited, after
+from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import LightRow, light_rig
 from volspec.viewer.model.palette_table import Table, palette_from_state, with_design
 from volspec.viewer.model.quality import cast_spec
@@ -144,7 +145,8 @@ def read_scene(path: Path) -> ViewState:
 def picture(state: ViewState) -> NDArray[Any]:
     """Return the frame of a state, in floats."""
     volume = state.document.volume
-    image = raycast(volume, state.transfer, state.view.camera(volume), state.size, cast_spec(state))
+    transfer, camera = shown_transfer(state), state.view.camera(volume)
+    image = raycast(volume, transfer, camera, state.size, cast_spec(state))
     rig = light_rig(state.lights)
     assert rig is not None
     return relight(image, rig, state.relight, dtype=np.float32, backend="numpy")

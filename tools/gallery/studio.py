@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import volspec as vs
-from benchmarks.scenes import ROOT, chest, stored
+from benchmarks.scenes import ROOT, chest, chest_organs, stored
 from tools.gallery.synthetic import cells, tracer
 from volspec.pipeline import Raycaster
 
@@ -102,6 +102,7 @@ READERS: dict[str, Callable[[], vs.Volume]] = {
     "engine": lambda: vs.load_volume(ROOT / "data" / "engine.nrrd"),
     "frog": _frog,
     "chest": chest,
+    "organs": chest_organs,
     "cells": cells,
     "tracer": tracer,
     **{name: stored(name) for name in ("foot", "aneurism", "mrbrain")},

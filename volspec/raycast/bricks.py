@@ -13,7 +13,7 @@ References
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import SurfaceTable, Table
+from volspec.transfer import SurfaceTable, Table, TransferTable
 
 BRICK = 4
 # Codes up to here are distances; from STRIDES on they are strides (rays.clh).
@@ -233,3 +233,23 @@ def brick_codes(
         codes[visible & (spread < spec.adaptive)] = STRIDES
         codes[visible & (spread < spec.adaptive / 4)] = STRIDES + 1
     return codes
+
+
+def masked_brick_codes(
+    low: NDArray[Any],
+    high: NDArray[Any],
+    rows: tuple[NDArray[np.uint8], NDArray[np.uint8]],
+    tables: Sequence[TransferTable],
+) -> NDArray[np.uint8]:
+    """Return each brick's code for a field with a table by row of its mask.
+
+    ``rows`` are the least and the greatest row in each brick: any row between may be there.
+    """
+    visible = np.zeros(low.shape, np.bool_)
+    for row, table in enumerate(tables):
+        here = ~visible & (rows[0] <= row) & (row <= rows[1])
+        opacity = np.stack([table.opacity, table.left_limits.opacity])
+        if not opacity.any() or not here.any():
+            continue
+        visible[here] = visible_bricks(low[here][None], high[here][None], table.domain, opacity)[0]
+    return chessboard_distance(visible)

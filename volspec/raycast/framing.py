@@ -6,6 +6,7 @@ Volume, Transfers, RaycastSpec -> [framing] -> Orbit
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -13,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.raycast.camera import Orbit, radius_mm
+from volspec.raycast.masks import MaskLattice
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import FieldFunctions, SurfaceTable, Transfers, TransferTable
+from volspec.transfer import FieldTables, SurfaceTable, Table, Transfers
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
@@ -83,19 +85,34 @@ def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> f
 
 def shown_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> Array:
     """(N, 3) points around the visible voxels; the volume's corners if none is visible."""
-    if isinstance(transfer, FieldFunctions):
-        found, shading = [], shading.naming_fields(volume)
-        for name in transfer.shown:
-            field = volume.by_name[name] if name else volume
-            same = field.has_lattice_of(volume)
-            own = (shading if same else replace(shading, crop_voxels=None)).for_field(field.name)
-            found.append(shown_mm(field, transfer.functions[name], own))
-        return np.concatenate(found)
-    shading = shading.naming_fields(volume).for_field(volume.name)
-    steps = [-(-size // _MOST) for size in volume.values.shape]
-    k, j, i = steps
+    tables, shading = bake_for_volume(transfer, volume), shading.naming_fields(volume)
+    if not isinstance(tables, FieldTables):
+        return _shown_mm(volume, [tables], shading.for_field(volume.name))
+    found = []
+    for name in tables.tables:
+        field, mask = volume.by_name[name], tables.masks.get(name)
+        same = field.has_lattice_of(volume)
+        own = (shading if same else replace(shading, crop_voxels=None)).for_field(name)
+        lattice = MaskLattice.of(volume, name, mask) if mask else None
+        found.append(_shown_mm(field, tables.rows(name), own, lattice))
+    return np.concatenate(found)
+
+
+def _shown_mm(
+    volume: Volume,
+    tables: Sequence[Table],
+    shading: RaycastSpec,
+    lattice: MaskLattice | None = None,
+) -> Array:
+    """Return `shown_mm` of a field with a table, or with one by row of its mask."""
+    k, j, i = steps = tuple(-(-size // _MOST) for size in volume.values.shape)
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
-    visible = _visible_voxels(values, volume, transfer)
+    visible = _visible_voxels(values, tables[0])
+    if lattice is not None:
+        nearest = lattice.nearest_to_voxels((k, j, i))
+        visible &= nearest == 0
+        for row, table in enumerate(tables[1:], start=1):
+            visible |= (nearest == row) & _visible_voxels(values, table)
     crop = crop_bounds(shading, volume)
     for axis, (low, high) in enumerate(reversed(crop)):
         at = np.arange(values.shape[axis]) * steps[axis]
@@ -114,11 +131,8 @@ def shown_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> Array
     return points if len(points) else volume.corners_mm
 
 
-def _visible_voxels(
-    values: NDArray[np.generic], volume: Volume, transfer: Transfers
-) -> NDArray[np.bool_]:
+def _visible_voxels(values: NDArray[np.generic], table: Table) -> NDArray[np.bool_]:
     """(z, y, x) True if a voxel is visible, or a surface passes next to it."""
-    table = bake_for_volume(transfer, volume)
     if isinstance(table, SurfaceTable):
         layer = np.searchsorted(np.sort(table.values), values)
         visible = np.zeros(values.shape, bool)
@@ -128,7 +142,6 @@ def _visible_voxels(
             visible[(*ahead, slice(1, None))] |= passed
             visible[(*ahead, slice(None, -1))] |= passed
         return visible
-    assert isinstance(table, TransferTable)  # of one field
     sides = (np.atleast_2d(side.opacity) for side in (table, table.left_limits))
     opacity = np.concatenate(list(sides)).max(axis=0)
     low, high = table.domain

@@ -24,13 +24,20 @@ from volspec._gpu.sharing import Sharing
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenCLError, RaycastError, VolspecWarning
 from volspec.raycast import kernel_arguments
-from volspec.raycast.bricks import BRICK, STRIDES, brick_codes, brick_ranges
+from volspec.raycast.bricks import (
+    BRICK,
+    STRIDES,
+    brick_codes,
+    brick_ranges,
+    masked_brick_codes,
+)
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
 from volspec.raycast.fields import FieldCast, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume
 from volspec.raycast.lights import Ambient, Headlight, LightGroup
+from volspec.raycast.masks import MaskLattice
 from volspec.raycast.packets import TILES, Packet, choose_packet
 from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
@@ -103,12 +110,50 @@ class _Field:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class _Masks:
+    """Codes of all masks on a device, one lattice after the other."""
+
+    key: tuple[Any, ...]
+    lattices: Mapping[str, MaskLattice]  # by the masked field
+    first: Mapping[str, int]
+    codes: Any
+    bricks: Mapping[str, tuple[NDArray[np.uint8], NDArray[np.uint8]]]
+
+    @staticmethod
+    def key_of(table: FieldTables) -> tuple[Any, ...]:
+        """Return what is equal for equal codes."""
+        masks = table.masks.items()
+        return tuple((name, mask.field, mask.row_of.tobytes()) for name, mask in masks)
+
+    @classmethod
+    def of(cls, compute: Compute, volume: Volume, table: FieldTables) -> _Masks:
+        """Upload the masks of tables. Raises OpenCLError if there is no room."""
+        lattices = {name: MaskLattice.of(volume, name, m) for name, m in table.masks.items()}
+        codes, first, at = [], {}, 0
+        for name, lattice in lattices.items():
+            first[name] = at
+            at += lattice.rows.size
+            codes.append(lattice.codes().ravel())
+        compute.require(2 * at, "the masks", "take coarser ones")
+        buffer = compute.upload(np.concatenate(codes), share=True) if codes else None
+        bricks = {name: lattice.brick_ranges() for name, lattice in lattices.items()}
+        return cls(cls.key_of(table), lattices, first, buffer, bricks)
+
+    def struct(self, name: str, curves: int = 0) -> NDArray[np.void]:
+        """Return the struct `MASK` of a field whose own table is ``curves``."""
+        return kernel_arguments.mask_struct(
+            self.lattices.get(name), self.first.get(name, 0), curves
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Together:
     """Fields that are cast together, in voxels of one type, in their tables' order."""
 
     fields: Mapping[str, _Field]
     frame: Volume
     lights: LightVolume
+    masks: _Masks
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -127,26 +172,36 @@ class _Together:
         return buffers + buffers[:1] * (MAX_FIELDS - len(buffers))
 
     def structs(
-        self, cast: FieldCast, camera: Camera, size: tuple[int, int], frame: NDArray[np.void]
-    ) -> tuple[NDArray[np.void], NDArray[np.int32]]:
+        self,
+        table: FieldTables,
+        cast: FieldCast,
+        camera: Camera,
+        size: tuple[int, int],
+        frame: NDArray[np.void],
+    ) -> list[NDArray[Any]]:
         """Return the structs `CAST` of all fields and of the frame, and the fields' places.
 
-        Places are as in ``kernels/fields.cl``.
+        Places are as in ``kernels/fields.cl``. With masks, the structs `CURVE` and `MASK` follow.
         """
-        rows, places = [], []
-        at = np.zeros(3, np.int64)
+        casts = {}
         for name, field in self.fields.items():
-            table = cast.tables[name]
-            row = kernel_arguments.cast_struct(
-                *(field.volume, table, camera, size, cast.own[name]), self.frame
+            casts[name] = kernel_arguments.cast_struct(
+                *(field.volume, table.tables[name], camera, size, cast.own[name]), self.frame
             )
-            field.set_buffers(row)
-            rows.append(row)
-            places.append([*at, cast.spec.crop_voxels is not None])
-            entries, width = len(table.opacity) + 1, table.material_weights.shape[1]
-            vectors = -(-width // kernel_arguments.vector_width(width))
-            at += field.low.size, 2 * entries, 2 * entries * vectors
-        return np.stack([*rows, frame]), np.array(places, np.int32)
+            field.set_buffers(casts[name])
+        step_mm = cast.spec.step_of(self.frame)
+        curves, first = kernel_arguments.curve_structs(table, casts, step_mm)
+        own = curves[list(first.values())]
+        sizes = [field.low.size for field in self.fields.values()]
+        places = np.zeros((len(sizes), 4), np.int32)
+        places[:, 0] = np.cumsum([0, *sizes[:-1]])
+        places[:, 1], places[:, 2] = own["opacity"], own["material_weights"]
+        places[:, 3] = cast.spec.crop_voxels is not None
+        found: list[NDArray[Any]] = [np.stack([*casts.values(), frame]), places]
+        if table.masks:
+            masks = [self.masks.struct(name, number) for name, number in first.items()]
+            found += curves, np.stack(masks)
+        return found
 
 
 @dataclass(slots=True, eq=False)
@@ -445,9 +500,12 @@ class Raycaster:
             arguments = self._own.voxels, self._codes(table, spec), *inputs, light, spans, struct
         else:
             stored, aligned = together.dtype, together.aligned and not several.cut_apart
-            structs, places = together.structs(several, *view, struct)
+            assert isinstance(table, FieldTables)
+            structs = map(upload, together.structs(table, several, *view, struct))
             voxels, codes = together.voxels, self._codes(table, spec)
-            arguments = *voxels, codes, *inputs, light, spans, upload(structs), upload(places)
+            arguments = *voxels, codes, *inputs, light, spans, *structs
+            if table.masks:
+                arguments = *arguments, together.masks.codes
         kernel = self._kernel(
             program, spec, stored, lit=lit, spans=span_mm is not None, aligned=aligned
         )
@@ -480,8 +538,10 @@ class Raycaster:
 
     def _cast_together(self, table: FieldTables) -> _Together:
         """Return the fields of tables on the device; the last are cached."""
-        names = list(table.tables)
-        if self._together is None or list(self._together.fields) != names:
+        names, present = list(table.tables), self._together
+        key = _Masks.key_of(table)
+        known = present.masks if present is not None and present.masks.key == key else None
+        if present is None or list(present.fields) != names or known is None:
             volumes = [self.volume.by_name[name] for name in names]
             for each in volumes:
                 if each.name not in self._uploaded:
@@ -490,9 +550,13 @@ class Raycaster:
             fields = {name: self._uploaded[name].stored(self._compute, dtype) for name in names}
             frame = frame_around(self.volume, names)
             voxels = {name: (field.volume, field.unpadded) for name, field in fields.items()}
-            lights = LightVolume(self._compute, frame, self._own.unpadded, fields=voxels)
-            self._together = _Together(fields, frame, lights)
-        return self._together
+            masks = known or _Masks.of(self._compute, self.volume, table)
+            by_field = {name: (masks.codes, masks.struct(name)) for name in masks.lattices}
+            lights = LightVolume(
+                self._compute, frame, self._own.unpadded, fields=voxels, masks=by_field
+            )
+            present = self._together = _Together(fields, frame, lights, masks)
+        return present
 
     def _lights_of(self, table: Tables) -> LightVolume:
         """Return the light volume of what a table shows."""
@@ -538,14 +602,20 @@ class Raycaster:
         if self._brick_codes is None or self._brick_codes[0] != key:
             tables: Mapping[str, Table]
             tables = table.tables if isinstance(table, FieldTables) else {self.volume.name: table}
-            codes = [
-                brick_codes(field.low, field.high, one, spec, spec.step_of(self.volume))
-                for name, one in tables.items()
-                for field in [self._uploaded[name]]
-            ]
+            codes = [self._field_codes(name, one, table, spec) for name, one in tables.items()]
             together = codes[0] if len(codes) == 1 else np.concatenate([c.ravel() for c in codes])
             self._brick_codes = key, self._compute.upload(np.ascontiguousarray(together))
         return self._brick_codes[1]
+
+    def _field_codes(
+        self, name: str, own: Table, tables: Tables, spec: RaycastSpec
+    ) -> NDArray[Any]:
+        """Return a field's codes of bricks."""
+        field = self._uploaded[name]
+        if isinstance(tables, FieldTables) and name in tables.masks:
+            rows = self._cast_together(tables).masks.bricks[name]
+            return masked_brick_codes(field.low, field.high, rows, tables.rows(name))
+        return brick_codes(field.low, field.high, own, spec, spec.step_of(self.volume))
 
     def _kernel(
         self,
@@ -581,6 +651,8 @@ class Raycaster:
         # Adaptive steps depend on it, and are to be the same in every packet.
         constants["STEPS"] = steps if self.packet.lanes > 1 or spec.adaptive > 0 else 1
         text = prelude(constants, "opencl") + kernel_arguments.CAST.declaration
+        if constants.get("MASKED"):
+            text += kernel_arguments.CURVE.declaration + kernel_arguments.MASK.declaration
         source = assemble(f"kernels/{program.name}.cl", text)
         return self._compute.kernel(source, program.name)
 
@@ -588,7 +660,8 @@ class Raycaster:
 def opacity_key(table: Tables) -> tuple[Any, ...]:
     """Return what is equal for tables of equal opacities, filters apart."""
     if isinstance(table, FieldTables):
-        return tuple((name, *opacity_key(one)) for name, one in table.tables.items())
+        each = tuple(opacity_key(one) for one in table.every)
+        return *table.tables, *each, *_Masks.key_of(table)
     if isinstance(table, SurfaceTable):
         return table.values.tobytes(), table.opacity.tobytes()
     scale = table.domain, table.labels, table.reference_step_mm, table.gradient_top
@@ -597,7 +670,7 @@ def opacity_key(table: Tables) -> tuple[Any, ...]:
 
 def _weights_key(table: Tables) -> tuple[bytes, ...]:
     """Return what is equal for tables of equal material weights."""
-    each = table.tables.values() if isinstance(table, FieldTables) else (table,)
+    each = table.every if isinstance(table, FieldTables) else (table,)
     return tuple(one.material_weights.tobytes() for one in each)
 
 
@@ -607,7 +680,7 @@ def _grey(table: Tables) -> Tables:
     Errors in it are alike in every basis.
     """
     if isinstance(table, FieldTables):
-        return FieldTables({name: _grey_table(one) for name, one in table.tables.items()})
+        return table.changed(_grey_table)
     return _grey_table(table)
 
 

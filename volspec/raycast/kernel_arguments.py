@@ -20,6 +20,7 @@ from volspec._gpu.prelude import Struct
 from volspec.errors import CameraError, InputError, RaycastError
 from volspec.raycast.camera import Camera
 from volspec.raycast.lights import NEAR_LAMP, Ambient, Directional, Headlight, Point, Source
+from volspec.raycast.masks import MIXED, MaskLattice
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec, diagonal_mm
 from volspec.transfer import (
     NEAREST_POSITIONS,
@@ -69,6 +70,26 @@ CAST = Struct(
         ("int", "plane_count", ""),
         ("int", "shininess", "Blinn-Phong exponent"),
         ("int", "seed", "of the jitter"),
+    ),
+)
+# A table among those of several: of a field, or of a row of its mask.
+CURVE = Struct(
+    "Curve",
+    (
+        ("float", "domain_rest", "value of entry 0, less what samples lack"),
+        ("float", "domain_scale, last_entry, power", "as in Cast"),
+        ("int", "opacity, material_weights", "first element of its tables"),
+    ),
+)
+# A field's mask: codes of rows, on a lattice of their own.
+MASK = Struct(
+    "Mask",
+    (
+        ("float4", "index_x, index_y, index_z", "rows: from the field's index to the lattice's"),
+        ("float4", "last", "largest index there; 0 without a mask"),
+        ("int", "row, slice", "elements from one row, one slice to the next"),
+        ("int", "first", "element in the codes, unsigned"),
+        ("int", "curves", "number of the curve of row 0, the field's own"),
     ),
 )
 # Kinds of sources; shade.clh has these names in capitals.
@@ -242,17 +263,65 @@ class Program:
     @classmethod
     def _of_fields(cls, table: FieldTables, spec: RaycastSpec, step_mm: float) -> Program:
         """Return the program for several fields, whose tables follow one another."""
-        each = list(table.tables.values())
+        each = table.every
         powers = any(needs_powers(one) for one in each)
         programs = [cls.of(one, spec, step_mm, powers=powers) for one in each]
         opacity, weights, channels = zip(*(one.tables[:3] for one in programs), strict=True)
-        constants = programs[0].constants
+        own = {
+            **programs[0].constants,
+            "FIELDS": len(table.tables),
+            "MASKED": int(bool(table.masks)),
+            "MIXED": MIXED,
+            "MIX_OPAQUE": MIX_OPAQUE,
+        }
         tables = (
             np.concatenate([rows.reshape(-1, 2) for rows in opacity]),
             np.concatenate(weights),
             channels[0],
         )
-        return cls("fields", {**constants, "FIELDS": len(each), "MIX_OPAQUE": MIX_OPAQUE}, tables)
+        return cls("fields", own, tables)
+
+
+def curve_structs(
+    table: FieldTables, casts: Mapping[str, NDArray[np.void]], step_mm: float
+) -> tuple[NDArray[np.void], dict[str, int]]:
+    """Return the structs `CURVE` of all tables, row by row, and the number of each field's first.
+
+    ``casts`` are the fields' structs `CAST`.
+    """
+    starts: dict[int, tuple[int, int]] = {}
+    at = np.zeros(2, np.int64)
+    for one in table.every:
+        starts[id(one)] = int(at[0]), int(at[1])
+        entries, width = len(one.opacity) + 1, one.material_weights.shape[1]
+        at += 2 * entries, 2 * entries * -(-width // vector_width(width))
+    curves: list[NDArray[np.void]] = []
+    first: dict[str, int] = {}
+    for name in table.tables:
+        first[name] = len(curves)
+        for one in table.rows(name):
+            curve = np.zeros((), CURVE.dtype)
+            curve["domain_rest"] = one.domain[0] - float(casts[name]["domain_low"])
+            curve["domain_scale"] = one.entries_per_value
+            curve["last_entry"] = len(one.opacity) - 1
+            curve["power"] = step_mm / one.reference_step_mm
+            curve["opacity"], curve["material_weights"] = starts[id(one)]
+            curves.append(curve)
+    return np.stack(curves), first
+
+
+def mask_struct(lattice: MaskLattice | None, first: int, curves: int) -> NDArray[np.void]:
+    """Return the struct `MASK` of a lattice whose codes begin at element ``first``."""
+    mask = np.zeros((), MASK.dtype)
+    mask["curves"] = curves
+    if lattice is not None:
+        for row, name in zip(lattice.from_index, ("index_x", "index_y", "index_z"), strict=True):
+            mask[name] = row
+        mask["last"][:3] = lattice.last
+        _, rows, columns = lattice.rows.shape
+        mask["row"], mask["slice"] = columns, rows * columns
+        mask["first"] = np.uint32(first).view(np.int32)
+    return mask
 
 
 def _check_compatible(table: Table, spec: RaycastSpec) -> None:

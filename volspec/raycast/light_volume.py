@@ -35,8 +35,9 @@ from volspec._gpu.prelude import C_TYPES, Struct, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import Vector
-from volspec.raycast.kernel_arguments import LIGHT_MARGIN, numbered_sources
+from volspec.raycast.kernel_arguments import CURVE, LIGHT_MARGIN, MASK, numbered_sources
 from volspec.raycast.lights import Ambient, Directional, Point
+from volspec.raycast.masks import MIXED
 from volspec.raycast.sampling import trilinear
 from volspec.raycast.spec import MAX_PLANES, RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, TransferTable
@@ -288,7 +289,7 @@ def extinction_per_mm(opacity: NDArray[np.float64], length_mm: float) -> NDArray
     return -np.log1p(-np.minimum(opacity, OPAQUE)) / length_mm
 
 
-_BY_VALUE, _BY_GRADIENT, _BY_LABEL, _BY_SURFACE = range(4)
+_BY_VALUE, _BY_GRADIENT, _BY_LABEL, _BY_SURFACE, _BY_MASK = range(5)
 _LOCAL = 64
 # A node's voxels along one axis.
 _SPAN = Struct(
@@ -317,14 +318,15 @@ _GRID = Struct(
         ("int", "adds", "1: the extinction is added to what is there"),
     ),
 )
-STRUCTS = _SPAN, _STEP, _GRID
+STRUCTS = _SPAN, _STEP, _GRID, CURVE, MASK
 
 
 class LightVolume:
     """The light volume of a volume whose ``voxels`` are on an OpenCL device.
 
     ``lanes`` are the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs. Of several
-    ``fields`` and their voxels, by name, the volume is the lattice around them.
+    ``fields`` and their voxels, by name, the volume is the lattice around them; ``masks`` are the
+    codes and structs `MASK` of those that have one.
     """
 
     def __init__(
@@ -335,9 +337,10 @@ class LightVolume:
         *,
         lanes: int | None = None,
         fields: Mapping[str, tuple[Volume, Any]] | None = None,
+        masks: Mapping[str, tuple[Any, NDArray[np.void]]] | None = None,
     ) -> None:
         self._compute, self.volume, self._voxels = compute, volume, voxels
-        self._fields = fields or {}
+        self._fields, self._masks = fields or {}, masks or {}
         self._lanes = lanes or (8 if compute.info.is_cpu else 1)
         # The table that the extinction was computed from, the cells and the cuts.
         self._extinction: tuple[Any, ...] = (None,)
@@ -389,12 +392,12 @@ class LightVolume:
     def _fill_extinction(self, table: Tables, spec: RaycastSpec, grid: LightGrid) -> None:
         """Fill the padded grid with extinction."""
         if not isinstance(table, FieldTables):
-            self._sigma = self._extinction_of(self.volume, self._voxels, table, spec, grid)
+            self._sigma = self._extinction_of(self.volume, self._voxels, [table], spec, grid)
             return
         self._sigma, apart = None, []
-        for name, one in table.tables.items():
+        for name in table.tables:
             volume, voxels = self._fields[name]
-            given = volume, voxels, one, spec.for_field(name)
+            given = volume, voxels, table.rows(name), spec.for_field(name)
             if volume.has_lattice_of(self.volume):
                 self._sigma = self._extinction_of(*given, grid, self._sigma)
             else:
@@ -404,17 +407,17 @@ class LightVolume:
 
     def _add_apart(
         self,
-        apart: Sequence[tuple[Volume, Any, TransferTable, RaycastSpec]],
+        apart: Sequence[tuple[Volume, Any, Sequence[TransferTable], RaycastSpec]],
         spec: RaycastSpec,
         grid: LightGrid,
     ) -> None:
         """Add the extinction of fields that have lattices, and so grids, of their own."""
         x, y, z = grid.shape_xyz
         total = np.zeros((z, y, x), np.float32)
-        for volume, voxels, table, own in apart:
+        for volume, voxels, tables, own in apart:
             other = grid.alike(volume)
             uncropped = replace(own, crop_voxels=None)
-            sigma = self._extinction_of(volume, voxels, table, uncropped, other)
+            sigma = self._extinction_of(volume, voxels, tables, uncropped, other)
             per_cell = self._nodes(sigma, other) * (grid.cell_mm / other.cell_mm)
             total += grid.resampled(per_cell, other)
         total *= grid.inside_crop(spec)
@@ -433,23 +436,31 @@ class LightVolume:
         self,
         volume: Volume,
         voxels: Any,
-        table: Table,
+        tables: Sequence[Table],
         spec: RaycastSpec,
         grid: LightGrid,
         added_to: Any = None,
     ) -> Any:
-        """Return a padded grid with a field's extinction per cell, added to another's if given."""
+        """Return a padded grid with a field's extinction per cell, added to another's if given.
+
+        It has a table, or one by row of its mask.
+        """
         x, y, z = grid.shape_xyz
         padded = (x + 2 * self._lanes) * (y + 2) * (z + 2)
         remedy = "leave out physical_light" if grid.physical else "lower light_cells"
         self._compute.require(padded * 4, f"a light volume of {x}x{y}x{z} nodes", remedy)
         axes = zip(volume.shape_xyz, grid.shape_xyz, strict=True)
         spans = np.concatenate([_spans(count, nodes) for count, nodes in axes])
-        constants, rows, kind = _constants(volume, table, spec, grid)
+        constants, rows, kind = _constants(volume, tables[0], spec, grid)
         constants["adds"] = added_to is not None
         sigma = added_to or self._compute.output(padded * 4)
         upload = self._compute.upload
-        arguments = (voxels, upload(spans), upload(rows), constants, sigma)
+        by_label: tuple[Any, ...] = ()
+        if volume.name in self._masks:
+            codes, mask = self._masks[volume.name]
+            rows, curves = _by_row(tables, grid)
+            kind, by_label = _BY_MASK, (codes, upload(curves), mask)
+        arguments = (voxels, upload(spans), upload(rows), constants, sigma, *by_label)
         self._launch("extinction", padded, arguments, kind, volume)
         return sigma
 
@@ -514,6 +525,7 @@ class LightVolume:
             "LANES": self._lanes,
             "KIND": kind,
             "VOXEL": C_TYPES[values.dtype.name],
+            "MIXED": MIXED,
         }
         text = prelude(constants, "opencl") + "".join(each.declaration for each in STRUCTS)
         source = assemble("kernels/light_volume.cl", text)
@@ -596,23 +608,45 @@ def _constants(
     return constants, *_with_table(constants, volume, table, grid)
 
 
-def _with_table(
-    constants: NDArray[np.void], volume: Volume, table: TransferTable, grid: LightGrid
-) -> tuple[NDArray[np.float32], int]:
+def _entries(table: TransferTable, grid: LightGrid) -> NDArray[np.float64]:
+    """Return extinctions per cell of a table's entries, with the differences to the next ones."""
     entries, limits = (
         extinction_per_mm(side.opacity, table.reference_step_mm / grid.cell_mm)
         for side in (table, table.left_limits)
     )
     rows = np.stack([entries, np.zeros_like(entries)], axis=-1)
     rows[..., :-1, 1] = limits[..., 1:] - entries[..., :-1]
-    last = entries.shape[-1] - 1
+    return rows
+
+
+def _by_row(
+    tables: Sequence[Table], grid: LightGrid
+) -> tuple[NDArray[np.float32], NDArray[np.void]]:
+    """Return the entries of a mask's tables, one after the other, and their structs `CURVE`."""
+    rows, curves, first = [], np.zeros(len(tables), CURVE.dtype), 0
+    for curve, table in zip(curves, tables, strict=True):
+        assert isinstance(table, TransferTable)
+        entries = _entries(table, grid)
+        curve["opacity"], curve["last_entry"] = first, len(entries) - 1
+        curve["domain_rest"] = table.domain[0]
+        curve["domain_scale"] = table.entries_per_value
+        rows.append(entries)
+        first += len(entries)
+    return np.concatenate(rows).astype(np.float32), curves
+
+
+def _with_table(
+    constants: NDArray[np.void], volume: Volume, table: TransferTable, grid: LightGrid
+) -> tuple[NDArray[np.float32], int]:
+    rows = _entries(table, grid)
+    last = rows.shape[-2] - 1
     constants["last_entry"], constants["domain_low"] = last, table.domain[0]
     constants["domain_scale"] = table.entries_per_value
     if table.labels:
         return rows.astype(np.float32), _BY_LABEL
     if table.gradient_top is None:
         return rows.astype(np.float32), _BY_VALUE
-    constants["last_row"] = len(entries) - 1
-    per_row = (len(entries) - 1) / table.gradient_top / 2
+    constants["last_row"] = len(rows) - 1
+    per_row = (len(rows) - 1) / table.gradient_top / 2
     constants["gradient"][:, :3] = volume.index_from_world[:3, :3] * per_row
     return rows.astype(np.float32), _BY_GRADIENT

@@ -44,6 +44,7 @@ from volspec.raycast.light_volume import (
     sphere_directions,
     unblocked_part,
 )
+from volspec.raycast.masks import MaskLattice
 from volspec.raycast.sampling import (
     Array,
     Arrives,
@@ -233,6 +234,8 @@ class _Fields(_March):
     """Several fields in one place; twin: fields.cl.
 
     α = 1 − Π (1 − α_f), and a field's part of it is τ_f / Σ τ, τ_f = −log(1 − α_f)
+
+    With a mask, τ_f = Σ w_r τ_r: the mean of its rows, by weight.
     """
 
     rays_of: Mapping[str, Rays]  # of every field in its own index space
@@ -242,6 +245,9 @@ class _Fields(_March):
         self.samplers = {
             name: Sampler(self.volume.by_name[name], one, self.spec)
             for name, one in self.table.tables.items()
+        }
+        self.masks = {
+            name: MaskLattice.of(self.volume, name, mask) for name, mask in self.table.masks.items()
         }
 
     def cropped(self, rays: Rays) -> Rays:
@@ -270,13 +276,13 @@ class _Fields(_March):
 
     def step_rays(self, live: Index, begin: Array, end: Array) -> None:
         passed, parts = np.ones(len(live)), []
-        for name, table in self.table.tables.items():
-            rays, sampler = self.rays_of[name], self.samplers[name]
+        for name, sampler in self.samplers.items():
+            rays = self.rays_of[name]
             first, last = np.maximum(begin, rays.near[live]), np.minimum(end, rays.far[live])
             middle = 0.5 * (first + last)
             point = rays.start[live] + middle[:, None] * rays.along[live]
             gradient = sampler.gradient(point) if self.normals else None
-            opacity, reflectance = classify(table, sampler, point, gradient, self.step)
+            opacity, reflectance = self._classify(name, point, gradient)
             alpha = 1 - (1 - opacity) ** (np.maximum(last - first, 0.0) / self.step)
             passed *= 1 - alpha
             extinction = -np.log1p(-np.minimum(alpha, 1 - MIX_OPAQUE))
@@ -291,6 +297,22 @@ class _Fields(_March):
             along += part * middle
         self.add_alpha(live, along / np.maximum(weight, 1e-300), weight)
         self.transmittance[live] -= weight
+
+    def _classify(self, name: str, point: Array, gradient: Array | None) -> tuple[Array, Array]:
+        """Return a field's (R,) opacity of a step and (R, M) reflectance."""
+        tables, sampler = self.table.rows(name), self.samplers[name]
+        each = [classify(one, sampler, point, gradient, self.step) for one in tables]
+        if name not in self.masks:
+            return each[0]
+        opacity, reflectance = (np.stack(part, axis=1) for part in zip(*each, strict=True))
+        weights = self.masks[name].weights(point, len(tables))
+        extinction = -weights * np.log1p(-np.minimum(opacity, 1 - MIX_OPAQUE))
+        total = extinction.sum(axis=1)
+        # A row alone is as opaque as it says.
+        alone = weights.max(axis=1) > 1 - 1e-9
+        parts = np.where(alone[:, None], weights, extinction / np.maximum(total, 1e-300)[:, None])
+        mixed = np.where(alone, (weights * opacity).sum(axis=1), -np.expm1(-total))
+        return mixed, (parts[:, :, None] * reflectance).sum(axis=1)
 
 
 class _Filtered(_March):
@@ -459,23 +481,37 @@ def extinction(volume: Volume, table: Tables, spec: RaycastSpec, grid: LightGrid
     """Return (nz, ny, nx) σ of each node, 1/mm; of several fields, the sum."""
     if isinstance(table, FieldTables):
         total = np.zeros(grid.shape_xyz[::-1])
-        for name, one in table.tables.items():
+        for name in table.tables:
             field, own = volume.by_name[name], spec.for_field(name)
+            sigma = _masked_extinction(volume, table, name)
             if field.has_lattice_of(volume):
-                total += extinction(field, one, own, grid)
+                total += _on_nodes(sigma, field, own, grid)
                 continue
             other = grid.alike(field)
             uncropped = replace(own, crop_voxels=None)
-            found = grid.resampled(extinction(field, one, uncropped, other), other)
+            found = grid.resampled(_on_nodes(sigma, field, uncropped, other), other)
             total += grid.inside_crop(spec) * found
         return total
     if isinstance(table, SurfaceTable):
-        sigma = _surface_extinction(volume, table)
-    else:
-        sigma = _table_extinction(volume, table)
+        return _on_nodes(_surface_extinction(volume, table), volume, spec, grid)
+    return _on_nodes(_table_extinction(volume, table), volume, spec, grid)
+
+
+def _on_nodes(sigma: Array, volume: Volume, spec: RaycastSpec, grid: LightGrid) -> Array:
+    """Return (nz, ny, nx), the mean of voxels (Z, Y, X) that are not cut away."""
     sigma = np.where(_visible_mask(volume, spec), sigma, 0.0)
     x, y, z = (_weights(n, c) for n, c in zip(volume.shape_xyz, grid.shape_xyz, strict=True))
     return np.einsum("zk,kji,yj,xi->zyx", z, sigma, y, x, optimize=True)
+
+
+def _masked_extinction(volume: Volume, table: FieldTables, name: str) -> Array:
+    """Return (Z, Y, X) σ of a field's voxels, each by the row of its mask that is nearest."""
+    field, own, mask = volume.by_name[name], table.tables[name], table.masks.get(name)
+    if mask is None:
+        return _table_extinction(field, own)
+    rows = MaskLattice.of(volume, name, mask).nearest_to_voxels()
+    each = [_table_extinction(field, one) for one in table.rows(name)]
+    return np.asarray(np.take_along_axis(np.stack(each), rows[None].astype(int), axis=0)[0])
 
 
 def _table_extinction(volume: Volume, table: TransferTable) -> Array:

@@ -161,13 +161,14 @@ def retrained(table: Mapping[str, object], changes: Mapping[str, object]) -> dic
     return kept | dict(changes)
 
 
-def use_of(*transfers: TransferSpec) -> dict[str, float]:
+def use_of(*transfers: TransferSpec | None) -> dict[str, float]:
     """Weigh the materials of transfer functions by their opacity over their values.
 
-    The most used material has weight 1, the others at least 0.1.
+    The most used material has weight 1, the others at least 0.1. Fields that are not shown have no
+    function.
     """
     total: defaultdict[str, float] = defaultdict(float)
-    for transfer in transfers:
+    for transfer in filter(None, transfers):
         amounts: defaultdict[str, float] = defaultdict(float)
         for amount, shares in transfer.seen():
             for name, share in shares.items():

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,8 +20,9 @@ from volspec.scene.specs import fault
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import Hint, Name, Unit, Vector, settings
 from volspec.spectra import Spectrum
-from volspec.transfer import FieldFunctions, TransferFunction, Transfers
+from volspec.transfer import FieldFunctions, Mask, TransferFunction, Transfers
 from volspec.transfer.fields import OWN
+from volspec.transfer.missing import label_number, mask_labels
 from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
 from volspec.volume.series import load_at
@@ -40,7 +41,10 @@ Matrix = Annotated[
 @settings(SceneError)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldSpec:
-    """``[[field]]``: a further field in the volume's space, with a transfer function of its own."""
+    """``[[field]]``: a further field in the volume's space, with a transfer function of its own.
+
+    Without one it is not shown itself: a mask, say.
+    """
 
     row_keys: ClassVar = ("name",)
     name: Annotated[Name, Field(examples=["PET"])]
@@ -53,8 +57,8 @@ class FieldSpec:
     """Voxels along a block's edge that become one, in the notation of [volume] downsample."""
     matrix: Matrix | None = None
     """From the file's world to the volume's, in mm, such as a registration found it."""
-    transfer: TransferSpec
-    """Opacity and material by value: points."""
+    transfer: TransferSpec | None = None
+    """Opacity and material by value: points. Left out for a field that is not shown itself."""
 
     def __post_init__(self) -> None:
         if self.file is None:
@@ -64,7 +68,7 @@ class FieldSpec:
         if self.matrix is not None and self.matrix[3] != (0.0, 0.0, 0.0, 1.0):
             problem = f"has the last row {list(self.matrix[3])}"
             raise fault("matrix", problem, "give [0, 0, 0, 1] there", "range")
-        if self.transfer.points is None:
+        if self.transfer is not None and self.transfer.points is None:
             raise fault("transfer", f"has {self.transfer.kind}", "give points")
 
     def moved(self, change: Callable[[str], str]) -> FieldSpec:
@@ -92,17 +96,24 @@ class FieldSpec:
                 problem = f"matrix: {error.problem}"
                 raise VolumeError(problem, "give one that can be inverted", code="range") from error
         if self.downsample != 1:
-            field = field.downsampled(self.downsample, labels=bool(field.labels))
+            labels = bool(field.labels) or self.transfer is None
+            field = field.downsampled(self.downsample, labels=labels)
         return replace(field, name=self.name)
 
 
 def with_fields(
-    volume: Volume, rows: tuple[FieldSpec, ...], folder: Path, at: At, step: int
+    volume: Volume,
+    own: TransferSpec,
+    rows: tuple[FieldSpec, ...],
+    folder: Path,
+    at: At,
+    step: int,
 ) -> Volume:
     """Return a volume with the fields of ``[[field]]``, at a time step of those that are series.
 
     ``at`` adds the row to the VolumeError that is raised if a field cannot be read, or the volume's
-    file has none of its name.
+    file has none of its name; and to the TransferError if ``[transfer]``, ``own``, or that of a
+    row has a mask that is not there, or labels that it lacks.
     """
     more = {each.name: each for each in volume.fields}
     for number, row in enumerate(rows):
@@ -117,7 +128,25 @@ def with_fields(
                     code="unknown",
                 )
     with at("field"):
-        return volume.with_fields(tuple(more.values())) if rows else volume
+        volume = volume.with_fields(tuple(more.values())) if rows else volume
+    for table, transfer in _tables(own, rows):
+        if transfer.mask is None:
+            continue
+        with at(f"{table}.mask"):
+            labels = mask_labels(transfer.mask, volume)
+        for number, by_label in enumerate(transfer.label or ()):
+            with at(f"{table}.label[{number}].label"):
+                for label in by_label.labels:
+                    label_number(label, labels)
+    return volume
+
+
+def _tables(own: TransferSpec, rows: tuple[FieldSpec, ...]) -> Iterator[tuple[str, TransferSpec]]:
+    """Yield the places and transfer tables of the fields that have one."""
+    yield "transfer", own
+    for number, row in enumerate(rows):
+        if row.transfer is not None:
+            yield f"field[{number}].transfer", row.transfer
 
 
 def scene_transfer(
@@ -134,19 +163,42 @@ def scene_transfer(
     """
     with at("transfer"):
         function = own.function(materials, filters, basis)
-        if not rows and own.weight == 1.0 and own.shown:
+        shown = [row for row in rows if row.transfer is not None]
+        if not shown and own.mask is None and own.weight == 1.0 and own.shown:
             return function
         if not isinstance(function, TransferFunction):
             problem = f"{own.kind} cannot be cast with other fields or a weight"
             raise fault("", problem, "give points")
-        functions, weights = {OWN: function}, {OWN: own.weight if own.shown else 0.0}
-        FieldFunctions(functions, weights)  # refuses what several fields cannot have
-    for number, row in enumerate(rows):
-        with at(f"field[{number}].transfer"):
-            made = row.transfer.function(materials, filters, basis)
+    functions: dict[str, TransferFunction] = {}
+    weights: dict[str, float] = {}
+    masks: dict[str, Mask] = {}
+    names = [OWN, *(row.name for row in shown)]
+    for name, (table, transfer) in zip(names, _tables(own, rows), strict=True):
+        with at(table):
+            made = transfer.function(materials, filters, basis)
             assert isinstance(made, TransferFunction)
-            FieldFunctions({row.name: made})
-        functions[row.name] = made
-        weights[row.name] = row.transfer.weight if row.transfer.shown else 0.0
+            FieldFunctions({name: made})  # refuses what several fields cannot have
+        functions[name] = made
+        weights[name] = transfer.weight if transfer.shown else 0.0
+        if transfer.mask is not None:
+            masks[name] = _mask(transfer, transfer.mask, table, materials, basis, at)
     with at("field"):
-        return FieldFunctions(functions, weights)
+        return FieldFunctions(functions, weights, masks)
+
+
+def _mask(
+    transfer: TransferSpec,
+    field: str,
+    table: str,
+    materials: Mapping[str, Spectrum],
+    basis: Basis,
+    at: At,
+) -> Mask:
+    """Return the functions by label; ``at`` adds the row to an error."""
+    functions: dict[int | str, TransferFunction | None] = {}
+    for number, row in enumerate(transfer.label or ()):
+        with at(f"{table}.label[{number}]"):
+            function = transfer.mask_function(row, materials, basis)
+            functions |= Mask(field, dict.fromkeys(row.labels, function)).functions
+    with at(f"{table}.label"):
+        return Mask(field, functions)

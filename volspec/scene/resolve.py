@@ -364,7 +364,8 @@ class Resolver:
                 labels = self.file.transfer.kind == "labels"
                 volume = volume.downsampled(table.downsample, labels=labels)
         strict = Resolver(self.file, self.path)
-        return with_fields(volume, self.file.field, self.path.parent, strict.at, step)
+        file = self.file
+        return with_fields(volume, file.transfer, file.field, self.path.parent, strict.at, step)
 
     def _mesh_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return two corners of the box around all meshes, also those that are not shown."""

@@ -89,6 +89,36 @@ class LabelSpec(LookSpec):
     """False hides the label, which keeps its opacity."""
 
 
+LabelName = Annotated[
+    int | str | Annotated[tuple[int | str, ...], Field(strict=False, min_length=1)],
+    Hint("a number, a name, or a list of them", whole=True),
+]
+
+
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class MaskLabelSpec:
+    """``[[transfer.label]]``: what has one of some labels of the mask."""
+
+    row_keys: ClassVar = ("label",)
+    label: Annotated[LabelName, Field(examples=["liver"])]
+    """Number or name in the field of labels, or several; those left out have the field's own
+    points."""
+    points: Annotated[tuple[PointSpec, ...], Field(strict=False, min_length=1)] | None = None
+    """A curve over the masked field's values, instead of its own."""
+    shown: bool = True
+    """False hides what has the label; needs no points."""
+
+    def __post_init__(self) -> None:
+        if self.points is None and self.shown:
+            raise fault("points", "missing", "give points, or shown = false", "missing")
+
+    @property
+    def labels(self) -> tuple[int | str, ...]:
+        """All labels of the row."""
+        return self.label if isinstance(self.label, tuple) else (self.label,)
+
+
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class TransferSpec:
@@ -111,6 +141,10 @@ class TransferSpec:
     """Factor of the extinction; with points."""
     shown: bool = True
     """False hides the field; with points."""
+    mask: str | None = None
+    """Name of the volume's field whose labels choose the points; with points."""
+    label: Annotated[tuple[MaskLabelSpec, ...], Field(strict=False, min_length=1)] | None = None
+    """Points by label of the mask."""
 
     @classmethod
     def transparent(cls) -> TransferSpec:
@@ -135,11 +169,28 @@ class TransferSpec:
             raise fault("gradient_opacity", f"only for points, not {given[0]}", "leave it out")
         if self.reference_step_mm is not None and self.surfaces is not None:
             raise fault("reference_step_mm", "surfaces have no thickness", "leave it out")
+        self._check_mask()
         numbers = [row.label for row in self.labels or ()]
         twice = next((i for i, n in enumerate(numbers) if n in numbers[:i]), None)
         if twice is not None:
             problem = f"{numbers[twice]} is given twice"
             raise fault(f"labels[{twice}].label", problem, "leave out one", "duplicate")
+
+    def _check_mask(self) -> None:
+        if self.mask is not None and self.points is None:
+            raise fault("mask", f"only for points, not {self.kind}", "leave it out")
+        if self.mask is not None and self.gradient_opacity is not None:
+            raise fault("mask", "not with gradient_opacity", "leave out one of them")
+        for one, other in (("mask", "label"), ("label", "mask")):
+            if getattr(self, one) is not None and getattr(self, other) is None:
+                raise fault(other, f"missing, which {one} needs", f"give {other}", "missing")
+        known: set[int | str] = set()
+        for i, row in enumerate(self.label or ()):
+            for label in row.labels:
+                if label in known:
+                    problem = f"{label!r} is given twice"
+                    raise fault(f"label[{i}].label", problem, "leave out one", "duplicate")
+                known.add(label)
 
     @classmethod
     def of(cls, transfer: Transfer) -> TransferSpec:
@@ -174,6 +225,9 @@ class TransferSpec:
             return
         if self.points is not None:
             yield from _seen_points(self.points)
+        for by_label in self.label or ():
+            if by_label.points is not None and by_label.shown:
+                yield from _seen_points(by_label.points)
         for region in self.regions or ():
             yield region.opacity * (region.values[1] - region.values[0]), region.material_weights
         for row in (*(self.labels or ()), *(self.surfaces or ())):
@@ -197,13 +251,27 @@ class TransferSpec:
             names = {row.label: row.name for row in self.labels}
             hidden = frozenset(row.label for row in self.labels if not row.visible)
             return LabelFunction(looks, materials, basis, step, names, hidden)
-        rows = self.points or self.surfaces or ()
-        looks_at = [(row.value, row.opacity, row.material) for row in rows]
+        looks_at = _looks(self.points or self.surfaces or ())
         if self.surfaces is not None:
             return Isosurfaces(looks_at, materials, basis)
         return TransferFunction(
             *(looks_at, materials, basis, step), self.gradient_opacity, filters or None
         )
+
+    def mask_function(
+        self, row: MaskLabelSpec, materials: Mapping[str, Spectrum], basis: Basis
+    ) -> TransferFunction | None:
+        """Make the transfer function of a row of ``label``; None if it is hidden.
+
+        Raises TransferError as `function`.
+        """
+        if row.points is None or not row.shown:
+            return None
+        return TransferFunction(_looks(row.points), materials, basis, self.reference_step_mm)
+
+
+def _looks(rows: Sequence[PointSpec]) -> list[tuple[float, float, Mix]]:
+    return [(row.value, row.opacity, row.material) for row in rows]
 
 
 def mix_as_written(mix: Mix) -> str | dict[str, float]:

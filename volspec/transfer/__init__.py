@@ -1,7 +1,7 @@
 """Transfer functions: opacity and reflectance by scalar value, baked into a table of channels."""
 
 from volspec.transfer.discrete import Isosurfaces, LabelFunction
-from volspec.transfer.fields import FieldFunctions, FieldTables
+from volspec.transfer.fields import FieldFunctions, FieldTables, Mask
 from volspec.transfer.model import TransferFunction
 from volspec.transfer.regions import Region, TransferFunction2D
 from volspec.transfer.table import (
@@ -31,6 +31,7 @@ __all__ = [
     "FieldTables",
     "Isosurfaces",
     "LabelFunction",
+    "Mask",
     "Region",
     "SurfaceTable",
     "Table",

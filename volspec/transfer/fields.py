@@ -8,12 +8,19 @@ At a sample, every field f is classified alone, and extinctions add, each by its
 
 with τ_f = −log(1 − opacity) of the step; materials thus mix by extinction, and shading is of each
 field's own gradient. The order of fields changes nothing.
+
+A mask replaces a field's function by label of another field, which has a lattice of its own:
+
+    τ_f = Σ_l w_l τ_f,l(v_f)
+
+with w_l the trilinear weight of the corners that have label l, so that boundaries of labels are
+smooth and nothing is interpolated between their numbers.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -21,15 +28,76 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.basis import Basis
-from volspec.errors import TransferError, nearest
+from volspec.errors import Code, TransferError, nearest
 from volspec.spectra import Spectrum
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.table import Entries, TransferTable
+from volspec.transfer.table import MAX_LABEL, Entries, TransferTable
 from volspec.volume.channels import MAX_FIELDS
 
 _WHO = "FieldFunctions"
 OWN = ""
 """Name of a volume's own field, whatever it is called."""
+MAX_CURVES = 255
+"""Most different transfer functions in a mask."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mask:
+    """Transfer functions by label of another field, in place of a field's own.
+
+    Parameters
+    ----------
+    field : str
+        Name of the volume's field of labels, which need not be shown itself.
+    functions : {label: TransferFunction or None}
+        By number, or by name in the field's `Volume.labels`. None hides what has the label. Labels
+        that are left out, and places outside the mask's lattice, have the masked field's own.
+
+    Raises
+    ------
+    TransferError
+        If there is no function or too many, one is of another kind, or a label is not 0 to 65535.
+    """
+
+    field: str
+    functions: Mapping[int | str, TransferFunction | None]
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.functions, Mapping) or not self.functions:
+            remedy = "give {label: TransferFunction or None}, at least one"
+            raise TransferError.refused("Mask.functions", self.functions, remedy, "type")
+        checked: dict[int | str, TransferFunction | None] = {}
+        for label, function in self.functions.items():
+            where = f"Mask.functions[{label!r}]"
+            if not isinstance(label, str):
+                whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
+                if not (whole and 0 <= label <= MAX_LABEL):
+                    remedy = f"give a label's name, or its number from 0 to {MAX_LABEL}"
+                    code: Code = "range" if whole else "type"
+                    raise TransferError.refused(where, label, remedy, code)
+                label = int(label)
+            if function is not None and not isinstance(function, TransferFunction):
+                remedy = "give a TransferFunction, or None to hide the label"
+                raise TransferError.refused(where, function, remedy, "type")
+            checked[label] = function
+        if len(self.curves) > MAX_CURVES:
+            raise TransferError(
+                f"{len(self.curves)} transfer functions, at most {MAX_CURVES} can be cast",
+                "give labels that look alike the same one",
+                code="size",
+                field="Mask.functions",
+            )
+        object.__setattr__(self, "functions", MappingProxyType(checked))
+
+    @property
+    def curves(self) -> tuple[TransferFunction | None, ...]:
+        """The different functions, each once, in the labels' order."""
+        return tuple({id(each): each for each in self.functions.values()}.values())
+
+    def changed(self, change: Callable[[TransferFunction], TransferFunction]) -> Mask:
+        """Return the mask with other functions; labels that share one still do."""
+        made = {id(each): each and change(each) for each in self.curves}
+        return replace(self, functions={k: made[id(v)] for k, v in self.functions.items()})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,12 +111,14 @@ class FieldFunctions:
         not shown. Without ``gradient_opacity`` and ``filters``.
     weights : {field: float}, optional
         Factors of the extinction, from 0, which hides a field; 1 for those left out.
+    masks : {field: Mask}, optional
+        Functions by label of another field, in place of a field's own.
 
     Raises
     ------
     TransferError
         If there is no function or too many, one is of another kind or in another basis, or a
-        weight is below 0 or of an unknown field.
+        weight is below 0; if a weight or a mask is of an unknown field.
 
     Examples
     --------
@@ -58,10 +128,17 @@ class FieldFunctions:
     >>> bone = TransferFunction([(60, 0.0, "gold"), (90, 0.5, "gold")], metals, basis)
     >>> FieldFunctions({"CT": bone, "PET": bone}, weights={"PET": 0.5})
     FieldFunctions(CT, PET × 0.5)
+
+    Organs of a segmentation in their own colours, without the table that the patient lies on:
+
+    >>> organs = Mask("organs", {"liver": bone, 7: None})
+    >>> FieldFunctions({"CT": bone}, masks={"CT": organs})
+    FieldFunctions(CT by organs)
     """
 
     functions: Mapping[str, TransferFunction]
     weights: Mapping[str, float] = field(default_factory=dict)
+    masks: Mapping[str, Mask] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         functions = self.functions
@@ -73,37 +150,52 @@ class FieldFunctions:
             if not isinstance(function, TransferFunction):
                 remedy = "give a TransferFunction"
                 raise TransferError.refused(where, function, remedy, "type")
-            if function.gradient_opacity is not None or function.filters:
-                raise TransferError(
-                    "has gradient_opacity or filters, which several fields cannot have",
-                    "leave them out",
-                    code="conflict",
-                    field=where,
-                )
-            if function.basis.fingerprint != self.basis.fingerprint:
-                raise TransferError(
-                    f"is in the basis {function.basis.name!r}, others in {self.basis.name!r}",
-                    "make all in one basis",
-                    code="conflict",
-                    field=where,
-                )
+            self._check(function, where)
         for name, weight in self.weights.items():
             where = f"{_WHO}.weights[{name!r}]"
-            if name not in functions:
-                raise TransferError(
-                    "no such field",
-                    f"{nearest(name, functions)}give one of {', '.join(map(repr, functions))}",
-                    code="unknown",
-                    field=where,
-                )
+            self._require(name, where)
             if not (isinstance(weight, int | float) and math.isfinite(weight) and weight >= 0):
                 raise TransferError.refused(where, weight, "give 0 or more", "range")
-        object.__setattr__(self, "functions", MappingProxyType(dict(functions)))
-        object.__setattr__(self, "weights", MappingProxyType(dict(self.weights)))
+        for name, mask in self.masks.items():
+            where = f"{_WHO}.masks[{name!r}]"
+            self._require(name, where)
+            if not isinstance(mask, Mask):
+                raise TransferError.refused(where, mask, "give a Mask", "type")
+            for label, by_label in mask.functions.items():
+                if by_label is not None:
+                    self._check(by_label, f"{where}.functions[{label!r}]")
+        for key in ("functions", "weights", "masks"):
+            object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
+
+    def _require(self, name: str, where: str) -> None:
+        """Refuse a field without a function."""
+        if name not in self.functions:
+            known = ", ".join(map(repr, self.functions))
+            remedy = f"{nearest(name, self.functions)}give one of {known}"
+            raise TransferError("no such field", remedy, code="unknown", field=where)
+
+    def _check(self, function: TransferFunction, where: str) -> None:
+        """Refuse a function that cannot be cast with others."""
+        if function.gradient_opacity is not None or function.filters:
+            raise TransferError(
+                "has gradient_opacity or filters, which several fields cannot have",
+                "leave them out",
+                code="conflict",
+                field=where,
+            )
+        if function.basis.fingerprint != self.basis.fingerprint:
+            raise TransferError(
+                f"is in the basis {function.basis.name!r}, others in {self.basis.name!r}",
+                "make all in one basis",
+                code="conflict",
+                field=where,
+            )
 
     def __repr__(self) -> str:
         weighted = [
-            (name or "own") + (f" × {weight:g}" if weight != 1.0 else "")
+            (name or "own")
+            + (f" × {weight:g}" if weight != 1.0 else "")
+            + (f" by {self.masks[name].field}" if name in self.masks else "")
             for name in self.functions
             for weight in [self.weights.get(name, 1.0)]
         ]
@@ -117,9 +209,10 @@ class FieldFunctions:
     @property
     def materials(self) -> dict[str, Spectrum]:
         """Materials of all functions by name."""
+        by_label = (each for mask in self.masks.values() for each in mask.curves)
         return {
             name: spectrum
-            for function in self.functions.values()
+            for function in (*self.functions.values(), *filter(None, by_label))
             for name, spectrum in function.materials.items()
         }
 
@@ -131,25 +224,57 @@ class FieldFunctions:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class MaskTables:
+    """Tables by label of the field of labels, in place of a field's own, which is row 0."""
+
+    field: str
+    rows: tuple[TransferTable, ...]  # from row 1 on
+    row_of: NDArray[np.uint8]  # (MAX_LABEL + 1,), by label
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class FieldTables:
     """Tables by field, all with the same ``channels`` (K, M) and ``white``: see `in_one`."""
 
     tables: Mapping[str, TransferTable]
+    masks: Mapping[str, MaskTables] = field(default_factory=dict)
 
     @classmethod
-    def in_one(cls, tables: Mapping[str, TransferTable]) -> FieldTables:
+    def in_one(
+        cls, tables: Mapping[str, TransferTable], masks: Mapping[str, MaskTables] | None = None
+    ) -> FieldTables:
         """Return tables whose weights refer to the materials of all, or to channels if fewer."""
+        given = cls(tables, masks or {})
         channels, number = np.unique(
-            np.vstack([table.channels for table in tables.values()]), axis=0, return_inverse=True
+            np.vstack([table.channels for table in given.every]), axis=0, return_inverse=True
         )
         few = len(channels) < channels.shape[1]
-        made, first = {}, 0
-        for name, table in tables.items():
-            count = len(table.channels)
-            rows = np.eye(len(channels))[number.ravel()[first : first + count]]
-            first += count
-            made[name] = _remixed(table, rows if few else table.channels, channels, few)
-        return cls(MappingProxyType(made))
+        numbers = iter(number.ravel())
+
+        def remixed(table: TransferTable) -> TransferTable:
+            rows = np.eye(len(channels))[[next(numbers) for _ in table.channels]]
+            return _remixed(table, rows if few else table.channels, channels, few)
+
+        return given.changed(remixed)
+
+    @property
+    def every(self) -> tuple[TransferTable, ...]:
+        """All tables: those of the fields, then those of the masks' rows."""
+        return (*self.tables.values(), *(row for m in self.masks.values() for row in m.rows))
+
+    def rows(self, name: str) -> tuple[TransferTable, ...]:
+        """Return a field's own table, and those of its mask from row 1 on."""
+        mask = self.masks.get(name)
+        return (self.tables[name], *(mask.rows if mask else ()))
+
+    def changed(self, change: Callable[[TransferTable], TransferTable]) -> FieldTables:
+        """Return what a function makes of every table, called in the order of `every`."""
+        tables = {name: change(table) for name, table in self.tables.items()}
+        masks = {
+            name: replace(mask, rows=tuple(map(change, mask.rows)))
+            for name, mask in self.masks.items()
+        }
+        return FieldTables(MappingProxyType(tables), MappingProxyType(masks))
 
     @property
     def _first(self) -> TransferTable:

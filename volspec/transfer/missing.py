@@ -9,6 +9,7 @@ once, so that a cell of eight voxels is transparent if one of them is missing: n
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import overload
 
@@ -17,15 +18,26 @@ from numpy.typing import NDArray
 
 from volspec.errors import TransferError, nearest
 from volspec.transfer.discrete import Isosurfaces, LabelFunction
-from volspec.transfer.fields import OWN, FieldFunctions, FieldTables, weighted
+from volspec.transfer.fields import (
+    OWN,
+    FieldFunctions,
+    FieldTables,
+    Mask,
+    MaskTables,
+    weighted,
+)
+from volspec.transfer.label_look import unique_names
 from volspec.transfer.model import TransferFunction
 from volspec.transfer.regions import TransferFunction2D
-from volspec.transfer.table import Entries, SurfaceTable, TransferTable
+from volspec.transfer.table import MAX_LABEL, Entries, SurfaceTable, TransferTable
 from volspec.volume import Volume
+from volspec.volume.labels import are_whole
 
 _Transfer = TransferFunction | TransferFunction2D | LabelFunction | Isosurfaces
 # Most entries of a table.
 _MOST_ENTRIES = 1 << 16
+# Most labels that a message lists.
+_MOST_NAMED = 12
 
 
 @overload
@@ -62,12 +74,103 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
             "leave out one",
             code="duplicate",
         )
+    masks = {}
     for given, weight in transfer.shown.items():
-        name = given or volume.name
-        table = _bake(transfer.functions[given], fields[name])
+        name, function = given or volume.name, transfer.functions[given]
+        table = _bake(function, fields[name])
         assert isinstance(table, TransferTable)
         tables[name] = weighted(table, weight)
-    return tables[volume.name] if list(tables) == [volume.name] else FieldTables.in_one(tables)
+        if given in transfer.masks:
+            mask = transfer.masks[given]
+            curves = [each for each in mask.curves if each is not function]
+            where = f"FieldFunctions.masks[{given!r}]"
+            try:
+                labels = mask_labels(mask.field, volume)
+            except TransferError as error:
+                raise error.at(f"{where}.field") from None
+            masks[name] = MaskTables(
+                labels.name,
+                tuple(weighted(_bake_row(each, fields[name], table), weight) for each in curves),
+                _row_of(mask, curves, labels, where),
+            )
+    if list(tables) == [volume.name] and not masks:
+        return tables[volume.name]
+    return FieldTables.in_one(tables, masks)
+
+
+def mask_labels(name: str, volume: Volume) -> Volume:
+    """Return the field of a mask's labels. Raises TransferError if it lacks, or holds no labels."""
+    fields = volume.by_name
+    labels = volume if name == OWN else fields.get(name)
+    if labels is None:
+        raise TransferError(
+            f"{volume.name} has no field {name!r}",
+            f"{nearest(name, fields)}it has {', '.join(fields)}",
+            code="unknown",
+        )
+    if not are_whole(labels.values, labels.range):
+        low, high = labels.range
+        raise TransferError(
+            f"the values of {labels.name!r}, {low:g} to {high:g}, are not labels",
+            f"give a segmentation, whole numbers from 0 to {MAX_LABEL}",
+            code="type",
+        )
+    return labels
+
+
+def label_number(label: int | str, labels: Volume) -> int:
+    """Return the number of a label that is given by number or name.
+
+    Raises TransferError if the field of labels names none so, or it is not a label's number.
+    """
+    if not isinstance(label, str):
+        if not 0 <= label <= MAX_LABEL:
+            raise TransferError.refused("", label, f"give 0 to {MAX_LABEL}", "range")
+        return label
+    stated = {number: each for number, each in labels.labels.items() if each.name}
+    names = {name: number for number, name in unique_names(stated).items()}
+    if label not in names:
+        more = ", …" if len(names) > _MOST_NAMED else ""
+        known = f"it has {', '.join([*names][:_MOST_NAMED])}{more}" if names else "it names none"
+        raise TransferError(
+            f"{labels.name!r} has no label {label!r}",
+            f"{nearest(label, names)}{known}; or give its number",
+            code="unknown",
+        )
+    return names[label]
+
+
+def _bake_row(
+    function: TransferFunction | None, volume: Volume, own: TransferTable
+) -> TransferTable:
+    """Bake the function of a label; without one, the transparent one."""
+    if function is not None:
+        table = _bake(function, volume)
+        assert isinstance(table, TransferTable)
+        return table
+    weights = np.zeros((2, own.material_weights.shape[1]))
+    return replace(own, opacity=np.zeros(2), material_weights=weights, left=None)
+
+
+def _row_of(
+    mask: Mask, curves: Sequence[TransferFunction | None], labels: Volume, where: str
+) -> NDArray[np.uint8]:
+    """Return the row of every label: 1 for the first of the curves, 0 for the field's own."""
+    row_of = np.zeros(MAX_LABEL + 1, np.uint8)
+    rows = {id(each): row for row, each in enumerate(curves, start=1)}
+    found: dict[int, int | str] = {}
+    for label, function in mask.functions.items():
+        place = f"{where}.functions[{label!r}]"
+        try:
+            number = label_number(label, labels)
+        except TransferError as error:
+            raise error.at(place) from None
+        if number in found:
+            problem = f"{found[number]!r} is the same label"
+            raise TransferError(problem, "leave out one", code="duplicate", field=place)
+        found[number] = label
+        row_of[number] = rows.get(id(function), 0)
+    return row_of
 
 
 def _bake(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable:

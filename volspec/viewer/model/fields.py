@@ -6,10 +6,11 @@ panel -> [fields] -> state -> cast, SCENE.toml
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from volspec.errors import VolspecError, one_line
-from volspec.transfer import FieldFunctions, TransferFunction, Transfers
+from volspec.transfer import FieldFunctions, Transfer, TransferFunction, Transfers
 from volspec.viewer.model.document import FieldData
 from volspec.viewer.model.edit import edit, with_interface
 from volspec.viewer.model.field_looks import FieldLook
@@ -43,18 +44,26 @@ def shown_transfer(state: ViewState) -> Transfers:
     for look in looks:
         functions[look.name] = look.transfer  # type: ignore[assignment]  # refused below
     weights = {look.name: look.weight if look.shown else 0.0 for look in looks}
-    return FieldFunctions(functions, weights)
+    materials, basis = state.transfer.materials, state.transfer.basis
+    masks = {
+        look.name: look.mask.changed(partial(replace, materials=materials, basis=basis))
+        for look in looks
+        if look.mask is not None
+    }
+    return FieldFunctions(functions, weights, masks)
 
 
 def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
     """Return a state whose fields can be cast together, and why it is not the new one.
 
-    Materials that the other fields use stay.
+    Materials that the other fields and the masks use stay.
     """
     if new.transfer is old.transfer or not new.document.is_of(old.document):
         return new, ""
     known = new.transfer.materials
-    used = {name for look in other_fields(new) for name in _used(look) if name not in known}
+    masks = (each for look in new.fields if look.mask for each in look.mask.curves if each)
+    functions = [*(look.transfer for look in other_fields(new)), *masks]
+    used = {name for each in functions for name in _used(each) if name not in known}
     try:
         if used:
             own = {name: each for name, each in old.transfer.materials.items() if name in used}
@@ -66,9 +75,9 @@ def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
     return new, ""
 
 
-def _used(look: FieldLook) -> set[str]:
-    assert isinstance(look.transfer, TransferFunction)
-    return {name for _, _, mix in look.transfer.points for name in mix}
+def _used(transfer: Transfer) -> set[str]:
+    assert isinstance(transfer, TransferFunction)
+    return {name for _, _, mix in transfer.points for name in mix}
 
 
 def data(state: ViewState) -> FieldData:

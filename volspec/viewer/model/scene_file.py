@@ -252,7 +252,8 @@ def _field_transfer(state: ViewState, name: str, table: TransferSpec) -> Transfe
     look, old = state.fields[number], state.document.fields[number]
     transfer = state.transfer if number == state.chosen_field else look.transfer
     if transfer is not old.transfer:
-        table = as_typed(TransferSpec.of(transfer))
+        others = {key: getattr(table, key) for key in ("weight", "shown", "mask", "label")}
+        table = replace(as_typed(TransferSpec.of(transfer)), **others)
     if (look.weight, look.shown) != (old.weight, old.shown):
         table = replace(table, weight=as_typed(look.weight), shown=look.shown)
     return table
@@ -260,7 +261,8 @@ def _field_transfer(state: ViewState, name: str, table: TransferSpec) -> Transfe
 
 def _fields(state: ViewState, file: SceneFile) -> Iterator[FieldSpec]:
     for row in file.field:
-        yield replace(row, transfer=_field_transfer(state, row.name, row.transfer))
+        shown = row.transfer and _field_transfer(state, row.name, row.transfer)
+        yield replace(row, transfer=shown)
 
 
 def _materials(state: ViewState, file: SceneFile) -> list[MaterialSpec]:

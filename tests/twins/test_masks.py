@@ -1,0 +1,215 @@
+"""Masks: transfer functions by label of another field, against the float64 reference and limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+import volspec as vs
+from tests.support.errors import raises
+from volspec.errors import TransferError
+from volspec.raycast import (
+    Ambient,
+    ClipPlane,
+    Directional,
+    LightGroup,
+    RaycastSpec,
+    reference,
+)
+from volspec.raycast.gpu import Raycaster
+from volspec.raycast.masks import MaskLattice
+from volspec.transfer import FieldFunctions, Mask, TransferFunction
+from volspec.transfer.missing import bake_for_volume
+from volspec.volume import Volume
+from volspec.volume.labels import Label
+
+BASIS = vs.SpectralBasis.load("general-7")
+METALS = {name: vs.reflectance(name) for name in ("copper", "gold")}
+SIZE = 40, 32
+# float32 against float64, as for fields.
+TOLERANCE = 2e-4
+N = 28
+SHADOWS = (LightGroup("g", (Ambient(occlusion=True), Directional((0.3, 0.2, 1), shadows=True))),)
+LIT = RaycastSpec(step_mm=0.5, alpha_stop=1, groups=SHADOWS, light_cells=16)
+FLAT = RaycastSpec(step_mm=0.5, alpha_stop=1, ambient=1.0, diffuse=0.0)
+
+
+def curve(*points: tuple[float, float, str]) -> TransferFunction:
+    return TransferFunction(points, METALS, BASIS, 1.0)
+
+
+BODY = curve((-200, 0.0, "copper"), (100, 0.2, "copper"))
+LIVER = curve((-100, 0.0, "gold"), (150, 0.5, "gold"))
+# On a domain of its own, opaque at its end.
+BONE = curve((150, 0.0, "copper"), (200, 0.9, "gold"), (400, 1.0, "gold"))
+ORGANS = {"liver": LIVER, 2: BONE, 5: None}
+
+
+@pytest.fixture(scope="module")
+def ct() -> Volume:
+    """A soft body with two denser lobes, in Hounsfield units."""
+    z, y, x = np.mgrid[-1 : 1 : N * 1j, -1 : 1 : N * 1j, -1 : 1 : N * 1j]
+    values = -900 + 1000 * (x**2 + 1.2 * y**2 + z**2 < 0.8)
+    for at in (-0.4, 0.4):
+        values += 350 * (((x - at) ** 2 + y**2 + z**2) < 0.08)
+    smooth = gaussian_filter(values.astype(float), 1.5)
+    return Volume(np.rint(smooth).astype(np.int16), spacing_mm=(1.0, 1.0, 1.2), name="CT")
+
+
+def segmentation(shape: tuple[int, int, int], **lattice: object) -> Volume:
+    """Ragged regions of labels 0, 1 (liver), 2, 5 and 9 (of which no mask says anything)."""
+    noise = [gaussian_filter(np.random.default_rng(k).random(shape), 2.5) for k in range(5)]
+    numbers = np.array([0, 1, 2, 5, 9], np.uint8)[np.argmax(noise, axis=0)]
+    labels = {1: Label("liver"), 2: Label("bone"), 5: Label(), 9: Label()}
+    return Volume(numbers, labels=labels, name="organs", **lattice)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def turned(ct: Volume) -> Volume:
+    """A coarser, rotated lattice that leaves out some of the body."""
+    world = np.array([[1.6, -1.2, 0.1, 8], [1.2, 1.6, 0, -6], [0, 0.1, 2.0, 3], [0, 0, 0, 1.0]])
+    return segmentation((14, 13, 12), world_from_index=world)
+
+
+def masked(ct: Volume, mask: Volume, functions: object = ORGANS) -> tuple[Volume, FieldFunctions]:
+    made = FieldFunctions({"": BODY}, masks={"": Mask("organs", functions)})  # type: ignore[arg-type]
+    return ct.with_fields([mask]), made
+
+
+def view(volume: Volume) -> vs.Camera:
+    return vs.Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
+
+
+@pytest.mark.parametrize("lattice", ["same", "turned"])
+@pytest.mark.parametrize("spec", [FLAT, LIT], ids=["flat", "shadows"])
+def test_masks_match_the_reference(
+    ct: Volume, turned: Volume, lattice: str, spec: RaycastSpec
+) -> None:
+    mask = turned
+    if lattice == "same":
+        mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
+    volume, transfer = masked(ct, mask)
+    caster = Raycaster(volume)
+    table = caster.bake(transfer)
+    found = caster.cast(table, view(volume), SIZE, spec)
+    colour, alpha, depth, _ = reference.cast(volume, table, view(volume), SIZE, spec)
+    assert alpha.max() > 0.9
+    assert np.abs(found.coefficients - colour).max() < TOLERANCE
+    assert np.abs(found.alpha - alpha).max() < TOLERANCE
+    seen = alpha > 1e-3
+    assert np.abs(found.depth_mm[seen] - depth[seen]).max() < TOLERANCE * 40
+
+
+@pytest.mark.parametrize("lanes", [1, None])
+def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
+    ct: Volume, turned: Volume, lanes: int | None
+) -> None:
+    """The volume's own field is plain; a further one has a mask, and a plane of its own."""
+    own = Volume(ct.values[::2, ::2, ::2].copy(), spacing_mm=(2.0, 2.0, 2.4), name="MR")
+    world = np.array([[0.9, -0.3, 0, 3], [0.3, 0.9, 0.1, -2], [0, 0.1, 1.1, 1], [0, 0, 0, 1.0]])
+    volume = own.with_fields([Volume(ct.values, world_from_index=world, name="CT"), turned])
+    masks = {"CT": Mask("organs", ORGANS)}
+    transfer = FieldFunctions({"": LIVER, "CT": BODY}, {"": 0.3, "CT": 0.6}, masks)
+    plane = ClipPlane((12.0, 10.0, 9.0), (1.0, 0.5, 0.2), fields=("CT",))
+    spec = replace(LIT, crop_voxels=((1, 12), (0.5, 12.5), (1, 11)), clip_planes=(plane,), jitter=1)
+    caster = Raycaster(volume, lanes=lanes)
+    table = caster.bake(transfer)
+    found = caster.cast(table, view(volume), SIZE, spec)
+    colour, alpha, _, _ = reference.cast(volume, table, view(volume), SIZE, spec)
+    assert alpha.max() > 0.9
+    assert np.abs(found.coefficients - colour).max() < TOLERANCE
+    assert np.abs(found.alpha - alpha).max() < TOLERANCE
+
+
+def picture(volume: Volume, transfer: vs.FieldFunctions | TransferFunction) -> NDArray[np.floating]:
+    return vs.raycast(volume, transfer, view(volume), SIZE, FLAT).coefficients
+
+
+def test_inside_one_label_the_picture_is_that_of_its_function_alone(ct: Volume) -> None:
+    whole = replace(ct, values=np.ones_like(ct.values, np.uint8), name="organs")
+    volume, transfer = masked(ct, whole, {1: BONE})
+    assert np.abs(picture(volume, transfer) - picture(ct, BONE)).max() < 1e-6
+
+
+def test_equal_functions_of_all_labels_change_nothing(ct: Volume, turned: Volume) -> None:
+    alike = {label: replace(BODY) for label in (0, 1, 2, 5, 9)}
+    volume, transfer = masked(ct, turned, alike)
+    assert np.abs(picture(volume, transfer) - picture(ct, BODY)).max() < 1e-6
+    volume, transfer = masked(ct, turned, dict.fromkeys((0, 1, 2, 5, 9), BODY))
+    assert np.abs(picture(volume, transfer) - picture(ct, BODY)).max() < 1e-6
+
+
+def test_a_hidden_label_is_as_transparent_as_voxels_without_matter(ct: Volume) -> None:
+    """Half of a homogeneous block is hidden: what stays has half of the extinction."""
+    block = Volume(np.full((20, 20, 20), 100, np.int16), name="CT")
+    halves = np.zeros(block.values.shape, np.uint8)
+    halves[:, :, 10:] = 3
+    mask = replace(block, values=halves, name="organs")
+    volume, transfer = masked(block, mask, {3: None})
+    camera = vs.Camera((-100, 9.5, 9.5), (9.5, 9.5, 9.5), (0, 0, 1), height_mm=4.0)
+    spec = replace(FLAT, step_mm=0.25)
+    alpha = vs.raycast(volume, transfer, camera, (8, 8), spec).alpha
+    # The boundary is linear between the voxels 9 and 10: half of that millimetre is there.
+    assert alpha == pytest.approx(np.full((8, 8), 1 - 0.8**9.5), abs=2e-4)
+    hidden = replace(block, values=np.where(halves == 3, -200, 100).astype(np.int16))
+    alone = vs.raycast(hidden, BODY, camera, (8, 8), spec).alpha
+    assert np.abs(alpha - alone).max() < 0.03  # half a voxel more or less
+
+
+def test_a_weight_multiplies_every_row_s_extinction(ct: Volume, turned: Volume) -> None:
+    volume, transfer = masked(ct, turned)
+    table = bake_for_volume(replace(transfer, weights={"": 0.5}), volume)
+    whole = bake_for_volume(transfer, volume)
+    for half, one in zip(table.every, whole.every, strict=True):  # type: ignore[union-attr]
+        np.testing.assert_allclose((1 - half.opacity) ** 2, 1 - one.opacity, atol=1e-12)
+
+
+@pytest.mark.parametrize("lattice", ["same", "turned"])
+def test_ranges_of_bricks_hold_all_rows_of_their_samples(
+    ct: Volume, turned: Volume, lattice: str
+) -> None:
+    mask = turned
+    if lattice == "same":
+        mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
+    volume, transfer = masked(ct, mask)
+    table = bake_for_volume(transfer, volume)
+    made = MaskLattice.of(volume, "CT", table.masks["CT"])  # type: ignore[union-attr]
+    least, most = made.brick_ranges()
+    point = np.random.default_rng(3).uniform(0, N - 1, (20_000, 3))
+    weights = made.weights(point, 4)
+    assert weights.sum(axis=1) == pytest.approx(1.0)
+    x, y, z = (point // 4).astype(int).T
+    for row in range(4):
+        here = weights[:, row] > 1e-9
+        assert (least[z, y, x][here] <= row).all() and (row <= most[z, y, x][here]).all()
+
+
+def test_what_cannot_be_a_mask_is_refused(ct: Volume, turned: Volume) -> None:
+    def refused(functions: object, code: str, mask: Volume = turned) -> str:
+        volume, transfer = masked(ct, mask, functions)
+        with raises(TransferError, code) as caught:
+            bake_for_volume(transfer, volume)
+        return str(caught.value)
+
+    assert "'lever'" in (text := refused({"lever": BONE}, "unknown")) and "liver" in text
+    assert "'liver'" in refused({1: BONE, "liver": None}, "duplicate")
+    assert "'organs'" in refused(ORGANS, "type", replace(ct, name="organs"))
+    with raises(TransferError, "unknown") as caught:
+        bake_for_volume(masked(ct, turned)[1], ct)
+    assert "'organs'" in str(caught.value)
+    for label, code in ((-1, "range"), (65536, "range"), (1.5, "type"), (True, "type")):
+        with raises(TransferError, code):
+            Mask("organs", {label: BONE})  # type: ignore[dict-item]
+    with raises(TransferError, "type"):
+        Mask("organs", {1: "gold"})  # type: ignore[dict-item]
+    with raises(TransferError, "size"):
+        Mask("organs", {label: replace(BONE) for label in range(256)})
+    with raises(TransferError, "unknown"):
+        FieldFunctions({"": BODY}, masks={"PET": Mask("organs", ORGANS)})
+    other = TransferFunction([(0, 1.0, "gold")], METALS, vs.SpectralBasis.load("general-5"))
+    with raises(TransferError, "conflict"):
+        FieldFunctions({"": BODY}, masks={"": Mask("organs", {1: other})})
