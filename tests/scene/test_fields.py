@@ -213,11 +213,13 @@ def test_masks_are_written_and_read_back(masked: Path) -> None:
         ('mask = "organs"', 'mask = "organ"', "has no field 'organ'; did you mean 'organs'?"),
         ("label = 2", "label = 70000", "transfer.label[1].label"),
         ("label = 2", "label = 7", "transfer.label[1].label: 7 is given twice"),
+        ("label = 2", "values = [3, 3]", "transfer.label[1].values"),
+        ("label = 2", "label = 2\nvalues = [3, 4]", "transfer.label[1].label: given with values"),
         ("shown = false", "", "transfer.label[1].points: missing"),
         ('mask = "organs"', "", "transfer.mask: missing"),
         ("opacity = 0.6", "opacity = 1.6", "transfer.label[0].points[1].opacity"),
     ],
-    ids=["name", "field", "number", "twice", "no points", "no mask", "opacity"],
+    ids=["name", "field", "number", "twice", "band", "both", "no points", "no mask", "opacity"],
 )
 def test_a_mistaken_mask_is_found_at_its_row(masked: Path, old: str, new: str, place: str) -> None:
     text = masked.read_text()
@@ -231,4 +233,4 @@ def test_a_mask_s_file_must_hold_labels(masked: Path) -> None:
     np.save(masked.with_name("organs.npy"), np.linspace(0, 1, 1320).reshape(10, 11, 12))
     masked.with_name("organs.txt").unlink()
     (fault,) = check_scene(masked).errors
-    assert "transfer.mask" in fault and "labels" in fault
+    assert "transfer.label[0]" in fault and "not labels" in fault

@@ -125,6 +125,27 @@ def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
     assert np.abs(found.alpha - alpha).max() < TOLERANCE
 
 
+def test_bands_of_another_field_make_a_joint_function(ct: Volume) -> None:
+    """As labels do of a field that has their numbers where the values are."""
+    other = replace(ct, values=ct.values[:, ::-1].copy(), name="high")
+    bands = {(-900, -300): None, (-300, 50): LIVER, (150, 5000): BONE}
+    transfer = FieldFunctions({"": BODY}, masks={"": Mask("high", bands)})
+    volume = ct.with_fields([other])
+    caster = Raycaster(volume)
+    table = caster.bake(transfer)
+    found = caster.cast(table, view(volume), SIZE, LIT)
+    colour, _, _, _ = reference.cast(volume, table, view(volume), SIZE, LIT)
+    assert np.abs(found.coefficients - colour).max() < TOLERANCE
+    numbers = np.digitize(other.values, [-900, -300, 50, 150, 5000]).astype(np.uint8)
+    organs = replace(other, values=numbers, name="organs")
+    labelled = masked(ct, organs, {1: None, 2: LIVER, 4: BONE})
+    alike = vs.raycast(*labelled, view(volume), SIZE, LIT).coefficients
+    assert np.abs(found.coefficients - alike).max() < 1e-6
+    floats = ct.with_fields([replace(other, values=other.values.astype(np.float32))])
+    as_float = vs.raycast(floats, transfer, view(volume), SIZE, LIT).coefficients
+    assert np.abs(found.coefficients - as_float).max() < 1e-5
+
+
 def picture(volume: Volume, transfer: vs.FieldFunctions | TransferFunction) -> NDArray[np.floating]:
     return vs.raycast(volume, transfer, view(volume), SIZE, FLAT).coefficients
 
@@ -196,12 +217,14 @@ def test_what_cannot_be_a_mask_is_refused(ct: Volume, turned: Volume) -> None:
         return str(caught.value)
 
     assert "'lever'" in (text := refused({"lever": BONE}, "unknown")) and "liver" in text
-    assert "'liver'" in refused({1: BONE, "liver": None}, "duplicate")
+    assert "1 is the same" in refused({1: BONE, "liver": None}, "duplicate")
     assert "'organs'" in refused(ORGANS, "type", replace(ct, name="organs"))
     with raises(TransferError, "unknown") as caught:
         bake_for_volume(masked(ct, turned)[1], ct)
     assert "'organs'" in str(caught.value)
-    for label, code in ((-1, "range"), (65536, "range"), (1.5, "type"), (True, "type")):
+    refused({(0, 3): BONE, 2: None}, "duplicate")
+    wrong = {(3, 3): "range", -1: "range", 65536: "range", 1.5: "type", True: "type"}
+    for label, code in wrong.items():
         with raises(TransferError, code):
             Mask("organs", {label: BONE})  # type: ignore[dict-item]
     with raises(TransferError, "type"):

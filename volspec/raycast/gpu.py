@@ -122,8 +122,10 @@ class _Masks:
     @staticmethod
     def key_of(table: FieldTables) -> tuple[Any, ...]:
         """Return what is equal for equal codes."""
-        masks = table.masks.items()
-        return tuple((name, mask.field, mask.row_of.tobytes()) for name, mask in masks)
+        return tuple(
+            (name, mask.field, mask.edges.tobytes(), mask.between.tobytes())
+            for name, mask in table.masks.items()
+        )
 
     @classmethod
     def of(cls, compute: Compute, volume: Volume, table: FieldTables) -> _Masks:

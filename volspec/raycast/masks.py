@@ -43,8 +43,14 @@ class MaskLattice:
         """Return the rows for a volume's field."""
         labels, field = volume.by_name[mask.field], volume.by_name[name]
         rows = np.zeros([n + 2 for n in labels.values.shape], np.uint8)
+        table, first = None, 0
+        if labels.values.dtype.kind in "iu":
+            codes = np.iinfo(labels.values.dtype)
+            table, first = mask.rows_at(np.arange(codes.min, codes.max + 1)), codes.min
         for inner, plane in zip(rows[1:-1, 1:-1, 1:-1], labels.values, strict=True):
-            inner[:] = mask.row_of[np.maximum(plane, 0).astype(np.uint16)]
+            inner[:] = (
+                mask.rows_at(plane) if table is None else table[plane.astype(np.int32) - first]
+            )
             if labels.missing is not None:
                 inner[plane == labels.missing] = 0
         same = field.has_lattice_of(labels)

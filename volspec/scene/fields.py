@@ -21,8 +21,8 @@ from volspec.scene.transfer import TransferSpec
 from volspec.settings import Hint, Name, Unit, Vector, settings
 from volspec.spectra import Spectrum
 from volspec.transfer import FieldFunctions, Mask, TransferFunction, Transfers
-from volspec.transfer.fields import OWN
-from volspec.transfer.missing import label_number, mask_labels
+from volspec.transfer.fields import OWN, Label
+from volspec.transfer.missing import label_band, mask_field
 from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
 from volspec.volume.series import load_at
@@ -133,11 +133,11 @@ def with_fields(
         if transfer.mask is None:
             continue
         with at(f"{table}.mask"):
-            labels = mask_labels(transfer.mask, volume)
+            labels = mask_field(transfer.mask, volume)
         for number, by_label in enumerate(transfer.label or ()):
             with at(f"{table}.label[{number}].label"):
                 for label in by_label.labels:
-                    label_number(label, labels)
+                    label_band(label, labels)
     return volume
 
 
@@ -195,7 +195,7 @@ def _mask(
     at: At,
 ) -> Mask:
     """Return the functions by label; ``at`` adds the row to an error."""
-    functions: dict[int | str, TransferFunction | None] = {}
+    functions: dict[Label, TransferFunction | None] = {}
     for number, row in enumerate(transfer.label or ()):
         with at(f"{table}.label[{number}]"):
             function = transfer.mask_function(row, materials, basis)

@@ -25,6 +25,7 @@ from volspec.transfer import (
     TransferFunction,
     TransferFunction2D,
 )
+from volspec.transfer.fields import Label
 from volspec.transfer.mixes import Mix
 
 KINDS = ("points", "regions", "labels", "surfaces")
@@ -98,12 +99,14 @@ LabelName = Annotated[
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class MaskLabelSpec:
-    """``[[transfer.label]]``: what has one of some labels of the mask."""
+    """``[[transfer.label]]``: what has one of some labels of the mask, or some of its values."""
 
     row_keys: ClassVar = ("label",)
-    label: Annotated[LabelName, Field(examples=["liver"])]
+    label: Annotated[LabelName, Field(examples=["liver"])] | None = None
     """Number or name in the field of labels, or several; those left out have the field's own
     points."""
+    values: Pair | None = None
+    """Instead of labels: values of the field, from and to, for a function of two fields."""
     points: Annotated[tuple[PointSpec, ...], Field(strict=False, min_length=1)] | None = None
     """A curve over the masked field's values, instead of its own."""
     shown: bool = True
@@ -112,10 +115,18 @@ class MaskLabelSpec:
     def __post_init__(self) -> None:
         if self.points is None and self.shown:
             raise fault("points", "missing", "give points, or shown = false", "missing")
+        if (self.label is None) == (self.values is None):
+            problem = "missing" if self.label is None else "given with values"
+            raise fault("label", problem, "give label or values", "missing")
+        if self.values is not None and not self.values[0] < self.values[1]:
+            raise fault("values", f"{list(self.values)} is empty", "give from < to", "range")
 
     @property
-    def labels(self) -> tuple[int | str, ...]:
-        """All labels of the row."""
+    def labels(self) -> tuple[Label, ...]:
+        """All labels of the row, or its band of values."""
+        if self.values is not None:
+            return (self.values,)
+        assert self.label is not None
         return self.label if isinstance(self.label, tuple) else (self.label,)
 
 
@@ -184,7 +195,7 @@ class TransferSpec:
         for one, other in (("mask", "label"), ("label", "mask")):
             if getattr(self, one) is not None and getattr(self, other) is None:
                 raise fault(other, f"missing, which {one} needs", f"give {other}", "missing")
-        known: set[int | str] = set()
+        known: set[Label] = set()
         for i, row in enumerate(self.label or ()):
             for label in row.labels:
                 if label in known:

@@ -14,7 +14,8 @@ A mask replaces a field's function by label of another field, which has a lattic
     τ_f = Σ_l w_l τ_f,l(v_f)
 
 with w_l the trilinear weight of the corners that have label l, so that boundaries of labels are
-smooth and nothing is interpolated between their numbers.
+smooth and nothing is interpolated between their numbers. Instead of labels, bands of another
+field's values choose the function: a joint function of two fields, such as the energies of a CT.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,39 +39,46 @@ from volspec.volume.channels import MAX_FIELDS
 _WHO = "FieldFunctions"
 OWN = ""
 """Name of a volume's own field, whatever it is called."""
+Label = int | str | tuple[float, float]
+"""A label's number or name, or a band of values."""
 MAX_CURVES = 255
 """Most different transfer functions in a mask."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mask:
-    """Transfer functions by label of another field, in place of a field's own.
+    """Transfer functions by label, or value, of another field, in place of a field's own.
 
     Parameters
     ----------
     field : str
         Name of the volume's field of labels, which need not be shown itself.
     functions : {label: TransferFunction or None}
-        By number, or by name in the field's `Volume.labels`. None hides what has the label. Labels
-        that are left out, and places outside the mask's lattice, have the masked field's own.
+        By number, by name in the field's `Volume.labels`, or by a band of its values, (from, to),
+        without ``to``. None hides what has the label. Labels and values that are left out, and
+        places outside the mask's lattice, have the masked field's own.
 
     Raises
     ------
     TransferError
-        If there is no function or too many, one is of another kind, or a label is not 0 to 65535.
+        If there is no function or too many, one is of another kind, a label is not 0 to 65535, or a
+        band is empty.
     """
 
     field: str
-    functions: Mapping[int | str, TransferFunction | None]
+    functions: Mapping[Label, TransferFunction | None]
 
     def __post_init__(self) -> None:
         if not isinstance(self.functions, Mapping) or not self.functions:
             remedy = "give {label: TransferFunction or None}, at least one"
             raise TransferError.refused("Mask.functions", self.functions, remedy, "type")
-        checked: dict[int | str, TransferFunction | None] = {}
+        checked: dict[Label, TransferFunction | None] = {}
         for label, function in self.functions.items():
             where = f"Mask.functions[{label!r}]"
-            if not isinstance(label, str):
+            if isinstance(label, tuple):
+                if not (len(label) == 2 and label[0] < label[1]):
+                    raise TransferError.refused(where, label, "give a band (from, to)", "range")
+            elif not isinstance(label, str):
                 whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
                 if not (whole and 0 <= label <= MAX_LABEL):
                     remedy = f"give a label's name, or its number from 0 to {MAX_LABEL}"
@@ -229,7 +238,16 @@ class MaskTables:
 
     field: str
     rows: tuple[TransferTable, ...]  # from row 1 on
-    row_of: NDArray[np.uint8]  # (MAX_LABEL + 1,), by label
+    edges: NDArray[np.float64]  # (E,) ascending values at which the row changes
+    between: NDArray[np.uint8]  # (E + 1,) rows below the edges, between them and from the last on
+
+    def rows_at(self, values: NDArray[Any]) -> NDArray[np.uint8]:
+        """Return the rows of values.
+
+        >>> MaskTables("MR", (), np.array([2.0, 5.0]), np.array([0, 1, 2])).rows_at([1, 2, 4.9, 5])
+        array([0, 1, 1, 2])
+        """
+        return np.asarray(self.between[np.searchsorted(self.edges, values, side="right")])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

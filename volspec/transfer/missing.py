@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import overload
 
 import numpy as np
@@ -22,6 +23,7 @@ from volspec.transfer.fields import (
     OWN,
     FieldFunctions,
     FieldTables,
+    Label,
     Mask,
     MaskTables,
     weighted,
@@ -85,21 +87,21 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
             curves = [each for each in mask.curves if each is not function]
             where = f"FieldFunctions.masks[{given!r}]"
             try:
-                labels = mask_labels(mask.field, volume)
+                labels = mask_field(mask.field, volume)
             except TransferError as error:
                 raise error.at(f"{where}.field") from None
             masks[name] = MaskTables(
                 labels.name,
                 tuple(weighted(_bake_row(each, fields[name], table), weight) for each in curves),
-                _row_of(mask, curves, labels, where),
+                *_rows_between(mask, curves, labels, where),
             )
     if list(tables) == [volume.name] and not masks:
         return tables[volume.name]
     return FieldTables.in_one(tables, masks)
 
 
-def mask_labels(name: str, volume: Volume) -> Volume:
-    """Return the field of a mask's labels. Raises TransferError if it lacks, or holds no labels."""
+def mask_field(name: str, volume: Volume) -> Volume:
+    """Return the field of a mask. Raises TransferError if there is none of the name."""
     fields = volume.by_name
     labels = volume if name == OWN else fields.get(name)
     if labels is None:
@@ -108,25 +110,28 @@ def mask_labels(name: str, volume: Volume) -> Volume:
             f"{nearest(name, fields)}it has {', '.join(fields)}",
             code="unknown",
         )
+    return labels
+
+
+def label_band(label: Label, labels: Volume) -> tuple[float, float]:
+    """Return the values that a label, or a band itself, stands for: (from, to), without ``to``.
+
+    Raises TransferError if the field is no segmentation, names no label so, or the number is not
+    one of a label.
+    """
+    if isinstance(label, tuple):
+        return label
     if not are_whole(labels.values, labels.range):
         low, high = labels.range
         raise TransferError(
             f"the values of {labels.name!r}, {low:g} to {high:g}, are not labels",
-            f"give a segmentation, whole numbers from 0 to {MAX_LABEL}",
+            f"give a segmentation, whole numbers from 0 to {MAX_LABEL}, or bands of values",
             code="type",
         )
-    return labels
-
-
-def label_number(label: int | str, labels: Volume) -> int:
-    """Return the number of a label that is given by number or name.
-
-    Raises TransferError if the field of labels names none so, or it is not a label's number.
-    """
     if not isinstance(label, str):
         if not 0 <= label <= MAX_LABEL:
             raise TransferError.refused("", label, f"give 0 to {MAX_LABEL}", "range")
-        return label
+        return label, label + 1
     stated = {number: each for number, each in labels.labels.items() if each.name}
     names = {name: number for number, name in unique_names(stated).items()}
     if label not in names:
@@ -137,7 +142,7 @@ def label_number(label: int | str, labels: Volume) -> int:
             f"{nearest(label, names)}{known}; or give its number",
             code="unknown",
         )
-    return names[label]
+    return names[label], names[label] + 1
 
 
 def _bake_row(
@@ -152,25 +157,30 @@ def _bake_row(
     return replace(own, opacity=np.zeros(2), material_weights=weights, left=None)
 
 
-def _row_of(
+def _rows_between(
     mask: Mask, curves: Sequence[TransferFunction | None], labels: Volume, where: str
-) -> NDArray[np.uint8]:
-    """Return the row of every label: 1 for the first of the curves, 0 for the field's own."""
-    row_of = np.zeros(MAX_LABEL + 1, np.uint8)
+) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
+    """Return the values at which rows change, and the rows: 1 for the first curve, 0 for none."""
     rows = {id(each): row for row, each in enumerate(curves, start=1)}
-    found: dict[int, int | str] = {}
+    bands: list[tuple[float, float, Label, int]] = []
     for label, function in mask.functions.items():
-        place = f"{where}.functions[{label!r}]"
         try:
-            number = label_number(label, labels)
+            band = label_band(label, labels)
         except TransferError as error:
-            raise error.at(place) from None
-        if number in found:
-            problem = f"{found[number]!r} is the same label"
+            raise error.at(f"{where}.functions[{label!r}]") from None
+        bands.append((*band, label, rows.get(id(function), 0)))
+    bands.sort(key=lambda band: band[:2])
+    for before, after in pairwise(bands):
+        if after[0] < before[1]:
+            alike = before[:2] == after[:2]
+            problem = f"{before[2]!r} {'is the same' if alike else 'has some of the same values'}"
+            place = f"{where}.functions[{after[2]!r}]"
             raise TransferError(problem, "leave out one", code="duplicate", field=place)
-        found[number] = label
-        row_of[number] = rows.get(id(function), 0)
-    return row_of
+    edges = np.unique([end for band in bands for end in band[:2]])
+    between = np.zeros(len(edges) + 1, np.uint8)
+    for low, high, _, row in bands:
+        between[np.searchsorted(edges, low) + 1 : np.searchsorted(edges, high) + 1] = row
+    return edges, between
 
 
 def _bake(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable:
