@@ -10,15 +10,13 @@ import numpy as np
 import pytest
 
 from tests.support.viewer import KINDS, of_kind
+from volspec.basis import MaterialBasis
 from volspec.pipeline import Relighter
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, RaycastSpec
 from volspec.raycast.projection import is_patient
 from volspec.relight import LightRig
-from volspec.spectra import light
-from volspec.transfer import (
-    MAX_LABEL,
-    TransferFunction,
-)
+from volspec.spectra import light, reflectance
+from volspec.transfer import MAX_LABEL, FieldFunctions, Mask, TransferFunction
 from volspec.viewer.model import camera, lights, slice_table, slices
 from volspec.viewer.model.cuts import with_overlays
 from volspec.viewer.model.slices import (
@@ -52,6 +50,48 @@ def test_slices_show_the_volumes_values_as_they_are_looked_at() -> None:
     np.testing.assert_array_equal(sagittal, volume.values[::-1, :, 2])
     assert all(np.shares_memory(each, volume.values) for each in (axial, coronal, sagittal))
     assert slice_values(volume, slice_layout(volume, PLANES[0]), 2, step=2).shape == (3, 3)
+
+
+def test_indices_of_a_slice_are_those_of_its_values() -> None:
+    turned = np.array([[0, 0, -1, 0], [1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]])
+    for volume in (numbered(), numbered(turned)):
+        for plane in PLANES:
+            layout = slice_layout(volume, plane)
+            x, y, z = np.moveaxis(slices.slice_index(volume, layout, 1, 2).astype(int), -1, 0)
+            values = slice_values(volume, layout, 1, 2)
+            np.testing.assert_array_equal(volume.values[z, y, x], values)
+
+
+def test_slices_of_several_fields_show_all_with_their_masks() -> None:
+    """The second field has a lattice of its own; where a mask hides, there are greys."""
+    basis = MaterialBasis({name: reflectance(name) for name in ("copper", "gold")})
+    copper, gold = (
+        TransferFunction([(10, 0.0, name), (20, 0.9, name)], basis.materials, basis)
+        for name in ("copper", "gold")
+    )
+    ramp = np.zeros((8, 8, 8), np.uint8)
+    ramp[:, :, 4:] = 40
+    place = np.diag([2.0, 2.0, 2.0, 1.0])
+    other = Volume((ramp[::2, ::2, ::2].T > 0) * np.uint8(60), world_from_index=place, name="pet")
+    labels = Volume((np.arange(8)[None, :, None] > 5) * np.ones((8, 8, 8), np.uint8), name="cut")
+    volume = Volume(ramp, name="ct").with_fields([other, labels])
+    functions = {"": copper, "pet": gold}
+    made = slice_table.FieldSlices.of(
+        volume, FieldFunctions(functions, masks={"": Mask("cut", {1: None})})
+    )
+    index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), 7)
+    shown = made.image(index, (0.0, 1.0), RaycastSpec(), basis).coefficients
+    # Rows are y, columns x; pet is everywhere in this slice above z = 7.
+    assert shown.shape == (8, 8, 3)
+    np.testing.assert_allclose(shown[3, 1], (0, 1, 0), atol=1e-6)  # pet alone
+    mixed = shown[3, 6]
+    assert 0.3 < mixed[0] < 0.7 and mixed.sum() == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(shown[7, 6], (0, 1, 0), atol=1e-6)  # the mask hides the CT
+    index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), 1)
+    below = made.image(index, (0.0, 1.0), RaycastSpec(), basis).coefficients
+    np.testing.assert_allclose(below[3, 1], (0, 0, 0), atol=1e-6)  # neither, black
+    np.testing.assert_allclose(below[3, 6], (1, 0, 0), atol=1e-6)
+    np.testing.assert_allclose(below[7, 6], (0, 0, 1), atol=1e-6)  # hidden: the grey of its value
 
 
 def test_an_axial_slice_lies_the_same_way_however_voxels_are_stored() -> None:

@@ -3,18 +3,30 @@
     volume, transfer -> [slice_table] -> CoefficientImage -> Relighter -> slice_pictures
 
 A slice's colours depend on its voxels' values alone, so relighting a table of all values takes
-the same few milliseconds however large the slices are.
+the same few milliseconds however large the slices are. Slices of several fields are images of
+their own.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.basis import Basis
 from volspec.raycast import CoefficientImage, RaycastSpec
-from volspec.transfer import MAX_LABEL, LabelFunction, SurfaceTable, Transfer, TransferTable
+from volspec.raycast.masks import MaskLattice
+from volspec.transfer import (
+    MAX_LABEL,
+    FieldTables,
+    LabelFunction,
+    SurfaceTable,
+    Transfer,
+    Transfers,
+    TransferTable,
+)
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
@@ -22,6 +34,8 @@ from volspec.volume import Volume
 ENTRIES = 4096
 # A voxel is as opaque as a slab of this many reference steps; the rest stays grey.
 SLAB_STEPS = 16
+# Opacities are at most this, so that their logs are finite.
+_OPAQUE = 1 - 1e-6
 # Approximate exponent from a display's greys to reflectances.
 _GAMMA = 2.2
 
@@ -107,6 +121,82 @@ def table_image(
     ones = np.ones((1, entries.count), np.float32)
     pixels = layers[None].astype(np.float32)
     return CoefficientImage(pixels, ones, ones, transfer.basis, groups=groups)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldSlices:
+    """What slices of several fields are made of: tables, and the lattices of masks."""
+
+    volume: Volume
+    tables: FieldTables
+    masks: Mapping[str, MaskLattice]
+
+    @classmethod
+    def of(cls, volume: Volume, transfer: Transfers) -> FieldSlices:
+        """Bake the transfer functions of a volume's fields."""
+        tables = bake_for_volume(transfer, volume)
+        if not isinstance(tables, FieldTables):
+            assert isinstance(tables, TransferTable)  # of one field alone
+            tables = FieldTables.in_one({volume.name: tables})
+        masks = {name: MaskLattice.of(volume, name, m) for name, m in tables.masks.items()}
+        return cls(volume, tables, masks)
+
+    def image(
+        self,
+        index: NDArray[np.float64],
+        window: tuple[float, float],
+        shading: RaycastSpec,
+        basis: Basis,
+    ) -> CoefficientImage:
+        """Return the slice at (rows, columns, 3) indices of the volume, in each light group.
+
+        Extinctions of a slab add, as in a cast; what it lets through is a grey of the volume's own
+        field.
+        """
+        size, volume = index.shape[:2], self.volume
+        place = index.reshape(-1, 3)
+        depth, mixed = np.zeros(len(place)), np.zeros((len(place), self.tables.size))
+        slab_mm = SLAB_STEPS * min(volume.spacing_mm)
+        for name in self.tables.tables:
+            field = volume.by_name[name]
+            values, at, inside = _values_at(field, volume, place)
+            rows = self.tables.rows(name)
+            weights = inside[:, None].astype(np.float64)
+            if name in self.masks:
+                weights = weights * self.masks[name].weights(at, len(rows))
+            for weight, table in zip(weights.T, rows, strict=True):
+                opacity, shares = _look_up(table, values)
+                per_mm = -np.log1p(-np.minimum(opacity, _OPAQUE)) / table.reference_step_mm
+                part = weight * slab_mm * per_mm
+                depth += part
+                mixed += part[:, None] * (shares @ table.channels)
+        alpha = -np.expm1(-depth)[:, None]
+        low, high = volume.range
+        own = (_values_at(volume, volume, place)[0] - low) / ((high - low) or 1.0)
+        shade = np.clip((own - window[0]) / max(window[1] - window[0], 1e-6), 0.0, 1.0)
+        grey = shade[:, None] ** _GAMMA * self.tables.white
+        channels = alpha * mixed / np.maximum(depth, 1e-30)[:, None] + (1 - alpha) * grey
+        groups = shading.shares()
+        layers = np.concatenate([channels * part for part in groups.values()], axis=1)
+        ones = np.ones(size, np.float32)
+        pixels = layers.reshape(*size, -1).astype(np.float32)
+        return CoefficientImage(pixels, ones, ones, basis, groups=groups)
+
+
+def _values_at(
+    field: Volume, volume: Volume, place: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    """Return a field's nearest values at (N, 3) indices of a volume, its own indices there, and
+    which of them are in it.
+    """
+    at = place
+    if not field.has_lattice_of(volume):
+        matrix = field.index_from_world @ volume.world_from_index
+        at = place @ matrix[:3, :3].T + matrix[:3, 3]
+    last = np.array(field.shape_xyz) - 1
+    inside = np.asarray(((at >= -0.5) & (at <= last + 0.5)).all(axis=1))
+    x, y, z = np.clip(np.rint(at), 0, last).astype(np.intp).T
+    return field.values[z, y, x].astype(np.float64), at, inside
 
 
 def _look_up(

@@ -102,6 +102,16 @@ def slice_values(volume: Volume, layout: Layout, number: int, step: int = 1) -> 
     return values[:: -1 if up else 1, :: -1 if back else 1]
 
 
+def slice_index(volume: Volume, layout: Layout, number: int, step: int = 1) -> NDArray[np.float64]:
+    """(rows, columns, 3) indices along x, y, z of the voxels that `slice_values` returns."""
+    counts, (back, up) = volume.shape_xyz, layout.flipped
+    columns = np.arange(0, counts[layout.across], step)[:: -1 if back else 1]
+    rows = np.arange(0, counts[layout.down], step)[:: -1 if up else 1]
+    index = np.full((len(rows), len(columns), 3), float(number))
+    index[..., layout.across], index[..., layout.down] = columns, rows[:, None]
+    return index
+
+
 def size_mm(volume: Volume, layout: Layout) -> tuple[float, float]:
     """Return width and height of a slice."""
     width, height = (

@@ -5,20 +5,36 @@ state -> [slice_pictures] -> texture -> panel
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import VolspecError
+from volspec.errors import ViewingError, VolspecError
 from volspec.pipeline import Relighter
+from volspec.raycast import CoefficientImage
 from volspec.transfer import LabelFunction
+from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.room import shown_spec
-from volspec.viewer.model.slice_table import Entries, greys, table_entries, table_image
-from volspec.viewer.model.slices import Layout, grey_window, slice_values, voxel_number
+from volspec.viewer.model.slice_table import (
+    Entries,
+    FieldSlices,
+    greys,
+    table_entries,
+    table_image,
+)
+from volspec.viewer.model.slices import (
+    Layout,
+    grey_window,
+    slice_index,
+    slice_values,
+    voxel_number,
+)
 from volspec.viewer.model.state import ViewState
+from volspec.volume import Volume
 
 _OPAQUE = np.uint32(0xFF000000)
 
@@ -30,7 +46,16 @@ class _Shown:
     of_codes: tuple[Any, ...] = ()
     of_colours: tuple[Any, ...] = ()
     codes: NDArray[np.uint32] | None = None
+    image: CoefficientImage | None = None  # of several fields, instead of codes
     texture: Any = None
+
+    def write(self, context: Any, pixels: NDArray[np.uint32]) -> int:
+        """Write packed colours into the texture; return GL's name of it."""
+        if self.texture is None or self.texture.size != pixels.shape[::-1]:
+            self.release()
+            self.texture = context.texture(pixels.shape[::-1], 4)
+        self.texture.write(np.ascontiguousarray(pixels))
+        return int(self.texture.glo)
 
     def release(self) -> None:
         """Release the texture."""
@@ -46,14 +71,18 @@ class SlicePictures:
         self._slices: dict[str, _Shown] = {}
         self._of_colours: tuple[Any, ...] = ()
         self._colours = np.zeros(1, np.uint32)
+        self._fields: tuple[tuple[Any, ...], FieldSlices] | None = None
 
     def texture(self, state: ViewState, name: str, layout: Layout, width_px: float) -> int:
         """Return GL's name of a plane's picture, drawn at most ``width_px`` wide."""
         volume = state.document.volume
         shown = self._slices.setdefault(name, _Shown())
+        if state.fields and state.interface.slices.lit:
+            with suppress(VolspecError):  # reported with the volume's picture
+                return self._texture_of_fields(state, shown, layout, width_px)
         number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
         entries = table_entries(volume, isinstance(state.transfer, LabelFunction))
-        step = max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
+        step = _step(volume, layout, width_px)
         of_codes = volume, layout, number, step, entries
         if of_codes != shown.of_codes:
             values = slice_values(volume, layout, number, step)
@@ -62,12 +91,37 @@ class SlicePictures:
         self._relight(state, entries)
         if shown.of_colours != self._of_colours:
             assert shown.codes is not None
-            pixels = self._colours[shown.codes]
-            if shown.texture is None or shown.texture.size != pixels.shape[::-1]:
-                shown.release()
-                shown.texture = self._context.texture(pixels.shape[::-1], 4)
-            shown.texture.write(np.ascontiguousarray(pixels))
+            shown.write(self._context, self._colours[shown.codes])
             shown.of_colours = self._of_colours
+        return int(shown.texture.glo)
+
+    def _texture_of_fields(
+        self, state: ViewState, shown: _Shown, layout: Layout, width_px: float
+    ) -> int:
+        """Return GL's name of a plane's picture of all fields, which is relit pixel by pixel."""
+        volume, rig = state.document.volume, light_rig(state.lights, state.room)
+        if rig is None:
+            raise ViewingError("no light is on", code="missing")
+        of_fields = volume, state.transfer, state.fields
+        if self._fields is None or self._fields[0] != of_fields:
+            self._fields = of_fields, FieldSlices.of(volume, shown_transfer(state))
+        number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
+        step = _step(volume, layout, width_px)
+        window = grey_window(state.interface.slices, state.document.data[""].histogram)
+        of_image = (*of_fields, layout, number, step, window, state.shading.groups)
+        if of_image != shown.of_codes:
+            index = slice_index(volume, layout, number, step)
+            basis = state.transfer.basis
+            shown.image = self._fields[1].image(index, window, state.shading, basis)
+            shown.of_codes, shown.of_colours = of_image, ()
+        spec = shown_spec(state)
+        of_colours = state.lights, spec
+        if shown.of_colours != of_colours:
+            assert shown.image is not None
+            given = replace(spec, viewing=spec.viewing.unmeasured())
+            with Relighter(shown.image, backend="numpy") as relighter:
+                shown.write(self._context, _packed(relighter.frame(rig, given)))
+            shown.of_colours = of_colours
         return int(shown.texture.glo)
 
     def _relight(self, state: ViewState, entries: Entries) -> None:
@@ -84,14 +138,24 @@ class SlicePictures:
         if colours is None:
             shades = greys(entries, state.document.volume.range, window)
             colours = np.rint(255 * shades)[:, None].repeat(3, axis=1)
-        red, green, blue = colours.astype(np.uint32).T
-        self._colours = red | green << 8 | blue << 16 | _OPAQUE
+        self._colours = _packed(colours)
 
     def close(self) -> None:
         """Release everything."""
         for shown in self._slices.values():
             shown.release()
         self._slices.clear()
+
+
+def _step(volume: Volume, layout: Layout, width_px: float) -> int:
+    """Return the distance in voxels of neighbouring pixels."""
+    return max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
+
+
+def _packed(codes: NDArray[Any]) -> NDArray[np.uint32]:
+    """Return (…, 3) codes as opaque pixels (…,)."""
+    red, green, blue = np.moveaxis(codes.astype(np.uint32), -1, 0)
+    return np.asarray(red | green << 8 | blue << 16 | _OPAQUE)
 
 
 def _relight_table(state: ViewState, window: tuple[float, float]) -> NDArray[np.uint8] | None:
