@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import volspec as vs
 from tests.support.errors import raises, warns
-from volspec.errors import VolumeError
+from volspec.errors import VolspecWarning, VolumeError
 from volspec.transfer import FieldFunctions
 from volspec.transfer.channel_look import channel_limits
 from volspec.volume import load_volume, volume_choices
@@ -165,3 +165,10 @@ def test_a_dark_channel_is_left_out_with_a_warning(
     tifffile.imwrite(path, np.full_like(dark, 7).transpose(1, 0, 2, 3), metadata=metadata)
     with raises(VolumeError, "range"):
         load_volume(path)
+    empty = dark.astype(np.float32)
+    empty[1] = np.nan
+    tifffile.imwrite(path, empty.transpose(1, 0, 2, 3), metadata=metadata)
+    with pytest.warns(VolspecWarning) as caught:
+        volume = load_volume(path)
+    assert any("channel 1" in str(each.message) for each in caught)
+    assert np.array_equal(volume.values, empty[2]) and volume.fields == ()

@@ -180,7 +180,14 @@ def _read_channels(
     for number, name in enumerate(names):
         one = replace(query, options={**query.options, "channel": str(number)})
         of_field: list[str] = []
-        field = _read_field(one, library, name if fields else str(query.path), of_field)
+        try:
+            field = _read_field(one, library, name if fields else str(query.path), of_field)
+        except VolumeError as error:
+            if error.code != "range":
+                raise
+            reason = str(error).partition(": ")[2]
+            remarks.append(f"{query.path}: channel {number} ({name}) is left out: {reason}")
+            continue
         remarks += [] if number else of_field  # those on a file are the same for all channels
         low, high = field.range
         if low < high or uniform:

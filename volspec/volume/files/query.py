@@ -149,8 +149,12 @@ class Query:
                 given=given,
             )
         if given is None:
+            many = key == "channel" and count > MAX_FIELDS
+            most = (
+                f"more than the {MAX_FIELDS} that open together" if many else "but a volume has one"
+            )
             raise VolumeError(
-                f"{self.path}: holds {count} {what}, but a volume has one; choose it with "
+                f"{self.path}: holds {count} {what}, {most}; choose one with "
                 f"{self.example(**{key: '0'})} (0 … {count - 1})",
                 code="missing",
             )
