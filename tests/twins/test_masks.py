@@ -126,7 +126,7 @@ def test_a_cut_mask_on_a_third_lattice_matches_the_reference(
 
 
 def test_bands_of_another_field_make_a_joint_function(ct: Volume) -> None:
-    """As labels do of a field that has their numbers where the values are."""
+    """Labels with their numbers where the values are make the same picture."""
     other = replace(ct, values=ct.values[:, ::-1].copy(), name="high")
     bands = {(-900, -300): None, (-300, 50): LIVER, (150, 5000): BONE}
     transfer = FieldFunctions({"": BODY}, masks={"": Mask("high", bands)})

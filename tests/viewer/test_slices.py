@@ -80,7 +80,7 @@ def test_slices_of_several_fields_show_all_with_their_masks() -> None:
         volume, FieldFunctions(functions, masks={"": Mask("cut", {1: None})})
     )
     index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), 7)
-    shown = made.image(index, (0.0, 1.0), RaycastSpec(), basis).coefficients
+    shown = made.image(index, (0.0, 1.0), RaycastSpec()).coefficients
     # Rows are y, columns x; pet is everywhere in this slice above z = 7.
     assert shown.shape == (8, 8, 3)
     np.testing.assert_allclose(shown[3, 1], (0, 1, 0), atol=1e-6)  # pet alone
@@ -88,7 +88,7 @@ def test_slices_of_several_fields_show_all_with_their_masks() -> None:
     assert 0.3 < mixed[0] < 0.7 and mixed.sum() == pytest.approx(1.0, abs=1e-6)
     np.testing.assert_allclose(shown[7, 6], (0, 1, 0), atol=1e-6)  # the mask hides the CT
     index = slices.slice_index(volume, slice_layout(volume, PLANES[0]), 1)
-    below = made.image(index, (0.0, 1.0), RaycastSpec(), basis).coefficients
+    below = made.image(index, (0.0, 1.0), RaycastSpec()).coefficients
     np.testing.assert_allclose(below[3, 1], (0, 0, 0), atol=1e-6)  # neither, black
     np.testing.assert_allclose(below[3, 6], (1, 0, 0), atol=1e-6)
     np.testing.assert_allclose(below[7, 6], (0, 0, 1), atol=1e-6)  # hidden: the grey of its value

@@ -10,6 +10,7 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises, warns
 from volspec.errors import SceneError, VolumeError
+from volspec.volume.labels import Label
 from volspec.volume.series import Series, load_at, open_volume, step_addresses
 
 SCENE = """
@@ -65,9 +66,9 @@ def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path: Path) -> None
     assert series is not None and volume.by_name.keys() == {str(path), "b"}
     assert series[3].fields[0].range == (0.0, 90.0)
     assert open_volume(f"{path}?time=2")[1] is None
-    assert np.array_equal(load_at(str(path), 2).values, steps()[2])
+    assert np.array_equal(load_at(str(path), 2, {}).values, steps()[2])
     with raises(VolumeError, "range"):
-        load_at(str(path), 4)
+        load_at(str(path), 4, {})
     with raises(VolumeError, "missing"):
         vs.load_series(f"{path}?time=2")
 
@@ -109,6 +110,9 @@ def test_types_and_missing_voxels_are_alike_in_all_steps() -> None:
     assert series[0].values.dtype == np.float32 and series[0].range == series[1].range
     missing = series[1].missing
     assert missing is not None and missing < -1000 and series[1].values[0, 0, 0] == missing
+    assert series[0].is_step_of(series[1])
+    labelled = [vs.Volume(steps()[0], labels={k: Label("liver")}) for k in (1, 2)]
+    assert not labelled[0].is_step_of(labelled[1])
     assert first.values.dtype == np.uint8  # as it was
 
 
@@ -171,5 +175,44 @@ file = "beat*.nrrd"
 transfer.points = [{ value = 20, opacity = 0.2, material = "a" }]
 """
     path.write_text(SCENE.format(file="beat*.nrrd", more=field))
-    series = vs.Scene.load(path).series()
+    scene = vs.Scene.load(path)
+    series = scene.series()
     assert [each.fields[0].values.max() for each in series] == [60, 100, 140, 180]
+    path.write_text(path.read_text().replace('[[field]]\nname = "late"\nfile = "beat*', FEWER))
+    with raises(SceneError, "range") as caught:
+        vs.Scene.load(path).series()
+    assert str(caught.value).count("scene.toml") == 1 and "[[field]] late" in str(caught.value)
+
+
+FEWER = '[[field]]\nname = "late"\nfile = "beat[89]*'
+
+
+def test_a_fields_step_that_cannot_be_read_is_left_out(beat: Path) -> None:
+    path = beat / "scene.toml"
+    for number in range(8, 12):
+        (beat / f"late{number}.nrrd").write_bytes((beat / f"beat{number}.nrrd").read_bytes())
+    (beat / "late10.nrrd").write_bytes((beat / "beat10.nrrd").read_bytes()[:-60])
+    field = """
+[[field]]
+name = "late"
+file = "late*.nrrd"
+transfer.points = [{ value = 20, opacity = 0.2, material = "a" }]
+"""
+    path.write_text(SCENE.format(file="beat*.nrrd", more=field))
+    with warns("beat10.nrrd is left out", "late10.nrrd"):
+        series = vs.Scene.load(path).series()
+    assert series is not None and [each.values.max() for each in series] == [60, 100, 180]
+
+
+def test_a_field_that_is_no_series_is_read_once(beat: Path) -> None:
+    path = beat / "scene.toml"
+    field = """
+[[field]]
+name = "still"
+file = "beat8.nrrd"
+"""
+    path.write_text(SCENE.format(file="beat*.nrrd", more=field))
+    series = vs.Scene.load(path).series()
+    assert series is not None
+    first, last = series[0].fields[0].values, series[3].fields[0].values
+    assert np.shares_memory(first, last)

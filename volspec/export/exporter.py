@@ -145,8 +145,8 @@ def export(
     own = scene.file.output.width, scene.file.output.height
     pixels = _checked_size(size or (even_size(own) if is_film else own))
     progress("read the volume", 0.0)
-    if series is None and (plan.plays if plan else table.play is not None):
-        series = scene.series()
+    plays = table.play is not None if plan is None else plan.plays
+    series = (series or scene.series()) if plays else None
     if series is not None and caster is None:
         volume = series[0]
     volume = caster.volume if caster else volume or scene.volume()
@@ -161,7 +161,7 @@ def export(
     has_sheet = table.sheet and not is_film
     files = tuple(f"{shot.stem}{table.suffix}" for shot in plan.shots)
     files += ("sheet.png",) if has_sheet else ()
-    volumes = series if series is not None and plan.plays else [volume]
+    volumes = [volume] if series is None else series
     casters = _Casters(volume, device, caster, series)
     with exclusive_folder(path):
         folder = ExportFolder(path, fingerprint(scene, volumes, settings), files)

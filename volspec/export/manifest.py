@@ -45,7 +45,8 @@ def fingerprint(scene: Scene, volumes: Iterable[Volume], settings: dict[str, Any
             values = np.ascontiguousarray(each.values)
             digest.update(values.data.cast("B"))
             digest.update(np.ascontiguousarray(each.world_from_index, np.float64).data.cast("B"))
-            shapes.append([each.name, str(values.dtype), values.shape])
+            labels = {str(number): label.name for number, label in each.labels.items()}
+            shapes.append([each.name, str(values.dtype), values.shape, labels])
     lights = [spectrum for light in scene.lights for spectrum in light.rig.lights]
     for spectrum in [*scene.materials.values(), *filters.values(), *lights]:
         digest.update(np.stack([spectrum.wavelengths_nm, spectrum.values]).tobytes())

@@ -39,7 +39,6 @@ from volspec.settings import try_table
 from volspec.transfer import FieldTables, Transfers
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Series, Volume
-from volspec.volume.series import KEPT_BYTES
 
 # Stem of coefficient images; other frames are named after their light.
 _CAST = "cast"
@@ -398,7 +397,7 @@ def _unresolved(file: SceneFile, path: Path) -> tuple[list[str], Volume | None]:
     names.lights(grid, file.cast, names.room(grid))
     try:
         if file.volume.file != _NO_VOLUME:
-            return errors, names.opened(KEPT_BYTES)[0]
+            return errors, names.opened()[0]
     except SceneError as error:
         errors.append(str(error))
     return errors, None

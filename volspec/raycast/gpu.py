@@ -122,10 +122,7 @@ class _Masks:
     @staticmethod
     def key_of(table: FieldTables) -> tuple[Any, ...]:
         """Return what is equal for equal codes."""
-        return tuple(
-            (name, mask.field, mask.edges.tobytes(), mask.between.tobytes())
-            for name, mask in table.masks.items()
-        )
+        return tuple((name, *mask.key) for name, mask in table.masks.items())
 
     @classmethod
     def of(cls, compute: Compute, volume: Volume, table: FieldTables) -> _Masks:

@@ -22,10 +22,10 @@ from volspec.settings import Hint, Name, Unit, Vector, settings
 from volspec.spectra import Spectrum
 from volspec.transfer import FieldFunctions, Mask, TransferFunction, Transfers
 from volspec.transfer.fields import OWN, Label
-from volspec.transfer.missing import label_band, mask_field
+from volspec.transfer.missing import MaskLabels
 from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
-from volspec.volume.series import load_at
+from volspec.volume.series import Known, load_at
 
 At = Callable[[str], AbstractContextManager[None]]
 """Adds a place in the scene's file to an error that is raised within."""
@@ -75,13 +75,13 @@ class FieldSpec:
         """Return the field with another name of its file."""
         return replace(self, file=self.file and change(self.file))
 
-    def load(self, folder: Path, step: int) -> Volume:
-        """Read the field's file, or a time step if it is a series.
+    def load(self, folder: Path, step: int, known: Known) -> Volume:
+        """Read the field's file, or a time step if it is a series; `load_at` describes ``known``.
 
         Raises VolumeError if it cannot be read or placed.
         """
         assert self.file is not None
-        field = load_at(locate_volume(self.file, folder), step)
+        field = load_at(locate_volume(self.file, folder), step, known)
         if self.spacing_mm is not None:
             field = field.with_spacing(self.spacing_mm)
         if self.matrix is not None:
@@ -108,6 +108,7 @@ def with_fields(
     folder: Path,
     at: At,
     step: int,
+    known: Known,
 ) -> Volume:
     """Return a volume with the fields of ``[[field]]``, at a time step of those that are series.
 
@@ -119,7 +120,7 @@ def with_fields(
     for number, row in enumerate(rows):
         with at(f"field[{number}]"):
             if row.file is not None:
-                more[row.name] = row.load(folder, step)
+                more[row.name] = row.load(folder, step, known)
             elif row.name not in more:
                 others = f"or one of {', '.join(more)}" if more else "as the volume's file has none"
                 raise VolumeError(
@@ -133,11 +134,11 @@ def with_fields(
         if transfer.mask is None:
             continue
         with at(f"{table}.mask"):
-            labels = mask_field(transfer.mask, volume)
+            labels = MaskLabels.of(transfer.mask, volume)
         for number, by_label in enumerate(transfer.label or ()):
             with at(f"{table}.label[{number}].label"):
                 for label in by_label.labels:
-                    label_band(label, labels)
+                    labels.add(label)
     return volume
 
 

@@ -302,11 +302,11 @@ class Scene:
 
     def volume(self) -> Volume:
         """Read the volume, or the step of a series, with the scene's spacing and downsampling."""
-        return self._names.opened(KEPT_BYTES)[0]
+        return self._names.opened()[0]
 
     def opened(self) -> tuple[Volume, Series | None]:
         """Read the volume; of a series open all steps, and return the one that is shown."""
-        return self._names.opened(KEPT_BYTES)
+        return self._names.opened()
 
     def step_count(self) -> int:
         """Return the number of the volume's time steps, which are not read; 1 without a series."""

@@ -34,13 +34,22 @@ from volspec.spectra.lights import light_terms
 from volspec.volume import Volume
 from volspec.volume.bundled import locate_volume
 from volspec.volume.load import load_step
-from volspec.volume.series import Series, require_step, step_addresses, volume_or_steps
+from volspec.volume.series import (
+    KEPT_BYTES,
+    Known,
+    Series,
+    require_step,
+    step_addresses,
+    volume_or_steps,
+)
 
 if TYPE_CHECKING:
     from volspec.mesh.caster import MeshCaster
     from volspec.mesh.model import Mesh
     from volspec.scene.room import SceneRoom
 
+# Codes of the errors of a step that cannot be read.
+_UNREADABLE = ("damaged", "not-found")
 # Relative difference of two spacings that causes a warning.
 _SPACING_ERROR = 1e-4
 
@@ -64,6 +73,10 @@ class Resolver:
         """Add the file and a field to an error in the body; the field counts rows from 0."""
         try:
             yield
+        except SceneFaults as error:  # which have their places
+            if self.faults is None:
+                raise
+            self.faults.extend(error.lines)
         except InputError as error:
             found = _at_field(error, field)
             rows = {
@@ -297,7 +310,7 @@ class Resolver:
 
         return some_colours(next(iter(materials.values())).grid)
 
-    def opened(self, kept_bytes: int) -> tuple[Volume, Series | None]:
+    def opened(self) -> tuple[Volume, Series | None]:
         """Load the volume, with the scene's spacing and downsampling, and the series it is of.
 
         Of a series all steps are opened, as they have one range; the volume is ``[volume] step``.
@@ -310,11 +323,11 @@ class Resolver:
             return Volume.empty(*corners), None
         with self._reading():
             found = volume_or_steps(locate_volume(table.file, self.path.parent))
-        if isinstance(found, Volume):
-            return self._prepared(found, 0), None
         with self._reading():
-            require_step(table.file, table.step, len(found))
-        series = self._series(found, kept_bytes)
+            require_step(table.file, table.step, 1 if isinstance(found, Volume) else len(found))
+        if isinstance(found, Volume):
+            return self._prepared(found, 0, {}), None
+        series = self._series(found, KEPT_BYTES)
         return series[min(table.step, len(series) - 1)], series  # some may be left out
 
     def series(self, kept_bytes: int) -> Series | None:
@@ -334,8 +347,16 @@ class Resolver:
             return step_addresses(locate_volume(table.file, self.path.parent))
 
     def _series(self, addresses: tuple[str, ...], kept_bytes: int) -> Series:
+        known: Known = {}  # a further field that is no series is read once
+
         def load(number: int) -> Volume:
-            return self._prepared(load_step(addresses[number], number), number)
+            try:
+                return self._prepared(load_step(addresses[number], number), number, known)
+            except SceneFaults as error:
+                cause = error.__cause__
+                if isinstance(cause, VolumeError) and cause.code in _UNREADABLE:
+                    raise cause from error  # of a field's step, which is left out
+                raise
 
         loads = [partial(load, number) for number in range(len(addresses))]
         with self._reading():
@@ -353,19 +374,21 @@ class Resolver:
                 remedy = f"{error.remedy}, or edit `file` in [volume] of {self.path}"
                 raise VolumeError(error.problem, remedy, code=error.code) from error
 
-    def _prepared(self, volume: Volume, step: int) -> Volume:
+    def _prepared(self, volume: Volume, step: int, known: Known) -> Volume:
         """Return a volume with the scene's spacing, downsampling and further fields."""
         table = self.file.volume
         with self._reading():
             if table.spacing_mm:
-                self._warn_of_spacing(volume, table.spacing_mm)
+                if step == 0:
+                    self._warn_of_spacing(volume, table.spacing_mm)
                 volume = volume.with_spacing(table.spacing_mm)
             if table.downsample != 1:
                 labels = self.file.transfer.kind == "labels"
                 volume = volume.downsampled(table.downsample, labels=labels)
         strict = Resolver(self.file, self.path)
         file = self.file
-        return with_fields(volume, file.transfer, file.field, self.path.parent, strict.at, step)
+        given = file.transfer, file.field, self.path.parent, strict.at
+        return with_fields(volume, *given, step, known)
 
     def _mesh_box(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return two corners of the box around all meshes, also those that are not shown."""

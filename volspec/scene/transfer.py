@@ -115,9 +115,10 @@ class MaskLabelSpec:
     def __post_init__(self) -> None:
         if self.points is None and self.shown:
             raise fault("points", "missing", "give points, or shown = false", "missing")
-        if (self.label is None) == (self.values is None):
-            problem = "missing" if self.label is None else "given with values"
-            raise fault("label", problem, "give label or values", "missing")
+        if self.label is None and self.values is None:
+            raise fault("label", "missing", "give label or values", "missing")
+        if self.label is not None and self.values is not None:
+            raise fault("label", "given with values", "give one of them")
         if self.values is not None and not self.values[0] < self.values[1]:
             raise fault("values", f"{list(self.values)} is empty", "give from < to", "range")
 

@@ -76,7 +76,8 @@ class Mask:
         for label, function in self.functions.items():
             where = f"Mask.functions[{label!r}]"
             if isinstance(label, tuple):
-                if not (len(label) == 2 and label[0] < label[1]):
+                ends = [isinstance(end, int | float | np.number) for end in label]
+                if not (ends == [True, True] and label[0] < label[1]):
                     raise TransferError.refused(where, label, "give a band (from, to)", "range")
             elif not isinstance(label, str):
                 whole = isinstance(label, int | np.integer) and not isinstance(label, bool)
@@ -240,6 +241,11 @@ class MaskTables:
     rows: tuple[TransferTable, ...]  # from row 1 on
     edges: NDArray[np.float64]  # (E,) ascending values at which the row changes
     between: NDArray[np.uint8]  # (E + 1,) rows below the edges, between them and from the last on
+
+    @property
+    def key(self) -> tuple[str, bytes, bytes]:
+        """Field and rows, equal for equal ones."""
+        return self.field, self.edges.tobytes(), self.between.tobytes()
 
     def rows_at(self, values: NDArray[Any]) -> NDArray[np.uint8]:
         """Return the rows of values.

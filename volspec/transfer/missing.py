@@ -10,8 +10,7 @@ once, so that a cell of eight voxels is transparent if one of them is missing: n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from typing import overload
 
 import numpy as np
@@ -87,11 +86,11 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
             curves = [each for each in mask.curves if each is not function]
             where = f"FieldFunctions.masks[{given!r}]"
             try:
-                labels = mask_field(mask.field, volume)
+                labels = MaskLabels.of(mask.field, volume)
             except TransferError as error:
                 raise error.at(f"{where}.field") from None
             masks[name] = MaskTables(
-                labels.name,
+                labels.field.name,
                 tuple(weighted(_bake_row(each, fields[name], table), weight) for each in curves),
                 *_rows_between(mask, curves, labels, where),
             )
@@ -100,49 +99,69 @@ def _bake_fields(transfer: FieldFunctions, volume: Volume) -> TransferTable | Fi
     return FieldTables.in_one(tables, masks)
 
 
-def mask_field(name: str, volume: Volume) -> Volume:
-    """Return the field of a mask. Raises TransferError if there is none of the name."""
-    fields = volume.by_name
-    labels = volume if name == OWN else fields.get(name)
-    if labels is None:
-        raise TransferError(
-            f"{volume.name} has no field {name!r}",
-            f"{nearest(name, fields)}it has {', '.join(fields)}",
-            code="unknown",
-        )
-    return labels
+@dataclass(slots=True)
+class MaskLabels:
+    """A mask's labels and bands of values, as bands of its field's values without overlaps."""
 
+    field: Volume
+    bands: list[tuple[float, float, Label]]
+    whole: bool | None = None  # the values may be labels; None until that is asked
 
-def label_band(label: Label, labels: Volume) -> tuple[float, float]:
-    """Return the values that a label, or a band itself, stands for: (from, to), without ``to``.
+    @classmethod
+    def of(cls, name: str, volume: Volume) -> MaskLabels:
+        """Return none yet, of a volume's field. Raises TransferError if there is no such field."""
+        fields = volume.by_name
+        field = volume if name == OWN else fields.get(name)
+        if field is None:
+            raise TransferError(
+                f"{volume.name} has no field {name!r}",
+                f"{nearest(name, fields)}it has {', '.join(fields)}",
+                code="unknown",
+            )
+        return cls(field, [])
 
-    Raises TransferError if the field is no segmentation, names no label so, or the number is not
-    one of a label.
-    """
-    if isinstance(label, tuple):
-        return label
-    if not are_whole(labels.values, labels.range):
-        low, high = labels.range
-        raise TransferError(
-            f"the values of {labels.name!r}, {low:g} to {high:g}, are not labels",
-            f"give a segmentation, whole numbers from 0 to {MAX_LABEL}, or bands of values",
-            code="type",
-        )
-    if not isinstance(label, str):
-        if not 0 <= label <= MAX_LABEL:
-            raise TransferError.refused("", label, f"give 0 to {MAX_LABEL}", "range")
-        return label, label + 1
-    stated = {number: each for number, each in labels.labels.items() if each.name}
-    names = {name: number for number, name in unique_names(stated).items()}
-    if label not in names:
-        more = ", …" if len(names) > _MOST_NAMED else ""
-        known = f"it has {', '.join([*names][:_MOST_NAMED])}{more}" if names else "it names none"
-        raise TransferError(
-            f"{labels.name!r} has no label {label!r}",
-            f"{nearest(label, names)}{known}; or give its number",
-            code="unknown",
-        )
-    return names[label], names[label] + 1
+    def add(self, label: Label) -> tuple[float, float]:
+        """Add a label, or a band of values; return the values (from, to), without ``to``.
+
+        Raises TransferError if the field is no segmentation, names no label so, the number is not
+        one of a label, or the values are those of another.
+        """
+        low, high = label if isinstance(label, tuple) else self._of_label(label)
+        for first, last, other in self.bands:
+            if low < last and first < high:
+                alike = (low, high) == (first, last)
+                problem = f"{other!r} {'is the same' if alike else 'has some of the same values'}"
+                raise TransferError(problem, "leave out one", code="duplicate")
+        self.bands.append((low, high, label))
+        return low, high
+
+    def _of_label(self, label: int | str) -> tuple[float, float]:
+        field = self.field
+        if self.whole is None:
+            self.whole = are_whole(field.values, field.range)
+        if not self.whole:
+            low, high = field.range
+            raise TransferError(
+                f"the values of {field.name!r}, {low:g} to {high:g}, are not labels",
+                f"give a segmentation, whole numbers from 0 to {MAX_LABEL}, or bands of values",
+                code="type",
+            )
+        if not isinstance(label, str):
+            if not 0 <= label <= MAX_LABEL:
+                raise TransferError.refused("", label, f"give 0 to {MAX_LABEL}", "range")
+            return label, label + 1
+        stated = {number: each for number, each in field.labels.items() if each.name}
+        names = {name: number for number, name in unique_names(stated).items()}
+        if label not in names:
+            more = ", …" if len(names) > _MOST_NAMED else ""
+            listed = f"it has {', '.join([*names][:_MOST_NAMED])}{more}"
+            known = listed if names else "it names none"
+            raise TransferError(
+                f"{field.name!r} has no label {label!r}",
+                f"{nearest(label, names)}{known}; or give its number",
+                code="unknown",
+            )
+        return names[label], names[label] + 1
 
 
 def _bake_row(
@@ -158,27 +177,19 @@ def _bake_row(
 
 
 def _rows_between(
-    mask: Mask, curves: Sequence[TransferFunction | None], labels: Volume, where: str
+    mask: Mask, curves: Sequence[TransferFunction | None], labels: MaskLabels, where: str
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
     """Return the values at which rows change, and the rows: 1 for the first curve, 0 for none."""
     rows = {id(each): row for row, each in enumerate(curves, start=1)}
-    bands: list[tuple[float, float, Label, int]] = []
+    bands = []
     for label, function in mask.functions.items():
         try:
-            band = label_band(label, labels)
+            bands.append((*labels.add(label), rows.get(id(function), 0)))
         except TransferError as error:
             raise error.at(f"{where}.functions[{label!r}]") from None
-        bands.append((*band, label, rows.get(id(function), 0)))
-    bands.sort(key=lambda band: band[:2])
-    for before, after in pairwise(bands):
-        if after[0] < before[1]:
-            alike = before[:2] == after[:2]
-            problem = f"{before[2]!r} {'is the same' if alike else 'has some of the same values'}"
-            place = f"{where}.functions[{after[2]!r}]"
-            raise TransferError(problem, "leave out one", code="duplicate", field=place)
     edges = np.unique([end for band in bands for end in band[:2]])
     between = np.zeros(len(edges) + 1, np.uint8)
-    for low, high, _, row in bands:
+    for low, high, row in bands:
         between[np.searchsorted(edges, low) + 1 : np.searchsorted(edges, high) + 1] = row
     return edges, between
 

@@ -214,6 +214,8 @@ class _App:
         pictures = bool(casts)
         for done in casts:
             self._screen.take(done, self._present)
+            if done.error:
+                self._steps.stop()
         if casts and self._shown is not None:
             self._relight(self._shown)  # now, so that it is shown a frame earlier
         news, opened = self._file_commands.take(first=self._history is None)
@@ -246,6 +248,7 @@ class _App:
     def _open(self, opened: Opened) -> None:
         before = self._present
         self._warned.forget()
+        self._steps.forget()
         opened = opened.after(before)
         self._file_commands.documents.begin(opened, before)
         self._history = History(opened.state)
@@ -395,7 +398,7 @@ class _App:
             under_mouse=screen.under_mouse,
             error_map=screen.error_map,
             slices=screen.slices,
-            step=self._steps.step,
+            step=0 if self._present is None else self._steps.wanted(self._present.document),
             playing=(self._steps.playing, self._steps.loops),
             design=self._designs.status,
             recent=self._file_commands.documents.recent,

@@ -132,6 +132,11 @@ class Volume:
         return {each.name: each for each in (self, *self.fields)}
 
     @property
+    def by_role(self) -> dict[str, Volume]:
+        """All fields by name, its own, whatever it is called, as ``""`` first."""
+        return {"": self} | {each.name: each for each in self.fields}
+
+    @property
     def finest_mm(self) -> float:
         """Smallest spacing of all fields, in mm."""
         return min(min(each.spacing_mm) for each in (self, *self.fields))
@@ -173,30 +178,37 @@ class Volume:
         object.__setattr__(volume, "fields", checked_fields(volume))
         return volume
 
-    def of_series(self, name: str, dtype: np.dtype[Any], low: float, high: float) -> Volume:
+    def of_series(
+        self, name: str, dtype: np.dtype[Any], low: float, high: float, missing: bool
+    ) -> Volume:
         """Return this volume as a time step, with the name, type and range of all.
 
-        >>> Volume(np.eye(2)[None].repeat(2, 0)).of_series("beat", np.dtype("f4"), 0, 9).range
+        ``missing`` is True if some step has missing voxels, which then have one value in all.
+
+        >>> step = Volume(np.eye(2)[None].repeat(2, 0))
+        >>> step.of_series("beat", np.dtype("f4"), 0, 9, False).range
         (0, 9)
         """
-        values, missing = self.values.astype(dtype, copy=False), self.missing
-        if missing is not None:
-            missing = missing_value(low, high)
-            values = np.where(values == self.missing, np.float32(missing), values)
+        values = self.values.astype(dtype, copy=False)
+        below = missing_value(low, high) if missing else None
+        if below is not None and self.missing is not None:
+            values = np.where(values == self.missing, np.float32(below), values)
         values.flags.writeable = False
         volume = copy(self)
-        changes = {"name": name, "values": values, "missing": missing, "range": (low, high)}
+        changes = {"name": name, "values": values, "missing": below, "range": (low, high)}
         for key, value in changes.items():
             object.__setattr__(volume, key, value)
         return volume
 
     def is_step_of(self, other: Volume) -> bool:
         """Return True if two volumes may be steps of one series: only their values differ."""
-        pairs = zip((self, *self.fields), (other, *other.fields), strict=False)
-        return len(self.fields) == len(other.fields) and all(
-            (one.name, one.range, one.missing) == (two.name, two.range, two.missing)
+        if self.by_role.keys() != other.by_role.keys():
+            return False
+        return all(
+            (one.name, one.range, one.missing, one.labels)
+            == (two.name, two.range, two.missing, two.labels)
             and one.has_lattice_of(two)
-            for one, two in pairs
+            for one, two in zip(self.by_role.values(), other.by_role.values(), strict=True)
         )
 
     def with_spacing(self, spacing_mm: tuple[float, float, float]) -> Volume:

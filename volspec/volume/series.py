@@ -37,6 +37,8 @@ _MOST_LISTED = 3
 _NUMBER = re.compile(r"\d+")
 
 Load = Callable[[], Volume]
+Known = dict[str, Volume | tuple[str, ...]]
+"""A volume, or the addresses of a series' steps, by address."""
 
 
 class Series:
@@ -81,7 +83,7 @@ class Series:
         self._kept: OrderedDict[int, Volume] = OrderedDict()
         self._kept_bytes = kept_bytes
         self._lock = threading.Lock()
-        self._alike: dict[str, tuple[np.dtype[Any], float, float]] = {}
+        self._alike: dict[str, tuple[np.dtype[Any], float, float, bool]] = {}
         self._loads: list[Load] = []
         self.names: tuple[str, ...] = ()
         failed: VolumeError | None = None
@@ -102,19 +104,24 @@ class Series:
             self._keep(len(self._loads), volume)
             self._loads.append(load)
             self.names += (name,)
-        self._name = first.name if first else ""
-        if not self._loads:
+        if first is None:
             raise failed or VolumeError(
                 "series: no time steps", "give a volume for each", code="missing", field="steps"
             )
+        self.name = first.name
+        self.shape = first.shape_xyz
+        self.nbytes = sum(
+            each.values.size * self._alike[name][0].itemsize for name, each in first.by_role.items()
+        )
 
     def __len__(self) -> int:
         return len(self._loads)
 
     def __repr__(self) -> str:
-        return f"Series({len(self)} steps of {self[0]!r})"
+        return f"Series({len(self)} steps of {self.shape} voxels)"
 
     def __iter__(self) -> Iterator[Volume]:
+        """Yield the steps, from memory or their files."""
         return (self[number] for number in range(len(self)))
 
     def __getitem__(self, number: int) -> Volume:
@@ -125,31 +132,29 @@ class Series:
         number = range(len(self))[number]
         with self._lock:
             volume = self._kept.get(number)
-            if volume is None:
-                volume = self._loads[number]()
+            if volume is not None:
+                self._kept.move_to_end(number)
+        if volume is None:
+            volume = self._loads[number]()
+            with self._lock:
                 self._keep(number, volume)
-            self._kept.move_to_end(number)
         return self._as_others(volume)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of a step's voxels."""
-        return _nbytes(self[0])
 
     def _widen(self, volume: Volume) -> None:
         """Take a step's type and range into those of all, field by field."""
-        for name, field in _by_role(volume).items():
-            low, high = field.range
+        for name, field in volume.by_role.items():
+            (low, high), missing = field.range, field.missing is not None
             dtype = field.values.dtype
             if (known := self._alike.get(name)) is not None:
                 low, high = min(low, known[1]), max(high, known[2])
                 dtype = np.result_type(dtype, known[0])
                 dtype = dtype if dtype.itemsize <= 2 else np.dtype(np.float32)
-            self._alike[name] = dtype, low, high
+                missing |= known[3]
+            self._alike[name] = dtype, low, high, missing
 
     def _as_others(self, volume: Volume) -> Volume:
         """Return a step with the type and range of all."""
-        own = volume.of_series(self._name, *self._alike[""])
+        own = volume.of_series(self.name, *self._alike[""])
         fields = [each.of_series(each.name, *self._alike[each.name]) for each in volume.fields]
         return own.with_fields(fields) if fields else own
 
@@ -160,18 +165,14 @@ class Series:
             self._kept.popitem(last=False)
 
 
-def _by_role(volume: Volume) -> dict[str, Volume]:
-    """Return fields by name; the own one's, which a file's name may differ in, is ""."""
-    return {"": volume} | {each.name: each for each in volume.fields}
-
-
 def _nbytes(volume: Volume) -> int:
+    """Return the bytes of all fields' voxels."""
     return sum(each.values.nbytes for each in (volume, *volume.fields))
 
 
 def _require_alike(volume: Volume, first: Volume, name: str) -> None:
     """Refuse a step with another lattice or other fields than the first."""
-    fields, others = _by_role(volume), _by_role(first)
+    fields, others = volume.by_role, first.by_role
     if fields.keys() != others.keys():
         raise VolumeError(
             f"{name}: has the fields {', '.join(volume.by_name)}, but the first step has "
@@ -190,6 +191,7 @@ def _require_alike(volume: Volume, first: Volume, name: str) -> None:
 
 
 def _lattice(volume: Volume) -> str:
+    """Describe a lattice in a message."""
     counts = "x".join(map(str, volume.shape_xyz))
     return f"{counts} voxels of {', '.join(f'{mm:.4g}' for mm in volume.spacing_mm)} mm"
 
@@ -239,24 +241,26 @@ def open_volume(address: str) -> tuple[Volume, Series | None]:
     return series[0], series
 
 
-def load_at(address: str, step: int) -> Volume:
+def load_at(address: str, step: int, known: Known) -> Volume:
     """Read a volume, or one step of a series, from 0.
 
-    Raises VolumeError as `load_volume`, or if there are fewer steps.
+    What the address leads to is looked up in ``known``, and added there: a volume that is no series
+    is read once. Raises VolumeError as `load_volume`, or if there are fewer steps.
     """
-    found = volume_or_steps(address)
+    first = address not in known
+    found = known.setdefault(address, volume_or_steps(address)) if first else known[address]
     if isinstance(found, Volume):
         return found
     require_step(address, step, len(found))
-    return load_step(found[step], 0)
+    return load_step(found[step], 0 if first else 1)
 
 
 def require_step(address: str, step: int, count: int) -> None:
     """Raise VolumeError if there is no step of this number."""
     if step >= count:
         raise VolumeError(
-            f"{address}: has {count} time steps, step = {step} is none of them",
-            f"give 0 to {count - 1}",
+            f"{address}: has {count} time step{'s' * (count > 1)}, step = {step} is none of them",
+            f"give 0 to {count - 1}" if count > 1 else "leave it out",
             code="range",
             given=step,
         )

@@ -125,11 +125,11 @@ def field_data(steps: Series | tuple[Volume, ...]) -> dict[str, FieldData]:
     >>> data.joint.counts.shape, data.joint.top > 0, int(data.histogram.sum())
     ((64, 128), True, 4096)
     """
-    first = _by_role(steps[0])
+    first = steps[0].by_role
     counts = {name: np.zeros(0) for name in first}
     samples: dict[str, list[Samples]] = {name: [] for name in first}
     for step in steps:
-        for name, each in _by_role(step).items():
+        for name, each in step.by_role.items():
             own = presets.histogram(each)
             counts[name] = counts[name] + own if counts[name].size else own
             samples[name].append(_samples(each, max(_SAMPLES // len(steps), 1)))
@@ -137,10 +137,6 @@ def field_data(steps: Series | tuple[Volume, ...]) -> dict[str, FieldData]:
         name: FieldData(each, counts[name], JointHistogram.of(samples[name], each.range))
         for name, each in first.items()
     }
-
-
-def _by_role(volume: Volume) -> dict[str, Volume]:
-    return {"": volume} | {each.name: each for each in volume.fields}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,15 +169,22 @@ class Document:
 
     def __post_init__(self) -> None:
         data = field_data((self.volume,) if self.series is None else self.series)
-        for name, each in _by_role(self.volume).items():
+        for name, each in self.volume.by_role.items():
             data[name] = data[name].at(each)
         object.__setattr__(self, "data", data)
 
     def at_step(self, step: int, volume: Volume, caster: Raycaster | None) -> Document:
         """Return the document at another time step; histograms are of all steps."""
+        data = {name: self.data[name].at(each) for name, each in volume.by_role.items()}
+        return self._with(step=step, volume=volume, caster=caster, data=data)
+
+    def with_choices(self, choices: tuple[Choice, ...]) -> Document:
+        """Return the document with what its address leaves open."""
+        return self._with(choices=choices)
+
+    def _with(self, **changes: Any) -> Document:
+        """Return a copy with other fields, for which no histogram is made again."""
         document = copy(self)
-        data = {name: self.data[name].at(each) for name, each in _by_role(volume).items()}
-        changes = {"step": step, "volume": volume, "caster": caster, "data": data}
         for name, value in changes.items():
             object.__setattr__(document, name, value)
         return document

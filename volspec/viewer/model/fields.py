@@ -6,7 +6,7 @@ panel -> [fields] -> state -> cast, SCENE.toml
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 from volspec.errors import VolspecError, one_line
@@ -14,7 +14,7 @@ from volspec.transfer import FieldFunctions, Transfer, TransferFunction, Transfe
 from volspec.viewer.model.document import FieldData
 from volspec.viewer.model.edit import edit, with_interface
 from volspec.viewer.model.field_looks import FieldLook
-from volspec.viewer.model.materials import other_fields, with_materials
+from volspec.viewer.model.materials import other_functions, with_materials
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.view import clamp
 
@@ -23,33 +23,40 @@ MOST_WEIGHT = 10.0
 
 def all_fields(state: ViewState) -> list[FieldLook]:
     """Return all fields with their present transfer functions."""
-    materials, basis = state.transfer.materials, state.transfer.basis
+    return _present(state.transfer, state.fields, state.chosen_field)
+
+
+def _present(transfer: Transfer, looks: tuple[FieldLook, ...], chosen: int) -> list[FieldLook]:
+    materials, basis = transfer.materials, transfer.basis
     return [
-        replace(look, transfer=state.transfer)
-        if number == state.chosen_field
+        replace(look, transfer=transfer)
+        if number == chosen
         else replace(look, transfer=replace(look.transfer, materials=materials, basis=basis))
-        for number, look in enumerate(state.fields)
+        for number, look in enumerate(looks)
     ]
 
 
 def shown_transfer(state: ViewState) -> Transfers:
     """Return what is cast: the transfer function, or those of all fields.
 
+    Equal fields have the same object, so that tables and light volumes are made once.
+
     Raises TransferError if one is of a kind that cannot be cast with others.
     """
-    looks = all_fields(state)
-    if not looks:
+    if not state.fields:
         return state.transfer
+    return _composed(state.transfer, state.fields, state.chosen_field)
+
+
+@lru_cache(maxsize=4)
+def _composed(transfer: Transfer, fields: tuple[FieldLook, ...], chosen: int) -> FieldFunctions:
+    looks = _present(transfer, fields, chosen)
     functions: dict[str, TransferFunction] = {}
     for look in looks:
         functions[look.name] = look.transfer  # type: ignore[assignment]  # refused below
     weights = {look.name: look.weight if look.shown else 0.0 for look in looks}
-    materials, basis = state.transfer.materials, state.transfer.basis
-    masks = {
-        look.name: look.mask.changed(partial(replace, materials=materials, basis=basis))
-        for look in looks
-        if look.mask is not None
-    }
+    changed = partial(replace, materials=transfer.materials, basis=transfer.basis)
+    masks = {look.name: look.mask.changed(changed) for look in looks if look.mask is not None}
     return FieldFunctions(functions, weights, masks)
 
 
@@ -60,9 +67,7 @@ def with_all_fields(old: ViewState, new: ViewState) -> tuple[ViewState, str]:
     """
     if new.transfer is old.transfer or not new.document.is_of(old.document):
         return new, ""
-    known = new.transfer.materials
-    masks = (each for look in new.fields if look.mask for each in look.mask.curves if each)
-    functions = [*(look.transfer for look in other_fields(new)), *masks]
+    known, functions = new.transfer.materials, other_functions(new).values()
     used = {name for each in functions for name in _used(each) if name not in known}
     try:
         if used:

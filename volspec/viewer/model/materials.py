@@ -29,7 +29,6 @@ from volspec.transfer import (
 )
 from volspec.transfer.mixes import used_materials
 from volspec.viewer.model.edit import edit, refusable
-from volspec.viewer.model.field_looks import FieldLook
 from volspec.viewer.model.light_rows import unused_name
 from volspec.viewer.model.scene_file import same_spectrum
 from volspec.viewer.model.state import ViewState
@@ -146,7 +145,7 @@ def uses_of_material(
     transfer: Transfer,
     name: str,
     rows: Sequence[MeshSpec] = (),
-    fields: Sequence[FieldLook] = (),
+    fields: Mapping[str, Transfer] | None = None,
 ) -> str:
     """Return why a material cannot be removed: what is made of it; empty if there is nothing.
 
@@ -160,7 +159,7 @@ def uses_of_material(
     numbers = _users(transfer).get(name, ())
     if not numbers:
         others = [(f"mesh {row.name}", row.used) for row in rows]
-        others += [(f"field {look.name}", tuple(_users(look.transfer))) for look in fields]
+        others += [(user, tuple(_users(each))) for user, each in (fields or {}).items()]
         user = next((user for user, used in others if name in used), None)
         return f"{user} is made of it; give it another material first" if user else ""
     what = _PARTS[type(transfer)]
@@ -208,20 +207,29 @@ def add_material(state: ViewState, index: int, text: str) -> ViewState:
     transfer = state.transfer
     grid, observer_deg = transfer.basis.grid, transfer.basis.observer_deg
     spectrum = reflectance_for(text, grid, observer_deg, state.document.folder)
-    used = [name for look in other_fields(state) for name in _users(look.transfer)]
+    used = [name for each in other_functions(state).values() for name in _users(each)]
     new = with_material(transfer, index, text.strip(), spectrum, used)
     return state if new is transfer else replace(state, transfer=new)
 
 
-def other_fields(state: ViewState) -> list[FieldLook]:
-    """Return the fields whose transfer functions are not edited now."""
-    return [look for number, look in enumerate(state.fields) if number != state.chosen_field]
+def other_functions(state: ViewState) -> dict[str, Transfer]:
+    """Return the transfer functions that are not edited now, of fields and masks, by their name."""
+    found: dict[str, Transfer] = {
+        f"field {look.name}": look.transfer
+        for number, look in enumerate(state.fields)
+        if number != state.chosen_field
+    }
+    for look in state.fields:
+        for label, each in look.mask.functions.items() if look.mask else ():
+            if each is not None:
+                found[f"label {label} of {look.mask.field}"] = each  # type: ignore[union-attr]
+    return found
 
 
 @edit
 def remove_material(state: ViewState, name: str) -> ViewState:
     """Remove a material that no part and no mesh is made of."""
-    if uses_of_material(state.transfer, name, state.meshes, other_fields(state)):
+    if uses_of_material(state.transfer, name, state.meshes, other_functions(state)):
         return state
     new = without_material(state.transfer, name)
     return state if new is state.transfer else replace(state, transfer=new)

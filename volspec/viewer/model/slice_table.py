@@ -125,28 +125,36 @@ def table_image(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldSlices:
-    """What slices of several fields are made of: tables, and the lattices of masks."""
+    """Tables of several fields, and lattices of their masks, for slices."""
 
     volume: Volume
+    basis: Basis
     tables: FieldTables
     masks: Mapping[str, MaskLattice]
 
     @classmethod
-    def of(cls, volume: Volume, transfer: Transfers) -> FieldSlices:
-        """Bake the transfer functions of a volume's fields."""
+    def of(
+        cls, volume: Volume, transfer: Transfers, before: FieldSlices | None = None
+    ) -> FieldSlices:
+        """Bake the transfer functions of a volume's fields.
+
+        Lattices of masks are those of ``before`` if it has the same.
+        """
         tables = bake_for_volume(transfer, volume)
         if not isinstance(tables, FieldTables):
             assert isinstance(tables, TransferTable)  # of one field alone
             tables = FieldTables.in_one({volume.name: tables})
-        masks = {name: MaskLattice.of(volume, name, m) for name, m in tables.masks.items()}
-        return cls(volume, tables, masks)
+        known = {}
+        if before is not None and before.volume is volume:
+            known = {before.tables.masks[name].key: each for name, each in before.masks.items()}
+        masks = {
+            name: known.get(mask.key) or MaskLattice.of(volume, name, mask)
+            for name, mask in tables.masks.items()
+        }
+        return cls(volume, transfer.basis, tables, masks)
 
     def image(
-        self,
-        index: NDArray[np.float64],
-        window: tuple[float, float],
-        shading: RaycastSpec,
-        basis: Basis,
+        self, index: NDArray[np.float64], window: tuple[float, float], shading: RaycastSpec
     ) -> CoefficientImage:
         """Return the slice at (rows, columns, 3) indices of the volume, in each light group.
 
@@ -180,7 +188,7 @@ class FieldSlices:
         layers = np.concatenate([channels * part for part in groups.values()], axis=1)
         ones = np.ones(size, np.float32)
         pixels = layers.reshape(*size, -1).astype(np.float32)
-        return CoefficientImage(pixels, ones, ones, basis, groups=groups)
+        return CoefficientImage(pixels, ones, ones, self.basis, groups=groups)
 
 
 def _values_at(

@@ -15,7 +15,7 @@ from volspec.spectra.fluorophores import PREFIX as FLUOROPHORE
 from volspec.transfer import presets
 from volspec.viewer.model import fields, materials, transfer_edits
 from volspec.viewer.model.commands import rank_matches
-from volspec.viewer.model.materials import other_fields, uses_of_material
+from volspec.viewer.model.materials import other_functions, uses_of_material
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.model.transfer_parts import list_parts
 from volspec.viewer.ui import palette_editor
@@ -348,7 +348,7 @@ def _material_row(
     if moved:
         new = transfer_edits.set_material_weight(new, index, name, weight)
     imgui.same_line()
-    why = uses_of_material(new.transfer, name, new.meshes, other_fields(new))
+    why = uses_of_material(new.transfer, name, new.meshes, other_functions(new))
     imgui.begin_disabled(bool(why))
     pressed = draw_cross(ui)
     imgui.end_disabled()

@@ -126,7 +126,7 @@ class ProgramBuilder(LatestWorker[tuple["CastJob", Viewing], None]):
         document, spec = cast.document, cast.shading
         among = bool(cast.meshes) or cast.room is not None
         one = replace(spec, groups=spec.groups[:1])
-        wanted = document, type(cast.transfer), one, among, len(spec.groups)
+        wanted = document.opening, type(cast.transfer), one, among, len(spec.groups)
         if document.caster is None or wanted == self._built or not self._wait_idle(_REST_S):
             return
         self._built = wanted

@@ -16,6 +16,7 @@ from pathlib import Path
 
 from volspec._triangles import is_mesh_file
 from volspec.errors import InputError, VolspecError, VolumeError, one_line
+from volspec.pipeline import Raycaster
 from volspec.scene import Scene
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import reflectance_names
@@ -62,8 +63,7 @@ def open_document(
     # Loaded ahead, as presets would have to wait for the names.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
-    document = Document.of(scene, volume, caster, fault, series)
-    return replace(document, choices=choices)
+    return Document.of(scene, volume, caster, fault, series).with_choices(choices)
 
 
 def list_choices(path: str) -> tuple[Choice, ...]:
@@ -97,7 +97,7 @@ class Opened:
         """Return this for the current window; a session keeps its interface and chosen light."""
         if before is None:
             return self
-        if before.document is self.instead_of:
+        if self.instead_of is not None and before.document.is_of(self.instead_of):
             return replace(self, state=replace(before, document=self.state.document))
         interface = self.state.interface
         if self.session is None:
@@ -281,6 +281,11 @@ class DocumentService:
             # The steps of a series may differ from another's.
             known = None if key == "series" else choices
             document = open_document(path, self._device, known)
+            step = state.document.step
+            if document.series is not None and step:
+                volume, like = document.series[step], document.caster
+                caster = None if like is None else Raycaster(volume, like=like)
+                document = document.at_step(step, volume, caster)
             if key == "level":  # whose values mean the same, so that the transfer function stays
                 found = replace(state, document=document)
                 return Opened(found, instead_of=state.document)
@@ -308,7 +313,7 @@ class DocumentService:
                 raise self._store.broken(path, error) from error
             document = state.document
             if document.source is not None and not document.source.lower().endswith(".toml"):
-                document = replace(document, choices=list_choices(document.source))
+                document = document.with_choices(list_choices(document.source))
             shown = None if self._store.holds(path) else str(path)
             return Opened(replace(state, document=document), shown, path)
 

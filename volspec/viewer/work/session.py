@@ -28,7 +28,6 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.cast_images import is_cast_image, open_image
 from volspec.viewer.work.casts import make_caster
 from volspec.viewer.work.session_codec import KIND, Reader, ValueFault, Writer
-from volspec.volume.series import KEPT_BYTES
 
 FORMAT = "volspec-session"
 VERSION = 3
@@ -204,7 +203,7 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
         moved = replace(file.volume, file=f"{session.path}{mark}{query}")
         file = replace(file, volume=moved)
     names = Resolver(file, session.path)
-    volume, series = names.opened(KEPT_BYTES)
+    volume, series = names.opened()
     room = painted = names.room(of_document["transfer"].basis.grid)
     if room is not None:
         painted = room.with_paint(_paint(data))

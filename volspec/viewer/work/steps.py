@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
-from volspec.errors import VolspecError, one_line
+from volspec.errors import OpenCLError, VolspecError, one_line
 from volspec.pipeline import Raycaster, raycast
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.fields import shown_transfer
@@ -22,6 +22,7 @@ from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.background import LatestWorker
 from volspec.viewer.work.casts import Pass
 from volspec.viewer.work.notify import Notice
+from volspec.volume import Volume
 from volspec.volume.series import KEPT_BYTES
 
 # Width and height of a cast ahead, and its pass, as of pictures that move.
@@ -77,15 +78,30 @@ class _StepWorker(LatestWorker[_Wanted, _Ready]):
             self._of = document.opening
             self._ready.clear()
         if step not in self._ready:
-            series, like = document.series, document.caster
+            series = document.series
             assert series is not None
             volume = series[step]
-            caster = None if like is None else Raycaster(volume, like=like)
-            self._ready[step] = document.at_step(step, volume, caster)
+            self._ready[step] = document.at_step(step, volume, self._caster(document, volume))
             while len(self._ready) > max(2, KEPT_BYTES // series.nbytes):
                 self._ready.popitem(last=False)
         self._ready.move_to_end(step)
         return self._ready[step]
+
+    def _caster(self, document: Document, volume: Volume) -> Raycaster | None:
+        """Return a caster of a step; if the device has no room, other steps make some."""
+        while (like := document.caster) is not None:
+            try:
+                return Raycaster(volume, like=like)
+            except OpenCLError:
+                if not self._ready:
+                    raise
+                self._ready.popitem(last=False)
+        return None
+
+    def forget(self) -> None:
+        """Release the steps of a document that is no longer open."""
+        self._ready.clear()
+        self._of = None
 
 
 class Steps:
@@ -116,8 +132,7 @@ class Steps:
 
     def go(self, state: ViewState, by: int) -> None:
         """Start showing a later or an earlier step than the one that was wanted last."""
-        document, (opening, step) = state.document, self._wanted or (None, 0)
-        self.show(state, (step if opening is document.opening else document.step) + by)
+        self.show(state, self.wanted(state.document) + by)
 
     def toggle(self, state: ViewState) -> None:
         """Start or stop playing."""
@@ -133,10 +148,19 @@ class Steps:
         """Play once, or again and again."""
         self.loops = not self.loops
 
-    @property
-    def step(self) -> int:
-        """The step that was wanted last."""
-        return 0 if self._wanted is None else self._wanted[1]
+    def wanted(self, document: Document) -> int:
+        """Return the step of a document that was wanted last, else the one that it shows."""
+        opening, step = self._wanted or (None, 0)
+        return step if opening is document.opening else document.step
+
+    def stop(self) -> None:
+        """Stop playing."""
+        self.playing = False
+
+    def forget(self) -> None:
+        """Stop, and release the steps of a document that is no longer open."""
+        self.playing, self._wanted, self._followed = False, None, None
+        self._worker.forget()
 
     def patience(self, now: float) -> float:
         """Return the seconds until the next step is due; inf if none plays, or it waits."""
@@ -173,7 +197,7 @@ class Steps:
         found = None
         for ready in self._worker.take():
             if ready.error:
-                self.playing = False
+                self.playing, self._wanted = False, None
                 self._notice.show_error(ready.error)
             elif ready.document and document and ready.document.is_of(document):
                 found = ready.document

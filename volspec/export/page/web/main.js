@@ -19,6 +19,7 @@ class App {
     this.shown = -1;
     this.turning = false;
     this.playing = false;
+    this.run = 0;
     // Pixel under the mouse; the pinned one is in the state.
     this.hovered = null;
     this.spoken = false;
@@ -96,11 +97,11 @@ class App {
 
   // Play the time steps, in a loop; a step that takes longer to unpack is shown late.
   async play(wanted) {
-    const was = this.playing;
     this.playing = wanted && stepsOf(this.page) > 1;
+    // A call ends the ones before.
+    const run = ++this.run;
     this.refresh();
-    if (was) return;
-    while (this.playing) {
+    while (this.playing && run === this.run) {
       const due = new Promise((done) => { setTimeout(done, 1000 / this.page.fps); });
       await this.turnTo(viewAfter(this.page, this.state.view, 0, 1));
       await due;
@@ -113,6 +114,7 @@ class App {
       this.texels = await this.decode(view);
     } catch (error) {
       if (this.shown < 0) throw error;
+      this.playing = false;
       notify(`This view cannot be unpacked: ${error.message}. You see the previous one.`);
       // A view requested in the meantime is shown.
       if (this.state.view === view) this.put({ view: this.shown });
