@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import volspec as vs
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from volspec.errors import SceneError
 from volspec.export.plan import check_scene
 from volspec.scene.writing import write_scene
@@ -227,6 +227,12 @@ def test_a_mistaken_mask_is_found_at_its_row(masked: Path, old: str, new: str, p
     masked.write_text(text.replace(old, new))
     (fault,) = check_scene(masked).errors
     assert place in fault and "\n" not in fault
+
+
+def test_a_row_of_labels_that_are_nowhere_is_warned_of(masked: Path) -> None:
+    masked.write_text(masked.read_text().replace("label = 2", "label = 77"))
+    with warns("transfer.label[1]", "'organs' (0 … 2)", "77"):
+        assert not check_scene(masked).errors
 
 
 def test_a_mask_s_file_must_hold_labels(masked: Path) -> None:

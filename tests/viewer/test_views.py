@@ -317,10 +317,10 @@ def test_where_nothing_is_shown_the_volume_is_fitted(state: ViewState) -> None:
     curve = state.transfer
     assert isinstance(curve, TransferFunction)
     clear = replace(curve, points=[(value, 0.0, mix) for value, _, mix in curve.points])
-    np.testing.assert_array_equal(shown_mm(volume, clear, state.shading), volume.corners_mm)
+    np.testing.assert_array_equal(shown_mm([volume], clear, state.shading), volume.corners_mm)
     # What is cut away is not shown.
     cut = replace(state.shading, crop_voxels=((0.0, 3.0), (0.0, 7.0), (0.0, 7.0)))
-    assert shown_mm(volume, state.transfer, cut)[:, 0].max() <= 3.0
+    assert shown_mm([volume], state.transfer, cut)[:, 0].max() <= 3.0
 
 
 @pytest.mark.parametrize("orthographic", [False, True])

@@ -10,6 +10,7 @@ import pytest
 import volspec as vs
 from tests.support.errors import raises, warns
 from volspec.errors import SceneError, VolumeError
+from volspec.export.frames import read_frame
 from volspec.volume.labels import Label
 from volspec.volume.series import Series, load_at, open_volume, step_addresses
 
@@ -66,9 +67,9 @@ def test_a_4d_file_is_a_series_and_a_step_of_it_a_volume(tmp_path: Path) -> None
     assert series is not None and volume.by_name.keys() == {str(path), "b"}
     assert series[3].fields[0].range == (0.0, 90.0)
     assert open_volume(f"{path}?time=2")[1] is None
-    assert np.array_equal(load_at(str(path), 2, {}).values, steps()[2])
-    with raises(VolumeError, "range"):
-        load_at(str(path), 4, {})
+    assert np.array_equal(load_at(str(path), 2, 4, {}).values, steps()[2])
+    with raises(VolumeError, "shape"):
+        load_at(str(path), 2, 3, {})
     with raises(VolumeError, "missing"):
         vs.load_series(f"{path}?time=2")
 
@@ -151,6 +152,40 @@ def test_a_scene_shows_a_step_and_exports_all(beat: Path) -> None:
     assert np.abs(own.coefficients - as_step.coefficients).max() < 1e-5
 
 
+def test_a_scene_made_for_a_series_fits_all_steps(tmp_path: Path) -> None:
+    """The first step may be empty; the camera frames what the last one shows."""
+    import SimpleITK
+
+    steps_of = [np.zeros((12, 12, 12), np.uint8), *steps(3)]
+    path = tmp_path / "growing.nrrd"
+    series = SimpleITK.JoinSeries([SimpleITK.GetImageFromArray(each) for each in steps_of])
+    SimpleITK.WriteImage(series, path)
+    scene = vs.Scene.from_volume(path, lights=["D65"])
+    made = scene.series()
+    assert made is not None and made[0].values.max() == 0 and made[0].range == (0.0, 140.0)
+    last = scene.render(made[3], size=(64, 64))
+    edges = [last.alpha[0], last.alpha[-1], last.alpha[:, 0], last.alpha[:, -1]]
+    assert last.alpha.max() > 0.5 and max(edge.max() for edge in edges) < 0.01
+    alone = vs.Scene.from_volume(f"{path}?time=3", lights=["D65"])
+    assert alone.file.camera.zoom == pytest.approx(scene.file.camera.zoom, rel=0.1)
+
+
+def test_a_frame_is_the_picture_of_its_step_whichever_was_cast_before(beat: Path) -> None:
+    path = beat / "scene.toml"
+    path.write_text(SCENE.format(file="beat*.nrrd", more=""))
+    scene = vs.Scene.load(path)
+    made = scene.export(beat / "frames", play={}, lights=["day"], sheet=False)
+    path.write_text(SCENE.format(file="beat*.nrrd", more="volume.step = 3"))
+    alone = vs.Scene.load(path).export(beat / "alone", lights=["day"], sheet=False)
+    frame = (made.output / made.files[3]).read_bytes()
+    own = read_frame(alone.output / alone.files[0])
+    assert np.array_equal(read_frame(made.output / made.files[3]), own)
+    for name in made.files[1:]:
+        (made.output / name).unlink()
+    assert scene.export(made.output, play={}, lights=["day"], sheet=False).made == 3
+    assert frame == (made.output / made.files[3]).read_bytes()
+
+
 def test_what_cannot_play_is_refused(beat: Path) -> None:
     path = beat / "scene.toml"
     path.write_text(SCENE.format(file="beat8.nrrd", more=""))
@@ -179,7 +214,7 @@ transfer.points = [{ value = 20, opacity = 0.2, material = "a" }]
     series = scene.series()
     assert [each.fields[0].values.max() for each in series] == [60, 100, 140, 180]
     path.write_text(path.read_text().replace('[[field]]\nname = "late"\nfile = "beat*', FEWER))
-    with raises(SceneError, "range") as caught:
+    with raises(SceneError, "shape") as caught:
         vs.Scene.load(path).series()
     assert str(caught.value).count("scene.toml") == 1 and "[[field]] late" in str(caught.value)
 

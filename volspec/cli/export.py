@@ -99,7 +99,7 @@ def export(
         Number of frames in which one light fades into the next.
     play
         Show the time steps of a series one after the other, a frame each, or in as many as the
-        camera or the lights have.
+        camera or the lights have; a pattern of files is one series.
     size
         WIDTHxHEIGHT in pixels, instead of the scene's; large pictures are cast in tiles.
     samples
@@ -117,7 +117,7 @@ def export(
         Marks in the pictures: scale, orientation, title, light or materials (with their colours),
         or all; repeatable.
     fps
-        Frames per second.
+        Frames per second; default: the scene's, and with --play those of its [volume].
     overwrite
         Replace files that an export of another scene left in the folder.
     """
@@ -136,7 +136,7 @@ def export(
             "format": format,
             "spectral": spectral or None,
             "transparent": transparent or None,
-            "fps": fps,
+            "fps": scene.file.volume.fps if fps is None and play else fps,
             "annotate": MARKS if annotate == [_ALL] else annotate,
             "play": {} if play and own.play is None else None,
         }
@@ -196,7 +196,7 @@ def export(
             line += f", under {names[0]}; --light {_ALL} makes {turns}"
         return line
 
-    run_jobs(jobs(inputs, output), frames, json=json)
+    run_jobs(jobs(inputs, output, series=play), frames, json=json)
 
 
 def _check_views(_: object, views: int) -> None:
@@ -269,7 +269,7 @@ def page(
     from volspec.relight import LightRig
     from volspec.scene.lights import NamedLight, require_lux
 
-    found = jobs(inputs, output, "pages", ".html", ".htm")
+    found = jobs(inputs, output, "pages", ".html", ".htm", series=play)
 
     def write(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)

@@ -95,11 +95,16 @@ def open_scene(
         for text in lights or ():
             light(text, DEFAULT_GRID)  # refused before the volume is read
             note_everyday(text)
-        volume, _ = open_volume(address)
+        volume, series = open_volume(address)
         orbit = None if wanted is None else _orbit(wanted, lambda: volume)
         with in_options({"preset": "--preset"}):
             scene = Scene.from_volume(
-                address, preset=preset, lights=lights or (), camera=orbit, volume=volume
+                address,
+                preset=preset,
+                lights=lights or (),
+                camera=orbit,
+                volume=volume,
+                series=series,
             )
         return scene, volume
     scene = Scene.load(address)
@@ -166,15 +171,17 @@ class Job:
     output: Path
 
 
-def jobs(inputs: Sequence[str], output: Path, what: str = "", *suffixes: str) -> list[Job]:
+def jobs(
+    inputs: Sequence[str], output: Path, what: str = "", *suffixes: str, series: bool = False
+) -> list[Job]:
     """Pair inputs with outputs: one keeps its output, of several each gets a name in that folder.
 
     Names are the inputs' without their endings, plus the first suffix; or they replace ``{name}``
     in the output, as in ``films/{name}.mp4``. With suffixes, outputs are files that end with one;
-    ``what`` they are, in the plural. Raises InputError if a pattern or folder holds no input, or an
-    output has another suffix or cannot be written.
+    ``what`` they are, in the plural. With ``series``, a pattern is one input. Raises InputError if
+    a pattern or folder holds no input, or an output has another suffix or cannot be written.
     """
-    found = _pairs(inputs, output, *suffixes[:1])
+    found = _pairs(inputs, output, *suffixes[:1], series=series)
     if suffixes:
         for job in found:
             require_suffix(job.output, what, *suffixes)
@@ -182,13 +189,15 @@ def jobs(inputs: Sequence[str], output: Path, what: str = "", *suffixes: str) ->
     return found
 
 
-def _pairs(inputs: Sequence[str], output: Path, suffix: str = "") -> list[Job]:
+def _pairs(
+    inputs: Sequence[str], output: Path, suffix: str = "", *, series: bool = False
+) -> list[Job]:
     """Pair inputs with outputs, which are not checked."""
     if (braces := re.search(r"\{[^}]*\}", str(output))) and _NAME not in str(output):
         raise InputError(f"{output}: {braces[0]} is unknown; write {_NAME}", code="unknown")
     found: list[str] = []
     for text in inputs:
-        found += _expanded(text)
+        found += [text] if series and "*" in text else _expanded(text)
     if [*inputs] == found and len(found) == 1 and _NAME not in str(output):
         return [Job(found[0], output)]
     if _NAME not in str(output) and output.suffix.lower() in _FILES and not output.is_dir():

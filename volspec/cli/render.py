@@ -151,7 +151,10 @@ def view(
 
     file = locate_volume(file) if file else file
     # Checked before a window opens for nothing.
-    if file is not None and not Path(file.partition("?")[0]).exists():
+    from volspec.volume.series import is_pattern
+
+    known = file is None or is_pattern(file) or Path(file.partition("?")[0]).exists()
+    if not known and file is not None:
         raise InputError(
             f"{file.partition('?')[0]}: no such file; check the path", code="not-found"
         )

@@ -306,6 +306,7 @@ class FrameFiles:
             "relight": f"mode {spec.mode}, level {spec.level}, backdrop {spec.backdrop}",
             "samples": f"{samples} x {samples}",
             **{key: notes[key] for key in ("volume", "raycast")},
+            **({} if shot.step is None else {"step": str(shot.step)}),
             "export": self.folder.fingerprint,
             "Software": f"volspec {__version__}",
         }

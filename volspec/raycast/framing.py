@@ -6,7 +6,7 @@ Volume, Transfers, RaycastSpec -> [framing] -> Orbit
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -40,7 +40,7 @@ def fit_view(
     view: OrbitT, volume: Volume, transfer: Transfers, shading: RaycastSpec, aspect: float
 ) -> OrbitT:
     """Fit a view to the visible part of a volume; ``aspect`` is the picture's width / height."""
-    return fit_points(view, volume, shown_mm(volume, transfer, shading), aspect)
+    return fit_points(view, volume, shown_mm([volume], transfer, shading), aspect)
 
 
 def fit_points(view: OrbitT, volume: Volume, points_mm: Array, aspect: float) -> OrbitT:
@@ -83,28 +83,41 @@ def _centre_from(along: Array, depth: Array, distance: float, slope: float) -> f
     return place
 
 
-def shown_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> Array:
-    """(N, 3) points around the visible voxels; the volume's corners if none is visible."""
+def shown_mm(steps: Iterable[Volume], transfer: Transfers, shading: RaycastSpec) -> Array:
+    """(N, 3) points around the visible voxels of a volume, or of all time steps of a series.
+
+    The corners if none is visible.
+    """
+    found, corners = [], np.zeros((0, 3))
+    for volume in steps:
+        found += _visible_mm(volume, transfer, shading)
+        corners = volume.corners_mm
+    points = np.concatenate(found)
+    return points if len(points) else corners
+
+
+def _visible_mm(volume: Volume, transfer: Transfers, shading: RaycastSpec) -> list[Array]:
+    """Return (N, 3) points around the visible voxels of each field."""
     tables, shading = bake_for_volume(transfer, volume), shading.naming_fields(volume)
     if not isinstance(tables, FieldTables):
-        return _shown_mm(volume, [tables], shading.for_field(volume.name))
+        return [_around(volume, [tables], shading.for_field(volume.name))]
     found = []
     for name in tables.tables:
         field, mask = volume.by_name[name], tables.masks.get(name)
         same = field.has_lattice_of(volume)
         own = (shading if same else replace(shading, crop_voxels=None)).for_field(name)
         lattice = MaskLattice.of(volume, name, mask) if mask else None
-        found.append(_shown_mm(field, tables.rows(name), own, lattice))
-    return np.concatenate(found)
+        found.append(_around(field, tables.rows(name), own, lattice))
+    return found
 
 
-def _shown_mm(
+def _around(
     volume: Volume,
     tables: Sequence[Table],
     shading: RaycastSpec,
     lattice: MaskLattice | None = None,
 ) -> Array:
-    """Return `shown_mm` of a field with a table, or with one by row of its mask."""
+    """Return the points of a field with a table, or with one by row of its mask."""
     k, j, i = steps = tuple(-(-size // _MOST) for size in volume.values.shape)
     values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
     visible = _visible_voxels(values, tables[0])
@@ -128,7 +141,7 @@ def _shown_mm(
     points = world_mm(volume, np.clip(index, *np.transpose(crop)))
     for plane in shading.clip_planes:
         points = points[(points - plane.point_mm) @ np.asarray(plane.normal) >= 0]
-    return points if len(points) else volume.corners_mm
+    return points
 
 
 def _visible_voxels(values: NDArray[np.generic], table: Table) -> NDArray[np.bool_]:

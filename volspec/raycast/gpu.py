@@ -205,10 +205,9 @@ class _Together:
 
 @dataclass(slots=True, eq=False)
 class _Known:
-    """Results that casters of one series share: the last table, and a quality's step in mm."""
+    """Results that casters of one series share: the last table."""
 
     baked: tuple[Transfers, Tables] | None
-    steps_mm: dict[Target, tuple[tuple[Any, ...], float]]
 
 
 class Raycaster:
@@ -229,8 +228,8 @@ class Raycaster:
         ``raycast(into=…)`` passes pictures to a Relighter of the same context without the host.
     like : Raycaster, optional
         A caster of another volume, whose device, programs and packet this one shares; they cast in
-        turn. Of two steps of a series, which have one lattice and range, tables and the length of
-        a quality's steps are shared, too. The other parameters are then left out.
+        turn. Two steps of a series, which have one lattice and range, share tables, too. The other
+        parameters are then left out.
 
     Raises
     ------
@@ -281,8 +280,9 @@ class Raycaster:
         self._casting = False
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
+        self._chosen: dict[Target, tuple[tuple[Any, ...], float]] = {}
         self._known: _Known = (
-            like._known if like and volume.is_step_of(like.volume) else _Known(None, {})
+            like._known if like and volume.is_step_of(like.volume) else _Known(None)
         )
         self._lights = LightVolume(self._compute, volume, self._own.unpadded)
 
@@ -337,7 +337,7 @@ class Raycaster:
         plain = replace(spec, groups=groups, half=False, jitter=0.0)
         grey = _grey(table)
         key = plain, *opacity_key(table), *_weights_key(grey)
-        known, step_mm = self._known.steps_mm.get(spec.target, (None, 0.0))
+        known, step_mm = self._chosen.get(spec.target, (None, 0.0))
         if known != key:
             cameras = [
                 Camera.orbit(self.volume, azimuth_deg=33.0, elevation_deg=22.0, up=tuple(up))
@@ -365,7 +365,7 @@ class Raycaster:
                     stacklevel=3,
                 )
             step_mm = chosen.step * unit
-            self._known.steps_mm[spec.target] = key, step_mm
+            self._chosen[spec.target] = key, step_mm
         return replace(spec, step_mm=step_mm)
 
     def cast(

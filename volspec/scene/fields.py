@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
@@ -15,7 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from volspec.basis import Basis
-from volspec.errors import SceneError, VolumeError, nearest
+from volspec.errors import SceneError, VolspecWarning, VolumeError, nearest
 from volspec.scene.specs import fault
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import Hint, Name, Unit, Vector, settings
@@ -75,13 +76,13 @@ class FieldSpec:
         """Return the field with another name of its file."""
         return replace(self, file=self.file and change(self.file))
 
-    def load(self, folder: Path, step: int, known: Known) -> Volume:
-        """Read the field's file, or a time step if it is a series; `load_at` describes ``known``.
+    def load(self, folder: Path, at: tuple[int, int], known: Known) -> Volume:
+        """Read the field's file, or if it is a series a step of so many, ``at``; see `load_at`.
 
         Raises VolumeError if it cannot be read or placed.
         """
         assert self.file is not None
-        field = load_at(locate_volume(self.file, folder), step, known)
+        field = load_at(locate_volume(self.file, folder), *at, known)
         if self.spacing_mm is not None:
             field = field.with_spacing(self.spacing_mm)
         if self.matrix is not None:
@@ -107,10 +108,10 @@ def with_fields(
     rows: tuple[FieldSpec, ...],
     folder: Path,
     at: At,
-    step: int,
+    step: tuple[int, int],
     known: Known,
 ) -> Volume:
-    """Return a volume with the fields of ``[[field]]``, at a time step of those that are series.
+    """Return a volume with the fields of ``[[field]]``, at a time step, of so many, of series.
 
     ``at`` adds the row to the VolumeError that is raised if a field cannot be read, or the volume's
     file has none of its name; and to the TransferError if ``[transfer]``, ``own``, or that of a
@@ -137,8 +138,15 @@ def with_fields(
             labels = MaskLabels.of(transfer.mask, volume)
         for number, by_label in enumerate(transfer.label or ()):
             with at(f"{table}.label[{number}].label"):
-                for label in by_label.labels:
-                    labels.add(label)
+                bands = [labels.add(label) for label in by_label.labels]
+            if step[0] == 0 and not any(labels.reaches(*band) for band in bands):
+                least, most = labels.field.range
+                warnings.warn(
+                    f"{table}.label[{number}]: no voxel of {labels.field.name!r} "
+                    f"({least:g} … {most:g}) has {', '.join(map(repr, by_label.labels))}",
+                    VolspecWarning,
+                    stacklevel=2,
+                )
     return volume
 
 

@@ -28,7 +28,7 @@ from volspec.transfer import FieldFunctions, Transfers
 from volspec.transfer.channel_look import channel_functions
 from volspec.transfer.fields import OWN
 from volspec.transfer.label_look import label_function
-from volspec.transfer.presets import Preset, fit_preset, histogram
+from volspec.transfer.presets import Preset, fit_preset, histogram_of
 from volspec.volume import Volume
 from volspec.volume.files.query import Query
 
@@ -57,7 +57,7 @@ _DIGITS = 5
 
 def volume_file(
     address: str,
-    volume: Volume,
+    steps: Sequence[Volume],
     preset: Preset | None,
     lights: Sequence[str] = (),
     camera: Orbit | None = None,
@@ -68,8 +68,8 @@ def volume_file(
     ----------
     address : str
         Path of the volume, with its details after a question mark.
-    volume : Volume
-        The voxels.
+    steps : sequence of Volume
+        The voxels; of a series all time steps.
     preset : Preset, optional
         Materials and transfer function; default: the volume's labels, or its fields.
     lights : sequence of str, optional
@@ -79,12 +79,13 @@ def volume_file(
         Direction, field of view and projection; default: the default of scenes.
     """
     transfer: Transfers
+    volume = steps[0]
     if preset is None and not volume.labels and volume.fields:
-        transfer, materials = channel_functions(volume, DEFAULT_GRID)
+        transfer, materials = channel_functions(steps, DEFAULT_GRID)
     elif preset is None:
         transfer, materials = label_function(volume, DEFAULT_GRID)
     else:
-        transfer = fit_preset(preset, volume, histogram(volume), DEFAULT_GRID)
+        transfer = fit_preset(preset, volume, histogram_of(steps), DEFAULT_GRID)
         materials = preset.materials
     path = volume_path(address)
     details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""

@@ -185,6 +185,7 @@ class Scene:
         lights: Sequence[str] = (),
         camera: Orbit | None = None,
         volume: Volume | None = None,
+        series: Series | None = None,
     ) -> Scene:
         """Make a scene for a volume alone, as the viewer opens it.
 
@@ -203,6 +204,8 @@ class Scene:
             Its zoom and target are replaced: it frames what the transfer function shows.
         volume : Volume, optional
             The voxels, if already loaded.
+        series : Series, optional
+            All time steps, if already open.
 
         Raises
         ------
@@ -221,15 +224,21 @@ class Scene:
         (['A'], 'surfaces')
         """
         address = locate_volume(os.fspath(path))
-        volume = volume or open_volume(address)[0]
+        if volume is None and series is None:
+            volume, series = open_volume(address)
+        steps: Sequence[Volume] = series or ()
+        if volume is not None:
+            steps = steps or (volume,)
+        volume = steps[0]
         if preset == LABELS and not volume.labels:
             volume = with_labels(volume)
+            steps = (volume,)
         # A look of its own: of labels, or of several fields.
         own = preset == LABELS or (preset is None and (volume.labels or volume.fields))
         look = None if own else preset_named(preset or DEFAULT)
-        file = volume_file(address, volume, look, lights, camera)
+        file = volume_file(address, steps, look, lights, camera)
         scene = cls(file, volume_path(address))
-        scene.file = framed(file, volume, shown_mm(volume, scene.transfer, scene.raycast))
+        scene.file = framed(file, volume, shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 
     @classmethod

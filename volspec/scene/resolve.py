@@ -326,7 +326,7 @@ class Resolver:
         with self._reading():
             require_step(table.file, table.step, 1 if isinstance(found, Volume) else len(found))
         if isinstance(found, Volume):
-            return self._prepared(found, 0, {}), None
+            return self._prepared(found, (0, 1), {}), None
         series = self._series(found, KEPT_BYTES)
         return series[min(table.step, len(series) - 1)], series  # some may be left out
 
@@ -347,11 +347,12 @@ class Resolver:
             return step_addresses(locate_volume(table.file, self.path.parent))
 
     def _series(self, addresses: tuple[str, ...], kept_bytes: int) -> Series:
+        count = len(addresses)
         known: Known = {}  # a further field that is no series is read once
 
         def load(number: int) -> Volume:
             try:
-                return self._prepared(load_step(addresses[number], number), number, known)
+                return self._prepared(load_step(addresses[number], number), (number, count), known)
             except SceneFaults as error:
                 cause = error.__cause__
                 if isinstance(cause, VolumeError) and cause.code in _UNREADABLE:
@@ -374,12 +375,12 @@ class Resolver:
                 remedy = f"{error.remedy}, or edit `file` in [volume] of {self.path}"
                 raise VolumeError(error.problem, remedy, code=error.code) from error
 
-    def _prepared(self, volume: Volume, step: int, known: Known) -> Volume:
+    def _prepared(self, volume: Volume, step: tuple[int, int], known: Known) -> Volume:
         """Return a volume with the scene's spacing, downsampling and further fields."""
         table = self.file.volume
         with self._reading():
             if table.spacing_mm:
-                if step == 0:
+                if step[0] == 0:
                     self._warn_of_spacing(volume, table.spacing_mm)
                 volume = volume.with_spacing(table.spacing_mm)
             if table.downsample != 1:

@@ -8,6 +8,8 @@ one of a list, and limits that most of its voxels lie below and a few above.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
 from volspec.basis import MaterialBasis
@@ -15,7 +17,7 @@ from volspec.spectra import SpectralGrid, reflectance
 from volspec.transfer.fields import OWN, FieldFunctions
 from volspec.transfer.label_look import mix_text, smits_weights
 from volspec.transfer.model import TransferFunction
-from volspec.transfer.presets import histogram, step_mm
+from volspec.transfer.presets import histogram_of, step_mm
 from volspec.volume import Volume
 from volspec.volume.channels import Channel, unique_titles
 
@@ -48,19 +50,21 @@ _DIGITS = 4
 
 
 def channel_functions(
-    volume: Volume, grid: SpectralGrid, observer_deg: int = 2
+    steps: Sequence[Volume], grid: SpectralGrid, observer_deg: int = 2
 ) -> tuple[FieldFunctions, dict[str, str]]:
     """Return the transfer functions of a volume's fields, and the reflectance of each material.
 
-    The latter are texts for `volspec.reflectance`.
+    The latter are texts for `volspec.reflectance`. ``steps`` are a series, or a volume alone.
     """
     texts, points = {}, {}
+    volume = steps[0]
     fields = volume, *volume.fields
     titles = unique_titles([field.title for field in fields])
     for number, (field, material) in enumerate(zip(fields, titles, strict=True)):
         name = field.name if number else OWN
         texts[material] = mix_text(smits_weights(channel_colour(field.channel, number)))
-        low, high = channel_limits(field)
+        role = name
+        low, high = channel_limits(field, (step.by_role[role] for step in steps))
         middle = _rounded(low + _MIDDLE * (high - low))
         points[name] = [
             (low, 0.0, material),
@@ -90,13 +94,16 @@ def channel_colour(channel: Channel, number: int) -> Colour:
     return next(colour for up_to_nm, colour in _COLOURS if emission_nm <= up_to_nm)
 
 
-def channel_limits(field: Volume) -> tuple[float, float]:
-    """Return the values between which a field is shown: stated, or by its histogram."""
+def channel_limits(field: Volume, steps: Iterable[Volume] | None = None) -> tuple[float, float]:
+    """Return the values between which a field is shown: stated, or by its histogram.
+
+    ``steps`` are the field at all time steps.
+    """
     least, most = field.range
     stated = field.channel.limits
     if stated is not None and stated[0] < most and stated[1] > least:
         return stated
-    below = np.cumsum(histogram(field))
+    below = np.cumsum(histogram_of([field] if steps is None else steps))
     edges = np.linspace(least, most, len(below) + 1)
     low, high = (edges[np.searchsorted(below, q * below[-1]) + 1] for q in _QUANTILES)
     if high <= low:

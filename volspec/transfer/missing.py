@@ -135,6 +135,11 @@ class MaskLabels:
         self.bands.append((low, high, label))
         return low, high
 
+    def reaches(self, low: float, high: float) -> bool:
+        """Return True if the field's range has some of the values (from, to)."""
+        least, most = self.field.range
+        return low <= most and least < high
+
     def _of_label(self, label: int | str) -> tuple[float, float]:
         field = self.field
         if self.whole is None:

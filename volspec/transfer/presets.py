@@ -6,6 +6,7 @@ Volume, histogram -> [presets] -> Transfer
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Annotated
 
@@ -95,6 +96,14 @@ def histogram(volume: Volume) -> NDArray[np.float64]:
     above = np.subtract(sampled, low, dtype=np.float64)
     counts, _ = np.histogram(above, bins=_BINS, range=(0.0, high - low), weights=weights)
     return counts.astype(np.float64)
+
+
+def histogram_of(steps: Iterable[Volume]) -> NDArray[np.float64]:
+    """Count voxels as `histogram`, of all time steps of a series, which have one range."""
+    total = np.zeros(_BINS)
+    for volume in steps:
+        total += histogram(volume)
+    return total
 
 
 def in_hounsfield(volume: Volume) -> bool:

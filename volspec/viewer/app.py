@@ -492,7 +492,7 @@ class _App:
         """Start what a change needs: a cast, or a relight."""
         self._shown = change.new
         if change.stage == "cast":
-            self._scheduler.change(change.new, now, self._moves)
+            self._scheduler.change(change.new, now, self._moves, self._steps.playing)
             self._screen.whole = False
         if change.relights:
             self._screen.mark_stale()

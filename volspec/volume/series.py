@@ -14,16 +14,16 @@ import re
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
-from volspec.errors import VolspecError, VolspecWarning, VolumeError
+from volspec.errors import VolspecError, VolspecWarning, VolumeError, one_line
 from volspec.volume.files.query import Choice
 from volspec.volume.load import load_step, load_volume, volume_choices
 from volspec.volume.model import Volume
@@ -41,12 +41,12 @@ Known = dict[str, Volume | tuple[str, ...]]
 """A volume, or the addresses of a series' steps, by address."""
 
 
-class Series:
+class Series(Sequence[Volume]):
     """Time steps of a volume.
 
     Parameters
     ----------
-    steps : sequence of Volume or of callables
+    steps : sequence of Volume, arrays (Z, Y, X) or callables
         In the order of time; a callable reads its step, whenever that is not in memory.
     names : sequence of str, optional
         Of the steps, for messages; default: their numbers.
@@ -86,17 +86,20 @@ class Series:
         self._alike: dict[str, tuple[np.dtype[Any], float, float, bool]] = {}
         self._loads: list[Load] = []
         self.names: tuple[str, ...] = ()
-        failed: VolumeError | None = None
+        failed: VolumeError | OSError | None = None
         first: Volume | None = None
         for step, name in zip(steps, named, strict=True):
             load = step if callable(step) else lambda volume=step: volume
             try:
-                volume = load()
-            except VolumeError as error:
-                failed = failed or error
+                volume = Volume.of(load())
+            except (VolumeError, OSError) as error:
                 warnings.warn(
-                    f"{name} is left out of the series: {error}", VolspecWarning, stacklevel=2
+                    f"{name} is left out of the series: {one_line(error)}",
+                    VolspecWarning,
+                    stacklevel=2,
                 )
+                if failed is None:
+                    failed = error
                 continue
             first = first or volume
             _require_alike(volume, first, name)
@@ -120,22 +123,26 @@ class Series:
     def __repr__(self) -> str:
         return f"Series({len(self)} steps of {self.shape} voxels)"
 
-    def __iter__(self) -> Iterator[Volume]:
-        """Yield the steps, from memory or their files."""
-        return (self[number] for number in range(len(self)))
-
-    def __getitem__(self, number: int) -> Volume:
-        """Return a step, from memory or its file; threads may do so at once.
+    @overload
+    def __getitem__(self, number: int) -> Volume: ...
+    @overload
+    def __getitem__(self, number: slice) -> list[Volume]: ...
+    def __getitem__(self, number: int | slice) -> Volume | list[Volume]:
+        """Return a step, from memory or its file, or several; threads may do so at once.
 
         Raises VolumeError if its file cannot be read any more, IndexError if there is none.
         """
+        if isinstance(number, slice):
+            return [self[each] for each in range(len(self))[number]]
+        if not -len(self) <= number < len(self):
+            raise IndexError(f"series: has {len(self)} time steps, {number} is none of them")
         number = range(len(self))[number]
         with self._lock:
             volume = self._kept.get(number)
             if volume is not None:
                 self._kept.move_to_end(number)
         if volume is None:
-            volume = self._loads[number]()
+            volume = Volume.of(self._loads[number]())
             with self._lock:
                 self._keep(number, volume)
         return self._as_others(volume)
@@ -241,17 +248,22 @@ def open_volume(address: str) -> tuple[Volume, Series | None]:
     return series[0], series
 
 
-def load_at(address: str, step: int, known: Known) -> Volume:
-    """Read a volume, or one step of a series, from 0.
+def load_at(address: str, step: int, count: int, known: Known) -> Volume:
+    """Read a volume, or a step, from 0, of a series of so many.
 
     What the address leads to is looked up in ``known``, and added there: a volume that is no series
-    is read once. Raises VolumeError as `load_volume`, or if there are fewer steps.
+    is read once. Raises VolumeError as `load_volume`, or if the series has another length.
     """
     first = address not in known
     found = known.setdefault(address, volume_or_steps(address)) if first else known[address]
     if isinstance(found, Volume):
         return found
-    require_step(address, step, len(found))
+    if len(found) != count:
+        raise VolumeError(
+            f"{address}: has {len(found)} time steps, but the volume has {count}",
+            "give as many, or one alone with ?time=0",
+            code="shape",
+        )
     return load_step(found[step], 0 if first else 1)
 
 

@@ -78,6 +78,7 @@ def values_and_lattice(
 
 
 def _has_cells_alone(grid: Any) -> bool:
+    """Return True if a grid has arrays of cells, and none of points."""
     return not len(grid.point_data) and len(grid.cell_data) > 0
 
 

@@ -152,6 +152,7 @@ class UiContext:
     # The state that the picture shows instead of the present one, and whether it keeps changing.
     preview: Callable[[ViewState], ViewState] | None = None
     plays: bool = False
+    time_bar: float = 0.0  # height of the bar of time steps below the picture; 0 without one
     popup: str = ""  # the popup of the palette to open now,
     member: tuple[str, int] = ("", 0)  # and the (kind, index) of the light or material it is about
     _projected: tuple[Any, Projection] | None = None

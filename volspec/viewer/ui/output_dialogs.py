@@ -130,6 +130,10 @@ class FilmDialog(_OutputDialog):
     def draw(self, state: ViewState, ui: UiContext) -> bool:
         """Draw the dialog; return True if the film is to be saved now."""
         opens, self._opens = self._opens, False
+        series = state.document.series
+        if opens and series is not None and self.file.film == Film():
+            seconds = len(series) / state.document.step_rate
+            self.file = replace(self.file, film=Film(degrees=0.0, seconds=max(seconds, SECONDS[0])))
         ui.preview, ui.plays = None, False
         if not begin_dialog("Save a film", opens, ui, 340, aside=True):
             self._shown = None
@@ -313,7 +317,7 @@ def draw_progress(progress: Progress, ui: UiContext) -> bool:
     """Draw a bar at the picture's bottom; return True if the cast is to be cancelled."""
     x, y, width, height = ui.areas["picture"]
     imgui.set_next_window_pos(
-        (x + width / 2, y + height - ui.px(18)), imgui.Cond_.always, (0.5, 1.0)
+        (x + width / 2, y + height - ui.px(18) - ui.time_bar), imgui.Cond_.always, (0.5, 1.0)
     )
     imgui.set_next_window_bg_alpha(0.92)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(6))

@@ -80,7 +80,7 @@ def draw_probe(state: ViewState, ui: UiContext) -> None:
     if reading is None or not state.interface.probe:
         return
     x, y, _, height = ui.areas["picture"]
-    corner = x + ui.px(12), y + height - ui.px(12)
+    corner = x + ui.px(12), y + height - ui.px(12) - ui.time_bar
     imgui.set_next_window_pos(corner, imgui.Cond_.always, (0.0, 1.0))
     imgui.set_next_window_bg_alpha(0.82)
     imgui.push_style_var(imgui.StyleVar_.window_rounding, ui.px(5))

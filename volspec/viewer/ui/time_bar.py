@@ -5,11 +5,14 @@ state -> [time_bar] -> requests
 
 from __future__ import annotations
 
+import os
+
 from imgui_bundle import imgui
 
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.overlays import BARE_WINDOW
+from volspec.viewer.ui.widgets import as_one_line
 
 _WIDEST, _FROM_LOW = 420.0, 14.0
 # The fraction of the picture that the slider takes at most, so that the probe has room.
@@ -20,6 +23,7 @@ _FLAGS = BARE_WINDOW | imgui.WindowFlags_.always_auto_resize
 def draw(state: ViewState, ui: UiContext) -> None:
     """Draw the bar over the picture's lower edge, if there are several time steps."""
     series = state.document.series
+    ui.time_bar = 0.0
     if series is None:
         return
     x, y, width, height = ui.areas["picture"]
@@ -41,12 +45,14 @@ def draw(state: ViewState, ui: UiContext) -> None:
         shown, text = ui.results.step + 1, f"%d of {count}"  # also while it is read
         moved, step = imgui.slider_int("##step", shown, 1, count, text, flags)
         ui.note("time step")
-        tip("Time step (comma, full stop)")
+        name = as_one_line(os.path.basename(series.names[ui.results.step]))
+        tip(f"{name}\nTime step (comma, full stop)")
         if moved:
             ui.request("step", str(step - 1))
         imgui.same_line()
         if imgui.checkbox("Loop", loops)[0]:
             ui.request("loop")
         ui.note("time loop")
+        ui.time_bar = imgui.get_window_height() + ui.px(_FROM_LOW)
     imgui.end()
     imgui.pop_style_var(2)

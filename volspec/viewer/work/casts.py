@@ -255,12 +255,17 @@ class CastScheduler:
         """True while a cast is in progress, or will be without a further change."""
         return self._whole_wanted or self._worker.busy
 
-    def change(self, state: ViewState, now: float, held: bool) -> None:
-        """Cast a state: coarse now, and whole when it rests or no mouse button is ``held``."""
+    def change(self, state: ViewState, now: float, held: bool, plays: bool = False) -> None:
+        """Cast a state: coarse now, and whole when it rests or no mouse button is ``held``.
+
+        While a series ``plays``, steps are of a voxel at any size: others would first be estimated.
+        """
         if self._wanted is None or not state.document.is_of(self._wanted.document):
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now
         moving = self._pace.moving
+        if plays and moving == WHOLE:
+            moving = Pass(1, "voxel")
         self._whole_wanted = held and moving != WHOLE
         ends = held or moving == WHOLE
         self._request(state, (moving,) if ends else (moving, *self._to_whole(state)))

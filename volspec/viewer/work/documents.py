@@ -59,7 +59,7 @@ def open_document(
         volume, series = open_volume(path)
         if choices is None:
             choices = list_choices(path)
-        scene = Scene.from_volume(path, volume=volume)
+        scene = Scene.from_volume(path, volume=volume, series=series)
     # Loaded ahead, as presets would have to wait for the names.
     threading.Thread(target=reflectance_names, daemon=True).start()
     caster, fault = make_caster(volume, device)
