@@ -148,6 +148,7 @@ def test_undo_leaves_the_step_as_it_is(tmp_path: Path) -> None:
     later = state.document.at_step(1, series[1], None)
     history = history.amend(replace(history.present, document=later))
     assert history.difference is not None and history.difference.stage == "cast"
+    assert {id(each.document) for each in history.past} == {id(later)}
     undone = history.undo().present
     assert undone.thickness == 1.0 and undone.document is later
 

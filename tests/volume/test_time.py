@@ -45,6 +45,22 @@ def beat(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def test_a_sequence_of_slicers_is_a_series(tmp_path: Path) -> None:
+    stack = np.stack(steps(), axis=-1)
+    head = (
+        "NRRD0005\ntype: uint8\ndimension: 4\nsizes: 4 12 12 12\nencoding: raw\n"
+        "kinds: list domain domain domain\nspace: left-posterior-superior\n"
+        "space directions: none (1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n"
+        "axis 0 index type:=numeric\naxis 0 index values:=0 1 2 3\n\n"
+    )
+    path = tmp_path / "beat.seq.nrrd"
+    path.write_bytes(head.encode() + stack.tobytes())
+    series = vs.load_series(path)
+    assert len(series) == 4 and all(
+        np.array_equal(each.values, values) for each, values in zip(series, steps(), strict=True)
+    )
+
+
 def test_files_by_a_pattern_are_steps_in_the_order_of_their_numbers(beat: Path) -> None:
     series = vs.load_series(beat / "beat*.nrrd")
     assert len(series) == 4 and series.names[-1].endswith("beat11.nrrd")

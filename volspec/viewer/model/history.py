@@ -155,7 +155,16 @@ class History:
 
     def amend(self, state: ViewState) -> History:
         """Replace the current state with a late result of its step."""
-        return replace(self, present=state, difference=Difference.between(self.present, state))
+        difference = Difference.between(self.present, state)
+        amended = replace(self, present=state, difference=difference)
+        if "document" not in difference.fields:
+            return amended
+        # Undo keeps the time step, and earlier states must not keep those before in memory.
+        past, future = (
+            tuple(replace(each, document=state.document) for each in states)
+            for states in (self.past, self.future)
+        )
+        return replace(amended, past=past, future=future)
 
     def undo(self) -> History:
         """Go one step back; the window stays as it is."""

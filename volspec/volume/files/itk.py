@@ -6,7 +6,8 @@ ITK reads some damaged files without an error: missing voxels become zeros or un
 surplus bytes are dropped, NaN in NIfTI becomes 0. Voxels are therefore read here if their layout is
 known, and always for NIfTI.
 
-Of several time steps (a fourth axis) or components per voxel (channels) one is read.
+Of several time steps (a fourth axis, or Slicer's sequences) or components per voxel (channels) one
+is read.
 """
 
 from __future__ import annotations
@@ -54,6 +55,8 @@ _NIFTI_HEADER = 348
 _SENDER = re.compile(r"(?:ITK )?ERROR: \w+\(0x[0-9a-f]+\): ")
 # NIfTI's code of the intent "label", and the most bytes of extensions that are searched for names.
 _NIFTI_LABELS, _MOST_EXTENSION = 1002, 1 << 24
+# Custom keys of NRRD in which Slicer states what its sequences are indexed by.
+_INDEX = "axis 0 index"
 # Seconds in NIfTI's units of time, by the bits of xyzt_units.
 _NIFTI_SECONDS = {8: 1.0, 16: 1e-3, 24: 1e-6}
 
@@ -274,8 +277,18 @@ class Extent:
     channel: int
 
     @classmethod
-    def of(cls, query: Query, size: Sequence[int], components: int, step_s: float | None) -> Extent:
-        """Choose a time step and a channel; refuse images of fewer than 3 axes or too many."""
+    def of(
+        cls,
+        query: Query,
+        size: Sequence[int],
+        components: int,
+        step_s: float | None,
+        is_sequence: bool,
+    ) -> Extent:
+        """Choose a time step and a channel; refuse images of fewer than 3 axes or too many.
+
+        The components of a sequence are its time steps.
+        """
         steps, *more = (*size[3:], 1)
         # NIfTI's fifth axis, or one that a fourth of length 1 precedes.
         components *= more[0] if len(more) > 1 else 1
@@ -287,10 +300,13 @@ class Extent:
                 else "save a 3-D or 4-D part of it, such as with nibabel: image.slicer[..., 0]",
                 code="shape",
             )
+        x, y, z = size[:3]
+        if is_sequence:
+            component = query.index("time", components, "time steps")
+            return cls((x, y, z), steps, components, 0, component)
         times = [] if step_s is None else [f"{k * step_s:g} s" for k in range(steps)]
         time = query.index("time", steps, "time steps", times)
         channel = query.index("channel", components, "channels (components per voxel)")
-        x, y, z = size[:3]
         return cls((x, y, z), steps, components, time, channel)
 
     def block(self, planar: bool) -> int:
@@ -346,7 +362,8 @@ def read_itk(query: Query) -> Reading:
             image.ReadImageInformation()
             size, dtype = image.GetSize(), _scalar_type(image)
             components = image.GetNumberOfComponents()
-            extent = Extent.of(query, size, components, layout.step_s if layout else None)
+            step_s = layout.step_s if layout else None
+            extent = Extent.of(query, size, components, step_s, _is_sequence(path))
             query.end_choices()
             beside = 1 if layout is not None and layout.planar else components
             query.reserve((*extent.size, *((beside,) if beside > 1 else ())), dtype.itemsize)
@@ -375,6 +392,15 @@ def read_itk(query: Query) -> Reading:
         labels=layout.labels if is_nifti and layout else _segments(path, extent.channel),
         owner=image,
     )
+
+
+def _is_sequence(path: Path) -> bool:
+    """Return True for a sequence of Slicer's, an NRRD whose first axis is time."""
+    if not path.name.lower().endswith((".nrrd", ".nhdr")):
+        return False
+    header = HeaderFields.read(path)
+    first = header.named.get("kinds", "").lower().split()[:1]
+    return first == ["list"] and any(key.startswith(_INDEX) for key in header.pairs)
 
 
 def _segments(path: Path, layer: int) -> dict[int, Label] | None:
