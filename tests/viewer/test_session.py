@@ -133,6 +133,39 @@ def test_a_bare_volume_that_is_moved_with_its_session_is_found(tmp_path: Path) -
     assert restore_state(session_from_state(back), cast=False).document.path == moved
 
 
+def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
+    ball, ramp = phantom.ball(10).values, np.mgrid[:10, :10, :10][2].astype(np.uint8)
+    for step in range(3):
+        np.save(tmp_path / f"beat{step}.npy", ball * (step + 1))
+    np.save(tmp_path / "organs.npy", (ramp > 4).astype(np.uint8))
+    points = '[{ value = 0.1, opacity = 0.3, material = "a" }]'
+    path = tmp_path / "beat.toml"
+    path.write_text(
+        f"""
+        volume = {{ file = "beat*.npy", step = 2 }}
+        material = [{{ name = "a", reflectance = "copper" }}]
+        light = [{{ name = "day", spectrum = "D65" }}]
+        basis.name = "general-5"
+        field = [{{ name = "organs", file = "organs.npy" }}]
+        [transfer]
+        points = {points}
+        mask = "organs"
+        label = [{{ label = 0, shown = false }}, {{ values = [1, 4], points = {points} }}]
+        """
+    )
+    scene = Scene.load(path)
+    volume, series = scene.opened()
+    state = ViewState.first(Document.of(scene, volume, None, series=series), (40, 30))
+    assert state.document.step == 2
+    moved = state.document.at_step(1, series[1], None)  # type: ignore[index]
+    back = restore_state(session_from_state(replace(state, document=moved)), cast=False)
+    assert back.document.step == 1 and back.document.series is not None
+    assert np.array_equal(back.document.volume.values, series[1].values)  # type: ignore[index]
+    mask = back.fields[0].mask
+    assert mask is not None and mask.functions.keys() == {0, (1.0, 4.0)}
+    assert mask.functions[0] is None and mask.functions[1.0, 4.0] is not None
+
+
 @pytest.mark.parametrize("kind", ["gradients", "regions", "labels", "surfaces"])
 def test_other_transfer_functions_come_back(tmp_path: Path, kind: str) -> None:
     state = replace(opened(tmp_path, kind), size=(40, 30))
