@@ -40,20 +40,24 @@ def main() -> None:
             sheet=False,
         )
         frames = [Image.open(made.output / name).convert("RGB") for name in made.files]
-    picture = FOLDER / "engine-sweep.webp"
+    save_loop(frames, FOLDER / "engine-sweep.webp", 80, _BYTES)
+
+
+def save_loop(frames: list[Image.Image], path: Path, frame_ms: int, most_bytes: int) -> None:
+    """Save frames as an animated WebP that loops, as good as its size permits."""
     for quality in range(90, 40, -5):
         frames[0].save(
-            picture,
+            path,
             save_all=True,
             append_images=frames[1:],
-            duration=80,
+            duration=frame_ms,
             loop=0,
             quality=quality,
             method=6,
         )
-        if picture.stat().st_size <= _BYTES:
+        if path.stat().st_size <= most_bytes:
             break
-    print(f"{picture.name}: {picture.stat().st_size / 1000:.0f} kB")
+    print(f"{path.name}: {path.stat().st_size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

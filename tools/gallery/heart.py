@@ -19,6 +19,7 @@ from PIL import Image
 from scipy.spatial import cKDTree
 
 from tests.support.browser import chromium
+from tools.gallery.film import save_loop
 from tools.gallery.studio import ROOT
 from tools.gallery.webpage import save, screens, strip
 from volspec.export.page import PageSpec, scene_views, write_page
@@ -273,20 +274,7 @@ def main() -> None:
         folder = (kept or Path(temporary)).absolute()
         scene = write(folder)
         frames = film(scene, folder / "frames")
-        picture = FOLDER / "heart.webp"
-        for quality in range(90, 40, -5):
-            frames[0].save(
-                picture,
-                save_all=True,
-                append_images=frames[1:],
-                duration=62,
-                loop=0,
-                quality=quality,
-                method=6,
-            )
-            if picture.stat().st_size <= _BYTES:
-                break
-        print(f"{picture.name}: {picture.stat().st_size / 1000:.0f} kB")
+        save_loop(frames, FOLDER / "heart.webp", 62, _BYTES)
         path = folder / "heart.html"
         views = scene_views(scene, size=(560, 560), series=scene.series())
         size = write_page(
