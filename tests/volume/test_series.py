@@ -16,7 +16,7 @@ import SimpleITK as sitk
 from tests.support.errors import advised_address, raises, warns
 from tests.support.volumes import load_silently
 from volspec.errors import VolspecWarning, VolumeError
-from volspec.volume import load_volume, volume_choices
+from volspec.volume import load_series, load_volume, volume_choices
 
 VALUES = (np.arange(4 * 3 * 5, dtype=np.int16).reshape(4, 3, 5) * 7).astype(np.int16)
 SPACING = (0.5, 0.75)
@@ -299,6 +299,8 @@ def test_of_several_times_at_every_place_one_is_chosen(tmp_path: Path) -> None:
     with raises(VolumeError, "missing"):
         load_volume(tmp_path)
     assert np.array_equal(load_silently(f"{tmp_path}?time=1").values, VALUES + 1)
+    steps = load_series(tmp_path)
+    assert [np.array_equal(each.values, VALUES + k) for k, each in enumerate(steps)] == [True] * 2
     (tmp_path / "5.dcm").unlink()
     with raises(VolumeError, "duplicate"):
         load_volume(tmp_path)

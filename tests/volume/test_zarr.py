@@ -14,7 +14,7 @@ import zarr
 from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently
 from volspec.errors import DeviceError, VolumeError
-from volspec.volume import load_volume
+from volspec.volume import load_series, load_volume
 from volspec.volume.files import omezarr
 from volspec.volume.files.query import Query
 from volspec.volume.load import read_here
@@ -87,6 +87,16 @@ def test_a_channel_and_a_time_are_chosen_and_single_ones_dropped(tmp_path: Path)
     (other,) = load_silently(str(path)).fields
     assert np.array_equal(other.values, VALUES + 1)
     assert np.array_equal(load_silently(f"{path}?channel=1").values, VALUES + 1)
+
+
+def test_times_are_a_series_with_all_channels(tmp_path: Path) -> None:
+    values = np.stack([[VALUES + 9 * t, VALUES // (t + 1)] for t in range(3)])
+    path = write(tmp_path / "v.zarr", values, axes=[TIME, CHANNEL, *SPACE])
+    series = load_series(path)
+    assert len(series) == 3 and [len(step.fields) for step in series] == [1, 1, 1]
+    for step, (one, two) in zip(series, values, strict=True):
+        assert np.array_equal(step.values, one) and np.array_equal(step.fields[0].values, two)
+    assert len(load_series(f"{path}?level=1&channel=0")[2].fields) == 0
 
 
 def test_axes_in_another_order_are_turned(tmp_path: Path) -> None:
