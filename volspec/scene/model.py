@@ -119,6 +119,7 @@ class Scene:
         self.path = Path(path)
         self.folder = self.path.parent
         self._known = dict(known or {})
+        self._series: Series | None = None  # if it was open before the scene was made
         names = Resolver(file, self.path, self._known)
         self._names = names
         shipped = basis or names.shipped_basis()
@@ -238,6 +239,7 @@ class Scene:
         look = None if own else preset_named(preset or DEFAULT)
         file = volume_file(address, steps, look, lights, camera)
         scene = cls(file, volume_path(address))
+        scene._series = series
         scene.file = framed(file, volume, shown_mm(steps, scene.transfer, scene.raycast))
         return scene
 
@@ -334,7 +336,7 @@ class Scene:
         SceneError
             If no step can be read, or steps have different lattices.
         """
-        return self._names.series(kept_bytes)
+        return self._series or self._names.series(kept_bytes)
 
     def camera(self, volume: Volume) -> Camera:
         """The camera, placed for a volume."""
