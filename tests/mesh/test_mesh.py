@@ -174,13 +174,14 @@ def test_a_mesh_in_a_volume_is_behind_what_is_before_it() -> None:
     """A red sphere under a thin shell, through which it is seen, at its own depth."""
     volume, transfer = ball()
     camera, meshes = camera_of(volume), inside(volume)
-    image = vs.raycast(volume, transfer, camera, SIZE, LIT, behind=(meshes,))
-    alone = vs.raycast(volume, transfer, camera, SIZE, LIT)
+    image = vs.raycast(volume, transfer, camera, SIZE, FEW_NODES, behind=(meshes,))
+    alone = vs.raycast(volume, transfer, camera, SIZE, FEW_NODES)
     assert image.first_mm is not None and alone.first_mm is not None
     assert image.alpha[32, 32] == pytest.approx(1.0)
     assert image.first_mm[32, 32] == pytest.approx(alone.first_mm[32, 32], abs=0.5)
     outside = ~np.isfinite(meshes.depths_mm(camera, SIZE)[0])
-    assert image.alpha[outside] == pytest.approx(alone.alpha[outside], abs=1.0)
+    changed = np.abs(image.alpha[outside] - alone.alpha[outside]) > 1e-6
+    assert changed.mean() < 0.005  # pixels of its outline
 
 
 def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
@@ -191,7 +192,7 @@ def test_a_mesh_is_shaded_only_where_the_volume_lets_it_be_seen() -> None:
     for transfer in (thin, thick):
         image, whole = (
             vs.raycast(volume, transfer, camera, SIZE, spec, behind=(meshes,))
-            for spec in (replace(LIT, alpha_stop=0.999), replace(LIT, alpha_stop=1.0))
+            for spec in (replace(FEW_NODES, alpha_stop=0.999), replace(FEW_NODES, alpha_stop=1.0))
         )
         assert image.coefficients == pytest.approx(whole.coefficients, abs=2e-3)
         assert (image.alpha[32, 32] < 1.0) == (transfer is thick)
