@@ -24,7 +24,7 @@ from benchmarks.fuzz_target import Target
 from volspec.errors import VolspecError
 from volspec.volume import load_volume, reader_process
 from volspec.volume.files.headers import check_itk_header
-from volspec.volume.files.itk import Extent, Layout
+from volspec.volume.files.itk import Extent, Layout, is_sequence
 from volspec.volume.files.query import Query
 from volspec.volume.files.vtk import check_vtk
 
@@ -58,7 +58,7 @@ def _header(path: Path) -> None:
     layout = Layout.of(path)
     if layout is not None:
         query = Query(path)
-        extent = Extent.of(query, (6, 5, 4), 1, layout.step_s)
+        extent = Extent.of(query, (6, 5, 4), 1, layout.step_s, is_sequence(path))
         layout.voxels(extent, np.dtype(np.int16), query, [])
 
 

@@ -363,7 +363,7 @@ def read_itk(query: Query) -> Reading:
             size, dtype = image.GetSize(), _scalar_type(image)
             components = image.GetNumberOfComponents()
             step_s = layout.step_s if layout else None
-            extent = Extent.of(query, size, components, step_s, _is_sequence(path))
+            extent = Extent.of(query, size, components, step_s, is_sequence(path))
             query.end_choices()
             beside = 1 if layout is not None and layout.planar else components
             query.reserve((*extent.size, *((beside,) if beside > 1 else ())), dtype.itemsize)
@@ -394,7 +394,7 @@ def read_itk(query: Query) -> Reading:
     )
 
 
-def _is_sequence(path: Path) -> bool:
+def is_sequence(path: Path) -> bool:
     """Return True for a sequence of Slicer's, an NRRD whose first axis is time."""
     if not path.name.lower().endswith((".nrrd", ".nhdr")):
         return False
