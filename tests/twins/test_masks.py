@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from volspec.raycast import (
 )
 from volspec.raycast.gpu import Raycaster
 from volspec.raycast.masks import MaskLattice
-from volspec.transfer import FieldFunctions, Mask, TransferFunction
+from volspec.transfer import FieldFunctions, FieldTables, Mask, TransferFunction
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 from volspec.volume.labels import Label
@@ -60,12 +61,12 @@ def ct() -> Volume:
     return Volume(np.rint(smooth).astype(np.int16), spacing_mm=(1.0, 1.0, 1.2), name="CT")
 
 
-def segmentation(shape: tuple[int, int, int], **lattice: object) -> Volume:
+def segmentation(shape: tuple[int, int, int], **lattice: Any) -> Volume:
     """Ragged regions of labels 0, 1 (liver), 2, 5 and 9 (of which no mask says anything)."""
     noise = [gaussian_filter(np.random.default_rng(k).random(shape), 2.5) for k in range(5)]
     numbers = np.array([0, 1, 2, 5, 9], np.uint8)[np.argmax(noise, axis=0)]
     labels = {1: Label("liver"), 2: Label("bone"), 5: Label(), 9: Label()}
-    return Volume(numbers, labels=labels, name="organs", **lattice)  # type: ignore[arg-type]
+    return Volume(numbers, labels=labels, name="organs", **lattice)
 
 
 @pytest.fixture(scope="module")
@@ -75,8 +76,8 @@ def turned(ct: Volume) -> Volume:
     return segmentation((14, 13, 12), world_from_index=world)
 
 
-def masked(ct: Volume, mask: Volume, functions: object = ORGANS) -> tuple[Volume, FieldFunctions]:
-    made = FieldFunctions({"": BODY}, masks={"": Mask("organs", functions)})  # type: ignore[arg-type]
+def masked(ct: Volume, mask: Volume, functions: Any = ORGANS) -> tuple[Volume, FieldFunctions]:
+    made = FieldFunctions({"": BODY}, masks={"": Mask("organs", functions)})
     return ct.with_fields([mask]), made
 
 
@@ -185,7 +186,8 @@ def test_a_weight_multiplies_every_row_s_extinction(ct: Volume, turned: Volume) 
     volume, transfer = masked(ct, turned)
     table = bake_for_volume(replace(transfer, weights={"": 0.5}), volume)
     whole = bake_for_volume(transfer, volume)
-    for half, one in zip(table.every, whole.every, strict=True):  # type: ignore[union-attr]
+    assert isinstance(table, FieldTables) and isinstance(whole, FieldTables)
+    for half, one in zip(table.every, whole.every, strict=True):
         np.testing.assert_allclose((1 - half.opacity) ** 2, 1 - one.opacity, atol=1e-12)
 
 
@@ -198,7 +200,8 @@ def test_ranges_of_bricks_hold_all_rows_of_their_samples(
         mask = segmentation(ct.values.shape, world_from_index=ct.world_from_index)
     volume, transfer = masked(ct, mask)
     table = bake_for_volume(transfer, volume)
-    made = MaskLattice.of(volume, "CT", table.masks["CT"])  # type: ignore[union-attr]
+    assert isinstance(table, FieldTables)
+    made = MaskLattice.of(volume, "CT", table.masks["CT"])
     least, most = made.brick_ranges()
     point = np.random.default_rng(3).uniform(0, N - 1, (20_000, 3))
     weights = made.weights(point, 4)
@@ -226,9 +229,9 @@ def test_what_cannot_be_a_mask_is_refused(ct: Volume, turned: Volume) -> None:
     wrong = {(3, 3): "range", -1: "range", 65536: "range", 1.5: "type", True: "type"}
     for label, code in wrong.items():
         with raises(TransferError, code):
-            Mask("organs", {label: BONE})  # type: ignore[dict-item]
+            Mask("organs", {label: BONE})
     with raises(TransferError, "type"):
-        Mask("organs", {1: "gold"})  # type: ignore[dict-item]
+        Mask("organs", {1: "gold"})
     with raises(TransferError, "size"):
         Mask("organs", {label: replace(BONE) for label in range(256)})
     with raises(TransferError, "unknown"):

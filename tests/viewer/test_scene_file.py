@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from volspec.errors import InputError, SceneError
 from volspec.raycast import ClipPlane, Directional, LightGroup, Point
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import Spectrum, light
+from volspec.transfer import FieldFunctions
 from volspec.viewer.model import camera, fields, light_rows, lights, transfer_edits
 from volspec.viewer.model.fields import shown_transfer
 from volspec.viewer.model.light_rows import LightRow, light_rig
@@ -157,6 +159,13 @@ file = "halves.npy"
 """
 
 
+def shown_mask(state: ViewState) -> Any:
+    """Return the mask of the first field as it is cast."""
+    shown = shown_transfer(state)
+    assert isinstance(shown, FieldFunctions)
+    return shown.masks[""]
+
+
 def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
     path = opened(tmp_path).document.path
     assert path is not None
@@ -165,14 +174,14 @@ def test_masks_stay_through_edits_of_other_things(tmp_path: Path) -> None:
     np.save(tmp_path / "halves.npy", halves)
     path.write_text(path.read_text().replace("[basis]", MASK + "[basis]", 1))
     state = read_scene(path)
-    before = shown_transfer(state).masks[""]  # type: ignore[union-attr]
+    before = shown_mask(state)
     edited = transfer_edits.move_point(state, 1, 0.8, 0.7)
     edited = camera.orbit(fields.set_weight(edited, 0, 0.5), 0.2, 0.1)
     again = assert_same_picture(edited, tmp_path)
-    after = shown_transfer(again).masks[""]  # type: ignore[union-attr]
+    after = shown_mask(again)
     assert again.fields[0].weight == 0.5
     assert after.field == before.field == "halves" and list(after.functions) == [1, 2]
-    assert after.functions[1].points == before.functions[1].points  # type: ignore[union-attr]
+    assert after.functions[1].points == before.functions[1].points
     # A material that the mask alone uses stays when the transfer function no longer has it.
     bare = replace(state.transfer, points=[(0.2, 0.0, "copper"), (0.9, 0.4, "copper")])
     fewer = replace(bare, materials={"copper": bare.materials["copper"]})

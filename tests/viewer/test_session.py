@@ -156,11 +156,11 @@ def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
     scene = Scene.load(path)
     volume, series = scene.opened()
     state = ViewState.first(Document.of(scene, volume, None, series=series), (40, 30))
-    assert state.document.step == 2
-    moved = state.document.at_step(1, series[1], None)  # type: ignore[index]
+    assert state.document.step == 2 and series is not None
+    moved = state.document.at_step(1, series[1], None)
     back = restore_state(session_from_state(replace(state, document=moved)), cast=False)
     assert back.document.step == 1 and back.document.series is not None
-    assert np.array_equal(back.document.volume.values, series[1].values)  # type: ignore[index]
+    assert np.array_equal(back.document.volume.values, series[1].values)
     mask = back.fields[0].mask
     assert mask is not None and mask.functions.keys() == {0, (1.0, 4.0)}
     assert mask.functions[0] is None and mask.functions[1.0, 4.0] is not None

@@ -73,7 +73,7 @@ class Play:
     frames: Frames | None = None
     """Number of frames; default: as many as the camera or the lights have, or else one per step."""
     loops: Annotated[int, Field(ge=1, le=1000)] = 1
-    """How often the series is played."""
+    """Number of times that the series is played."""
 
 
 Mark = Literal["scale", "orientation", "title", "light", "materials"]

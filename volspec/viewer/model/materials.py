@@ -220,9 +220,10 @@ def other_functions(state: ViewState) -> dict[str, Transfer]:
         if number != state.chosen_field
     }
     for look in state.fields:
-        for label, each in look.mask.functions.items() if look.mask else ():
-            if each is not None:
-                found[f"label {label} of {look.mask.field}"] = each  # type: ignore[union-attr]
+        if look.mask is not None:
+            of = look.mask.field
+            shown = look.mask.functions.items()
+            found |= {f"label {label} of {of}": each for label, each in shown if each is not None}
     return found
 
 

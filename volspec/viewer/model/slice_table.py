@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from volspec.basis import Basis
 from volspec.raycast import CoefficientImage, RaycastSpec
+from volspec.raycast.light_volume import extinction_per_mm
 from volspec.raycast.masks import MaskLattice
 from volspec.transfer import (
     MAX_LABEL,
@@ -34,8 +35,6 @@ from volspec.volume import Volume
 ENTRIES = 4096
 # A voxel is as opaque as a slab of this many reference steps; the rest stays grey.
 SLAB_STEPS = 16
-# Opacities are at most this, so that their logs are finite.
-_OPAQUE = 1 - 1e-6
 # Approximate exponent from a display's greys to reflectances.
 _GAMMA = 2.2
 
@@ -174,7 +173,7 @@ class FieldSlices:
                 weights = weights * self.masks[name].weights(at, len(rows))
             for weight, table in zip(weights.T, rows, strict=True):
                 opacity, shares = _look_up(table, values)
-                per_mm = -np.log1p(-np.minimum(opacity, _OPAQUE)) / table.reference_step_mm
+                per_mm = extinction_per_mm(opacity, table.reference_step_mm)
                 part = weight * slab_mm * per_mm
                 depth += part
                 mixed += part[:, None] * (shares @ table.channels)
@@ -194,8 +193,9 @@ class FieldSlices:
 def _values_at(
     field: Volume, volume: Volume, place: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return a field's nearest values at (N, 3) indices of a volume, its own indices there, and
-    which of them are in it.
+    """Return a field's values nearest to (N, 3) indices of a volume, and where these are in it.
+
+    The last array is False outside the field, where the values are those of its border.
     """
     at = place
     if not field.has_lattice_of(volume):

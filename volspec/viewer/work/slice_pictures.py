@@ -82,10 +82,10 @@ class SlicePictures:
                 return self._texture_of_fields(state, shown, layout, width_px)
         number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
         entries = table_entries(volume, isinstance(state.transfer, LabelFunction))
-        step = _step(volume, layout, width_px)
-        of_codes = volume, layout, number, step, entries
+        stride = _stride(volume, layout, width_px)
+        of_codes = volume, layout, number, stride, entries
         if of_codes != shown.of_codes:
-            values = slice_values(volume, layout, number, step)
+            values = slice_values(volume, layout, number, stride)
             shown.codes, shown.of_codes = entries.codes(values), of_codes
             shown.of_colours = ()
         self._relight(state, entries)
@@ -107,11 +107,11 @@ class SlicePictures:
             before = self._fields[1] if self._fields else None
             self._fields = of_fields, FieldSlices.of(volume, shown_transfer(state), before)
         number = voxel_number(volume, layout.normal, state.interface.slices.at[layout.normal])
-        step = _step(volume, layout, width_px)
+        stride = _stride(volume, layout, width_px)
         window = grey_window(state.interface.slices, state.document.data[""].histogram)
-        of_image = (*of_fields, layout, number, step, window, state.shading.groups)
+        of_image = (*of_fields, layout, number, stride, window, state.shading.groups)
         if of_image != shown.of_codes:
-            index = slice_index(volume, layout, number, step)
+            index = slice_index(volume, layout, number, stride)
             shown.image = self._fields[1].image(index, window, state.shading)
             shown.of_codes, shown.of_colours = of_image, ()
         spec = shown_spec(state)
@@ -147,7 +147,7 @@ class SlicePictures:
         self._slices.clear()
 
 
-def _step(volume: Volume, layout: Layout, width_px: float) -> int:
+def _stride(volume: Volume, layout: Layout, width_px: float) -> int:
     """Return the distance in voxels of neighbouring pixels."""
     return max(1, int(volume.shape_xyz[layout.across] / max(width_px, 32.0)))
 

@@ -49,8 +49,8 @@ class _StepWorker(LatestWorker[_Wanted, _Ready]):
 
     def __init__(self, wake: Callable[[], object]) -> None:
         super().__init__(wake)
-        self._ready: OrderedDict[int, Document] = OrderedDict()
-        self._of: object = None
+        # Opening of the document, and its steps; replaced as one, as the window's thread forgets.
+        self._kept: tuple[object, OrderedDict[int, Document]] = None, OrderedDict()
 
     def _results(self, job: _Wanted) -> Iterator[_Ready]:
         document = job.state.document
@@ -74,34 +74,37 @@ class _StepWorker(LatestWorker[_Wanted, _Ready]):
 
     def _at(self, document: Document, step: int) -> Document:
         """Return the document at a step, with a caster of its own."""
-        if document.opening is not self._of:
-            self._of = document.opening
-            self._ready.clear()
-        if step not in self._ready:
+        of, ready = self._kept
+        if of is not document.opening:
+            ready = OrderedDict()
+            self._kept = document.opening, ready
+        if step not in ready:
             series = document.series
             assert series is not None
             volume = series[step]
-            self._ready[step] = document.at_step(step, volume, self._caster(document, volume))
-            while len(self._ready) > max(2, KEPT_BYTES // series.nbytes):
-                self._ready.popitem(last=False)
-        self._ready.move_to_end(step)
-        return self._ready[step]
-
-    def _caster(self, document: Document, volume: Volume) -> Raycaster | None:
-        """Return a caster of a step; if the device has no room, other steps make some."""
-        while (like := document.caster) is not None:
-            try:
-                return Raycaster(volume, like=like)
-            except OpenCLError:
-                if not self._ready:
-                    raise
-                self._ready.popitem(last=False)
-        return None
+            ready[step] = document.at_step(step, volume, _make_caster(document, volume, ready))
+            while len(ready) > max(2, KEPT_BYTES // series.nbytes):
+                ready.popitem(last=False)
+        ready.move_to_end(step)
+        return ready[step]
 
     def forget(self) -> None:
         """Release the steps of a document that is no longer open."""
-        self._ready.clear()
-        self._of = None
+        self._kept = None, OrderedDict()
+
+
+def _make_caster(
+    document: Document, volume: Volume, ready: OrderedDict[int, Document]
+) -> Raycaster | None:
+    """Return a caster of a step; if the device has no room, ``ready`` steps make some."""
+    while (like := document.caster) is not None:
+        try:
+            return Raycaster(volume, like=like)
+        except OpenCLError:
+            if not ready:
+                raise
+            ready.popitem(last=False)
+    return None
 
 
 class Steps:
