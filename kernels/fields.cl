@@ -169,7 +169,7 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
         transparent[f] = 1;
     }
     Accumulator g;
-    clear(&g);
+    clear(&g, 1.0f);
 
     for (;;) {
         // Every lane goes on with its first step at which some field is not empty.
@@ -209,9 +209,9 @@ __kernel void fields(__global const VOXEL *restrict voxels_0, __global const VOX
                 const intN due = m->live & MASK(k + s >= m->k) & MASK(k + s < m->k_end);
 #if MASKED
                 rows_at(&masks[f], codes,
-                        position_at(RAYS(f).ox, RAYS(f).dx, middle[f][s], cast->last.x),
-                        position_at(RAYS(f).oy, RAYS(f).dy, middle[f][s], cast->last.y),
-                        position_at(RAYS(f).oz, RAYS(f).dz, middle[f][s], cast->last.z), due,
+                        position_at(RAYS(f).ox, RAYS(f).dx, middle[f][s], 0.0f, cast->last.x),
+                        position_at(RAYS(f).oy, RAYS(f).dy, middle[f][s], 0.0f, cast->last.y),
+                        position_at(RAYS(f).oz, RAYS(f).dz, middle[f][s], 0.0f, cast->last.z), due,
                         &rows[f][s]);
                 const Curve curve = curves[masks[f].curves + rows[f][s].row[0]];
                 floatN opaque;

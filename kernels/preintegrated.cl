@@ -58,6 +58,9 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
                             __global const float4 *restrict sources,
                             __global const ushort *restrict light_volume,
                             __global const float2 *restrict spans, const Cast cast,
+#if PARTS
+                            __global const float *restrict through,
+#endif
                             __global float *restrict coefficients_out,
                             __global float *restrict alpha_out, __global float *restrict depth_out,
                             __global float *restrict first_out, const int first_tile) {
@@ -68,7 +71,8 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
     const int entries = (int)cast.last_entry + 1;
     March m = start_march(&cast, &r);
     Accumulator g;
-    clear(&g);
+    clear(&g, THROUGH_FRONT);
+    m.live &= MASK(g.transmittance > cast.min_transmittance);
     StepEnds e = no_ends(m.k);
 
     while (ANY(m.live)) {
@@ -101,7 +105,7 @@ __kernel void preintegrated(__global const VOXEL *restrict voxels,
         // 1 − e^−τ has no digits left for a faint τ.
         const floatN faint = tau * (1.0f - 0.5f * tau * (1.0f - tau * 0.33333333f));
         floatN alpha = SELECT(MASK(tau < 0.004f), faint, 1.0f - exp_minus(tau));
-        alpha = SELECT(m.live, alpha, (floatN)(0.0f));
+        alpha = SELECT(m.live & in_part(&r, 0.5f * (e.begin + e.end)), alpha, (floatN)(0.0f));
         if (ANY(MASK(alpha > 0.0f))) {
             const floatN visible = g.transmittance * alpha, middle = 0.5f * (e.begin + e.end);
             floatL shading[GROUPS];

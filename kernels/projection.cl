@@ -72,7 +72,7 @@ __kernel void projection(__global const VOXEL *restrict voxels,
     best_at = 0.5f * (r.near + r.far);
 #endif
     Accumulator g;
-    clear(&g);
+    clear(&g, 1.0f);
     Sample shown;
     shown.value = SELECT(meets, best, (floatN)(0.0f));
     const Entry entry = classify(&cast, opacity, &shown);

@@ -27,6 +27,8 @@
 //         spans        float2[height][width], with SPANS: distances from the camera, in smallest
 //                      spacings, between which rays are cast
 //         cast         settings of the cast: CAST in volspec/raycast/kernel_arguments.py
+//         through      float[height][width], with PARTS: transmittance of what is in front of the
+//                      part, which is written without it (include/rays.clh, include/picture.clh)
 // Writes  coefficients_out float[height][width][GROUPS][CHANNELS] premultiplied; alpha_out,
 //         depth_out and first_out float[height][width] (expected and first depth in smallest
 //         spacings, inf for empty pixels), from the band's first row on
@@ -50,6 +52,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
                       __global const float4 *restrict sources,
                       __global const ushort *restrict light_volume,
                       __global const float2 *restrict spans, const Cast cast,
+#if PARTS
+                      __global const float *restrict through,
+#endif
                       __global float *restrict coefficients_out, __global float *restrict alpha_out,
                       __global float *restrict depth_out, __global float *restrict first_out,
                       const int first_tile) {
@@ -59,7 +64,8 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
     const float per_step = 1.0f / cast.step;
     March m = start_march(&cast, &r);
     Accumulator g;
-    clear(&g);
+    clear(&g, THROUGH_FRONT);
+    m.live &= MASK(g.transmittance > cast.min_transmittance);
 
     // Bricks are looked up only after steps without opacity in any lane: while one lane samples
     // something, the others wait for it anyway.
@@ -91,7 +97,7 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
             fraction[s] = (end - begin) * per_step;
             f[s] = sample_at(&cast, voxels, opacity, &r, middle[s]);
             m.live &= MASK(m.k < m.k_end);
-            marched[s] = m.live;
+            marched[s] = m.live & in_part(&r, middle[s]);
             m.k += count;
         }
         UNROLL(s, STEPS) {

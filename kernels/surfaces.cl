@@ -46,6 +46,9 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
                        __global const float4 *restrict sources,
                        __global const ushort *restrict light_volume,
                        __global const float2 *restrict spans, const Cast cast,
+#if PARTS
+                       __global const float *restrict through,
+#endif
                        __global float *restrict coefficients_out,
                        __global float *restrict alpha_out, __global float *restrict depth_out,
                        __global float *restrict first_out, const int first_tile) {
@@ -54,7 +57,8 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
     const Rays r = make_rays(&cast, spans, pixel);
     March m = start_march(&cast, &r);
     Accumulator g;
-    clear(&g);
+    clear(&g, THROUGH_FRONT);
+    m.live &= MASK(g.transmittance > cast.min_transmittance);
     StepEnds e = no_ends(m.k);
 
     while (ANY(m.live)) {
@@ -62,11 +66,12 @@ __kernel void surfaces(__global const VOXEL *restrict voxels,
         if (!ANY(m.live)) break;
         read_ends(&cast, voxels, opacity, &r, &m, 1, &e);
         const intN rising = MASK(e.back > e.front);
+        const intN here = in_part(&r, 0.5f * (e.begin + e.end));
         for (int s = 0; s < SURFACES; ++s) {
             // Levels in the order in which the ray meets them.
             const float2 up = opacity[s], down = opacity[SURFACES - 1 - s];
             const floatN level = SELECT(rising, (floatN)(up.x), (floatN)(down.x));
-            const intN met = m.live & (MASK(e.front < level) ^ MASK(e.back < level));
+            const intN met = m.live & here & (MASK(e.front < level) ^ MASK(e.back < level));
             if (!ANY(met)) continue;
             const floatN alpha = SELECT(rising, (floatN)(up.y), (floatN)(down.y));
             const floatN visible = SELECT(met, g.transmittance * alpha, (floatN)(0.0f));

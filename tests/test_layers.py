@@ -159,7 +159,9 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
         ),
         ("SimpleITK", ("volume/files/",)),
         ("tifffile", ("volume/files/",)),
-        ("zarr", ("volume/files/omezarr.py",)),
+        ("zarr", ("volume/files/omezarr.py", "volume/convert.py")),
+        ("dask", ("raycast/distributed.py",)),
+        ("distributed", ("raycast/distributed.py",)),
         ("OpenEXR", ("_exr.py",)),
         (
             "matplotlib",

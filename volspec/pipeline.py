@@ -34,6 +34,8 @@ from volspec.transfer import (
 from volspec.volume import Volume
 
 LEAST_SIDE = 8
+GAPS = "gaps"
+"""Note of an image in which parts of the volume are missing."""
 
 
 __all__ = ["Raycaster", "Relighter", "absorption_error", "raycast", "refine", "relight"]
@@ -136,17 +138,18 @@ def raycast(
             remedy = "make the meshes in the transfer function's basis"
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
     table = caster.bake(transfer)
-    spec = caster.with_step(table, spec, cancel)
+    level = caster.at(camera, size, spec)
+    spec = level.with_step(table, spec, cancel)
     slot = None
     if into is not None:
         width, height = checked_size(size)
         shape = height, width, len(spec.groups) * table.size
         # What is behind is added on the host.
-        slot = into.place(shape, spec.groups, None if behind else caster.sharing)
-    opacity = OpacityCaster(caster, table, spec)
+        slot = into.place(shape, spec.groups, None if behind else level.sharing)
+    opacity = OpacityCaster(level, table, spec)
     surfaces = Surfaces.of(behind, camera, checked_size(size), opacity)
     casts = [
-        caster.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
+        level.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
         for part, span_mm in surfaces.spans(progress)
     ]
     if volume.is_empty and not behind:
@@ -167,6 +170,8 @@ def raycast(
         "device": caster.device,
         **(notes or {}),
     }
+    if volume.pyramid is not None and (gaps := volume.pyramid.describe_gaps()):
+        notes[GAPS] = gaps
     cast = surfaces.composite(casts)
     image = CoefficientImage(
         cast.coefficients,

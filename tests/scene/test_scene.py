@@ -115,7 +115,7 @@ def test_every_setting_of_a_cast_can_be_given(folder: Path) -> None:
         "alpha_stop": 0.9, "flat_gradient": 0.1, "mode": "average", "jitter": 0.5, "seed": 4,
         "preintegrated": False, "adaptive": 0.01, "crop_voxels": [[1, 9], [2, 8], [3, 7.5]],
         "clip_planes": [{"point_mm": [5, 5, 5], "normal": [1, 0, 2]}], "light_cells": 40,
-        "half": True, "first_opacity": 0.3, "quality": "fast", "physical_light": True,
+        "half": True, "level": 2, "first_opacity": 0.3, "quality": "fast", "physical_light": True,
     }  # fmt: skip
     assert set(asked) == set(table)
     rows = "\n".join(f"{key} = {_toml(value)}" for key, value in asked.items())

@@ -15,7 +15,6 @@ from tests.support.errors import raises, warns
 from tests.support.volumes import load_silently
 from volspec.errors import DeviceError, VolumeError
 from volspec.volume import load_series, load_volume
-from volspec.volume.files import omezarr
 from volspec.volume.files.query import Query
 from volspec.volume.load import read_here
 
@@ -67,15 +66,14 @@ def test_micrometres_become_millimetres(tmp_path: Path, version: str) -> None:
     assert volume.world_from_index[:3, 3] == pytest.approx([0.03, 0.02, 0.01])
 
 
-def test_a_level_is_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_level_is_chosen(tmp_path: Path) -> None:
     path = write(tmp_path / "v.zarr")
     coarse = load_silently(f"{path}?level=1")
     assert np.array_equal(coarse.values, VALUES[::2, ::2, ::2])
     assert coarse.spacing_mm == pytest.approx((0.001, 0.001, 0.004))
     with raises(VolumeError, "range"):
         load_volume(f"{path}?level=2")
-    monkeypatch.setattr(omezarr, "_MOST_BYTES", VALUES.nbytes - 1)
-    reading = read_here(Query.of(str(path)))
+    reading = read_here(Query.of(f"{path}?memory={VALUES.nbytes - 1}"))
     assert reading.values.shape == coarse.values.shape
     assert re.search(r"level 1 is read; .*v\.zarr\?level=0", reading.remarks[0])
     assert load_silently(f"{path}?level=0").shape_xyz == (8, 6, 4)

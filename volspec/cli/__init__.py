@@ -7,6 +7,7 @@ imports are inside the commands.
 from volspec.cli import (
     appearance,
     basis,
+    convert,
     export,
     inspect,
     light,
@@ -22,6 +23,7 @@ __all__ = [
     "app",
     "appearance",
     "basis",
+    "convert",
     "export",
     "inspect",
     "light",

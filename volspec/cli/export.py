@@ -22,6 +22,7 @@ from volspec.cli.inputs import (
     CameraOption,
     Inputs,
     Job,
+    Memory,
     Preset,
     Progress,
     QualityOption,
@@ -55,6 +56,7 @@ def export(
     play: Annotated[bool, Parameter(negative="")] = False,
     size: Size = None,
     quality: QualityOption = None,
+    memory: Memory = None,
     samples: _Whole = None,
     bits: _Whole = None,
     format: Annotated[Literal["png", "exr", "coefficients"] | None, _Strict] = None,
@@ -127,7 +129,7 @@ def export(
     def frames(job: Job, tell: Progress) -> str | dict[str, Any]:
         tell("load the scene", 0)
         lights = None if light == [_ALL] else light
-        scene, volume = open_scene(job.address, preset, lights, camera)
+        scene, volume = open_scene(job.address, preset, lights, camera, memory=memory)
         scene = with_quality(scene, quality)
         own = scene.file.export
         changes: dict[str, Any] = {
@@ -228,6 +230,7 @@ def page(
     light: Lights = None,
     size: Size = None,
     quality: QualityOption = None,
+    memory: Memory = None,
     bits: Annotated[int, Parameter(converter=as_written, validator=_check_bits)] = 8,
     title: str | None = None,
     caption: str = "",
@@ -274,7 +277,7 @@ def page(
     def write(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
         remedy = "give its scene: volspec page SCENE.toml -o PAGE.html; or " + RELIGHT
-        scene, volume = open_scene(job.address, preset, light, camera, image=remedy)
+        scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)
         scene = with_quality(scene, quality)
         tell("load the scene", 1)
         require_lux(scene.lights, scene.relight, job.address)

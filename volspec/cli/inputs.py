@@ -48,6 +48,13 @@ CameraOption = Annotated[
         "degrees. Left and right are the patient's if the volume has an orientation.",
     ),
 ]
+Memory = Annotated[
+    str | None,
+    Parameter(
+        help="Most memory for voxels, such as 2GiB: of a larger volume (OME-Zarr, uncompressed "
+        "files), only what a picture shows is read."
+    ),
+]
 QualityOption = Annotated[
     str | None,
     Parameter(
@@ -68,11 +75,13 @@ def open_scene(
     camera: str | None = None,
     *,
     image: str = RELIGHT,
+    memory: str | None = None,
 ) -> tuple[Scene, Volume | None]:
     """Load a scene file, or make a scene for a volume, whose voxels are returned, too.
 
     ``lights`` are for a volume, instead of the default ones; ``image`` is the remedy for a
-    coefficient image. Raises VolspecError if the file cannot be read, or has no use for an option.
+    coefficient image; ``memory`` is the most that voxels may take. Raises VolspecError if the file
+    cannot be read, or has no use for an option.
     """
     from volspec._triangles import is_mesh_file
     from volspec.scene import Scene
@@ -95,6 +104,7 @@ def open_scene(
         for text in lights or ():
             light(text, DEFAULT_GRID)  # refused before the volume is read
             note_everyday(text)
+        address = memory_address(address, memory)
         volume, series = open_volume(address)
         orbit = None if wanted is None else _orbit(wanted, lambda: volume)
         with in_options({"preset": "--preset"}):
@@ -107,7 +117,7 @@ def open_scene(
                 series=series,
             )
         return scene, volume
-    scene = Scene.load(address)
+    scene = with_memory(Scene.load(address), memory)
     if preset is not None:
         raise InputError(
             f"--preset {preset}: {address} is a scene with a [transfer] of its own; leave out "
@@ -125,6 +135,29 @@ def open_scene(
         )
         scene = scene.with_camera(turned)
     return scene, None
+
+
+def with_memory(scene: Scene, memory: str | None) -> Scene:
+    """Return a scene whose volume takes up to an amount of memory, if one is given."""
+    if memory is None:
+        return scene
+    own = scene.file.volume
+    volume = replace(own, file=memory_address(own.file, memory))
+    return type(scene)(replace(scene.file, volume=volume), scene.path)
+
+
+def memory_address(address: str, memory: str | None) -> str:
+    """Return a volume's address with an amount of memory, if one is given.
+
+    >>> memory_address("v.raw?dtype=uint8", "1GiB"), memory_address("v.zarr", None)
+    ('v.raw?dtype=uint8&memory=1GiB', 'v.zarr')
+    """
+    if memory is None:
+        return address
+    from volspec.volume.files.query import bytes_of
+
+    bytes_of(memory, address)
+    return f"{address}{'&' if '?' in address else '?'}memory={memory}"
 
 
 def with_quality(scene: Scene, quality: str | None) -> Scene:

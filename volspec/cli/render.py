@@ -17,15 +17,17 @@ from volspec.cli.inputs import (
     CameraOption,
     Inputs,
     Job,
+    Memory,
     Preset,
     Progress,
     QualityOption,
     jobs,
+    memory_address,
     open_scene,
     run_jobs,
     with_quality,
 )
-from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
+from volspec.cli.shell import INCOMPLETE, Device, Json, Terminal, app, bar, print_json
 from volspec.errors import InputError
 
 
@@ -40,6 +42,7 @@ def render(
     camera: CameraOption = None,
     size: Size = None,
     quality: QualityOption = None,
+    memory: Memory = None,
     half: Annotated[bool, Parameter(negative="")] = False,
     device: Device = None,
 ) -> None:
@@ -74,14 +77,15 @@ def render(
     """
     from volspec.export.compositing import save_for_compositors, scene_recipe
     from volspec.export.frames import write_frame
-    from volspec.pipeline import relight
+    from volspec.pipeline import GAPS, relight
 
     found = jobs(inputs, output, "casts and pictures", ".exr", ".png")
+    incomplete: list[str] = []
 
     def cast(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
         remedy = f"it is already cast; {RELIGHT}"
-        scene, volume = open_scene(job.address, preset, light, camera, image=remedy)
+        scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)
         if volume is None and light:
             raise InputError(
                 f"--light {light[0]}: {job.address} is a scene with lights of its own; leave it "
@@ -98,6 +102,8 @@ def render(
             progress=lambda share: tell("cast", share),
         )
         width, height = image.size
+        if GAPS in image.notes:
+            incomplete.append(job.address)
         if job.output.suffix.lower() == ".png":
             first = scene.lights[0]
             frame = relight(image, first.rig, scene.relight)
@@ -109,6 +115,8 @@ def render(
         return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"
 
     run_jobs(found, cast)
+    if incomplete:
+        raise SystemExit(INCOMPLETE)
 
 
 @app.command
@@ -120,6 +128,7 @@ def view(
     screenshot: Size = None,
     restore: bool = False,
     trace: Path | None = None,
+    memory: Memory = None,
     device: Device = None,
 ) -> None:
     """View a scene, a volume, a mesh or a cast image, and swap its lights; H shows the keys.
@@ -158,6 +167,10 @@ def view(
         raise InputError(
             f"{file.partition('?')[0]}: no such file; check the path", code="not-found"
         )
+    if memory is not None and (file is None or file.lower().endswith((".toml", ".exr"))):
+        remedy = f"write ?memory={memory} after [volume] file, or give the volume"
+        raise InputError(f"--memory {memory}: is for a volume", remedy, code="conflict")
+    file = memory_address(file, memory) if file else file
     from volspec.viewer.app import Options
     from volspec.viewer.app import view as open_window
 

@@ -61,7 +61,15 @@ app = App(
 _CLOSED_PIPE = 128 + 13
 _HALF_LINE = 500  # characters kept at each end of a longer message
 
-Device = Annotated[str | None, Parameter(help="Part of an OpenCL device's name.")]
+INCOMPLETE = 3
+"""Exit code if outputs are written, but parts of a volume could not be read."""
+Device = Annotated[
+    str | None,
+    Parameter(
+        help="Part of an OpenCL device's name; or the address of a Dask cluster, `tcp://HOST:PORT` "
+        "or `local:N`, for a volume larger than memory."
+    ),
+]
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print figures as JSON.")]
 
 

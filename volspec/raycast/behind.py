@@ -18,6 +18,7 @@ from volspec.raycast.camera import Camera
 from volspec.raycast.gpu import Raycaster, opacity_key
 from volspec.raycast.light_volume import Arrives, Clear
 from volspec.raycast.lights import HEADLIT
+from volspec.raycast.out_of_core import LevelCaster
 from volspec.raycast.row_batches import Progress, Result
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import Tables, TransferTable
@@ -27,7 +28,7 @@ from volspec.transfer import Tables, TransferTable
 class OpacityCaster:
     """Casts of a volume's opacity alone, such as from a light: its shadow."""
 
-    caster: Raycaster
+    caster: Raycaster | LevelCaster
     table: Tables
     spec: RaycastSpec
 

@@ -206,6 +206,16 @@ def _least_near(distances: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return least
 
 
+def visible_by_table(low: NDArray[Any], high: NDArray[Any], table: Table) -> NDArray[np.bool_]:
+    """Return the bricks (z, y, x) in which a table may show something."""
+    if isinstance(table, SurfaceTable):
+        return straddled_bricks(low, high, table.values)
+    sides = (table,) if table.left is None else (table, table.left_limits)
+    # Rows as of a table of gradients: any of them counts.
+    opacity = np.concatenate([np.atleast_2d(side.opacity) for side in sides])
+    return visible_bricks(low, high, table.domain, opacity, table.labels)
+
+
 def brick_codes(
     low: NDArray[Any],
     high: NDArray[Any],
@@ -219,15 +229,10 @@ def brick_codes(
     """
     if spec.mode != "composite":
         return high
-    if isinstance(table, SurfaceTable):
-        visible = straddled_bricks(low, high, table.values)
-        return chessboard_distance(visible)
-    sides = (table,) if table.left is None else (table, table.left_limits)
-    # Rows as of a table of gradients: any of them counts.
-    opacity = np.concatenate([np.atleast_2d(side.opacity) for side in sides])
-    visible = visible_bricks(low, high, table.domain, opacity, table.labels)
+    visible = visible_by_table(low, high, table)
     codes = chessboard_distance(visible)
-    if spec.adaptive > 0:
+    if spec.adaptive > 0 and not isinstance(table, SurfaceTable):
+        sides = (table,) if table.left is None else (table, table.left_limits)
         opacity = np.concatenate([np.atleast_2d(side.step_opacity(step_mm)) for side in sides])
         spread = opacity_spread(low, high, table.domain, opacity, table.labels)
         codes[visible & (spread < spec.adaptive)] = STRIDES

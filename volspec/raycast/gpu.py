@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import threading
 import warnings
-from collections.abc import Mapping
-from contextlib import nullcontext
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
@@ -19,26 +19,25 @@ from numpy.typing import NDArray
 
 from volspec._deprecated import renamed_attribute
 from volspec._gpu.opencl import Compute
-from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sharing import Sharing
-from volspec._gpu.sources import assemble
 from volspec.errors import OpenCLError, RaycastError, VolspecWarning
 from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import (
-    BRICK,
-    STRIDES,
     brick_codes,
     brick_ranges,
     masked_brick_codes,
 )
 from volspec.raycast.camera import Camera
 from volspec.raycast.checks import check_callable, checked_size
+from volspec.raycast.distributed import Cluster, is_cluster
 from volspec.raycast.fields import FieldCast, common_dtype, frame_around
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume
 from volspec.raycast.lights import Ambient, Headlight, LightGroup
 from volspec.raycast.masks import MaskLattice
+from volspec.raycast.out_of_core import LevelCaster, level_for
 from volspec.raycast.packets import TILES, Packet, choose_packet
+from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.quality import SHORTEST, Picture, Target, choose_step
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.spec import MAX_STEPS, RaycastSpec, diagonal_mm
@@ -55,9 +54,6 @@ from volspec.transfer import (
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
 
-# Work-items per group: a packet is a group by itself, as a loop over several takes two fifths
-# longer to compile and runs no faster.
-GROUPS = {1: (8, 8), 4: (1, 1), 8: (1, 1), 16: (1, 1)}
 # Pixels of each of the three pictures by which a step is chosen.
 PROBE = 48, 48
 
@@ -217,7 +213,9 @@ class Raycaster:
     ----------
     volume : Volume
     device : str, optional
-        Part of a device's name; the first GPU, else the first CPU, if left out.
+        Part of a device's name; the first GPU, else the first CPU, if left out. Or the address of
+        a Dask cluster, ``tcp://HOST:PORT`` or ``local:N`` for N workers on this machine, who cast
+        the finer levels of a volume that is larger than memory.
     lanes : int, optional
         Rays marched together by a work-item: 1, 4, 8 or 16.
     packet : Packet, optional
@@ -270,6 +268,9 @@ class Raycaster:
                     code="conflict",
                 )
             packet = like.packet
+        self._cluster: Cluster | None = like._cluster if like else None
+        if device is not None and is_cluster(device):
+            self._cluster, device = Cluster(device), None
         self._compute: Compute = like._compute if like else Compute.open(device, context)
         self.packet: Packet = packet or choose_packet(self._compute.index)
         self._own = _Field.of(self._compute, volume)
@@ -278,6 +279,7 @@ class Raycaster:
         self._together: _Together | None = None
         self._lock: threading.RLock = like._lock if like else threading.RLock()
         self._casting = False
+        self._levels: dict[int, LevelCaster] = {}
         self._integral: bool | None = None  # True if float values are labels
         self._brick_codes: tuple[tuple[Any, ...], Any] | None = None
         self._chosen: dict[Target, tuple[tuple[Any, ...], float]] = {}
@@ -295,6 +297,16 @@ class Raycaster:
     def device_index(self) -> str:
         """Number of the device, by which it can be opened."""
         return str(self._compute.index)
+
+    @property
+    def cluster(self) -> Cluster | None:
+        """The cluster that casts finer levels; None without one."""
+        return self._cluster
+
+    @property
+    def compute(self) -> Compute:
+        """The device's context, in which kernels are built and buffers made."""
+        return self._compute
 
     @property
     def sharing(self) -> Sharing | None:
@@ -413,6 +425,13 @@ class Raycaster:
         """
         check_callable("raycast: progress", progress)
         check_callable("raycast: cancel", cancel)
+        spec = spec.for_lattice(self.volume)
+        with self.locked():
+            return self._cast(table, camera, size, spec, progress, cancel, receiver, span_mm, clear)
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep the caster from other casts; raises RaycastError in the middle of one."""
         with self._lock:
             if self._casting:
                 raise RaycastError(
@@ -422,10 +441,28 @@ class Raycaster:
                 )
             self._casting = True
             try:
-                given = progress, cancel, receiver, span_mm, clear
-                return self._cast(table, camera, size, spec, *given)
+                yield
             finally:
                 self._casting = False
+
+    def at(
+        self, camera: Camera, size: tuple[int, int], spec: RaycastSpec
+    ) -> Raycaster | LevelCaster:
+        """Return the caster of the level of detail that a picture needs.
+
+        It is this one, unless the volume is larger than memory; arguments are those of `cast`.
+        """
+        if self.volume.pyramid is None:
+            return self
+        number = level_for(self.volume, camera, size, spec)
+        if number == len(self.volume.pyramid.levels) - 1:
+            return self
+        if number not in self._levels:
+            # One at a time: each has a light volume.
+            cluster = self._cluster
+            made = LevelCaster(self, number) if cluster is None else cluster.caster(self, number)
+            self._levels = {number: made}
+        return self._levels[number]
 
     def _cast(
         self,
@@ -472,7 +509,7 @@ class Raycaster:
             together, several, frame = None, None, self.volume
             struct = kernel_arguments.cast_struct(frame, table, *view, spec)
             self._own.set_buffers(struct)
-        light, numbers = self._light(struct, table, spec, camera, clear)
+        light, numbers = self._lights_of(table).attach(struct, table, spec, camera, clear)
         upload = self._compute.upload
         inputs = [
             upload(np.ascontiguousarray(array))
@@ -505,8 +542,15 @@ class Raycaster:
             arguments = *voxels, codes, *inputs, light, spans, *structs
             if table.masks:
                 arguments = *arguments, together.masks.codes
-        kernel = self._kernel(
-            program, spec, stored, lit=lit, spans=span_mm is not None, aligned=aligned
+        kernel = cast_kernel(
+            self._compute,
+            self.packet,
+            program,
+            spec,
+            stored,
+            lit=lit,
+            spans=span_mm is not None,
+            aligned=aligned,
         )
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
@@ -527,6 +571,7 @@ class Raycaster:
 
         Keys number the sources with shadows and occlusion; arguments as those of the last `cast`.
         """
+        spec = spec.for_lattice(self.volume)
         with self._lock:
             lights = self._lights_of(table)
             if isinstance(table, FieldTables):
@@ -574,25 +619,6 @@ class Raycaster:
                 code="type",
             )
 
-    def _light(
-        self,
-        struct: NDArray[np.void],
-        table: Tables,
-        spec: RaycastSpec,
-        camera: Camera,
-        clear: Clear | None,
-    ) -> tuple[Any, list[int]]:
-        """Return the light volume's buffer, and each source's layer in the buffer (-1: none)."""
-        lights = self._lights_of(table)
-        buffer, grid, layers = lights.layers(table, spec, camera, clear)
-        struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
-        struct["light_scale"][:3] = grid.per_index
-        struct["light_lift"] = grid.lift_mm / min(lights.volume.spacing_mm)
-        numbers = [-1] * len(kernel_arguments.numbered_sources(spec))
-        for number, layer in enumerate(layers):
-            numbers[layer.source] = number
-        return buffer, numbers
-
     def _codes(self, table: Tables, spec: RaycastSpec) -> Any:
         """Return the bricks' codes on the device; cached until opacities change."""
         # Opacities of a step matter only to adaptive ones.
@@ -615,45 +641,6 @@ class Raycaster:
             rows = self._cast_together(tables).masks.bricks[name]
             return masked_brick_codes(field.low, field.high, rows, tables.rows(name))
         return brick_codes(field.low, field.high, own, spec, spec.step_of(self.volume))
-
-    def _kernel(
-        self,
-        program: kernel_arguments.Program,
-        spec: RaycastSpec,
-        dtype: np.dtype[Any],
-        *,
-        lit: bool,
-        spans: bool,
-        aligned: bool,
-    ) -> Any:
-        tile_width, tile_height = TILES[self.packet.lanes]
-        constants = {
-            "LANES": self.packet.lanes,
-            "TILE_WIDTH": tile_width,
-            "TILE_HEIGHT": tile_height,
-            "SINGLE_LOADS": int(self.packet.single_loads),
-            "BRICK": BRICK,
-            "STRIDES": STRIDES,
-            "ADAPTIVE": int(spec.adaptive > 0),
-            "SPANS": int(spans),
-            "ALIGNED": int(aligned),
-            "VOXEL": C_TYPES[dtype.name],
-            "VOXEL_BYTES": dtype.itemsize,
-            "VOXEL_SIGNED": int(dtype.kind == "i"),
-            **program.constants,
-            **kernel_arguments.light_constants(spec, lit),
-        }
-        constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
-        steps = 2 if constants["NEIGHBOURS"] else 4
-        if constants["NEIGHBOURS"] and program.name == "fields":
-            steps = 1  # lanes of a field wait for its longest: 1.0, 1.1 and 1.1 times for 1, 2, 4
-        # Adaptive steps depend on it, and are to be the same in every packet.
-        constants["STEPS"] = steps if self.packet.lanes > 1 or spec.adaptive > 0 else 1
-        text = prelude(constants, "opencl") + kernel_arguments.CAST.declaration
-        if constants.get("MASKED"):
-            text += kernel_arguments.CURVE.declaration + kernel_arguments.MASK.declaration
-        source = assemble(f"kernels/{program.name}.cl", text)
-        return self._compute.kernel(source, program.name)
 
 
 def opacity_key(table: Tables) -> tuple[Any, ...]:

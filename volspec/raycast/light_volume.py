@@ -22,10 +22,10 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -321,12 +321,22 @@ _GRID = Struct(
 STRUCTS = _SPAN, _STEP, _GRID, CURVE, MASK
 
 
+class VoxelBox(NamedTuple):
+    """Voxels of a part of a volume, in order (z, y, x)."""
+
+    values: NDArray[Any]
+    first: tuple[int, ...]  # index of the first one in the volume
+    low: tuple[int, ...]  # index of the first that is the part's own
+    high: tuple[int, ...]  # index after the last
+
+
 class LightVolume:
     """The light volume of a volume whose ``voxels`` are on an OpenCL device.
 
-    ``lanes`` are the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs. Of several
-    ``fields`` and their voxels, by name, the volume is the lattice around them; ``masks`` are the
-    codes and structs `MASK` of those that have one.
+    Without ``voxels`` they are those of ``boxes``, which returns them for a table. ``lanes`` are
+    the nodes per work-item, 1, 4 or 8; by default 8 on CPUs, 1 on GPUs. Of several ``fields`` and
+    their voxels, by name, the volume is the lattice around them; ``masks`` are the codes and
+    structs `MASK` of those that have one.
     """
 
     def __init__(
@@ -338,8 +348,10 @@ class LightVolume:
         lanes: int | None = None,
         fields: Mapping[str, tuple[Volume, Any]] | None = None,
         masks: Mapping[str, tuple[Any, NDArray[np.void]]] | None = None,
+        boxes: Callable[[Tables], Iterable[VoxelBox]] | None = None,
     ) -> None:
         self._compute, self.volume, self._voxels = compute, volume, voxels
+        self._boxes = boxes
         self._fields, self._masks = fields or {}, masks or {}
         self._lanes = lanes or (8 if compute.info.is_cpu else 1)
         # The table that the extinction was computed from, the cells and the cuts.
@@ -389,10 +401,32 @@ class LightVolume:
             self._keys.append(key)
         return self._layers, grid, wanted
 
+    def extinction(
+        self, table: Table, spec: RaycastSpec, boxes: Iterable[VoxelBox]
+    ) -> NDArray[np.float32]:
+        """Return the extinction (nz, ny, nx) of some boxes of voxels at the grid's nodes."""
+        grid, sigma = LightGrid.for_spec(self.volume, spec), None
+        for box in boxes:
+            sigma = self._extinction_of(self.volume, None, [table], spec, grid, sigma, box)
+        if sigma is None:
+            return np.zeros(grid.shape_xyz[::-1], np.float32)
+        return self._nodes(sigma, grid)
+
+    def set_extinction(self, nodes: NDArray[np.float32], table: Table, spec: RaycastSpec) -> None:
+        """Set the extinction (nz, ny, nx) for a table and settings, as made by `extinction`."""
+        grid = LightGrid.for_spec(self.volume, spec)
+        key = table, grid.shape_xyz, grid.physical, spec.crop_voxels, spec.clip_planes
+        if self._extinction[0] is not table or self._extinction != key:
+            self._sigma = self._compute.upload(np.pad(nodes, ((1, 1), (1, 1), (self._lanes,) * 2)))
+            self._extinction, self._keys = key, []
+
     def _fill_extinction(self, table: Tables, spec: RaycastSpec, grid: LightGrid) -> None:
         """Fill the padded grid with extinction."""
         if not isinstance(table, FieldTables):
-            self._sigma = self._extinction_of(self.volume, self._voxels, [table], spec, grid)
+            if self._boxes is None:
+                self._sigma = self._extinction_of(self.volume, self._voxels, [table], spec, grid)
+            else:
+                self.set_extinction(self.extinction(table, spec, self._boxes(table)), table, spec)
             return
         self._sigma, apart = None, []
         for name in table.tables:
@@ -440,10 +474,11 @@ class LightVolume:
         spec: RaycastSpec,
         grid: LightGrid,
         added_to: Any = None,
+        box: VoxelBox | None = None,
     ) -> Any:
         """Return a padded grid with a field's extinction per cell, added to another's if given.
 
-        It has a table, or one by row of its mask.
+        It has a table, or one by row of its mask. Of a box of voxels, the box's own are counted.
         """
         x, y, z = grid.shape_xyz
         padded = (x + 2 * self._lanes) * (y + 2) * (z + 2)
@@ -453,6 +488,15 @@ class LightVolume:
         spans = np.concatenate([_spans(count, nodes) for count, nodes in axes])
         constants, rows, kind = _constants(volume, tables[0], spec, grid)
         constants["adds"] = added_to is not None
+        if box is not None:
+            voxels = self._compute.upload(box.values, share=True)
+            first = np.array(box.first[::-1])
+            for axis, nodes in enumerate(np.split(spans, np.cumsum(grid.shape_xyz)[:2])):
+                nodes["first"] -= first[axis]
+            constants["voxels"][:3] = box.values.shape[::-1]
+            constants["low"][:3] = np.maximum(constants["low"][:3], box.low[::-1]) - first
+            constants["high"][:3] = np.minimum(constants["high"][:3], box.high[::-1]) - first
+            constants["planes"][:, 3] += constants["planes"][:, :3] @ first
         sigma = added_to or self._compute.output(padded * 4)
         upload = self._compute.upload
         by_label: tuple[Any, ...] = ()
@@ -462,6 +506,8 @@ class LightVolume:
             kind, by_label = _BY_MASK, (codes, upload(curves), mask)
         arguments = (voxels, upload(spans), upload(rows), constants, sigma, *by_label)
         self._launch("extinction", padded, arguments, kind, volume)
+        if box is not None:
+            self._compute.queue.finish()  # it reads the box's own memory
         return sigma
 
     def _fill_layer(self, layer: LightLayer, number: int, grid: LightGrid) -> None:
@@ -486,6 +532,27 @@ class LightVolume:
         parts = np.rint(65535.0 * unblocked_part(layer, grid, clear)).astype(np.uint16)
         numbers = np.int32(grid.nodes), np.int32(number)
         self._launch("blocked", grid.nodes, (self._compute.upload(parts), *numbers, self._layers))
+
+    def attach(
+        self,
+        struct: NDArray[np.void],
+        table: Tables,
+        spec: RaycastSpec,
+        camera: Camera,
+        clear: Clear | None,
+    ) -> tuple[Any, list[int]]:
+        """Set the members of a `CAST` for the light volume.
+
+        Return its buffer, and each source's layer in the buffer (-1: none).
+        """
+        buffer, grid, layers = self.layers(table, spec, camera, clear)
+        struct["light_x"], struct["light_y"], struct["light_z"] = grid.shape_xyz
+        struct["light_scale"][:3] = grid.per_index
+        struct["light_lift"] = grid.lift_mm / min(self.volume.spacing_mm)
+        numbers = [-1] * len(numbered_sources(spec))
+        for number, layer in enumerate(layers):
+            numbers[layer.source] = number
+        return buffer, numbers
 
     def arrivals(
         self,

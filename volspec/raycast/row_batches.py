@@ -64,7 +64,8 @@ class Band:
 class RowBatches:
     """Caster of a picture band by band: no launch takes long, and none waits for the host.
 
-    Two batches are in progress at any time; a batch's height follows from recent times.
+    Two batches are in progress at any time; a batch's height follows from recent times, and from
+    ``rows`` of work-groups at first.
     """
 
     def __init__(
@@ -75,10 +76,11 @@ class RowBatches:
         group: tuple[int, int],
         tile_ms: float,
         pack: Pack | None = None,
+        rows: int = 1,
     ) -> None:
         self._compute, self._result, self._pack = compute, result, pack
         self._tile, self._group, self._tile_ms = tile, group, tile_ms
-        self._clipped = False
+        self._clipped, self._first_rows = False, rows
         height, width = result.alpha.shape
         self._columns = -(-width // (tile[0] * group[0])) * group[0]
         self._group_rows = -(-height // (tile[1] * group[1]))
@@ -93,7 +95,7 @@ class RowBatches:
     ) -> None:
         """Launch and fetch every band; see `volspec.raycast.gpu.Raycaster.cast`."""
         in_progress: deque[Band] = deque()
-        row, rows = 0, 1
+        row, rows = 0, self._first_rows
         began = time.perf_counter()
         try:
             while row < self._group_rows or in_progress:

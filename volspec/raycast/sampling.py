@@ -57,7 +57,7 @@ def make_rays(volume: Volume, camera: Camera, size: tuple[int, int], spec: Rayca
     matrix = volume.index_from_world
     start = origin @ matrix[:3, :3].T + matrix[:3, 3]
     along = direction @ matrix[:3, :3].T
-    near, far, face = _clip(start, along, *spec.kept(volume))
+    near, far, face = clip_rays(start, along, *spec.kept(volume))
     outwards = -np.sign(along) * np.eye(3)[:, None]  # of the three faces, in index space
     cut = np.where(face[:, None] >= 0, outwards[face, np.arange(len(face))], 0.0)
     for plane in spec.index_planes(volume):
@@ -98,7 +98,7 @@ def world_rays(
     return origin, direction / np.linalg.norm(direction, axis=1, keepdims=True)
 
 
-def _clip(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, Array, Index]:
+def clip_rays(start: Array, along: Array, low: Array, high: Array) -> tuple[Array, Array, Index]:
     """Clip rays to the box low…high (index space); a ray misses it if near ≥ far.
 
     Also returns the axis of the face that a ray enters through; -1 if it begins inside.

@@ -116,11 +116,15 @@ class RaycastSpec:
         ]
         | None
     ) = None
-    """Range that stays along x, y and z, in voxel indices (after downsample)."""
+    """Range that stays along x, y and z, in voxel indices (after downsample; of the finest level
+    of a volume that is larger than memory)."""
     clip_planes: Annotated[
         tuple[ClipPlane, ...], BeforeValidator(as_tuple), Field(strict=False, max_length=MAX_PLANES)
     ] = ()
     """Up to six planes; the side that the normal points to stays."""
+    level: Annotated[int, Field(ge=0)] | None = None
+    """Level of detail of a volume that is larger than memory, 0 for the finest; if left out, the
+    coarsest whose voxels are no larger than a pixel."""
     light_cells: Annotated[int, Field(ge=8, le=512)] = 96
     """Cells of the light volume (shadows, ambient occlusion) along the longest axis."""
     physical_light: bool = False
@@ -254,6 +258,19 @@ class RaycastSpec:
                     "nothing would be left, give other numbers",
                 )
         return np.maximum(low, 0.0), np.minimum(high, last)
+
+    def for_lattice(self, volume: Volume) -> RaycastSpec:
+        """Return the settings with the crop in the volume's own voxels.
+
+        Given are those of the finest level, if it is larger than memory.
+        """
+        if self.crop_voxels is None or volume.pyramid is None:
+            return self
+        scale = np.diag(volume.finest_from_index)[:3]
+        shift = volume.finest_from_index[:3, 3]
+        own = (np.array(self.crop_voxels) - shift[:, None]) / scale[:, None]
+        x, y, z = ((float(low), float(high)) for low, high in own)
+        return replace(self, crop_voxels=(x, y, z))
 
     def for_field(self, name: str | None) -> RaycastSpec:
         """Return the settings with the planes that cut a field, or with None those that cut all.

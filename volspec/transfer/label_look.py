@@ -84,7 +84,7 @@ def label_function(
     materials = {name: reflectance(text, grid) for name, text in texts.items()}
     own = MaterialBasis(materials, LABELS, grid, observer_deg)
     stated = {number: label.name for number, label in volume.labels.items() if label.name}
-    step_mm = min(volume.spacing_mm)
+    step_mm = volume.smallest_mm
     return LabelFunction(looks, materials, own, step_mm, names=stated), texts
 
 

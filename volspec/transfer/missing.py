@@ -200,7 +200,7 @@ def _rows_between(
 
 
 def _bake(transfer: _Transfer, volume: Volume) -> TransferTable | SurfaceTable:
-    table = transfer.bake(min(volume.spacing_mm))
+    table = transfer.bake(volume.smallest_mm)
     # Labels below 0 are transparent anyway.
     if volume.missing is None or isinstance(table, SurfaceTable) or table.labels:
         return table

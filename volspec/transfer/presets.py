@@ -174,7 +174,7 @@ def fit_preset(
     gradients = None
     if preset.edges is not None:
         low, *_, top, _ = _marks(volume, counts)
-        full = preset.edges * (top - low) / (2 * min(volume.spacing_mm))
+        full = preset.edges * (top - low) / (2 * volume.smallest_mm)
         gradients = ((0.1 * full, 0.0), (full, 1.0))
     return TransferFunction(points, materials, own, step_mm(volume), gradients)
 

@@ -18,7 +18,7 @@ from volspec.errors import VolspecWarning, VolumeError, one_line
 
 NATIVE_DTYPES = (np.uint8, np.uint16, np.int16, np.float32)
 """Types that kernels can read; others are converted to the smallest that fits their values."""
-_WIDENED = {"b1": np.uint8, "i1": np.int16}
+WIDENED = {"b1": np.uint8, "i1": np.int16}
 # Fraction of the range: smaller rounding errors are invisible with 65536 table entries.
 _NEGLIGIBLE = 1e-6
 # Distance of the missing value from the others, in ranges: values interpolated with it fall below
@@ -100,7 +100,7 @@ def _convert(values: NDArray[Any], name: str) -> NDArray[Any]:
         for narrow in (np.uint8, np.uint16, np.int16):
             if np.iinfo(narrow).min <= low and high <= np.iinfo(narrow).max:
                 return values.astype(narrow)
-    wider = _WIDENED.get(f"{kind}{values.dtype.itemsize}", np.float32)
+    wider = WIDENED.get(f"{kind}{values.dtype.itemsize}", np.float32)
     # Doubles beyond float32 become infinite here and are counted below.
     with np.errstate(over="ignore"):
         converted = values.astype(wider)

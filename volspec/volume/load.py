@@ -16,6 +16,8 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from volspec._files import nearest_file
 from volspec.errors import VolspecWarning, VolumeError, quoted
 from volspec.volume.bundled import locate_volume
@@ -25,14 +27,16 @@ from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
 from volspec.volume.files.itk import read_itk
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
-from volspec.volume.files.omezarr import is_zarr, read_ome_zarr
+from volspec.volume.files.omezarr import is_zarr, levels_of_ome_zarr, read_ome_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 from volspec.volume.files.tiff import pictures_in, read_stack, read_tiff
 from volspec.volume.files.vtk import read_vtk
 from volspec.volume.labels import NAMED, Labels, find_labels
+from volspec.volume.larger import level_of, read_coarsest, stored_levels
 from volspec.volume.model import Volume
+from volspec.volume.pyramid import Level
 from volspec.volume.reader_process import choices_in_child, read_in_child
 
 _ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
@@ -110,8 +114,12 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
           single TIFF or PNG pictures in the order of the numbers in their names (``z2`` before
           ``z10``): ``?spacing= channel= time=``;
         - the name of a bundled volume, if no file has it: ``engine``, ``head`` or ``frog``;
-        - an OME-Zarr folder (0.4, 0.5): ``?level= channel= time= spacing=``; by default level 0,
-          or the finest of at most 2 GiB. Needs ``volspec[zarr]``.
+        - an OME-Zarr folder (0.4, 0.5): ``?level= channel= time= spacing=``. Needs
+          ``volspec[zarr]``.
+
+    A volume that takes more memory than ``memory=2GiB`` (OME-Zarr: by default 2 GiB; uncompressed
+    files: half of what is free) is not read as a whole: a coarse level is, and casts read what
+    they show of the finer ones (`Volume.pyramid`).
 
     Raises
     ------
@@ -208,11 +216,22 @@ def _read_channels(
 
 def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Volume:
     """Read the field that an address selects, and add remarks on it."""
-    reading = read_in_child(query) if library else read_here(query)
+    levels = levels_of_ome_zarr(query) if library == "zarr" else []
+    reading = None
+    if not levels:
+        reading = read_in_child(query) if library else read_here(query)
+        remarks += reading.remarks
+        levels = stored_levels(query, reading)
+    if levels:
+        volume, labels = read_coarsest(query, name, levels, remarks)
+        return _with_labels(volume, query, labels, remarks)
+    assert reading is not None
     values = reading.values
-    # A format without geometry leaves None, the constructor's default.
+    if isinstance(values, Stored):
+        query.reserve(values.shape, np.dtype(values.dtype).itemsize)
+        values = values.read()
     volume = Volume(
-        values.read() if isinstance(values, Stored) else values,
+        values,
         spacing_mm=reading.spacing_mm,  # type: ignore[arg-type]
         world_from_index=reading.world_from_index,  # type: ignore[arg-type]
         name=name,
@@ -220,8 +239,28 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     )
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
-    remarks += reading.remarks
     return _with_labels(volume, query, reading.labels, remarks)
+
+
+def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
+    """Return a volume's finest level, its name and its labels, without reading what is too large.
+
+    Errors and warnings are those of `load_volume`; only one channel is read.
+    """
+    query, library = _query(path)
+    levels = levels_of_ome_zarr(query) if library == "zarr" else []
+    if not levels and not library:
+        levels = stored_levels(query, read_here(query))
+    if levels:
+        return levels[0], query.path.name, {}
+    volume = load_volume(path)
+    if volume.fields:
+        raise VolumeError(
+            f"{query.path}: has {len(volume.fields) + 1} channels, of which one is converted",
+            f"choose it with {query.example(channel='0')}",
+            code="missing",
+        )
+    return level_of(volume), query.path.name, dict(volume.labels)
 
 
 def _with_labels(

@@ -32,6 +32,8 @@ from volspec.volume.labels import Labels
 if TYPE_CHECKING:
     import pyvista
 
+    from volspec.volume.pyramid import Pyramid
+
 Summary = Callable[[NDArray[Any]], NDArray[Any]]
 """(N, M) blocks of M voxels -> (N,)"""
 
@@ -70,6 +72,9 @@ class Volume:
     fields : sequence of Volume, optional
         Further fields, such as a microscope's other channels or a PET in its CT: each has a name,
         a type and a lattice of its own, and none has further ones.
+    pyramid : Pyramid, optional
+        Finer levels of a volume that is larger than memory; ``values`` are its coarsest. Casts read
+        those that the picture shows (`volspec.load_volume`).
 
     Raises
     ------
@@ -94,11 +99,14 @@ class Volume:
     labels: Labels = field(default_factory=dict)
     channel: Channel = field(default_factory=Channel)
     fields: tuple[Volume, ...] = ()
+    pyramid: Pyramid | None = None
     range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
         given, lattice = array_and_lattice(self.values, self.name)
         values, span, missing = checked_values(given, self.name, self.missing)
+        if self.pyramid is not None:
+            span, missing = self.pyramid.range, self.pyramid.missing
         if self.spacing_mm is None and self.world_from_index is None:
             object.__setattr__(self, "world_from_index", lattice)
         spacing, world = checked_geometry(self.spacing_mm, self.world_from_index, self.name)
@@ -141,6 +149,11 @@ class Volume:
         """Smallest spacing of all fields, in mm."""
         return min(min(each.spacing_mm) for each in (self, *self.fields))
 
+    @property
+    def smallest_mm(self) -> float:
+        """Smallest spacing of its own field, in mm; of its finest level, if it has several."""
+        return min((self if self.pyramid is None else self.at_level(0)).spacing_mm)
+
     def has_lattice_of(self, other: Volume) -> bool:
         """Return True if the voxels of two fields lie at the same places."""
         return self.shape_xyz == other.shape_xyz and np.allclose(
@@ -159,9 +172,33 @@ class Volume:
     @property
     def corners_mm(self) -> NDArray[np.float64]:
         """(8, 3) world positions of the outermost voxel centres."""
-        x, y, z = self.shape_xyz
+        finest = self if self.pyramid is None else self.at_level(0)
+        x, y, z = finest.shape_xyz
         index = [(i, j, k, 1.0) for k in (0, z - 1) for j in (0, y - 1) for i in (0, x - 1)]
-        return (np.array(index) @ self.world_from_index.T)[:, :3]
+        return (np.array(index) @ finest.world_from_index.T)[:, :3]
+
+    def at_level(self, number: int) -> Volume:
+        """Return the lattice of a level of the pyramid, 0 the finest: its values are not there."""
+        assert self.pyramid is not None
+        level = self.pyramid.levels[number]
+        spacing, world = checked_geometry(None, level.world_from_index, self.name)
+        nothing = np.broadcast_to(np.zeros((), self.pyramid.dtype), level.shape)
+        changes = {"values": nothing, "spacing_mm": spacing, "world_from_index": world}
+        return self._changed(**changes)
+
+    def _changed(self, **changes: Any) -> Volume:
+        """Return a copy with other attributes, which are not checked."""
+        volume = copy(self)
+        for key, value in changes.items():
+            object.__setattr__(volume, key, value)
+        return volume
+
+    @property
+    def finest_from_index(self) -> NDArray[np.float64]:
+        """(4, 4) map to the indices of the pyramid's finest level, in which crops are given."""
+        if self.pyramid is None:
+            return np.eye(4)
+        return np.linalg.inv(self.pyramid.levels[0].world_from_index) @ self.world_from_index
 
     def with_fields(self, fields: Iterable[Volume]) -> Volume:
         """Return this volume with other further fields.
@@ -194,11 +231,7 @@ class Volume:
         if below is not None and self.missing is not None:
             values = np.where(values == self.missing, np.float32(below), values)
         values.flags.writeable = False
-        volume = copy(self)
-        changes = {"name": name, "values": values, "missing": below, "range": (low, high)}
-        for key, value in changes.items():
-            object.__setattr__(volume, key, value)
-        return volume
+        return self._changed(name=name, values=values, missing=below, range=(low, high))
 
     def is_step_of(self, other: Volume) -> bool:
         """Return True if two volumes may be steps of one series: only their values differ."""
@@ -222,6 +255,17 @@ class Volume:
             If a number is not positive.
         """
         spacing, _ = checked_geometry(spacing_mm, None, self.name)
+        pyramid = self.pyramid
+        if pyramid is not None:
+            finest = self.at_level(0).spacing_mm
+            pyramid = pyramid.with_spacing(np.divide(spacing, finest).tolist())
+            world = pyramid.levels[-1].world_from_index
+            return replace(
+                self,
+                spacing_mm=None,  # type: ignore[arg-type]
+                world_from_index=world,
+                pyramid=pyramid,
+            )
         world = self.world_from_index.copy()
         world[:3, :3] *= np.asarray(spacing) / np.asarray(self.spacing_mm)
         fields = [
@@ -265,6 +309,13 @@ class Volume:
                 f"{self.name}: downsampled by {factor!r:.40}",
                 "give a whole number from 1",
                 code="range",
+                given=factor,
+            )
+        if self.pyramid is not None and step > 1:
+            raise VolumeError(
+                f"{self.name}: is larger than memory, so that it cannot be downsampled by {step}",
+                "give a level of detail: ?level=1 after its name, or level = 1 in [raycast]",
+                code="conflict",
                 given=factor,
             )
         least = min(self.shape_xyz)

@@ -192,6 +192,15 @@ def set_light_cells(state: ViewState, cells: int) -> ViewState:
 
 
 @edit
+def set_level(state: ViewState, level: int | None) -> ViewState:
+    """Set the level of detail of a volume larger than memory; None: by the size of pixels."""
+    pyramid = state.document.volume.pyramid
+    if level is not None and pyramid is not None:
+        level = min(max(level, 0), len(pyramid.levels) - 1)
+    return _change(state, level=level)
+
+
+@edit
 def toggle_physical_light(state: ViewState) -> ViewState:
     """Let shadows and occlusion be those of rays through voxels, or of a coarse grid."""
     return _change(state, physical_light=not state.shading.physical_light)

@@ -203,6 +203,9 @@ def sizes(state: ViewState, ui: UiContext) -> str:
     if ui.results.image is None:
         return "no picture" if ui.results.fault else "casting …"
     width, height = state.size if state.document.image is None else state.document.image.size
+    pyramid = state.document.volume.pyramid
+    if pyramid is not None and pyramid.counts.progress:
+        return f"{width} × {height}, reading {pyramid.counts.progress}"
     if ui.results.whole:
         return f"{width} × {height}"
     shown, _ = ui.results.image.size

@@ -36,6 +36,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.push_style_var(imgui.StyleVar_.item_spacing, (ui.px(8), ui.px(4)))
     new = _projection(state, ui)
     new = _sampling(_presets(new, ui), ui)
+    new = _level(new, ui)
     imgui.separator_text("Shadows")
     flipped, _ = imgui.checkbox("Physical", new.shading.physical_light)
     ui.note("physical light", _about("physical_light"))
@@ -53,6 +54,20 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
     imgui.pop_style_var()
     imgui.pop_item_width()
     return None if new is state else new
+
+
+def _level(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the choice of a level of detail, for a volume larger than memory."""
+    pyramid = state.document.volume.pyramid
+    if pyramid is None:
+        return state
+    names = ["as fine as pixels"]
+    for number, level in enumerate(pyramid.levels):
+        names.append(f"{number}: {' × '.join(map(str, level.shape[::-1]))}")
+    now = 0 if state.shading.level is None else 1 + min(state.shading.level, len(names) - 2)
+    picked, at = imgui.combo("Level", now, names)
+    ui.note("level", _about("level"))
+    return quality.set_level(state, at - 1 if at else None) if picked else state
 
 
 def _about(field: str) -> str:

@@ -69,7 +69,9 @@ class Pass(NamedTuple):
     steps: Literal["own", "fast", "voxel"] = "own"
 
     def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:
-        """Return the pass's settings."""
+        """Return the pass's settings; of a volume larger than memory, on the way, what is in it."""
+        if volume.pyramid is not None and self != WHOLE:
+            own = replace(own, level=len(volume.pyramid.levels) - 1)
         if self.steps == "own":
             return own
         coarse = replace(own, quality="fast", step_mm=None)
@@ -264,7 +266,7 @@ class CastScheduler:
             self._pace, self._first = Pace(), True
         self._wanted, self._changed_at = state, now
         moving = self._pace.moving
-        if plays and moving == WHOLE:
+        if moving == WHOLE and (plays or state.document.volume.pyramid is not None):
             moving = Pass(1, "voxel")
         self._whole_wanted = held and moving != WHOLE
         ends = held or moving == WHOLE
@@ -300,6 +302,8 @@ class CastScheduler:
         self._builder.close(0.0)
 
     def _to_whole(self, state: ViewState) -> tuple[Pass, ...]:
+        if state.document.volume.pyramid is not None:
+            return Pass(1, "fast"), WHOLE  # finer levels are read for the second
         return self._pace.to_whole(state.shading.quality)
 
     def _request(self, state: ViewState, passes: tuple[Pass, ...]) -> None:

@@ -20,15 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import DeviceError, VolumeError, one_line
+from volspec.volume import pyramid
 from volspec.volume.channels import Channel
 from volspec.volume.files.label_tables import labels_in_zarr
 from volspec.volume.files.lattice import affine, mm_per_unit, spacing_text
 from volspec.volume.files.query import Choice, Query, Reading
+from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
-# Greatest size, in bytes, of the default level.
-_MOST_BYTES = 2**31
+# More bytes of voxels than this are a mistake: 1 PiB.
+_MOST_BYTES = 2**50
 _SPACE = ("z", "y", "x")
+_OPTIONS = {"c": ("channel", "channels"), "t": ("time", "time steps")}
 _DAMAGE = (KeyError, TypeError, ValueError, IndexError, OSError, RuntimeError, AttributeError)
 
 
@@ -46,10 +49,79 @@ def is_zarr(folder: Path) -> bool:
     return any((folder / mark).is_file() for mark in _MARKS)
 
 
-def read_ome_zarr(query: Query) -> Reading:
-    """Read a level of a picture, with the channel and time that the query selects."""
+def levels_of_ome_zarr(query: Query) -> list[pyramid.Level]:
+    """Return the levels of a picture that is larger than memory, finest first; else none.
+
+    Those of several channels are none, unless one is selected. Raises VolumeError if the levels
+    are not resolutions of one picture.
+    """
+    if "level" in query.options or query.choices is not None:
+        return []
+    group, axes, levels = _opened(query)
+    names = _names(axes)
+    most = DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
+    nbytes = _nbytes(levels[0], names)
+    if not set(_SPACE) <= set(names) or nbytes <= most:
+        return []
+    if nbytes > _MOST_BYTES:
+        raise VolumeError(
+            f"{query.path}: its metadata declare {_level_names(levels, names)[0]} voxels; is it "
+            "damaged?",
+            code="damaged",
+        )
+    at = []
+    for name, count in zip(names, levels[0].array.shape, strict=True):
+        key, what = _OPTIONS.get(name, ("", ""))
+        if name not in _SPACE and count > 1 and key not in query.options:
+            return []
+        at.append(0 if name in _SPACE else query.index(key, count, what))
+    places = tuple(names.index(name) for name in _SPACE)
+    stated = dict(group.attrs).get("volspec", {})
+    found = []
+    for number, level in enumerate(levels):
+        _check_extent(level, levels[0], number, names, query)
+        world = _world(level, axes, dict(group.attrs), query, [])
+        found.append(
+            pyramid.Level(
+                level.array,
+                (places[0], places[1], places[2]),
+                tuple(at),
+                world,
+                tuple(level.array.chunks[place] for place in places),
+                _ranges(group, stated, number),
+                bool(stated.get("complete")),
+            )
+        )
+    return found
+
+
+def _ranges(group: Any, stated: dict[str, Any], number: int) -> NDArray[Any] | None:
+    """Return the ranges of a level's blocks that `volspec convert` wrote, None if it did not."""
+    try:
+        paths = stated["ranges"]
+        return np.asarray(group[paths[number]]) if stated["block"] == BLOCK else None
+    except _DAMAGE:
+        return None
+
+
+def _check_extent(level: Level, finest: Level, number: int, names: list[str], query: Query) -> None:
+    """Refuse a level that is not as large in the world as the finest."""
+    for axis, name in enumerate(names):
+        if name not in _SPACE:
+            continue
+        own, whole = (each.array.shape[axis] * each.scale[axis] for each in (level, finest))
+        if abs(own - whole) > 1.01 * max(level.scale[axis], finest.scale[axis]):
+            raise VolumeError(
+                f"{query.path}: level {number} is {own:g} long along {name}, level 0 {whole:g}; "
+                "its levels are not resolutions of one picture",
+                f"correct its metadata, or read one level: {query.example(level=str(number))}",
+                code="conflict",
+            )
+
+
+def _opened(query: Query) -> tuple[Any, list[dict[str, Any]], list[Level]]:
+    """Return the group, the axes and the levels of a picture."""
     path = query.path
-    query.allow("level", "channel", "time", "spacing")
     try:
         import zarr
     except ImportError as error:
@@ -57,11 +129,10 @@ def read_ome_zarr(query: Query) -> Reading:
             f'{path}: is an OME-Zarr, which needs zarr; pip install "volspec[zarr]"',
             code="unsupported",
         ) from error
-    remarks: list[str] = []
     try:
         group = zarr.open(str(path), mode="r")
         axes, levels = _multiscale(group, query)
-        names = [str(axis["name"]).lower() for axis in axes]
+        _names(axes)
     except VolumeError:
         raise
     except _DAMAGE as error:
@@ -70,8 +141,21 @@ def read_ome_zarr(query: Query) -> Reading:
             "folder complete?",
             code="damaged",
         ) from error
+    return group, axes, levels
+
+
+def _names(axes: list[dict[str, Any]]) -> list[str]:
+    return [str(axis["name"]).lower() for axis in axes]
+
+
+def read_ome_zarr(query: Query) -> Reading:
+    """Read a level of a picture, with the channel and time that the query selects."""
+    query.allow("level", "channel", "time", "spacing")
+    remarks: list[str] = []
+    group, axes, levels = _opened(query)
+    names = _names(axes)
     level = levels[_level(levels, names, query, remarks)]
-    world = _world(level, axes, query, remarks)
+    world = _world(level, axes, dict(group.attrs), query, remarks)
     channels = _channels(group)
     values, number = _values(level, names, query, channels)
     channel = channels[number] if number < len(channels) else None
@@ -129,21 +213,27 @@ def _scale_and_shift(
         if len(numbers) != count:
             raise ValueError(f"a {kind} of {len(numbers)} numbers for {count} axes")
         if kind == "scale":
+            if not (numbers > 0).all():
+                raise ValueError(f"a scale of {numbers.tolist()}, which is not positive")
             scale, shift = scale * numbers, shift * numbers
         else:
             shift = shift + numbers
     return tuple(scale.tolist()), tuple(shift.tolist())
 
 
+def _nbytes(level: Level, names: list[str]) -> int:
+    """Return the bytes of a volume of a level."""
+    sides = [n for n, name in zip(level.array.shape, names, strict=True) if name in _SPACE]
+    return math.prod(sides) * int(level.array.dtype.itemsize)
+
+
 def _level(levels: list[Level], names: list[str], query: Query, remarks: list[str]) -> int:
-    """Return the level that the query selects, else the finest of at most `_MOST_BYTES`."""
+    """Return the level that the query selects, else the finest that memory holds."""
     if "level" in query.options:
         return query.index("level", len(levels), "levels", _level_names(levels, names))
-    sizes = []
-    for level in levels:
-        sides = [n for n, name in zip(level.array.shape, names, strict=True) if name in _SPACE]
-        sizes.append(math.prod(sides) * level.array.dtype.itemsize)
-    chosen = next((k for k, size in enumerate(sizes) if size <= _MOST_BYTES), len(levels) - 1)
+    sizes = [_nbytes(level, names) for level in levels]
+    most = DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
+    chosen = next((k for k, size in enumerate(sizes) if size <= most), len(levels) - 1)
     if query.choices is not None and len(levels) > 1:
         values = tuple(map(str, range(len(levels))))
         query.choices.append(Choice("level", values, _level_names(levels, names), str(chosen)))
@@ -156,7 +246,11 @@ def _level(levels: list[Level], names: list[str], query: Query, remarks: list[st
 
 
 def _world(
-    level: Level, axes: list[dict[str, Any]], query: Query, remarks: list[str]
+    level: Level,
+    axes: list[dict[str, Any]],
+    stated: dict[str, Any],
+    query: Query,
+    remarks: list[str],
 ) -> NDArray[np.float64]:
     places = {str(axis["name"]).lower(): k for k, axis in enumerate(axes)}
     if missing := [name for name in _SPACE if name not in places]:
@@ -178,7 +272,13 @@ def _world(
             f"{query.path}: the unit of its scale is {unknown[0]}, millimetres are assumed; "
             f"if that is wrong, give them as in {query.example(spacing=spacing_text(*scale))}"
         )
-    return affine(np.diag(scale), shift)
+    world = affine(np.diag(scale), shift)
+    # OME-Zarr has no directions: `volspec convert` writes its own.
+    directions = stated.get("volspec", {}).get("world_from_picture", np.eye(4))
+    try:
+        return np.array(directions, float).reshape(4, 4) @ world
+    except (TypeError, ValueError):
+        return world
 
 
 def _level_names(levels: list[Level], names: list[str]) -> tuple[str, ...]:
@@ -202,13 +302,12 @@ def _values(
 ) -> tuple[NDArray[Any], int]:
     """Read the selected channel and time as (Z, Y, X); also return the channel's number."""
     named, number = [channel.name for channel in channels], 0
-    options = {"c": ("channel", "channels"), "t": ("time", "time steps")}
     index: list[int | slice] = []
     for name, count in zip(names, level.array.shape, strict=True):
         if name in _SPACE:
             index.append(slice(None))
             continue
-        key, what = options.get(name, ("", ""))
+        key, what = _OPTIONS.get(name, ("", ""))
         if not key and count > 1:
             raise VolumeError(
                 f"{query.path}: has {count} values along an axis {name!r}; a volume has x, y, z, "

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import mmap
+import re
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +24,8 @@ from volspec._gpu.memory import host_free_bytes
 from volspec.errors import VolumeError, nearest, one_line, quoted
 from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels
+
+_BYTES = re.compile(r"(\d+(?:\.\d*)?)\s*([KMGT]?)(i?)B?", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +61,7 @@ class Query:
     # A list makes readers add their choices to it, and end before they read voxels.
     choices: list[Choice] | None = field(default=None, compare=False)
     labels: str | None = None  # ``labels=``, a table for volumes of any format
+    memory_bytes: int | None = None  # ``memory=``, most bytes of voxels in memory
 
     @classmethod
     def of(cls, text: str) -> Query:
@@ -83,7 +87,8 @@ class Query:
         labels = options.pop("labels", None)
         if labels == "":
             raise VolumeError(f"{path}: labels= is empty; give a file", code="missing")
-        return cls(Path(path), options, labels=labels)
+        memory = options.pop("memory", None)
+        return cls(Path(path), options, labels=labels, memory_bytes=bytes_of(memory, path))
 
     def example(self, **options: str) -> str:
         """Return the address with further options, quoted for a shell, for messages.
@@ -225,6 +230,27 @@ class Query:
         ]
 
 
+def bytes_of(given: str | None, path: str) -> int | None:
+    """Return a number of bytes, given with a unit; None if nothing is given.
+
+    >>> bytes_of("1.5GiB", "v.zarr"), bytes_of("200 MB", "v.zarr"), bytes_of("4096", "v.zarr")
+    (1610612736, 200000000, 4096)
+    """
+    if given is None:
+        return None
+    found = _BYTES.fullmatch(given.strip())
+    if found is None or float(found[1]) <= 0:
+        raise VolumeError(
+            f"{path}: memory={given} is not a number of bytes",
+            "write it as memory=2GiB or memory=500MB",
+            code="syntax",
+            given=given,
+        )
+    unit, binary = found[2].upper(), bool(found[3])
+    power = "KMGT".index(unit) + 1 if unit else 0
+    return int(float(found[1]) * (1024 if binary else 1000) ** power)
+
+
 @dataclass(frozen=True, slots=True)
 class Stored:
     """Voxels stored uncompressed as a run of bytes in a file."""
@@ -234,12 +260,22 @@ class Stored:
     dtype: str  # NumPy's code, byte order included
     offset: int = 0
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all voxels."""
+        return math.prod(self.shape) * np.dtype(self.dtype).itemsize
+
+    def __getitem__(self, index: tuple[int | slice, ...]) -> NDArray[Any]:
+        """Read some of the voxels; pages of the file do not stay in this process's memory."""
+        whole = np.memmap(self.path, self.dtype, "r", self.offset, self.shape)
+        return np.array(whole[index])
+
     def read(self) -> NDArray[Any]:
         """Read the voxels. They are not mapped, since the file may change while they are in use.
 
         They begin on a memory page, so that Intel's OpenCL uses them without a copy.
         """
-        memory = mmap.mmap(-1, math.prod(self.shape) * np.dtype(self.dtype).itemsize)
+        memory = mmap.mmap(-1, self.nbytes)
         try:
             with open(self.path, "rb", buffering=0) as file:
                 file.seek(self.offset)

@@ -61,8 +61,8 @@ def read_npy(query: Query) -> Reading:
         query.end_choices()
         held = path.stat().st_size - file.tell()
         query.require_held(held, shape, math.prod(shape) * dtype.itemsize)
-        query.reserve(shape, dtype.itemsize)
         if columns_first:
+            query.reserve(shape, dtype.itemsize)
             flat = np.fromfile(file, dtype, math.prod(shape))
             return Reading(flat.reshape(shape[::-1]).T)
         return Reading(Stored(str(path), shape, dtype.str, file.tell()))
@@ -167,7 +167,6 @@ def read_raw(query: Query) -> Reading:
             code="damaged",
         )
     query.end_choices()
-    query.reserve(shape, dtype.itemsize)
     remarks = []
     if held > expected:
         remarks.append(

@@ -1,0 +1,120 @@
+"""Casts on a Dask cluster: the picture of one machine, whatever becomes of the workers."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from tests.support.pyramids import stored
+from tests.twins.test_parts import LIT, curve
+from volspec.errors import DeviceError, RaycastError
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Camera, RaycastSpec, distributed
+from volspec.raycast.distributed import PartialPicture
+from volspec.volume import Volume, load_volume
+
+# Rays of a part end by what the part itself hides; with alpha_stop 1 none ends early.
+SPEC = RaycastSpec(step_mm=1.0, alpha_stop=1.0, level=0)
+SIZE = 64, 56
+
+
+@pytest.fixture(scope="module")
+def engine() -> Volume:
+    return load_volume("engine")
+
+
+@pytest.fixture(scope="module")
+def caster(engine: Volume, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Raycaster]:
+    """Return a caster with two workers, of an engine of which parts are read."""
+    made = Raycaster(stored(engine, tmp_path_factory.mktemp("store"), "4MB"), device="local:2")
+    yield made
+    assert made.cluster is not None
+    made.cluster.close()
+
+
+def workers(caster: Raycaster) -> list[int]:
+    """Return the process numbers of the workers."""
+    assert caster.cluster is not None
+    return sorted(caster.cluster.client.run(os.getpid).values())
+
+
+@pytest.mark.parametrize(
+    "spec", [SPEC, RaycastSpec(step_mm=1.0, alpha_stop=1.0, groups=LIT, level=0)]
+)
+def test_the_picture_is_that_of_one_machine(
+    engine: Volume, caster: Raycaster, spec: RaycastSpec
+) -> None:
+    camera = Camera.orbit(engine, azimuth_deg=200)
+    whole = raycast(engine, curve(40, 150), camera, SIZE, spec)
+    told: list[float] = []
+    far = raycast(
+        caster.volume, curve(40, 150), camera, SIZE, spec, caster=caster, progress=told.append
+    )
+    assert np.abs(whole.coefficients - far.coefficients).max() < 2e-4
+    assert np.abs(whole.alpha - far.alpha).max() < 2e-4
+    seen = whole.alpha > 0.01
+    assert np.allclose(whole.depth_mm[seen], far.depth_mm[seen], atol=2e-2)
+    assert told == sorted(told) and told[-1] == 1.0
+
+
+def test_a_killed_worker_changes_nothing(engine: Volume, caster: Raycaster) -> None:
+    given = caster.volume, curve(40, 150), Camera.orbit(engine), SIZE, SPEC
+    calm = raycast(*given, caster=caster)
+    killed: list[int] = []
+
+    def kill(fraction: float) -> None:
+        if fraction > 0.1 and not killed:
+            killed.append(workers(caster)[0])
+            os.kill(killed[0], signal.SIGKILL)
+
+    picture = raycast(*given, caster=caster, progress=kill)
+    assert killed, "the cast was over before a worker was killed"
+    assert np.array_equal(picture.coefficients, calm.coefficients)
+
+
+def test_workers_of_another_version_are_refused(
+    engine: Volume, caster: Raycaster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import volspec
+
+    monkeypatch.setattr(volspec, "__version__", "0.0.0")
+    with raises(RaycastError, "conflict"):
+        raycast(caster.volume, curve(40, 150), Camera.orbit(engine), SIZE, SPEC, caster=caster)
+
+
+@pytest.mark.parametrize("address", ["local:0", "local:many", "tcp://127.0.0.1:9"])
+def test_addresses_without_a_cluster(address: str, caster: Raycaster) -> None:
+    given = caster.volume, curve(40, 150), Camera.orbit(caster.volume), SIZE, SPEC
+    with raises(DeviceError):
+        raycast(*given, device=address)
+
+
+def test_over_is_associative() -> None:
+    random = np.random.default_rng(0)
+
+    def picture(x: int, y: int) -> PartialPicture:
+        alpha = random.uniform(0, 0.6, (4, 5)).astype(np.float32)
+        channels = random.uniform(0, 1, (4, 5, 3)).astype(np.float32) * alpha[..., None]
+        far = np.full((4, 5), np.inf, np.float32)
+        return PartialPicture((x, y, x + 5, y + 4), channels, alpha, alpha * 7, far, 1 - alpha, {})
+
+    a, b, c = picture(0, 0), picture(2, 1), picture(1, 3)
+    left, right = (a.over(b)).over(c), a.over(b.over(c))
+    assert left.rect == right.rect == (0, 0, 7, 7)
+    for name in ("coefficients", "alpha", "depth", "through"):
+        assert np.allclose(getattr(left, name), getattr(right, name), atol=1e-6)
+    assert np.allclose(left.through, 1 - left.alpha, atol=1e-6)
+
+
+def test_runs_are_neighbours_of_like_size(engine: Volume, caster: Raycaster) -> None:
+    level = caster.at(Camera.orbit(engine), SIZE, SPEC)
+    parts = level.plan(caster.bake(curve(40, 150)), Camera.orbit(engine), SIZE, SPEC)
+    runs = distributed.runs(parts, 4)
+    assert [part for run in runs for part in run] == parts and len(runs) <= 4
+    voxels = [sum(part.voxels for part in run) for run in runs]
+    assert max(voxels) < 2.5 * np.mean(voxels)

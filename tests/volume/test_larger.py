@@ -1,0 +1,301 @@
+"""Volumes larger than memory: conversion, levels, what is read, and damage."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+
+from tests.support.errors import raises
+from tests.support.pyramids import stored
+from tests.support.raycasts import oblique_world
+from volspec.basis import SpectralBasis
+from volspec.cli import main
+from volspec.errors import InputError, RaycastError, VolspecWarning, VolumeError
+from volspec.pipeline import GAPS, raycast
+from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.spectra import reflectance
+from volspec.transfer import TransferFunction
+from volspec.volume import Volume, convert, load_volume
+from volspec.volume.files.query import bytes_of
+from volspec.volume.labels import Label
+from volspec.volume.larger import level_of
+from volspec.volume.pyramid import BLOCK, Chunk, ChunkCache, block_ranges, halve
+
+TRANSFER = TransferFunction(
+    points=[(0.5, 0.0, "a"), (40, 0.02, "a"), (160, 0.5, "a")],
+    materials={"a": reflectance("copper")},
+    basis=SpectralBasis.load("general-7"),
+)
+
+
+@pytest.fixture(scope="module")
+def ball() -> Volume:
+    """Return a ball with a dense core and grains, in an empty box."""
+    z, y, x = np.mgrid[-1:1:150j, -1:1:140j, -1:1:161j]
+    radius = np.sqrt(x**2 + y**2 + z**2)
+    values = np.clip(255 * (0.8 - radius), 0, 255) * (radius < 0.8)
+    grains = np.random.default_rng(0).integers(0, 9, values.shape)
+    return Volume((values + grains * (values > 20)).astype(np.uint8), spacing_mm=(1, 1, 1.5))
+
+
+def cast(volume: Volume, level: int | None = 0, **settings: object) -> CoefficientImage:
+    """Return a small picture of a level."""
+    spec = RaycastSpec(level=level, step_mm=1.0, **settings)
+    return raycast(volume, TRANSFER, Camera.orbit(volume, azimuth_deg=40), (48, 48), spec)
+
+
+def test_a_converted_volume_is_the_volume(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    assert big.pyramid is not None and len(big.pyramid.levels) == 2
+    finest, coarsest = big.pyramid.levels
+    assert finest.shape == ball.values.shape
+    assert np.array_equal(finest.read(((0, 150), (0, 140), (0, 161))), ball.values)
+    assert np.allclose(finest.world_from_index, ball.world_from_index)
+    assert np.array_equal(big.values, np.rint(halve(ball.values)))
+    assert np.allclose(coarsest.world_from_index, ball.downsampled(2).world_from_index)
+    assert np.array_equal(finest.ranges, block_ranges(ball.values))
+    assert big.range == ball.range and big.pyramid.dtype == ball.values.dtype
+    assert np.allclose(big.corners_mm, ball.corners_mm)
+    # Other programs read it as any OME-Zarr, and so do we if there is memory for it.
+    whole = load_volume(tmp_path / "v.zarr")
+    assert whole.pyramid is None and np.array_equal(whole.values, ball.values)
+
+
+def test_levels_are_seen_as_the_whole(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    camera = Camera.orbit(ball, azimuth_deg=40)
+    whole = raycast(ball, TRANSFER, camera, (48, 48), RaycastSpec(step_mm=1.0))
+    finest = cast(big, 0)
+    assert np.abs(finest.coefficients - whole.coefficients).max() < 2e-4
+    assert np.abs(cast(big, 1).alpha - whole.alpha).mean() < 0.02
+    # 48 pixels across 250 mm: a voxel of level 0 is smaller than a pixel, one of level 1 too.
+    natural = raycast(big, TRANSFER, camera, (48, 48), RaycastSpec(step_mm=1.0))
+    assert np.array_equal(natural.coefficients, cast(big, 1).coefficients)
+    close = raycast(big, TRANSFER, Camera.orbit(ball, zoom=8), (300, 300))
+    assert big.pyramid is not None and close.alpha.max() > 0.5
+
+
+def test_each_chunk_is_read_once_and_none_in_vain(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    assert big.pyramid is not None
+    big = replace(big, pyramid=replace(big.pyramid, memory_bytes=10**8))
+    big_pyramid = big.pyramid
+    assert big_pyramid is not None
+    cast(big)
+    counts = big_pyramid.counts
+    assert counts.again == 0
+    # The ball does not reach the corners.
+    assert 0 < counts.chunks <= np.prod(big_pyramid.levels[0].grid)
+    before = counts.chunks
+    cast(big)
+    assert counts.chunks == before  # all of it is still in memory
+
+
+@pytest.mark.parametrize("dtype", [np.int16, np.uint16, np.float32, np.float64, np.int8])
+def test_types(dtype: type, tmp_path: Path) -> None:
+    values = np.minimum(np.mgrid[0:40, 0:44, 0:136].sum(axis=0) - 20, 120).astype(dtype)
+    big = stored(Volume(values), tmp_path, "200kB")
+    assert big.pyramid is not None
+    assert np.array_equal(big.pyramid.levels[0].read(((0, 40), (0, 44), (0, 136))), values)
+    assert big.range == (values.min(), values.max())
+
+
+def test_labels_keep_names_and_are_not_averaged(tmp_path: Path) -> None:
+    values = np.zeros((40, 40, 140), np.uint8)
+    values[10:30, 10:30, 10:30], values[18:22, 18:22, 18:22] = 3, 7
+    labels = {3: Label("liver", (0.5, 0.2, 0.1)), 7: Label("vessel")}
+    big = stored(Volume(values, labels=labels), tmp_path, "30kB")
+    assert big.pyramid is not None and set(np.unique(big.values)) == {0, 3, 7}
+    assert [label.name for number, label in big.labels.items() if number] == ["liver", "vessel"]
+
+
+def test_directions_and_spacing_stay(tmp_path: Path) -> None:
+    values = np.mgrid[0:40, 0:44, 0:136].sum(axis=0).astype(np.uint8)
+    volume = Volume(values, world_from_index=oblique_world())
+    big = stored(volume, tmp_path, "30kB")
+    assert big.pyramid is not None
+    assert np.allclose(big.pyramid.levels[0].world_from_index, volume.world_from_index)
+    assert np.allclose(big.world_from_index, volume.downsampled(2).world_from_index)
+    wide = big.with_spacing((2.0, 1.0, 3.0))
+    assert np.allclose(wide.corners_mm, volume.with_spacing((2.0, 1.0, 3.0)).corners_mm)
+
+
+def test_missing_voxels_stay_missing(tmp_path: Path) -> None:
+    values = np.mgrid[0:40, 0:44, 0:136].sum(axis=0).astype(np.float32)
+    values[5:20, 8:30, 3:20] = np.nan
+    with pytest.warns(VolspecWarning):
+        big = stored(Volume(values), tmp_path, "200kB")
+    assert big.pyramid is not None and big.missing is not None
+    chunk = big.pyramid.chunk(Chunk(0, 0, 0, 0))
+    assert chunk is not None and np.array_equal(chunk == big.missing, np.isnan(values[:, :, :64]))
+
+
+def test_raw_bytes_larger_than_memory_need_no_conversion(ball: Volume, tmp_path: Path) -> None:
+    path = tmp_path / "v.raw"
+    path.write_bytes(ball.values.tobytes())
+    address = f"{path}?shape=161x140x150&dtype=uint8&spacing=1,1,1.5"
+    with pytest.warns(VolspecWarning, match="volspec convert"):
+        big = load_volume(f"{address}&memory=2MB")
+    assert big.pyramid is not None and big.range == ball.range
+    camera = Camera.orbit(ball, azimuth_deg=40)
+    whole = raycast(ball, TRANSFER, camera, (48, 48), RaycastSpec(step_mm=1.0))
+    assert np.abs(cast(big).coefficients - whole.coefficients).max() < 2e-4
+
+
+def test_a_cut_off_conversion_goes_on(
+    ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, level = tmp_path / "v.zarr", level_of(ball)
+    written: list[convert.Block] = []
+    own = convert._write
+
+    def cut_off(block: convert.Block, *others: object) -> None:
+        if len(written) == 2:
+            raise KeyboardInterrupt
+        written.append(block)
+        own(block, *others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(convert, "_write", cut_off)
+    with pytest.raises(KeyboardInterrupt):
+        convert.convert(level, path)
+    assert not path.exists()
+
+    def write(block: convert.Block, *others: object) -> None:
+        written.append(block)
+        own(block, *others)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(convert, "_write", write)
+    convert.convert(level, path)
+    assert len(written) == len(set(written)), "a block was written twice"
+    assert np.array_equal(zarr.open(str(path / "0"), mode="r")[:], ball.values)
+    assert [each.name for each in tmp_path.iterdir()] == ["v.zarr"]
+
+
+def test_the_cache_drops_what_is_needed_last() -> None:
+    cache = ChunkCache(2)
+    one, two, three = (Chunk(0, 0, 0, k) for k in range(3))
+    cache.announce([[one], [two], [three], [one]])
+    for turn, chunk in enumerate((one, two, three)):
+        cache.put(chunk, np.zeros(1, np.uint8))
+        cache.done(chunk, turn)
+    # Of one and two, only one is needed again.
+    assert cache.get(one) is not None and cache.get(two) is None and cache.nbytes == 2
+
+
+def _damaged(ball: Volume, folder: Path) -> tuple[Volume, list[Path]]:
+    big = stored(ball, folder)
+    return big, sorted(path for path in (folder / "v.zarr/0").rglob("*") if path.is_file())
+
+
+@pytest.mark.parametrize("damage", ["missing", "truncated", "corrupt", "other"])
+def test_a_damaged_chunk_is_named_and_marked(damage: str, ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    chunk = tmp_path / "v.zarr/0/c/1/1/1"
+    if damage == "missing":
+        chunk.unlink()
+    elif damage == "truncated":
+        chunk.write_bytes(chunk.read_bytes()[:200])
+    elif damage == "corrupt":
+        chunk.write_bytes(b"\\x00" * 300)
+    else:  # readable, but not what was written
+        group = zarr.open_group(str(tmp_path / "v.zarr"), mode="r+")
+        group["0"][64:128, 64:128, 64:128] = 255
+    with pytest.warns(VolspecWarning, match="chunk 1/1/1 of level 0"):
+        image = cast(big)
+    assert "chunk 1/1/1" in image.notes[GAPS]
+    whole = cast(stored(ball, tmp_path / "whole"))
+    apart = np.abs(image.alpha - whole.alpha) > 1e-3
+    assert 0.01 < apart.mean() < 0.6, "only the gap differs"
+    # The command says so by its exit code, and still writes the picture.
+    scene = tmp_path / "s.toml"
+    scene.write_text(SCENE)
+    with pytest.raises(SystemExit) as stop, pytest.warns(VolspecWarning):
+        main(["render", str(scene), "-o", str(tmp_path / "a.png"), "--size", "32x32"])
+    assert stop.value.code == 3 and (tmp_path / "a.png").exists()
+
+
+SCENE = """
+[volume]
+file = "v.zarr?memory=2MB"
+[[material]]
+name = "a"
+reflectance = "copper"
+[transfer]
+points = [
+    { value = 0.5, opacity = 0.0, material = "a" },
+    { value = 160, opacity = 0.5, material = "a" },
+]
+[raycast]
+level = 0
+[[light]]
+name = "day"
+spectrum = "D65"
+"""
+
+
+def test_a_store_that_vanishes_is_gaps(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    shutil.rmtree(tmp_path / "v.zarr")
+    with pytest.warns(VolspecWarning, match=r"chunks cannot be read.*folder is gone"):
+        image = cast(big)
+    assert image.notes[GAPS]
+
+
+def test_levels_that_are_not_of_one_picture_are_refused(ball: Volume, tmp_path: Path) -> None:
+    stored(ball, tmp_path)
+    path = tmp_path / "v.zarr/zarr.json"
+    found = json.loads(path.read_text())
+    steps = found["attributes"]["ome"]["multiscales"][0]["datasets"][1]["coordinateTransformations"]
+    steps[0]["scale"] = [9.0, 2.0, 2.0]
+    path.write_text(json.dumps(found))
+    with raises(VolumeError, "conflict"):
+        load_volume(f"{path.parent}?memory=2MB")
+    steps[0]["scale"] = [3.0, -2.0, 2.0]
+    path.write_text(json.dumps(found))
+    with raises(VolumeError, "damaged"):
+        load_volume(f"{path.parent}?memory=2MB")
+
+
+def test_a_budget_below_a_part_is_refused(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path, "600kB")
+    with raises(VolumeError, "size"):
+        cast(big)
+
+
+def test_what_cannot_be_cast_in_parts_is_refused(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    for settings in ({"mode": "maximum"}, {"adaptive": 0.01}):
+        with raises(RaycastError, "unsupported"):
+            cast(big, **settings)
+    with raises(RaycastError, "range", "RaycastSpec.level"):
+        cast(big, 7)
+    with raises(VolumeError, "conflict"):
+        big.downsampled(2)
+
+
+@pytest.mark.parametrize("given", ["much", "-1GB", "0", "2 XB"])
+def test_no_amount_of_memory(given: str) -> None:
+    with raises(VolumeError, "syntax"):
+        bytes_of(given, "v.zarr")
+
+
+def test_convert_refuses_folders_of_others(ball: Volume, tmp_path: Path) -> None:
+    (tmp_path / "v.zarr").mkdir()
+    (tmp_path / "v.zarr/notes.txt").write_text("mine")
+    with raises(InputError, "conflict"):
+        convert.convert(level_of(ball), tmp_path / "v.zarr")
+    assert (tmp_path / "v.zarr/notes.txt").read_text() == "mine"
+
+
+def test_blocks_hold_the_next_voxels() -> None:
+    values = np.random.default_rng(0).integers(0, 255, (40, 33, 50)).astype(np.uint8)
+    low, high = block_ranges(values)
+    for number in np.ndindex(low.shape):
+        here = values[tuple(slice(k * BLOCK, (k + 1) * BLOCK + 1) for k in number)]
+        assert (low[number], high[number]) == (here.min(), here.max())

@@ -1,0 +1,450 @@
+"""Cast a level of a pyramid on several machines, with Dask.
+
+    Volume.pyramid -> parts -> [distributed: cast, over, over, …] -> Result
+
+Every task casts a run of parts that follow one another in visibility order, to a partial picture:
+channels times alpha, transmittance, depth. `over` is associative [1], so that the pictures are
+composited as a tree. Each task reads its own voxels, with those around them; only pictures travel
+between machines. A task that is lost with its worker is repeated by Dask.
+
+References
+----------
+[1] Porter & Duff (1984), "Compositing digital images", SIGGRAPH, 253-259.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+import weakref
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecWarning, one_line
+from volspec.raycast.camera import Camera
+from volspec.raycast.checks import checked_size
+from volspec.raycast.kernel_arguments import check_reach
+from volspec.raycast.light_volume import Clear, light_layers
+from volspec.raycast.out_of_core import LevelCaster, PartPicture, check_supported, finished
+from volspec.raycast.parts import Part, Rect
+from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import Table, Tables
+from volspec.volume import Volume
+from volspec.volume.pyramid import Chunk, Level, Pyramid, describe_gaps
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
+
+    from volspec.raycast.gpu import Raycaster
+
+# Tasks per thread of the cluster: enough that none waits long for the last, and few enough that
+# pictures stay cheap next to casts.
+_TASKS_PER_THREAD = 6
+# How often a task is repeated if it fails, as by a file system that is away for a moment.
+_RETRIES = 2
+# Threads of an OpenCL device on the CPU, by PoCL's versions.
+_ONE_THREAD = {"POCL_MAX_PTHREAD_COUNT": "1", "POCL_CPU_MAX_CU_COUNT": "1"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartialPicture:
+    """The picture of a run of parts with nothing in front, within a rectangle.
+
+    ``coefficients`` (H, W, L·M) and ``depth`` (H, W) are premultiplied by opacity; ``through``
+    (H, W) is the transmittance; ``first`` (H, W) as of a `Result`, in smallest spacings.
+    """
+
+    rect: Rect
+    coefficients: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    depth: NDArray[np.float32]
+    first: NDArray[np.float32]
+    through: NDArray[np.float32]
+    gaps: dict[Chunk, str]
+
+    @classmethod
+    def of(
+        cls, picture: PartPicture, parts: Sequence[Part], gaps: dict[Chunk, str]
+    ) -> PartialPicture:
+        """Return the rectangle of a picture that its parts cover."""
+        corners = np.array([part.rect for part in parts])
+        (x0, y0), (x1, y1) = corners[:, :2].min(axis=0), corners[:, 2:].max(axis=0)
+        view = slice(y0, y1), slice(x0, x1)
+        return cls(
+            (int(x0), int(y0), int(x1), int(y1)),
+            np.ascontiguousarray(picture.coefficients[view]),
+            np.ascontiguousarray(picture.alpha[view]),
+            np.ascontiguousarray(picture.depth[view]),
+            np.ascontiguousarray(picture.first[view]),
+            np.ascontiguousarray(picture.through[view]),
+            gaps,
+        )
+
+    def on(self, rect: Rect) -> PartialPicture:
+        """Return the picture on a larger rectangle."""
+        x0, y0, x1, y1 = rect
+        view = (
+            slice(self.rect[1] - y0, self.rect[3] - y0),
+            slice(self.rect[0] - x0, self.rect[2] - x0),
+        )
+
+        def placed(values: NDArray[np.float32], empty: float) -> NDArray[np.float32]:
+            whole = np.full((y1 - y0, x1 - x0, *values.shape[2:]), empty, np.float32)
+            whole[view] = values
+            return whole
+
+        return PartialPicture(
+            rect,
+            placed(self.coefficients, 0.0),
+            placed(self.alpha, 0.0),
+            placed(self.depth, 0.0),
+            placed(self.first, np.inf),
+            placed(self.through, 1.0),
+            self.gaps,
+        )
+
+    def over(self, back: PartialPicture) -> PartialPicture:
+        """Return this picture composited over one behind it."""
+        pairs = zip(self.rect, back.rect, (min, min, max, max), strict=True)
+        x0, y0, x1, y1 = (pick(a, b) for a, b, pick in pairs)
+        front, back = self.on((x0, y0, x1, y1)), back.on((x0, y0, x1, y1))
+        through = front.through
+        return PartialPicture(
+            front.rect,
+            front.coefficients + through[..., None] * back.coefficients,
+            front.alpha + through * back.alpha,
+            front.depth + through * back.depth,
+            np.minimum(front.first, back.first),
+            through * back.through,
+            front.gaps | back.gaps,
+        )
+
+
+def over(front: PartialPicture, back: PartialPicture) -> PartialPicture:
+    """Composite two neighbouring partial pictures."""
+    return front.over(back)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """The arguments that all tasks of a cast share, with the ranges of one level."""
+
+    version: str
+    pyramid: Pyramid
+    number: int
+    table: Table
+    camera: Camera
+    size: tuple[int, int]
+    spec: RaycastSpec
+
+    @classmethod
+    def of(
+        cls,
+        pyramid: Pyramid,
+        number: int,
+        table: Table,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+    ) -> Job:
+        """Return the job of a cast, without voxels and without the ranges of other levels."""
+        import volspec
+
+        *finer, coarsest = pyramid.levels
+        levels = [replace(each, ranges=None) for each in finer]
+        levels[number] = finer[number]
+        # The coarsest level is not cast by tasks.
+        nothing = np.zeros((2, 2, 2), pyramid.dtype)
+        last = Level(nothing, (0, 1, 2), (0, 0, 0), coarsest.world_from_index, (2, 2, 2))
+        slim = replace(pyramid, levels=(*levels, last))
+        return cls(volspec.__version__, slim, number, table, camera, size, spec)
+
+
+@lru_cache(maxsize=1)
+def _caster(job: Job) -> LevelCaster:
+    """Return the caster of a job's level in this process; the last is cached."""
+    import volspec
+    from volspec.raycast.gpu import Raycaster
+
+    if job.version != volspec.__version__:
+        raise RaycastError(
+            f"a worker has volspec {volspec.__version__}, this program {job.version}",
+            "install the same version on all machines",
+            code="conflict",
+        )
+    pyramid = job.pyramid
+    last = pyramid.levels[-1]
+    volume = Volume(
+        last.array, world_from_index=last.world_from_index, name=pyramid.name, pyramid=pyramid
+    )
+    return LevelCaster(Raycaster(volume), job.number)
+
+
+def cast_parts(
+    job: Job, parts: Sequence[Part], sigma: NDArray[np.float32] | None
+) -> PartialPicture:
+    """Cast a run of parts in a worker; ``sigma`` is the extinction of the light volume."""
+    caster = _caster(job)
+    with caster.base.locked():
+        if sigma is not None:
+            caster.lights.set_extinction(sigma, job.table, job.spec)
+        given = job.table, job.camera, job.size, job.spec
+        picture = PartPicture.of(caster, *given, None, None)
+        for loaded in caster.stream(job.table, parts, picture.sees):
+            if loaded is not None:
+                picture.add(loaded, None)
+    assert caster.volume.pyramid is not None
+    return PartialPicture.of(picture, parts, dict(caster.volume.pyramid.gaps))
+
+
+def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:
+    """Return the extinction that some parts add to the light volume, in a worker."""
+    caster = _caster(job)
+    with caster.base.locked():
+        boxes = caster.boxes_of(job.table, parts)
+        return caster.lights.extinction(job.table, job.spec, boxes)
+
+
+def added(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Add two extinctions."""
+    return one + other
+
+
+class ClusterCaster(LevelCaster):
+    """Casts a level of a volume's pyramid on the workers of a `Cluster`, as `LevelCaster` does."""
+
+    def __init__(self, base: Raycaster, number: int, client: Client) -> None:
+        super().__init__(base, number)
+        self._client = client
+
+    @property
+    def device(self) -> str:
+        """Number of workers, and where they are."""
+        count = len(self._client.scheduler_info(n_workers=-1)["workers"])
+        return f"{count} Dask workers at {self._client.scheduler.address}"
+
+    def cast(
+        self,
+        table: Tables,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        progress: Progress | None = None,
+        cancel: Cancel | None = None,
+        receiver: Receiver | None = None,
+        span_mm: NDArray[np.float32] | None = None,
+        clear: Clear | None = None,
+        refined: Any = None,
+    ) -> Result:
+        """Cast a picture; arguments and errors are those of `Raycaster.cast`.
+
+        Meshes and rooms are not cast by workers.
+
+        Raises
+        ------
+        RaycastError
+            If a worker has another version of volspec, or cannot cast.
+        """
+        own = check_supported(table, spec, self.volume)
+        if span_mm is not None or clear is not None:
+            raise RaycastError(
+                f"raycast: {self.volume.name} is cast on a cluster, with surfaces behind it",
+                "leave out the meshes and the room, or the cluster",
+                code="unsupported",
+            )
+        size = checked_size(size)
+        spec = spec.for_lattice(self.volume)
+        check_reach(self.volume, camera, spec)
+        parts = self.plan(own, camera, size, spec)
+        job = Job.of(self._pyramid, self._number, own, camera, size, spec)
+        client = self._client
+        shared = client.submit(_itself, job, key=f"job-{id(job)}", pure=False)
+        sigma: Future | None = None
+        if light_layers(spec, self.volume, camera):
+            boxes = runs(self.light_parts(own), self._tasks())
+            extinctions = [self._submit(extinction_of, shared, run) for run in boxes]
+            sigma = self._tree(added, extinctions)
+        leaves = [
+            self._submit(cast_parts, shared, run, sigma) for run in runs(parts, self._tasks())
+        ]
+        root = self._tree(over, leaves)
+        if root is None:
+            empty = PartPicture.of(self, own, camera, size, spec, None, None)
+            return empty.result()
+        self._wait(leaves, root, progress, cancel)
+        picture: PartialPicture = root.result()
+        if gaps := describe_gaps(self.volume.name, picture.gaps):
+            self._pyramid.gaps.update(picture.gaps)
+            warnings.warn(gaps, VolspecWarning, stacklevel=4)
+        width, height = size
+        whole = picture.on((0, 0, width, height))
+        unit = min(self.volume.spacing_mm)
+        return finished(whole.coefficients, whole.alpha, whole.depth, whole.first, unit, spec.half)
+
+    def _submit(self, function: Any, *arguments: Any) -> Future:
+        return self._client.submit(function, *arguments, pure=False, retries=_RETRIES)
+
+    def _tasks(self) -> int:
+        threads = sum(self._client.nthreads().values())
+        if threads == 0:
+            raise DeviceError(
+                f"the cluster at {self._client.scheduler.address} has no workers; start some",
+                code="unsupported",
+            )
+        return threads * _TASKS_PER_THREAD
+
+    def _tree(self, function: Any, futures: Sequence[Future]) -> Future | None:
+        """Combine neighbours pairwise until one is left."""
+        level = list(futures)
+        while len(level) > 1:
+            pairs = [
+                self._submit(function, *level[k : k + 2]) if k + 1 < len(level) else level[k]
+                for k in range(0, len(level), 2)
+            ]
+            level = pairs
+        return level[0] if level else None
+
+    def _wait(
+        self,
+        leaves: Sequence[Future],
+        root: Future,
+        progress: Progress | None,
+        cancel: Cancel | None,
+    ) -> None:
+        """Wait for the last picture; raise the first error of a task."""
+        from distributed import TimeoutError as NotYet
+        from distributed import wait
+
+        while not root.done():
+            if cancel is not None and cancel():
+                self._client.cancel([*leaves, root])
+                raise CastCancelled("raycast: cancelled", code="state")
+            with suppress(NotYet):
+                wait([root], timeout=0.1)
+            if progress is not None:
+                progress(sum(leaf.done() for leaf in leaves) / (len(leaves) + 1))
+        if root.status != "finished":
+            failed = next((leaf for leaf in leaves if leaf.status == "error"), root)
+            error = failed.exception()
+            if isinstance(error, RaycastError):
+                raise error
+            raise RaycastError(
+                f"raycast: a worker failed ({one_line(error)[:160]})",
+                "see the log of the workers",
+                code="state",
+            ) from error
+        if progress is not None:
+            progress(1.0)
+
+
+def _itself(job: Job) -> Job:
+    """Return the job: a task, so that Dask makes it again if the worker that holds it is lost."""
+    return job
+
+
+def runs(parts: Sequence[Part], count: int) -> list[tuple[Part, ...]]:
+    """Divide parts into runs of about as many voxels each."""
+    if not parts:
+        return []
+    ends = np.cumsum([part.voxels for part in parts])
+    number = np.minimum((ends - 1) * count // ends[-1], count - 1)
+    return [
+        tuple(part for part, n in zip(parts, number, strict=True) if n == k)
+        for k in np.unique(number)
+    ]
+
+
+def is_cluster(device: object) -> bool:
+    """Return True if a device's name is a cluster's address.
+
+    >>> is_cluster("tcp://node1:8786"), is_cluster("local:2"), is_cluster("cpu")
+    (True, True, False)
+    """
+    return isinstance(device, str) and ("://" in device or device.partition(":")[0] == "local")
+
+
+class Cluster:
+    """A Dask cluster, connected to or started at the first cast.
+
+    Parameters
+    ----------
+    address : str
+        ``tcp://HOST:8786`` of a scheduler, ``local`` for a worker per core of this machine, or
+        ``local:N`` for N of them.
+
+    Raises
+    ------
+    DeviceError
+        If the address is none, or Dask is not installed.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._client: Client | None = None
+        self._end: Callable[[], object] = lambda: None
+        kind, _, number = address.partition(":")
+        if kind == "local" and number and not (number.isdecimal() and int(number) > 0):
+            raise DeviceError(
+                f"device {address}: {number} is no number of workers; give local or local:N",
+                code="syntax",
+                given=address,
+            )
+        try:
+            import distributed  # noqa: F401
+        except ImportError as error:
+            raise DeviceError(
+                f'device {address}: a cluster needs Dask; pip install "volspec[cluster]"',
+                code="unsupported",
+            ) from error
+
+    @property
+    def client(self) -> Client:
+        """The connection. Raises DeviceError if no scheduler answers."""
+        if self._client is None:
+            self._client = self._connect()
+        return self._client
+
+    def close(self) -> None:
+        """End the connection, and the workers that were started for it."""
+        if self._client is not None:
+            self._client.close()
+            self._end()
+            self._client = None
+
+    def caster(self, base: Raycaster, number: int) -> ClusterCaster:
+        """Return a caster of a level. Raises DeviceError if no scheduler answers."""
+        return ClusterCaster(base, number, self.client)
+
+    def _connect(self) -> Client:
+        from distributed import Client, LocalCluster
+
+        kind, _, number = self._address.partition(":")
+        if kind != "local":
+            try:
+                return Client(self._address, timeout=10)
+            except (OSError, ValueError) as error:
+                raise DeviceError(
+                    f"device {self._address}: no Dask scheduler answers "
+                    f"({one_line(error)[:120]}); start it, or give local:N",
+                    code="unsupported",
+                    given=self._address,
+                ) from error
+        import dask
+
+        # A worker is one thread, and so is its OpenCL device.
+        with dask.config.set({"distributed.nanny.pre-spawn-environ": _ONE_THREAD}):
+            cluster = LocalCluster(
+                n_workers=int(number) if number else None,
+                threads_per_worker=1,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+        self._end = weakref.finalize(self, cluster.close)
+        return Client(cluster)

@@ -1,0 +1,534 @@
+"""Cast a level of a pyramid part by part, front to back, in a bounded amount of memory.
+
+    Volume.pyramid -> [out_of_core] -> Result
+
+Each part's picture is what it adds to those in front of it, whose transmittance it is given: rays
+end where those of the whole volume would, and their sum is its picture. While a part is cast, the
+next is read. Parts in which nothing can be seen, or behind opaque ones, are not read.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import closing
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec._gpu.sharing import Sharing
+from volspec.errors import CastCancelled, RaycastError, VolspecWarning, VolumeError
+from volspec.raycast import kernel_arguments
+from volspec.raycast.bricks import BRICK, brick_codes, brick_ranges, visible_by_table
+from volspec.raycast.camera import Camera
+from volspec.raycast.checks import checked_size
+from volspec.raycast.kernel_arguments import check_reach
+from volspec.raycast.light_volume import Arrives, Clear, LightVolume, VoxelBox
+from volspec.raycast.packets import TILES
+from volspec.raycast.parts import Part, Rect, natural_level, plan, reach, sides_for
+from volspec.raycast.programs import GROUPS, cast_kernel
+from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
+from volspec.raycast.sampling import clip_rays, world_rays
+from volspec.raycast.spec import RaycastSpec
+from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers, TransferTable
+from volspec.volume import Volume
+from volspec.volume.pyramid import Box, Chunk, Level
+
+if TYPE_CHECKING:
+    from volspec.raycast.gpu import Raycaster
+
+# Pixels of a part's first launch; launches grow from there.
+_FIRST_PIXELS = 1 << 16
+# Pixels of a stripe by which gaps are marked.
+_HATCH = 5
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadedPart:
+    """A part's voxels, the least and greatest values of their bricks, and damaged chunks' boxes."""
+
+    part: Part
+    values: NDArray[Any]
+    low: NDArray[Any]
+    high: NDArray[Any]
+    gaps: tuple[Box, ...] = ()
+
+
+class LevelCaster:
+    """Casts a level of a volume's pyramid; made by `Raycaster.at`, whose interface it has.
+
+    Parameters
+    ----------
+    base : Raycaster
+        Of the volume: its device, tables and coarsest level are used.
+    number : int
+        Of the level, 0 for the finest.
+    """
+
+    def __init__(self, base: Raycaster, number: int) -> None:
+        pyramid = base.volume.pyramid
+        assert pyramid is not None
+        self._base, self._number, self._pyramid = base, number, pyramid
+        self._level: Level = pyramid.levels[number]
+        self.volume: Volume = base.volume.at_level(number)
+        self._lights = LightVolume(base.compute, self.volume, None, boxes=self._voxel_boxes)
+        self._blocks: tuple[Table, NDArray[np.bool_] | None] | None = None
+
+    @property
+    def device(self) -> str:
+        """Name of the device."""
+        return self._base.device
+
+    @property
+    def sharing(self) -> Sharing | None:
+        """None: pictures are made on the host."""
+        return None
+
+    def bake(self, transfer: Transfers) -> Tables:
+        """Bake a transfer function into a table, as `Raycaster.bake`."""
+        return self._base.bake(transfer)
+
+    def with_step(
+        self, table: Tables, spec: RaycastSpec, cancel: Cancel | None = None
+    ) -> RaycastSpec:
+        """Return settings with the step that their quality asks for.
+
+        It is chosen by casts of the coarsest level, in voxels, and taken in those of this one.
+        """
+        if spec.step_mm is None:
+            chosen = self._base.with_step(table, spec, cancel).step_mm
+            assert chosen is not None
+            of_voxel = chosen / self._base.volume.finest_mm
+            spec = replace(spec, step_mm=of_voxel * self.volume.finest_mm)
+        spec.step_of(self.volume)
+        return spec
+
+    def cast(
+        self,
+        table: Tables,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        progress: Progress | None = None,
+        cancel: Cancel | None = None,
+        receiver: Receiver | None = None,
+        span_mm: NDArray[np.float32] | None = None,
+        clear: Clear | None = None,
+        refined: Callable[[Result], object] | None = None,
+    ) -> Result:
+        """Cast a picture; arguments and errors are those of `Raycaster.cast`.
+
+        ``refined`` is called with the picture so far, of the parts in front. Chunks that cannot be
+        read are left out, marked in the picture, and warned of.
+        """
+        own = check_supported(table, spec, self.volume)
+        size = checked_size(size)
+        spec = spec.for_lattice(self.volume)
+        check_reach(self.volume, camera, spec)
+        counts = self._pyramid.counts
+        with self._base.locked(), closing(counts):
+            picture = PartPicture.of(self, own, camera, size, spec, span_mm, clear)
+            parts = self.plan(own, camera, size, spec)
+            for done, loaded in enumerate(self.stream(own, parts, picture.sees, cancel), 1):
+                counts.progress = f"level {self._number}: part {done} of {len(parts)}"
+                if loaded is not None:
+                    picture.add(loaded, cancel)
+                    if refined is not None:
+                        refined(picture.result())
+                if progress is not None:
+                    progress(done / len(parts))
+            if progress is not None and not parts:
+                progress(1.0)
+        if gaps := self._pyramid.describe_gaps():
+            warnings.warn(gaps, VolspecWarning, stacklevel=4)
+        return picture.result()
+
+    def plan(
+        self, table: Table, camera: Camera, size: tuple[int, int], spec: RaycastSpec
+    ) -> list[Part]:
+        """Return the parts that a picture may show, front to back."""
+        sides = sides_for(self._level, self._pyramid.dtype.itemsize, self._pyramid.memory_bytes)
+        margin = self._margin(table, spec)
+        blocks = self.visible_blocks(table)
+        return plan(self.volume, self._level, camera, size, spec, sides, margin, blocks)
+
+    def _margin(self, table: Table, spec: RaycastSpec) -> int:
+        ends = isinstance(table, SurfaceTable) or spec.preintegrated
+        return reach(spec, spec.step_of(self.volume), self.volume, ends)
+
+    def visible_blocks(self, table: Table) -> NDArray[np.bool_] | None:
+        """Return the blocks (z, y, x) in which a table shows something; None if unknown."""
+        if self._blocks is None or self._blocks[0] is not table:
+            found, level = None, self._level
+            if level.ranges is not None:
+                found = visible_by_table(level.ranges[0], level.ranges[1], table)
+            self._blocks = table, found
+        return self._blocks[1]
+
+    def stream(
+        self,
+        table: Table,
+        parts: Sequence[Part],
+        wanted: Callable[[Part], bool] = lambda part: True,
+        cancel: Cancel | None = None,
+    ) -> Iterator[LoadedPart | None]:
+        """Yield the parts' voxels for a table, None for unwanted ones.
+
+        Each is read while the one before is in use.
+
+        Raises
+        ------
+        VolumeError
+            If the pyramid's budget is less than a part and its chunks take.
+        CastCancelled
+            If ``cancel`` returned True.
+        """
+        self._reserve(parts)
+        needed = [[Chunk(self._number, *number) for number in part.chunks] for part in parts]
+        self._pyramid.cache.announce(needed)
+        gap = transparent_value(table, self._pyramid.range)
+
+        def load(turn: int) -> LoadedPart | None:
+            part = parts[turn]
+            if not wanted(part):
+                for chunk in needed[turn]:
+                    self._pyramid.cache.done(chunk, turn)
+                return None
+            values = self._pyramid.read(self._number, part.stored, part.chunks, turn, gap)
+            gaps = tuple(
+                _common(self._level.box_of(chunk[1:]), part)
+                for chunk in needed[turn]
+                if chunk in self._pyramid.gaps
+            )
+            return LoadedPart(part, values, *brick_ranges(values), gaps)
+
+        with ThreadPoolExecutor(1, thread_name_prefix="volspec-read") as reader:
+            coming: Future[LoadedPart | None] | None = None
+            try:
+                for turn in range(len(parts)):
+                    if cancel is not None and cancel():
+                        raise CastCancelled("raycast: cancelled", code="state")
+                    found = (coming or reader.submit(load, turn)).result()
+                    coming = reader.submit(load, turn + 1) if turn + 1 < len(parts) else None
+                    yield found
+            finally:
+                if coming is not None:
+                    coming.cancel()
+
+    def _reserve(self, parts: Sequence[Part]) -> None:
+        """Give the cache what parts in use leave of the budget."""
+        pyramid, level = self._pyramid, self._level
+        itemsize = pyramid.dtype.itemsize
+        ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
+        fixed = self._base.volume.values.nbytes + ranges
+        # Two parts, with the ranges of their bricks (a tenth), and a chunk that is being read.
+        largest = max((part.voxels for part in parts), default=0) * itemsize
+        in_use = int(2.1 * largest) + 2 * level.chunk_bytes
+        left = pyramid.memory_bytes - fixed - in_use
+        if left < 0:
+            least = _size(fixed + in_use)
+            raise VolumeError(
+                f"{pyramid.name}: {_size(pyramid.memory_bytes)} of memory are too few for its "
+                f"parts of {_size(largest)} and chunks of {_size(level.chunk_bytes)}",
+                f"give at least {least}, or a coarser level",
+                code="size",
+                given=pyramid.memory_bytes,
+            )
+        pyramid.cache.resize(left)
+
+    def arrivals(
+        self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
+    ) -> dict[int, Arrives]:
+        """Return the part of each source's light that the volume lets pass; see `Raycaster`."""
+        with self._base.locked():
+            return self._lights.arrivals(table, spec.for_lattice(self.volume), camera, clear)
+
+    def _voxel_boxes(self, table: Tables) -> Iterator[VoxelBox]:
+        """Yield the voxels of all parts in which something may be seen, for the light volume."""
+        assert not isinstance(table, FieldTables)
+        return self.boxes_of(table, self.light_parts(table))
+
+    def light_parts(self, table: Table) -> list[Part]:
+        """Return the parts in which something may be seen, from anywhere."""
+        spec, camera = RaycastSpec(), Camera.orbit(self.volume, orthographic=True)
+        sides = sides_for(self._level, self._pyramid.dtype.itemsize, self._pyramid.memory_bytes)
+        blocks = self.visible_blocks(table)
+        return plan(self.volume, self._level, camera, (8, 8), spec, sides, BRICK, blocks)
+
+    def boxes_of(self, table: Table, parts: Sequence[Part]) -> Iterator[VoxelBox]:
+        """Yield the voxels of parts, for the light volume."""
+        for loaded in self.stream(table, parts):
+            if loaded is not None:
+                part = loaded.part
+                ends = zip(part.high, self._level.shape, strict=True)
+                # Voxels of a part are those of its cells; the last plane is the last part's.
+                z, y, x = (n if high == n - 1 else high for high, n in ends)
+                first = tuple(low for low, _ in part.stored)
+                yield VoxelBox(loaded.values, first, part.low, (z, y, x))
+
+    # What `PartPicture` launches.
+
+    @property
+    def base(self) -> Raycaster:
+        """Caster of the volume's coarsest level."""
+        return self._base
+
+    @property
+    def lights(self) -> LightVolume:
+        """The light volume, from this level's voxels."""
+        return self._lights
+
+
+def _common(box: Box, part: Part) -> Box:
+    """Return the voxels of a box that lie in a part."""
+    ends = zip(box, part.low, part.high, strict=True)
+    z, y, x = ((max(a, low), min(b, high)) for (a, b), low, high in ends)
+    return z, y, x
+
+
+def level_for(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> int:
+    """Return the level of a pyramid that a cast asks for: the last is in memory.
+
+    Raises
+    ------
+    RaycastError
+        If there is no such level.
+    """
+    pyramid = volume.pyramid
+    assert pyramid is not None
+    count = len(pyramid.levels)
+    if spec.level is None:
+        lattices = [volume.at_level(number) for number in range(count)]
+        return natural_level(lattices, camera, checked_size(size), spec)
+    if spec.level >= count:
+        raise RaycastError(
+            f"is {spec.level}, {volume.name} has levels 0 to {count - 1}",
+            "give one of them",
+            code="range",
+            field="RaycastSpec.level",
+            given=spec.level,
+        )
+    return spec.level
+
+
+def check_supported(table: Tables, spec: RaycastSpec, volume: Volume) -> Table:
+    """Return the table, or raise RaycastError if it cannot be cast part by part."""
+    wrong = None
+    if isinstance(table, FieldTables):
+        wrong = "several fields", "show one"
+    elif isinstance(table, TransferTable) and table.filters is not None:
+        wrong = "spectral absorption", "leave out the materials' filters"
+    elif spec.mode != "composite":
+        wrong = f"mode {spec.mode!r}", 'give "composite"'
+    elif spec.adaptive > 0:
+        wrong = "adaptive steps", "give adaptive=0"
+    if wrong is not None:
+        what, remedy = wrong
+        raise RaycastError(
+            f"raycast: {volume.name} is larger than memory, and {what} cannot be cast part by part",
+            f"{remedy}, or read a coarser level into memory: ?level=N after its name",
+            code="unsupported",
+        )
+    assert not isinstance(table, FieldTables)
+    return table
+
+
+def transparent_value(table: Table, span: tuple[float, float]) -> float:
+    """Return a value within a range that a table does not show; its low end if it shows all."""
+    low, high = span
+    if isinstance(table, SurfaceTable):
+        return low
+    opacity = np.atleast_2d(table.opacity).max(axis=0)
+    values = np.linspace(*table.domain, len(opacity))
+    clear = values[(opacity == 0) & (values >= low) & (values <= high)]
+    return float(clear[0]) if len(clear) else low
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PartPicture:
+    """A picture to which parts are added, front to back."""
+
+    caster: LevelCaster
+    table: Table
+    camera: Camera
+    spec: RaycastSpec
+    size: tuple[int, int]
+    struct: NDArray[np.void]
+    kernel: Any
+    inputs: tuple[Any, ...]  # buffers of tables, sources and light
+    spans: NDArray[np.float32] | None
+    coefficients: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    depth: NDArray[np.float32]  # times alpha
+    first: NDArray[np.float32]
+    through: NDArray[np.float32]
+
+    @classmethod
+    def of(
+        cls,
+        caster: LevelCaster,
+        table: Table,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        span_mm: NDArray[np.float32] | None,
+        clear: Clear | None,
+    ) -> PartPicture:
+        """Return an empty picture."""
+        frame, compute = caster.volume, caster.base.compute
+        program = kernel_arguments.Program.of(table, spec, spec.step_of(frame))
+        struct = kernel_arguments.cast_struct(frame, table, camera, size, spec)
+        buffer, numbers = caster.lights.attach(struct, table, spec, camera, clear)
+        arrays = *program.tables, kernel_arguments.source_rows(frame, camera, spec, numbers)
+        inputs = *(compute.upload(np.ascontiguousarray(each)) for each in arrays), buffer
+        kernel = cast_kernel(
+            compute,
+            caster.base.packet,
+            program,
+            spec,
+            frame.values.dtype,
+            lit=max(numbers) >= 0,
+            spans=span_mm is not None,
+            parts=True,
+        )
+        spans = None
+        if span_mm is not None:
+            spans = np.divide(span_mm, min(frame.spacing_mm), dtype=np.float32)
+        width, height = size
+        layers = len(spec.groups) * table.size
+        return cls(
+            caster,
+            table,
+            camera,
+            spec,
+            size,
+            struct,
+            kernel,
+            inputs,
+            spans,
+            np.zeros((height, width, layers), np.float32),
+            np.zeros((height, width), np.float32),
+            np.zeros((height, width), np.float32),
+            np.full((height, width), np.inf, np.float32),
+            np.ones((height, width), np.float32),
+        )
+
+    def sees(self, part: Part) -> bool:
+        """Return True if what was added so far lets a part be seen."""
+        x0, y0, x1, y1 = part.rect
+        return bool((self.through[y0:y1, x0:x1] > self.spec.least_transmittance).any())
+
+    def add(self, loaded: LoadedPart, cancel: Cancel | None) -> None:
+        """Cast a part behind those before it."""
+        part, spec = loaded.part, self.spec
+        step_mm = spec.step_of(self.caster.volume)
+        codes = brick_codes(loaded.low, loaded.high, self.table, spec, step_mm)
+        if codes.min() == 0:
+            self._cast(loaded, codes, cancel)
+        for gap in loaded.gaps:
+            self._mark(gap, part.rect)
+
+    def _cast(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
+        part, spec = loaded.part, self.spec
+        compute, base = self.caster.base.compute, self.caster.base
+        x0, y0, x1, y1 = part.rect
+        view = slice(y0, y1), slice(x0, x1)
+        shape = y1 - y0, x1 - x0
+        struct = self.struct.copy()
+        self._place(struct, loaded)
+        adds = Result(
+            np.empty((*shape, self.coefficients.shape[2]), np.float32),
+            *(np.empty(shape, np.float32) for _ in range(3)),
+        )
+        upload = compute.upload
+        spans = np.zeros(2, np.float32) if self.spans is None else self.spans[view]
+        arguments = (
+            upload(loaded.values, share=True),
+            upload(codes),
+            *self.inputs,
+            upload(np.ascontiguousarray(spans)),
+            struct,
+            upload(np.ascontiguousarray(self.through[view])),
+        )
+        tile, group = TILES[base.packet.lanes], GROUPS[base.packet.lanes]
+        rows = max(_FIRST_PIXELS // (shape[1] * tile[1] * group[1]), 1)
+        bands = RowBatches(compute, adds, tile, group, spec.tile_ms, rows=rows)
+        bands.run(self.kernel, arguments, None, cancel)
+        self.coefficients[view] += adds.coefficients
+        self.alpha[view] += adds.alpha
+        self.through[view] -= adds.alpha
+        there = adds.alpha > 0.0
+        self.depth[view][there] += adds.alpha[there] * adds.depth_mm[there]
+        np.minimum(self.first[view], adds.first_mm, out=self.first[view])
+
+    def _mark(self, gap: Box, rect: Rect) -> None:
+        """Hatch what is visible of a box whose voxels cannot be read."""
+        frame, (x0, y0, x1, y1) = self.caster.volume, rect
+        y, x = np.mgrid[y0:y1, x0:x1]
+        at = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
+        origin, direction = world_rays(self.camera, *self.size, at)
+        matrix = frame.index_from_world
+        low, high = np.array(gap, np.float64)[::-1].T
+        near, far, _ = clip_rays(
+            origin @ matrix[:3, :3].T + matrix[:3, 3], direction @ matrix[:3, :3].T, low, high
+        )
+        met = (near < far).reshape(y.shape)
+        adds = self.through[y0:y1, x0:x1] * np.where((x + y) // _HATCH % 2, 0.1, 0.6) * met
+        view = slice(y0, y1), slice(x0, x1)
+        white = np.concatenate([part * self.table.white for part in self.spec.strengths().values()])
+        self.coefficients[view] += 0.5 * adds[..., None] * white
+        self.alpha[view] += adds
+        self.through[view] -= adds
+        depth = (near / min(frame.spacing_mm)).reshape(y.shape)
+        self.depth[view] += np.where(met, adds * depth, 0.0)
+        first = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
+        np.minimum(self.first[view], first, out=self.first[view])
+
+    def _place(self, struct: NDArray[np.void], loaded: LoadedPart) -> None:
+        """Set the members of a `CAST` that describe a part and its rectangle of the picture."""
+        part, shape = loaded.part, self.caster.volume.values.shape
+        x0, y0, x1, y1 = part.rect
+        struct["width"], struct["height"] = x1 - x0, y1 - y0
+        struct["corner_x"], struct["corner_y"] = x0, y0
+        struct["middle_x"] -= x0
+        struct["middle_y"] -= y0
+        ends = zip(part.low, part.high, shape, strict=True)
+        planes = [(low or -np.inf, np.inf if high == n - 1 else high) for low, high, n in ends]
+        struct["part_low"][:3] = [low for low, _ in planes[::-1]]
+        struct["part_high"][:3] = [high for _, high in planes[::-1]]
+        struct["first"][:3] = [low for low, _ in part.stored[::-1]]
+        struct["last"][:3] = [high - 1 for _, high in part.stored[::-1]]
+        _, rows, columns = loaded.values.shape
+        struct["row"], struct["slice"] = columns, rows * columns
+        struct["bricks_x"], struct["bricks_y"] = loaded.low.shape[2], loaded.low.shape[1]
+
+    def result(self) -> Result:
+        """Return the picture of the parts so far."""
+        unit = min(self.caster.volume.spacing_mm)
+        arrays = self.coefficients, self.alpha, self.depth, self.first
+        return finished(*arrays, unit, self.spec.half)
+
+
+def finished(
+    coefficients: NDArray[np.float32],
+    alpha: NDArray[np.float32],
+    depth: NDArray[np.float32],
+    first: NDArray[np.float32],
+    unit_mm: float,
+    half: bool,
+) -> Result:
+    """Return a picture whose depths are in smallest spacings, the expected ones times alpha."""
+    depth_mm = np.full(alpha.shape, np.inf, np.float32)
+    np.divide(depth * np.float32(unit_mm), alpha, out=depth_mm, where=alpha > 0.0)
+    channels: NDArray[np.floating] = coefficients
+    if half:
+        most = float(np.finfo(np.float16).max)
+        channels = np.clip(coefficients, -most, most).astype(np.float16)
+    return Result(channels, alpha, depth_mm, first * np.float32(unit_mm))
+
+
+def _size(nbytes: int) -> str:
+    return f"{nbytes / 2**30:.2g} GiB" if nbytes >= 2**30 else f"{nbytes / 2**20:.3g} MiB"

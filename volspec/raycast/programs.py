@@ -1,0 +1,83 @@
+"""The programs of casts, for a device, a packet of rays and settings.
+
+Program, RaycastSpec -> [programs] -> kernel
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from volspec._gpu.opencl import Compute
+from volspec._gpu.prelude import C_TYPES, prelude
+from volspec._gpu.sources import assemble
+from volspec.raycast import kernel_arguments
+from volspec.raycast.bricks import BRICK, STRIDES
+from volspec.raycast.packets import TILES, Packet
+from volspec.raycast.spec import RaycastSpec
+
+# Work-items per group: a packet is a group by itself, as a loop over several takes two fifths
+# longer to compile and runs no faster.
+GROUPS = {1: (8, 8), 4: (1, 1), 8: (1, 1), 16: (1, 1)}
+
+
+def cast_kernel(
+    compute: Compute,
+    packet: Packet,
+    program: kernel_arguments.Program,
+    spec: RaycastSpec,
+    dtype: np.dtype[Any],
+    *,
+    lit: bool,
+    spans: bool,
+    aligned: bool = True,
+    parts: bool = False,
+) -> Any:
+    """Return the kernel that casts voxels of a type.
+
+    Parameters
+    ----------
+    compute : Compute
+    packet : Packet
+    program : Program
+    spec : RaycastSpec
+    dtype : numpy.dtype
+        Of the voxels.
+    lit : bool
+        Some source has shadows or occlusion.
+    spans : bool
+        Rays begin and end at distances of their own.
+    aligned : bool
+        All fields share a lattice and its cuts.
+    parts : bool
+        Only a part of the volume is stored.
+    """
+    tile_width, tile_height = TILES[packet.lanes]
+    constants = {
+        "LANES": packet.lanes,
+        "TILE_WIDTH": tile_width,
+        "TILE_HEIGHT": tile_height,
+        "SINGLE_LOADS": int(packet.single_loads),
+        "BRICK": BRICK,
+        "STRIDES": STRIDES,
+        "ADAPTIVE": int(spec.adaptive > 0),
+        "SPANS": int(spans),
+        "ALIGNED": int(aligned),
+        "PARTS": int(parts),
+        "VOXEL": C_TYPES[dtype.name],
+        "VOXEL_BYTES": dtype.itemsize,
+        "VOXEL_SIGNED": int(dtype.kind == "i"),
+        **program.constants,
+        **kernel_arguments.light_constants(spec, lit),
+    }
+    constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
+    steps = 2 if constants["NEIGHBOURS"] else 4
+    if constants["NEIGHBOURS"] and program.name == "fields":
+        steps = 1  # lanes of a field wait for its longest: 1.0, 1.1 and 1.1 times for 1, 2, 4
+    # Adaptive steps depend on it, and are to be the same in every packet.
+    constants["STEPS"] = steps if packet.lanes > 1 or spec.adaptive > 0 else 1
+    text = prelude(constants, "opencl") + kernel_arguments.CAST.declaration
+    if constants.get("MASKED"):
+        text += kernel_arguments.CURVE.declaration + kernel_arguments.MASK.declaration
+    return compute.kernel(assemble(f"kernels/{program.name}.cl", text), program.name)

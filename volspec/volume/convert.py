@@ -1,0 +1,301 @@
+"""Write a volume of any size as a multiscale OME-Zarr, in bounded memory.
+
+    file -> Level -> [convert] -> OME-Zarr 0.5 (folder)
+
+In addition to the levels, the least and greatest value of every block of 16³ cells is stored
+(``volspec/ranges``), by which casts know what not to read. Work is divided into blocks that are
+written one after the other: a conversion that was cut off goes on where it ended.
+
+References
+----------
+[1] Moore et al. (2023), "OME-Zarr: a cloud-optimized bioimaging file format", Histochem Cell Biol
+    160, 223-251. doi:10.1007/s00418-023-02209-1; ngff.openmicroscopy.org/0.5
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from volspec._files import require_writable_folder
+from volspec.errors import DeviceError, InputError, VolumeError, one_line
+from volspec.volume.labels import Labels
+from volspec.volume.model import block_modes, downsample
+from volspec.volume.pyramid import (
+    BLOCK,
+    Box,
+    Index,
+    Level,
+    block_ranges,
+    cast_dtype,
+    halve,
+)
+
+CHUNK = 64
+"""Voxels along the edge of a chunk."""
+# Levels are halved until none is longer.
+_SHORTEST = 128
+# Most voxels of a block that is written at once.
+_BLOCK_VOXELS = 1 << 22
+_STATE = "unfinished.json"
+_VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Voxels of a level that are written together: whole chunks."""
+
+    level: int
+    box: Box
+
+    @property
+    def voxels(self) -> int:
+        """Number of voxels."""
+        return math.prod(high - low for low, high in self.box)
+
+
+def convert(
+    source: Level,
+    output: Path,
+    *,
+    name: str = "",
+    labels: Labels | None = None,
+    progress: Callable[[float], object] | None = None,
+) -> None:
+    """Write the levels of a volume; an existing output is replaced when all of it is written.
+
+    Parameters
+    ----------
+    source : Level
+        From `volspec.volume.load.open_level`.
+    output : Path
+        A folder, ending in ``.zarr``.
+    name : str
+        Of the picture, in the metadata.
+    labels : {number: Label}, optional
+        Of a segmentation: levels hold the most frequent label instead of the mean.
+    progress : callable, optional
+        Called with the finished fraction, 0…1.
+
+    Raises
+    ------
+    InputError
+        If the output cannot be written.
+    VolumeError
+        If the source cannot be read.
+    DeviceError
+        If zarr is not installed.
+    """
+    try:
+        import zarr
+    except ImportError as error:
+        raise DeviceError(
+            f'{output}: an OME-Zarr needs zarr; pip install "volspec[zarr]"', code="unsupported"
+        ) from error
+    if output.exists() and not (output / "zarr.json").exists() and any(output.iterdir()):
+        raise InputError(
+            f"{output}: is a folder with other files in it; give another name", code="conflict"
+        )
+    require_writable_folder(output.parent)
+    shapes = level_shapes(source.shape)
+    dtype = cast_dtype(source.dtype)
+    blocks = list(_blocks(shapes))
+    partial = output.with_name(f"{output.name}.unfinished")
+    key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
+    key |= {"world": source.world_from_index.tolist(), "source": _fingerprint(source)}
+    done = _done(partial, key)
+    try:
+        if not done:
+            shutil.rmtree(partial, ignore_errors=True)
+        root = zarr.open_group(str(partial), mode="a", zarr_format=3)
+        arrays = _arrays(root, shapes, dtype, create=not done)
+        total, written = sum(block.voxels for block in blocks), 0
+        for number, block in enumerate(blocks):
+            if number >= done:
+                _write(block, source, arrays, labels)
+                state = json.dumps({**key, "done": number + 1}, default=list)
+                _replace_text(partial / _STATE, state)
+            written += block.voxels
+            if progress is not None:
+                progress(written / total)
+        root.attrs.update(_attributes(source, shapes, arrays, name, labels))
+        (partial / _STATE).unlink()
+        if output.exists():
+            shutil.rmtree(output)
+        partial.replace(output)
+    except OSError as error:
+        raise InputError(
+            f"{output}: cannot be written: {error.strerror or one_line(error)}; make room on the "
+            "disk and repeat the command, which goes on where it ended",
+            code="unwritable",
+        ) from error
+
+
+def level_shapes(shape: Index) -> list[Index]:
+    """Return the shapes (Z, Y, X) of a volume's levels, halved until they are small.
+
+    >>> level_shapes((100, 300, 9))
+    [(100, 300, 9), (50, 150, 5), (25, 75, 3)]
+    """
+    shapes = [shape]
+    while max(shapes[-1]) > _SHORTEST and min(shapes[-1]) > 2:
+        z, y, x = (-(-n // 2) for n in shapes[-1])
+        shapes.append((z, y, x))
+    return shapes
+
+
+def _blocks(shapes: list[Index]) -> Iterator[Block]:
+    """Yield all blocks, level after level."""
+    for level, shape in enumerate(shapes):
+        rows = max(_BLOCK_VOXELS // (CHUNK * shape[2]) // CHUNK, 1) * CHUNK
+        tops, fronts = range(0, shape[0], CHUNK), range(0, shape[1], rows)
+        for z, y in itertools.product(tops, fronts):
+            ends = min(z + CHUNK, shape[0]), min(y + rows, shape[1])
+            yield Block(level, ((z, ends[0]), (y, ends[1]), (0, shape[2])))
+
+
+def _fingerprint(source: Level) -> list[Any]:
+    """Return what changes if a source's file does."""
+    path = getattr(source.array, "path", None)
+    if path is None or not os.path.isfile(path):
+        return []
+    stat = os.stat(path)
+    return [str(path), stat.st_size, stat.st_mtime_ns]
+
+
+def _done(partial: Path, key: dict[str, Any]) -> int:
+    """Return the number of blocks that a conversion of the same source has written."""
+    try:
+        found = json.loads((partial / _STATE).read_text())
+        done = found.pop("done")
+    except (OSError, ValueError, KeyError, AttributeError):
+        return 0
+    return int(done) if found == json.loads(json.dumps(key, default=list)) else 0
+
+
+def _replace_text(path: Path, text: str) -> None:
+    temporary = path.with_suffix(".part")
+    temporary.write_text(text)
+    temporary.replace(path)
+
+
+def _arrays(
+    root: Any, shapes: list[Index], dtype: np.dtype[Any], create: bool
+) -> list[tuple[Any, Any]]:
+    """Return each level's array and that of its blocks' ranges."""
+    if not create:
+        return [(root[str(k)], root[f"volspec/ranges/{k}"]) for k in range(len(shapes))]
+    from zarr.codecs import BloscCodec
+
+    codec = BloscCodec(
+        cname="zstd", clevel=3, shuffle="shuffle" if dtype.itemsize > 1 else "noshuffle"
+    )
+    options = {"dtype": dtype, "compressors": codec, "config": {"write_empty_chunks": True}}
+    arrays = []
+    for number, shape in enumerate(shapes):
+        chunk = tuple(min(CHUNK, n) for n in shape)
+        names = ("z", "y", "x")
+        values = root.create_array(
+            str(number), shape=shape, chunks=chunk, dimension_names=names, **options
+        )
+        blocks = [-(-n // BLOCK) for n in shape]
+        ranges = root.create_array(
+            f"volspec/ranges/{number}",
+            shape=(2, *blocks),
+            chunks=(2, min(CHUNK // BLOCK, blocks[0]), min(CHUNK // BLOCK, blocks[1]), blocks[2]),
+            **options,
+        )
+        arrays.append((values, ranges))
+    return arrays
+
+
+def _write(
+    block: Block, source: Level, arrays: list[tuple[Any, Any]], labels: Labels | None
+) -> None:
+    """Write a block and its ranges, from the source or the level before."""
+    values, ranges = arrays[block.level]
+    # With a plane more, for the cells between blocks.
+    box = [(low, min(high + 1, n)) for (low, high), n in zip(block.box, values.shape, strict=True)]
+    if block.level == 0:
+        try:
+            read = source.read((box[0], box[1], box[2]))
+        except Exception as error:  # whatever the array's library raises
+            raise VolumeError(
+                f"its voxels {box} cannot be read ({one_line(error)[:120]}); copy the file again",
+                code="damaged",
+            ) from error
+        own = read.astype(values.dtype, copy=False)
+    else:
+        finer = arrays[block.level - 1][0]
+        index = tuple(
+            slice(2 * low, min(2 * high, n))
+            for (low, high), n in zip(box, finer.shape, strict=True)
+        )
+        read = np.asarray(finer[index])
+        if labels is not None:
+            own = downsample(read, 2, block_modes)
+        else:
+            means = halve(read)
+            own = (np.rint(means) if read.dtype.kind in "ui" else means).astype(read.dtype)
+    inner = tuple(slice(high - low) for low, high in block.box)
+    values[tuple(slice(*ends) for ends in block.box)] = own[inner]
+    if own.dtype.kind == "f":  # below all others, as missing voxels are
+        own = np.where(np.isfinite(own), own, np.float32(-np.inf))
+    places = tuple(slice(low // BLOCK, -(-high // BLOCK)) for low, high in block.box)
+    counts = tuple(slice(place.stop - place.start) for place in places)
+    ranges[(slice(None), *places)] = block_ranges(own)[(slice(None), *counts)]
+
+
+def _attributes(
+    source: Level,
+    shapes: list[Index],
+    arrays: list[tuple[Any, Any]],
+    name: str,
+    labels: Labels | None,
+) -> dict[str, Any]:
+    """Return the metadata of the group."""
+    spacing = np.linalg.norm(source.world_from_index[:3, :3], axis=0)
+    plain = np.diag([*spacing, 1.0])
+    plain[:3, 3] = source.world_from_index[:3, 3]
+    straight = np.allclose(plain, source.world_from_index)
+    origin = plain[:3, 3] if straight else np.zeros(3)
+    datasets = []
+    for number in range(len(shapes)):
+        scale = spacing * 2**number
+        shift = origin + spacing * (2**number - 1) / 2
+        steps = [
+            {"type": "scale", "scale": scale[::-1].tolist()},
+            {"type": "translation", "translation": shift[::-1].tolist()},
+        ]
+        datasets.append({"path": str(number), "coordinateTransformations": steps})
+    axes = [{"name": axis, "type": "space", "unit": "millimeter"} for axis in "zyx"]
+    picture = {"name": name, "axes": axes, "datasets": datasets, "type": "mean"}
+    ome: dict[str, Any] = {"version": "0.5", "multiscales": [picture]}
+    if labels is not None:
+        picture["type"] = "mode"
+        ome["image-label"] = {
+            "properties": [{"label-value": n, "name": each.name} for n, each in labels.items()],
+            "colors": [
+                {"label-value": n, "rgba": [*(round(255 * c) for c in each.colour), 255]}
+                for n, each in labels.items()
+                if each.colour is not None
+            ],
+        }
+    own: dict[str, Any] = {
+        "version": _VERSION,
+        "block": BLOCK,
+        "ranges": [f"volspec/ranges/{number}" for number in range(len(shapes))],
+        "complete": True,
+    }
+    if not straight:
+        own["world_from_picture"] = (source.world_from_index @ np.diag([*1 / spacing, 1])).tolist()
+    return {"ome": ome, "volspec": own}

@@ -1,0 +1,118 @@
+"""Open volumes that are larger than memory: a coarse level is read, the finer ones are not.
+
+load_volume -> levels -> [larger] -> Volume with a pyramid
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from volspec._gpu.memory import host_free_bytes
+from volspec.volume.channels import Channel
+from volspec.volume.checks import missing_value
+from volspec.volume.files.query import Query, Reading, Stored
+from volspec.volume.labels import Labels
+from volspec.volume.model import Volume
+from volspec.volume.pyramid import (
+    DEFAULT_BYTES,
+    Level,
+    Pyramid,
+    cast_dtype,
+    coarse_level,
+    summarise,
+)
+from volspec.volume.reader_process import read_in_child
+
+# Voxels along z and y of a chunk of uncompressed slices, which has whole rows.
+_RAW_CHUNK = 16, 128
+
+
+def _most_bytes(query: Query) -> int:
+    """Return the bytes of voxels up to which a volume is read as a whole."""
+    return host_free_bytes() // 2 if query.memory_bytes is None else query.memory_bytes
+
+
+def stored_levels(query: Query, reading: Reading) -> list[Level]:
+    """Return uncompressed voxels that are larger than memory as a level; else none."""
+    values = reading.values
+    if not isinstance(values, Stored) or values.nbytes <= _most_bytes(query):
+        return []
+    # A format without geometry leaves None, the constructor's default.
+    spacing: Any = reading.spacing_mm
+    lattice = Volume(np.zeros((2, 2, 2)), spacing, reading.world_from_index)  # type: ignore[arg-type]
+    axes, chunk = (0, 1, 2), _raw_chunk(values.shape)
+    return [Level(values, axes, axes, lattice.world_from_index, chunk)]
+
+
+def _raw_chunk(shape: tuple[int, ...]) -> tuple[int, int, int]:
+    """Return the voxels of a file of slices that are read together: runs of whole rows."""
+    z, y, x = shape
+    return min(_RAW_CHUNK[0], z), min(_RAW_CHUNK[1], y), x
+
+
+def read_coarsest(
+    query: Query, name: str, levels: list[Level], remarks: list[str]
+) -> tuple[Volume, Labels | None]:
+    """Return a volume that is larger than memory, and its labels if the file states them.
+
+    Its coarsest level is read now, or made if there is none that memory holds.
+    """
+    memory_bytes = query.memory_bytes or min(DEFAULT_BYTES, host_free_bytes() // 2)
+    number = coarse_level(levels, memory_bytes)
+    dtype = cast_dtype(levels[0].dtype)
+    channel: Channel | None = None
+    labels: Labels | None = None
+    if number is None:
+        means, levels[0] = summarise(levels[0])
+        levels = levels[:1]
+        if dtype.kind in "ui":
+            means = np.rint(means)
+        values = means.astype(dtype)
+        factor = 2 ** round(math.log2(levels[0].shape[0] / means.shape[0]))
+        offset = np.diag([factor, factor, factor, 1.0])
+        offset[:3, 3] = (factor - 1) / 2
+        world = levels[0].world_from_index @ offset
+        remarks.append(
+            f"{query.path}: {levels[0].nbytes / 1e9:.3g} GB are more than memory may take, and it "
+            "has no coarser levels; `volspec convert` makes a copy that opens at once"
+        )
+    else:
+        reading = read_in_child(replace(query, options={**query.options, "level": str(number)}))
+        assert isinstance(reading.values, np.ndarray)
+        values, world = reading.values.astype(dtype), levels[number].world_from_index
+        channel, labels = reading.channel, reading.labels
+        levels = levels[:number]
+        remarks += reading.remarks
+    coarse = Volume(values, None, world, name=name, channel=channel or Channel())  # type: ignore[arg-type]
+    span = coarse.range
+    if (ranges := levels[0].ranges) is not None:
+        low = ranges[0][np.isfinite(ranges[0])].min(initial=ranges[1].max())
+        span = float(low), float(ranges[1].max())
+    own = Level(values, (0, 1, 2), (0, 0, 0), coarse.world_from_index, values.shape)
+    pyramid = Pyramid(
+        name,
+        (*levels, own),
+        dtype,
+        span,
+        None if coarse.missing is None else missing_value(*span),
+        memory_bytes,
+    )
+    volume = replace(coarse, pyramid=pyramid)
+    if query.spacing_mm is not None:
+        volume = volume.with_spacing(query.spacing_mm)
+    return volume, labels
+
+
+def level_of(volume: Volume) -> Level:
+    """Return a volume in memory as a level; the finest of one that is larger."""
+    if volume.pyramid is not None:
+        return volume.pyramid.levels[0]
+    z, y, x = volume.values.shape
+    values = volume.values
+    if volume.missing is not None:
+        values = volume.nan_if_missing(values).astype(np.float32)
+    return Level(values, (0, 1, 2), (0, 0, 0), volume.world_from_index, (z, y, x))
