@@ -60,10 +60,9 @@ def levels_of_ome_zarr(query: Query) -> list[pyramid.Level]:
     group, axes, levels = _opened(query)
     names = _names(axes)
     most = DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
-    nbytes = _nbytes(levels[0], names)
-    if not set(_SPACE) <= set(names) or nbytes <= most:
+    if not set(_SPACE) <= set(names) or _nbytes(levels[0], names) <= most:
         return []
-    if nbytes > _MOST_BYTES:
+    if any(_nbytes(level, names) > _MOST_BYTES for level in levels):
         raise VolumeError(
             f"{query.path}: its metadata declare {_level_names(levels, names)[0]} voxels; is it "
             "damaged?",
@@ -135,7 +134,7 @@ def _opened(query: Query) -> tuple[Any, list[dict[str, Any]], list[Level]]:
         _names(axes)
     except VolumeError:
         raise
-    except _DAMAGE as error:
+    except Exception as error:  # whatever the library raises
         raise VolumeError(
             f"{path}: its OME-Zarr metadata cannot be read ({one_line(error)[:120]}); is the "
             "folder complete?",
