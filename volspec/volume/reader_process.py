@@ -175,6 +175,7 @@ class _ReaderProcess:
         given: dict[str, Any] = {
             "path": str(query.path),
             "options": query.options,
+            "memory_bytes": query.memory_bytes,
             "folder": folder,
             "choices": None if query.choices is None else [],
         }
@@ -286,7 +287,8 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
                 _limit_memory(_SPARE_BYTES + size + _TIMES_DECLARED * nbytes)
                 send(expects=folder + min(nbytes, _MOST_PACKED * folder), declares=nbytes)
 
-            query = Query(path, given["options"], expect, given["choices"])
+            limit = given["memory_bytes"]
+            query = Query(path, given["options"], expect, given["choices"], memory_bytes=limit)
             _limit_memory(None)
             with suppress(ImportError, VolspecError):  # reported when it is read
                 importlib.import_module(reader_library(query))
