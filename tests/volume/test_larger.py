@@ -188,11 +188,6 @@ def test_the_cache_drops_what_is_needed_last() -> None:
     assert cache.get(one) is not None and cache.get(two) is None and cache.nbytes == 2
 
 
-def _damaged(ball: Volume, folder: Path) -> tuple[Volume, list[Path]]:
-    big = stored(ball, folder)
-    return big, sorted(path for path in (folder / "v.zarr/0").rglob("*") if path.is_file())
-
-
 @pytest.mark.parametrize("damage", ["missing", "truncated", "corrupt", "other"])
 def test_a_damaged_chunk_is_named_and_marked(damage: str, ball: Volume, tmp_path: Path) -> None:
     big = stored(ball, tmp_path)
@@ -202,7 +197,7 @@ def test_a_damaged_chunk_is_named_and_marked(damage: str, ball: Volume, tmp_path
     elif damage == "truncated":
         chunk.write_bytes(chunk.read_bytes()[:200])
     elif damage == "corrupt":
-        chunk.write_bytes(b"\\x00" * 300)
+        chunk.write_bytes(bytes(300))
     else:  # readable, but not what was written
         group = zarr.open_group(str(tmp_path / "v.zarr"), mode="r+")
         group["0"][64:128, 64:128, 64:128] = 255

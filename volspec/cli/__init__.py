@@ -7,7 +7,6 @@ imports are inside the commands.
 from volspec.cli import (
     appearance,
     basis,
-    convert,
     export,
     inspect,
     light,
@@ -23,7 +22,6 @@ __all__ = [
     "app",
     "appearance",
     "basis",
-    "convert",
     "export",
     "inspect",
     "light",

@@ -1,4 +1,4 @@
-"""``volspec doctor``, ``info`` and ``scene``: check devices and files before a cast."""
+"""``volspec doctor``, ``info``, ``convert`` and ``scene``: devices and files before a cast."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cyclopts import App, Parameter
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, Lights, require_scene
 from volspec.cli.inputs import CameraOption, Preset, open_scene
-from volspec.cli.shell import Json, Terminal, app, counted, print_json, say
+from volspec.cli.shell import Json, Terminal, app, bar, counted, print_json, say
 from volspec.errors import InputError, SceneError, nearest, one_line
 
 if TYPE_CHECKING:
@@ -65,6 +65,43 @@ def info(volume: str, /, *, json: Json = False) -> None:
         print_json(summary.to_dict())
     else:
         Terminal().print(summary.table())
+
+
+@app.command
+def convert(volume: str, /, *, output: Annotated[Path, Parameter(name=["--output", "-o"])]) -> None:
+    """Convert a volume to a multiscale OME-Zarr, of which casts read what they show.
+
+    Voxels are read and written block by block, in little memory. A conversion that was cut off goes
+    on where it ended when the command is repeated.
+
+    Example: `volspec convert 'scan.raw?shape=2048x2048x1024&dtype=uint8' -o scan.zarr`
+
+    Example: `volspec convert head.nii.gz -o head.ome.zarr`
+
+    Parameters
+    ----------
+    volume
+        A volume file or folder, as for `volspec info`; of several channels one, as
+        `FILE?channel=0`.
+    output
+        The folder to write; its name ends in .zarr.
+    """
+    from volspec._files import require_suffix
+    from volspec.volume.convert import convert as write
+    from volspec.volume.load import open_level
+
+    require_suffix(output, "OME-Zarrs", ".zarr", error=InputError)
+    with bar() as tell:
+        level, name, labels = open_level(volume)
+        write(
+            level,
+            output,
+            name=name,
+            labels=labels or None,
+            progress=lambda share: tell("convert", share),
+        )
+    x, y, z = level.shape[::-1]
+    say(f"{output}: {x}×{y}×{z} {level.dtype}")
 
 
 scene = App(

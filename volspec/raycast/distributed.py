@@ -15,29 +15,28 @@ References
 from __future__ import annotations
 
 import logging
-import warnings
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.errors import CastCancelled, DeviceError, RaycastError, VolspecWarning, one_line
+from volspec.errors import CastCancelled, DeviceError, RaycastError, one_line
 from volspec.raycast.camera import Camera
-from volspec.raycast.checks import checked_size
-from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Clear, light_layers
-from volspec.raycast.out_of_core import LevelCaster, PartPicture, check_supported, finished
+from volspec.raycast.out_of_core import LevelCaster, PartPicture, finished
 from volspec.raycast.parts import Part, Rect
-from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result
+from volspec.raycast.row_batches import Cancel, Progress, Result
 from volspec.raycast.spec import RaycastSpec
-from volspec.transfer import Table, Tables
+from volspec.transfer import Table
 from volspec.volume import Volume
-from volspec.volume.pyramid import Chunk, Level, Pyramid, describe_gaps
+from volspec.volume.pyramid import Chunk, Level, Pyramid
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -49,8 +48,10 @@ if TYPE_CHECKING:
 _TASKS_PER_THREAD = 6
 # How often a task is repeated if it fails, as by a file system that is away for a moment.
 _RETRIES = 2
-# Threads of an OpenCL device on the CPU, by PoCL's versions.
-_ONE_THREAD = {"POCL_MAX_PTHREAD_COUNT": "1", "POCL_CPU_MAX_CU_COUNT": "1"}
+# Environment of a worker of one thread: of PoCL, by its versions, and of Zarr.
+_ONE_THREAD = dict.fromkeys(
+    ("POCL_MAX_PTHREAD_COUNT", "POCL_CPU_MAX_CU_COUNT", "ZARR_THREADING__MAX_WORKERS"), "1"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -132,29 +133,21 @@ def over(front: PartialPicture, back: PartialPicture) -> PartialPicture:
     return front.over(back)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Job:
-    """The arguments that all tasks of a cast share, with the ranges of one level."""
+@dataclass(frozen=True, slots=True)
+class Source:
+    """The level that tasks read; equal for all casts of a `ClusterCaster`.
 
+    It has the ranges of that level alone, and no voxels.
+    """
+
+    key: str
     version: str
-    pyramid: Pyramid
     number: int
-    table: Table
-    camera: Camera
-    size: tuple[int, int]
-    spec: RaycastSpec
+    pyramid: Pyramid = field(compare=False)
 
     @classmethod
-    def of(
-        cls,
-        pyramid: Pyramid,
-        number: int,
-        table: Table,
-        camera: Camera,
-        size: tuple[int, int],
-        spec: RaycastSpec,
-    ) -> Job:
-        """Return the job of a cast, without voxels and without the ranges of other levels."""
+    def of(cls, pyramid: Pyramid, number: int) -> Source:
+        """Return a level of a pyramid."""
         import volspec
 
         *finer, coarsest = pyramid.levels
@@ -164,34 +157,46 @@ class Job:
         nothing = np.zeros((2, 2, 2), pyramid.dtype)
         last = Level(nothing, (0, 1, 2), (0, 0, 0), coarsest.world_from_index, (2, 2, 2))
         slim = replace(pyramid, levels=(*levels, last))
-        return cls(volspec.__version__, slim, number, table, camera, size, spec)
+        return cls(uuid4().hex, volspec.__version__, number, slim)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """The arguments that all tasks of a cast share."""
+
+    source: Source
+    table: Table
+    camera: Camera
+    size: tuple[int, int]
+    spec: RaycastSpec
 
 
 @lru_cache(maxsize=1)
-def _caster(job: Job) -> LevelCaster:
-    """Return the caster of a job's level in this process; the last is cached."""
+def _caster(source: Source) -> LevelCaster:
+    """Return the caster of a level in this process; the last is cached, with what it read."""
     import volspec
     from volspec.raycast.gpu import Raycaster
 
-    if job.version != volspec.__version__:
+    if source.version != volspec.__version__:
         raise RaycastError(
-            f"a worker has volspec {volspec.__version__}, this program {job.version}",
+            f"a worker has volspec {volspec.__version__}, this program {source.version}",
             "install the same version on all machines",
             code="conflict",
         )
-    pyramid = job.pyramid
+    pyramid = source.pyramid
     last = pyramid.levels[-1]
     volume = Volume(
         last.array, world_from_index=last.world_from_index, name=pyramid.name, pyramid=pyramid
     )
-    return LevelCaster(Raycaster(volume), job.number)
+    # A worker has one core.
+    return LevelCaster(Raycaster(volume), source.number, reads_ahead=False)
 
 
 def cast_parts(
     job: Job, parts: Sequence[Part], sigma: NDArray[np.float32] | None
 ) -> PartialPicture:
     """Cast a run of parts in a worker; ``sigma`` is the extinction of the light volume."""
-    caster = _caster(job)
+    caster = _caster(job.source)
     with caster.base.locked():
         if sigma is not None:
             caster.lights.set_extinction(sigma, job.table, job.spec)
@@ -206,7 +211,7 @@ def cast_parts(
 
 def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:
     """Return the extinction that some parts add to the light volume, in a worker."""
-    caster = _caster(job)
+    caster = _caster(job.source)
     with caster.base.locked():
         boxes = caster.boxes_of(job.table, parts)
         return caster.lights.extinction(job.table, job.spec, boxes)
@@ -218,71 +223,57 @@ def added(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.fl
 
 
 class ClusterCaster(LevelCaster):
-    """Casts a level of a volume's pyramid on the workers of a `Cluster`, as `LevelCaster` does."""
+    """Casts a level of a volume's pyramid on the workers of a `Cluster`, as `LevelCaster` does.
+
+    Meshes and rooms are refused. Raises RaycastError if a worker has another version of volspec, or
+    fails; DeviceError if there is none.
+    """
 
     def __init__(self, base: Raycaster, number: int, client: Client) -> None:
         super().__init__(base, number)
         self._client = client
+        self._source = Source.of(self._pyramid, number)
 
     @property
     def device(self) -> str:
         """Number of workers, and where they are."""
-        count = len(self._client.scheduler_info(n_workers=-1)["workers"])
+        count = len(self._client.nthreads())
         return f"{count} Dask workers at {self._client.scheduler.address}"
 
-    def cast(
+    def _cast_parts(
         self,
-        table: Tables,
+        table: Table,
         camera: Camera,
         size: tuple[int, int],
         spec: RaycastSpec,
-        progress: Progress | None = None,
-        cancel: Cancel | None = None,
-        receiver: Receiver | None = None,
-        span_mm: NDArray[np.float32] | None = None,
-        clear: Clear | None = None,
-        refined: Any = None,
+        parts: Sequence[Part],
+        progress: Progress | None,
+        cancel: Cancel | None,
+        span_mm: NDArray[np.float32] | None,
+        clear: Clear | None,
     ) -> Result:
-        """Cast a picture; arguments and errors are those of `Raycaster.cast`.
-
-        Meshes and rooms are not cast by workers.
-
-        Raises
-        ------
-        RaycastError
-            If a worker has another version of volspec, or cannot cast.
-        """
-        own = check_supported(table, spec, self.volume)
         if span_mm is not None or clear is not None:
             raise RaycastError(
                 f"raycast: {self.volume.name} is cast on a cluster, with surfaces behind it",
                 "leave out the meshes and the room, or the cluster",
                 code="unsupported",
             )
-        size = checked_size(size)
-        spec = spec.for_lattice(self.volume)
-        check_reach(self.volume, camera, spec)
-        parts = self.plan(own, camera, size, spec)
-        job = Job.of(self._pyramid, self._number, own, camera, size, spec)
-        client = self._client
-        shared = client.submit(_itself, job, key=f"job-{id(job)}", pure=False)
-        sigma: Future | None = None
+        if not parts:
+            return super()._cast_parts(
+                table, camera, size, spec, parts, progress, cancel, span_mm, clear
+            )
+        # A task, so that Dask makes it again if the worker that holds it is lost.
+        job = self._submit(_itself, Job(self._source, table, camera, size, spec))
+        tasks, sigma = self._tasks(), None
         if light_layers(spec, self.volume, camera):
-            boxes = runs(self.light_parts(own), self._tasks())
-            extinctions = [self._submit(extinction_of, shared, run) for run in boxes]
-            sigma = self._tree(added, extinctions)
-        leaves = [
-            self._submit(cast_parts, shared, run, sigma) for run in runs(parts, self._tasks())
-        ]
+            boxes = runs(self.light_parts(table), tasks)
+            sigma = self._tree(added, [self._submit(extinction_of, job, run) for run in boxes])
+        leaves = [self._submit(cast_parts, job, run, sigma) for run in runs(parts, tasks)]
         root = self._tree(over, leaves)
-        if root is None:
-            empty = PartPicture.of(self, own, camera, size, spec, None, None)
-            return empty.result()
+        assert root is not None
         self._wait(leaves, root, progress, cancel)
         picture: PartialPicture = root.result()
-        if gaps := describe_gaps(self.volume.name, picture.gaps):
-            self._pyramid.gaps.update(picture.gaps)
-            warnings.warn(gaps, VolspecWarning, stacklevel=4)
+        self._pyramid.gaps.update(picture.gaps)
         width, height = size
         whole = picture.on((0, 0, width, height))
         unit = min(self.volume.spacing_mm)
@@ -345,7 +336,7 @@ class ClusterCaster(LevelCaster):
 
 
 def _itself(job: Job) -> Job:
-    """Return the job: a task, so that Dask makes it again if the worker that holds it is lost."""
+    """Return the job."""
     return job
 
 
@@ -396,13 +387,11 @@ class Cluster:
                 code="syntax",
                 given=address,
             )
-        try:
-            import distributed  # noqa: F401
-        except ImportError as error:
+        if find_spec("distributed") is None:
             raise DeviceError(
                 f'device {address}: a cluster needs Dask; pip install "volspec[cluster]"',
                 code="unsupported",
-            ) from error
+            )
 
     @property
     def client(self) -> Client:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -66,21 +65,24 @@ class LevelCaster:
         Of the volume: its device, tables and coarsest level are used.
     number : int
         Of the level, 0 for the finest.
+    reads_ahead : bool
+        Read the next part while one is cast, in a thread of its own.
     """
 
-    def __init__(self, base: Raycaster, number: int) -> None:
+    def __init__(self, base: Raycaster, number: int, *, reads_ahead: bool = True) -> None:
         pyramid = base.volume.pyramid
         assert pyramid is not None
-        self._base, self._number, self._pyramid = base, number, pyramid
+        self.base, self.reads_ahead = base, reads_ahead
+        self._number, self._pyramid = number, pyramid
         self._level: Level = pyramid.levels[number]
         self.volume: Volume = base.volume.at_level(number)
-        self._lights = LightVolume(base.compute, self.volume, None, boxes=self._voxel_boxes)
+        self.lights = LightVolume(base.compute, self.volume, None, boxes=self._voxel_boxes)
         self._blocks: tuple[Table, NDArray[np.bool_] | None] | None = None
 
     @property
     def device(self) -> str:
         """Name of the device."""
-        return self._base.device
+        return self.base.device
 
     @property
     def sharing(self) -> Sharing | None:
@@ -89,7 +91,7 @@ class LevelCaster:
 
     def bake(self, transfer: Transfers) -> Tables:
         """Bake a transfer function into a table, as `Raycaster.bake`."""
-        return self._base.bake(transfer)
+        return self.base.bake(transfer)
 
     def with_step(
         self, table: Tables, spec: RaycastSpec, cancel: Cancel | None = None
@@ -99,9 +101,9 @@ class LevelCaster:
         It is chosen by casts of the coarsest level, in voxels, and taken in those of this one.
         """
         if spec.step_mm is None:
-            chosen = self._base.with_step(table, spec, cancel).step_mm
+            chosen = self.base.with_step(table, spec, cancel).step_mm
             assert chosen is not None
-            of_voxel = chosen / self._base.volume.finest_mm
+            of_voxel = chosen / self.base.volume.finest_mm
             spec = replace(spec, step_mm=of_voxel * self.volume.finest_mm)
         spec.step_of(self.volume)
         return spec
@@ -117,47 +119,64 @@ class LevelCaster:
         receiver: Receiver | None = None,
         span_mm: NDArray[np.float32] | None = None,
         clear: Clear | None = None,
-        refined: Callable[[Result], object] | None = None,
     ) -> Result:
         """Cast a picture; arguments and errors are those of `Raycaster.cast`.
 
-        ``refined`` is called with the picture so far, of the parts in front. Chunks that cannot be
-        read are left out, marked in the picture, and warned of.
+        Chunks that cannot be read are left out, marked in the picture, and warned of.
         """
         own = check_supported(table, spec, self.volume)
         size = checked_size(size)
         spec = spec.for_lattice(self.volume)
         check_reach(self.volume, camera, spec)
-        counts = self._pyramid.counts
-        with self._base.locked(), closing(counts):
-            picture = PartPicture.of(self, own, camera, size, spec, span_mm, clear)
-            parts = self.plan(own, camera, size, spec)
-            for done, loaded in enumerate(self.stream(own, parts, picture.sees, cancel), 1):
-                counts.progress = f"level {self._number}: part {done} of {len(parts)}"
-                if loaded is not None:
-                    picture.add(loaded, cancel)
-                    if refined is not None:
-                        refined(picture.result())
-                if progress is not None:
-                    progress(done / len(parts))
-            if progress is not None and not parts:
-                progress(1.0)
+        parts = self.plan(own, camera, size, spec)
+        given = own, camera, size, spec, parts, progress, cancel, span_mm, clear
+        result = self._cast_parts(*given)
         if gaps := self._pyramid.describe_gaps():
             warnings.warn(gaps, VolspecWarning, stacklevel=4)
+        return result
+
+    def _cast_parts(
+        self,
+        table: Table,
+        camera: Camera,
+        size: tuple[int, int],
+        spec: RaycastSpec,
+        parts: Sequence[Part],
+        progress: Progress | None,
+        cancel: Cancel | None,
+        span_mm: NDArray[np.float32] | None,
+        clear: Clear | None,
+    ) -> Result:
+        with self.base.locked():
+            picture = PartPicture.of(self, table, camera, size, spec, span_mm, clear)
+            for done, loaded in enumerate(self.stream(table, parts, picture.sees, cancel), 1):
+                if loaded is not None:
+                    picture.add(loaded, cancel)
+                if progress is not None:
+                    progress(done / len(parts))
+        if progress is not None and not parts:
+            progress(1.0)
         return picture.result()
 
     def plan(
         self, table: Table, camera: Camera, size: tuple[int, int], spec: RaycastSpec
     ) -> list[Part]:
         """Return the parts that a picture may show, front to back."""
+        ends = isinstance(table, SurfaceTable) or spec.preintegrated
+        margin = reach(spec.step_of(self.volume), self.volume, ends)
+        return self._plan(table, camera, size, spec, margin)
+
+    def light_parts(self, table: Table) -> list[Part]:
+        """Return the parts in which something may be seen, from anywhere."""
+        everything = Camera.orbit(self.volume, orthographic=True)
+        return self._plan(table, everything, (8, 8), RaycastSpec(), BRICK)
+
+    def _plan(
+        self, table: Table, camera: Camera, size: tuple[int, int], spec: RaycastSpec, margin: int
+    ) -> list[Part]:
         sides = sides_for(self._level, self._pyramid.dtype.itemsize, self._pyramid.memory_bytes)
-        margin = self._margin(table, spec)
         blocks = self.visible_blocks(table)
         return plan(self.volume, self._level, camera, size, spec, sides, margin, blocks)
-
-    def _margin(self, table: Table, spec: RaycastSpec) -> int:
-        ends = isinstance(table, SurfaceTable) or spec.preintegrated
-        return reach(spec, spec.step_of(self.volume), self.volume, ends)
 
     def visible_blocks(self, table: Table) -> NDArray[np.bool_] | None:
         """Return the blocks (z, y, x) in which a table shows something; None if unknown."""
@@ -177,7 +196,7 @@ class LevelCaster:
     ) -> Iterator[LoadedPart | None]:
         """Yield the parts' voxels for a table, None for unwanted ones.
 
-        Each is read while the one before is in use.
+        Each is read while the one before is in use, if the caster `reads_ahead`.
 
         Raises
         ------
@@ -205,16 +224,20 @@ class LevelCaster:
             )
             return LoadedPart(part, values, *brick_ranges(values), gaps)
 
+        counts = self._pyramid.counts
         with ThreadPoolExecutor(1, thread_name_prefix="volspec-read") as reader:
             coming: Future[LoadedPart | None] | None = None
             try:
                 for turn in range(len(parts)):
                     if cancel is not None and cancel():
                         raise CastCancelled("raycast: cancelled", code="state")
+                    counts.progress = f"level {self._number}: part {turn + 1} of {len(parts)}"
                     found = (coming or reader.submit(load, turn)).result()
-                    coming = reader.submit(load, turn + 1) if turn + 1 < len(parts) else None
+                    more = self.reads_ahead and turn + 1 < len(parts)
+                    coming = reader.submit(load, turn + 1) if more else None
                     yield found
             finally:
+                counts.progress = ""
                 if coming is not None:
                     coming.cancel()
 
@@ -223,7 +246,7 @@ class LevelCaster:
         pyramid, level = self._pyramid, self._level
         itemsize = pyramid.dtype.itemsize
         ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
-        fixed = self._base.volume.values.nbytes + ranges
+        fixed = self.base.volume.values.nbytes + ranges
         # Two parts, with the ranges of their bricks (a tenth), and a chunk that is being read.
         largest = max((part.voxels for part in parts), default=0) * itemsize
         in_use = int(2.1 * largest) + 2 * level.chunk_bytes
@@ -243,20 +266,13 @@ class LevelCaster:
         self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
     ) -> dict[int, Arrives]:
         """Return the part of each source's light that the volume lets pass; see `Raycaster`."""
-        with self._base.locked():
-            return self._lights.arrivals(table, spec.for_lattice(self.volume), camera, clear)
+        with self.base.locked():
+            return self.lights.arrivals(table, spec.for_lattice(self.volume), camera, clear)
 
     def _voxel_boxes(self, table: Tables) -> Iterator[VoxelBox]:
         """Yield the voxels of all parts in which something may be seen, for the light volume."""
         assert not isinstance(table, FieldTables)
         return self.boxes_of(table, self.light_parts(table))
-
-    def light_parts(self, table: Table) -> list[Part]:
-        """Return the parts in which something may be seen, from anywhere."""
-        spec, camera = RaycastSpec(), Camera.orbit(self.volume, orthographic=True)
-        sides = sides_for(self._level, self._pyramid.dtype.itemsize, self._pyramid.memory_bytes)
-        blocks = self.visible_blocks(table)
-        return plan(self.volume, self._level, camera, (8, 8), spec, sides, BRICK, blocks)
 
     def boxes_of(self, table: Table, parts: Sequence[Part]) -> Iterator[VoxelBox]:
         """Yield the voxels of parts, for the light volume."""
@@ -268,18 +284,6 @@ class LevelCaster:
                 z, y, x = (n if high == n - 1 else high for high, n in ends)
                 first = tuple(low for low, _ in part.stored)
                 yield VoxelBox(loaded.values, first, part.low, (z, y, x))
-
-    # What `PartPicture` launches.
-
-    @property
-    def base(self) -> Raycaster:
-        """Caster of the volume's coarsest level."""
-        return self._base
-
-    @property
-    def lights(self) -> LightVolume:
-        """The light volume, from this level's voxels."""
-        return self._lights
 
 
 def _common(box: Box, part: Part) -> Box:

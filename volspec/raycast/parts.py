@@ -108,7 +108,7 @@ class Division:
         return (z0, y0, x0), (z1, y1, x1)
 
 
-def reach(spec: RaycastSpec, step_mm: float, frame: Volume, ends: bool) -> int:
+def reach(step_mm: float, frame: Volume, ends: bool) -> int:
     """Return the voxels around a part that its samples read, in whole bricks.
 
     Trilinear samples and their gradients reach two voxels beyond it; if ``ends``, steps are
@@ -118,13 +118,13 @@ def reach(spec: RaycastSpec, step_mm: float, frame: Volume, ends: bool) -> int:
     return BRICK * -(-voxels // BRICK)
 
 
-def sides_for(level: Level, itemsize: int, memory_bytes: int, longest: int = SIDE) -> Index:
+def sides_for(level: Level, itemsize: int, memory_bytes: int) -> Index:
     """Return the cells (z, y, x) along a part's edges that suit a level's chunks and a budget.
 
     Two parts fit in a quarter of the budget. They are thin along the axis along which the picture
     is swept (`outer_axis`), so that the chunks around a sweep's front are few.
     """
-    side = longest
+    side = SIDE
     while side > LEAST_SIDE and 2 * side**3 * itemsize > _PARTS_SHARE * memory_bytes:
         side //= 2
     outer = outer_axis(level)

@@ -14,11 +14,10 @@ References
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
-import os
 import shutil
+import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,17 +34,17 @@ from volspec.volume.pyramid import (
     Box,
     Index,
     Level,
-    block_ranges,
+    boxes_in,
     cast_dtype,
     halve,
+    ranges_of,
+    with_next,
 )
 
 CHUNK = 64
 """Voxels along the edge of a chunk."""
 # Levels are halved until none is longer.
 _SHORTEST = 128
-# Most voxels of a block that is written at once.
-_BLOCK_VOXELS = 1 << 22
 _STATE = "unfinished.json"
 _VERSION = 1
 
@@ -112,6 +111,7 @@ def convert(
     partial = output.with_name(f"{output.name}.unfinished")
     key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
     key |= {"world": source.world_from_index.tolist(), "source": _fingerprint(source)}
+    key |= {"labels": labels is not None}
     done = _done(partial, key)
     try:
         if not done:
@@ -129,9 +129,11 @@ def convert(
                 progress(written / total)
         root.attrs.update(_attributes(source, shapes, arrays, name, labels))
         (partial / _STATE).unlink()
+        replaced = output.with_name(f"{output.name}.replaced")
         if output.exists():
-            shutil.rmtree(output)
+            output.replace(replaced)
         partial.replace(output)
+        shutil.rmtree(replaced, ignore_errors=True)
     except OSError as error:
         raise InputError(
             f"{output}: cannot be written: {error.strerror or one_line(error)}; make room on the "
@@ -156,19 +158,18 @@ def level_shapes(shape: Index) -> list[Index]:
 def _blocks(shapes: list[Index]) -> Iterator[Block]:
     """Yield all blocks, level after level."""
     for level, shape in enumerate(shapes):
-        rows = max(_BLOCK_VOXELS // (CHUNK * shape[2]) // CHUNK, 1) * CHUNK
-        tops, fronts = range(0, shape[0], CHUNK), range(0, shape[1], rows)
-        for z, y in itertools.product(tops, fronts):
-            ends = min(z + CHUNK, shape[0]), min(y + rows, shape[1])
-            yield Block(level, ((z, ends[0]), (y, ends[1]), (0, shape[2])))
+        for box in boxes_in(shape, CHUNK):
+            yield Block(level, box)
 
 
 def _fingerprint(source: Level) -> list[Any]:
-    """Return what changes if a source's file does."""
-    path = getattr(source.array, "path", None)
-    if path is None or not os.path.isfile(path):
+    """Return what changes if a source's voxels do."""
+    if isinstance(source.array, np.ndarray):
+        return [zlib.crc32(np.ascontiguousarray(source.array))]
+    path = source.place
+    if path is None or not path.exists():
         return []
-    stat = os.stat(path)
+    stat = path.stat()
     return [str(path), stat.st_size, stat.st_mtime_ns]
 
 
@@ -223,24 +224,19 @@ def _write(
 ) -> None:
     """Write a block and its ranges, from the source or the level before."""
     values, ranges = arrays[block.level]
-    # With a plane more, for the cells between blocks.
-    box = [(low, min(high + 1, n)) for (low, high), n in zip(block.box, values.shape, strict=True)]
+    box = with_next(block.box, values.shape)
     if block.level == 0:
         try:
-            read = source.read((box[0], box[1], box[2]))
+            own = source.read(box).astype(values.dtype, copy=False)
         except Exception as error:  # whatever the array's library raises
             raise VolumeError(
                 f"its voxels {box} cannot be read ({one_line(error)[:120]}); copy the file again",
                 code="damaged",
             ) from error
-        own = read.astype(values.dtype, copy=False)
     else:
         finer = arrays[block.level - 1][0]
-        index = tuple(
-            slice(2 * low, min(2 * high, n))
-            for (low, high), n in zip(box, finer.shape, strict=True)
-        )
-        read = np.asarray(finer[index])
+        ends = zip(box, finer.shape, strict=True)
+        read = np.asarray(finer[tuple(slice(2 * a, min(2 * b, n)) for (a, b), n in ends)])
         if labels is not None:
             own = downsample(read, 2, block_modes)
         else:
@@ -248,11 +244,7 @@ def _write(
             own = (np.rint(means) if read.dtype.kind in "ui" else means).astype(read.dtype)
     inner = tuple(slice(high - low) for low, high in block.box)
     values[tuple(slice(*ends) for ends in block.box)] = own[inner]
-    if own.dtype.kind == "f":  # below all others, as missing voxels are
-        own = np.where(np.isfinite(own), own, np.float32(-np.inf))
-    places = tuple(slice(low // BLOCK, -(-high // BLOCK)) for low, high in block.box)
-    counts = tuple(slice(place.stop - place.start) for place in places)
-    ranges[(slice(None), *places)] = block_ranges(own)[(slice(None), *counts)]
+    ranges[(slice(None), *Level.blocks_of(block.box))] = ranges_of(own, block.box)
 
 
 def _attributes(

@@ -5,15 +5,13 @@ load_volume -> levels -> [larger] -> Volume with a pyramid
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from volspec._gpu.memory import host_free_bytes
 from volspec.volume.channels import Channel
-from volspec.volume.checks import missing_value
+from volspec.volume.checks import checked_geometry, missing_value
 from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.labels import Labels
 from volspec.volume.model import Volume
@@ -41,11 +39,9 @@ def stored_levels(query: Query, reading: Reading) -> list[Level]:
     values = reading.values
     if not isinstance(values, Stored) or values.nbytes <= _most_bytes(query):
         return []
-    # A format without geometry leaves None, the constructor's default.
-    spacing: Any = reading.spacing_mm
-    lattice = Volume(np.zeros((2, 2, 2)), spacing, reading.world_from_index)  # type: ignore[arg-type]
-    axes, chunk = (0, 1, 2), _raw_chunk(values.shape)
-    return [Level(values, axes, axes, lattice.world_from_index, chunk)]
+    given = reading.spacing_mm, reading.world_from_index
+    _, world = checked_geometry(*given, str(query.path))
+    return [Level(values, (0, 1, 2), (0, 0, 0), world, _raw_chunk(values.shape))]
 
 
 def _raw_chunk(shape: tuple[int, ...]) -> tuple[int, int, int]:
@@ -67,12 +63,11 @@ def read_coarsest(
     channel: Channel | None = None
     labels: Labels | None = None
     if number is None:
-        means, levels[0] = summarise(levels[0])
-        levels = levels[:1]
+        means, factor, finest = summarise(levels[0])
+        levels = [finest]
         if dtype.kind in "ui":
             means = np.rint(means)
         values = means.astype(dtype)
-        factor = 2 ** round(math.log2(levels[0].shape[0] / means.shape[0]))
         offset = np.diag([factor, factor, factor, 1.0])
         offset[:3, 3] = (factor - 1) / 2
         world = levels[0].world_from_index @ offset
@@ -87,7 +82,7 @@ def read_coarsest(
         channel, labels = reading.channel, reading.labels
         levels = levels[:number]
         remarks += reading.remarks
-    coarse = Volume(values, None, world, name=name, channel=channel or Channel())  # type: ignore[arg-type]
+    coarse = Volume(values, world_from_index=world, name=name, channel=channel or Channel())
     span = coarse.range
     if (ranges := levels[0].ranges) is not None:
         low = ranges[0][np.isfinite(ranges[0])].min(initial=ranges[1].max())

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,6 +31,8 @@ DEFAULT_BYTES = 2**31
 """Most bytes of voxels in memory, unless a budget is given."""
 COARSE_BYTES = 2**26
 """Most bytes of the level that is in memory."""
+BOX_VOXELS = 2**22
+"""About the most voxels of a box that is read, averaged and written at once."""
 
 
 class Chunk(NamedTuple):
@@ -49,7 +51,7 @@ class Level:
     Attributes
     ----------
     array
-        Reads slices: a Zarr array, or one of `volspec.volume.files.arrays`.
+        Reads slices: a NumPy or Zarr array, or `volspec.volume.files.query.Stored` voxels.
     axes : (z, y, x)
         Places of the three axes among the array's.
     at : tuple
@@ -95,6 +97,12 @@ class Level:
         return math.prod(self.chunk) * self.dtype.itemsize
 
     @property
+    def place(self) -> Path | None:
+        """File or folder of the array; None if it has none on this machine."""
+        root = getattr(getattr(self.array, "store", self.array), "root", None)
+        return None if root is None else Path(root)
+
+    @property
     def grid(self) -> Index:
         """Number of chunks along z, y, x."""
         z, y, x = (-(-n // c) for n, c in zip(self.shape, self.chunk, strict=True))
@@ -135,10 +143,6 @@ class ReadCounts:
     voxel_bytes: int = 0
     again: int = 0  # chunks that had been read before, and were dropped for want of memory
     progress: str = ""  # of the cast in progress, in words; empty without one
-
-    def close(self) -> None:
-        """End the cast in progress."""
-        self.progress = ""
 
 
 class ChunkCache:
@@ -245,11 +249,9 @@ class Pyramid:
     def __post_init__(self) -> None:
         object.__setattr__(self, "cache", ChunkCache(self.memory_bytes))
 
-    def __getstate__(self) -> dict[str, Any]:
-        return {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__init__(**state)  # type: ignore[misc]
+    def __reduce__(self) -> tuple[type[Pyramid], tuple[Any, ...]]:
+        """Pickle the levels without what was read of them."""
+        return type(self), tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     def with_spacing(self, factors: Sequence[float]) -> Pyramid:
         """Return the pyramid with voxels that are longer by a factor along x, y, z."""
@@ -299,9 +301,8 @@ class Pyramid:
         box = level.box_of(chunk[1:])
         if values.shape != tuple(high - low for low, high in box):
             return f"it has the shape {values.shape}"
-        root = getattr(getattr(level.array, "store", None), "root", None)
-        if root is not None and not Path(root).exists():
-            return "its folder is gone"
+        if level.place is not None and not level.place.exists():
+            return "its file or folder is gone"
         if level.ranges is None:
             return ""
         lows, highs = (ends[level.blocks_of(box)] for ends in level.ranges)
@@ -344,8 +345,18 @@ class Pyramid:
         return values
 
     def describe_gaps(self) -> str:
-        """Return the damaged chunks in words; empty if there are none."""
-        return describe_gaps(self.name, self.gaps)
+        """Return a sentence about damaged chunks, which names the first; empty without any."""
+        if not self.gaps:
+            return ""
+        first, why = next(iter(self.gaps.items()))
+        count = len(self.gaps)
+        many = f"{count} chunks cannot be read, such as " if count > 1 else ""
+        cannot = "" if many else " cannot be read"
+        end = "they are left out" if many else "it is left out"
+        return (
+            f"{self.name}: {many}chunk {'/'.join(map(str, first[1:]))} of level "
+            f"{first.level}{cannot} ({why}); {end} of the picture"
+        )
 
 
 def cast_dtype(stored: np.dtype[Any]) -> np.dtype[Any]:
@@ -391,12 +402,40 @@ def block_ranges(values: NDArray[Any]) -> NDArray[Any]:
     return np.stack(found)
 
 
-def summarise(
-    level: Level, progress: Callable[[float], object] | None = None
-) -> tuple[NDArray[Any], Level]:
+def boxes_in(shape: Index, deep: int) -> Iterator[Box]:
+    """Yield boxes of whole rows, of at most about `BOX_VOXELS`, that divide an array (Z, Y, X).
+
+    They begin at multiples of ``deep`` along z and y.
+
+    >>> list(boxes_in((3, 5, 9), 2))[:2]
+    [((0, 2), (0, 5), (0, 9)), ((2, 3), (0, 5), (0, 9))]
+    """
+    rows = max(BOX_VOXELS // (deep * shape[2]) // deep, 1) * deep
+    for z, y in itertools.product(range(0, shape[0], deep), range(0, shape[1], rows)):
+        yield (z, min(z + deep, shape[0])), (y, min(y + rows, shape[1])), (0, shape[2])
+
+
+def with_next(box: Box, shape: Index) -> Box:
+    """Return a box with the next plane of voxels along each axis, for the cells between boxes."""
+    z, y, x = ((low, min(high + 1, n)) for (low, high), n in zip(box, shape, strict=True))
+    return z, y, x
+
+
+def ranges_of(values: NDArray[Any], box: Box) -> NDArray[Any]:
+    """Return the ranges of a box's blocks, from its voxels `with_next`.
+
+    Missing voxels, which are NaN or infinite, are below all others.
+    """
+    if values.dtype.kind == "f":
+        values = np.where(np.isfinite(values), values, np.float32(-np.inf))
+    counts = tuple(slice(-(-(high - low) // BLOCK)) for low, high in box)
+    return block_ranges(values)[(slice(None), *counts)]
+
+
+def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level]:
     """Read a level once; return block means small enough for memory, and it with its ranges.
 
-    The means are float32, of every f³ voxels, f a power of 2.
+    The means are of every f³ voxels, f a power of 2, which comes second.
     """
     factor = 2
     while level.nbytes / factor**3 * 4 / level.dtype.itemsize > COARSE_BYTES:
@@ -404,23 +443,14 @@ def summarise(
     shape = level.shape
     coarse = np.zeros([-(-n // factor) for n in shape], np.float32)
     ranges = np.zeros((2, *(-(-n // BLOCK) for n in shape)), cast_dtype(level.dtype))
-    deep = math.lcm(factor, BLOCK)
-    deep *= max(1, -(-level.chunk[0] // deep))
-    for top in range(0, shape[0], deep):
-        bottom = min(top + deep, shape[0])
-        slab = level.read(((top, min(bottom + 1, shape[0])), (0, shape[1]), (0, shape[2])))
-        slab = slab.astype(ranges.dtype, copy=False)
-        if slab.dtype.kind == "f":  # below all others, as missing voxels are
-            slab = np.where(np.isfinite(slab), slab, np.float32(-np.inf))
-        here = block_ranges(slab)[:, : -(-(bottom - top) // BLOCK)]
-        ranges[:, top // BLOCK : top // BLOCK + here.shape[1]] = here
-        means = slab[: bottom - top]
+    for box in boxes_in(shape, math.lcm(factor, BLOCK)):
+        read = level.read(with_next(box, shape)).astype(ranges.dtype, copy=False)
+        ranges[(slice(None), *level.blocks_of(box))] = ranges_of(read, box)
+        means = read[tuple(slice(high - low) for low, high in box)]
         for _ in range(factor.bit_length() - 1):
             means = halve(means)
-        coarse[top // factor : top // factor + len(means)] = means
-        if progress is not None:
-            progress(bottom / shape[0])
-    return coarse, replace(level, ranges=ranges)
+        coarse[tuple(slice(low // factor, -(-high // factor)) for low, high in box)] = means
+    return coarse, factor, replace(level, ranges=ranges)
 
 
 def halve(values: NDArray[Any]) -> NDArray[np.float32]:
@@ -452,21 +482,3 @@ def _halve(values: NDArray[Any]) -> NDArray[np.float32]:
             added[-1] *= 2
         sums = np.moveaxis(added, 0, axis)
     return np.ascontiguousarray(sums) * np.float32(1 / 8)
-
-
-def describe_gaps(name: str, gaps: Mapping[Chunk, str]) -> str:
-    """Return a sentence about damaged chunks, which names the first; empty without any.
-
-    >>> describe_gaps("v.zarr", {Chunk(0, 1, 2, 3): "it is missing"})
-    'v.zarr: chunk 1/2/3 of level 0 cannot be read (it is missing); it is left out of the picture'
-    """
-    if not gaps:
-        return ""
-    first, why = next(iter(gaps.items()))
-    many = f"{len(gaps)} chunks cannot be read, such as " if len(gaps) > 1 else ""
-    cannot = "" if many else " cannot be read"
-    end = "they are left out" if many else "it is left out"
-    return (
-        f"{name}: {many}chunk {'/'.join(map(str, first[1:]))} of level {first.level}{cannot} "
-        f"({why}); {end} of the picture"
-    )

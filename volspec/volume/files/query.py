@@ -261,6 +261,11 @@ class Stored:
     offset: int = 0
 
     @property
+    def root(self) -> str:
+        """The file, as of a Zarr store."""
+        return self.path
+
+    @property
     def nbytes(self) -> int:
         """Bytes of all voxels."""
         return math.prod(self.shape) * np.dtype(self.dtype).itemsize
