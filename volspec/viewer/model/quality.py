@@ -192,12 +192,9 @@ def set_light_cells(state: ViewState, cells: int) -> ViewState:
 
 
 @edit
-def set_level(state: ViewState, level: int | None) -> ViewState:
-    """Set the level of detail of a volume larger than memory; None: by the size of pixels."""
-    pyramid = state.document.volume.pyramid
-    if level is not None and pyramid is not None:
-        level = min(max(level, 0), len(pyramid.levels) - 1)
-    return _change(state, level=level)
+def set_level(state: ViewState, level: int) -> ViewState:
+    """Set the level of detail of a volume larger than memory; below 0 by the size of pixels."""
+    return _change(state, level=level if level >= 0 else None)
 
 
 @edit

@@ -67,7 +67,7 @@ def _level(state: ViewState, ui: UiContext) -> ViewState:
     now = 0 if state.shading.level is None else 1 + min(state.shading.level, len(names) - 2)
     picked, at = imgui.combo("Level", now, names)
     ui.note("level", _about("level"))
-    return quality.set_level(state, at - 1 if at else None) if picked else state
+    return quality.set_level(state, at - 1) if picked else state
 
 
 def _about(field: str) -> str:
