@@ -86,7 +86,7 @@ def cast(address: str, level: int | None = 0, device: str | None = None) -> dict
     found = {"total_s": first + seconds - began, "cast_s": seconds}
     if pyramid is not None:
         counts = pyramid.counts
-        found |= {"read": counts.voxel_bytes, "again": counts.again, "chunks": counts.chunks}
+        found |= {"read": counts.voxel_bytes, "again": counts.again_bytes}
     return found
 
 
@@ -122,11 +122,11 @@ def figures(gib: float = 1.0) -> Iterator[Figure]:
         yield Figure(f"{name}: second cast", parts["cast_s"] / whole["cast_s"], note=note)
     else:
         parts = apart(f"{store}?memory=1536MiB")
-        note = f"{parts['total_s']:.1f} s, {parts['again']:.0f} chunks read again"
+        note = f"{parts['total_s']:.1f} s, {parts['again'] / 2**20:.0f} MiB read again"
         yield Figure(f"{name}: peak", parts["peak"] / 2**30, 2.0, True, "GiB", note=note)
     budget = "1GiB" if gib > 1 else "600MiB"
     natural = apart(f"{store}?memory={budget}", None)
-    note = f"{natural['total_s']:.1f} s, {natural['again']:.0f} chunks read again"
+    note = f"{natural['total_s']:.1f} s, {natural['again'] / 2**20:.0f} MiB read again"
     title = f"{name}: {budget}, natural level"
     yield Figure(title, natural["peak"] / 2**30, 1.3, True, "GiB", note=note)
     one, two = (apart(f"{store}?memory={budget}", 0, f"local:{n}")["cast_s"] for n in (1, 2))

@@ -11,15 +11,21 @@ from volspec.raycast import out_of_core
 from volspec.volume import Volume, load_volume
 from volspec.volume.convert import convert
 from volspec.volume.larger import level_of
-from volspec.volume.pyramid import Level, Pyramid, block_ranges
+from volspec.volume.pyramid import BLOCK, Level, Pyramid, block_ranges
 
 
 def pyramid_of(volume: Volume, chunk: int = 32, *, ranges: bool = True, memory=2**31) -> Volume:
-    """Return a volume as a pyramid of two levels, of which the finer is read in chunks."""
+    """Return a volume as a pyramid of two levels, of which the finer is read in chunks.
+
+    If the ranges of its blocks are known, and chunks are of whole blocks, it is read by block.
+    """
     coarse = volume.downsampled(2)
     axes = (0, 1, 2)
     known = block_ranges(volume.values) if ranges else None
-    finest = Level(volume.values, axes, axes, volume.world_from_index, (chunk,) * 3, known)
+    by_block = ranges and chunk % BLOCK == 0
+    finest = Level(
+        volume.values, axes, axes, volume.world_from_index, (chunk,) * 3, known, by_block=by_block
+    )
     last = Level(coarse.values, axes, axes, coarse.world_from_index, coarse.values.shape)
     dtype = volume.values.dtype
     levels = finest, last

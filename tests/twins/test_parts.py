@@ -22,6 +22,7 @@ from volspec.raycast import (
     LightGroup,
     RaycastSpec,
 )
+from volspec.raycast.bricks import brick_ranges, visible_by_table
 from volspec.spectra import reflectance
 from volspec.transfer import Isosurfaces, LabelFunction, TransferFunction
 from volspec.volume import Volume, load_volume
@@ -171,6 +172,25 @@ def test_surfaces_labels_and_gradients(engine: Volume, monkeypatch: pytest.Monke
         big = pyramid_of(volume)
         parts = raycast(big, transfer, camera, (60, 60), replace(spec, level=0))
         assert_same(whole, parts)
+
+
+@pytest.mark.parametrize("table", ["shell", "surface"])
+def test_only_blocks_that_samples_read_are_read(
+    engine: Volume, table: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    in_parts_of(monkeypatch, 32, 64, 64)
+    points = [(140, 0.0, "skin"), (150, 0.4, "bone"), (160, 0.4, "bone"), (170, 0.0, "skin")]
+    shell = replace(curve(40, 150), points=points)
+    surface = Isosurfaces([(150, 1.0, "skin")], MATERIALS, BASIS)
+    transfer = shell if table == "shell" else surface
+    camera, spec = Camera.orbit(engine, elevation_deg=50), RaycastSpec(step_mm=0.8, specular=0.3)
+    whole = raycast(engine, transfer, camera, (60, 60), spec)
+    big = pyramid_of(engine)
+    assert_same(whole, raycast(big, transfer, camera, (60, 60), replace(spec, level=0)))
+    assert big.pyramid is not None
+    read = big.pyramid.counts.voxel_bytes / engine.values.nbytes
+    cells = visible_by_table(*brick_ranges(engine.values), Raycaster(engine).bake(transfer))
+    assert cells.mean() < read < 0.75, "neither all blocks, nor only those that are visible"
 
 
 def test_rays_end_before_what_is_hidden_is_read(monkeypatch: pytest.MonkeyPatch) -> None:

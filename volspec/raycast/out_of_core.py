@@ -27,14 +27,14 @@ from volspec.raycast.checks import checked_size
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume, VoxelBox
 from volspec.raycast.packets import TILES
-from volspec.raycast.parts import Part, Rect, natural_level, plan, reach, sides_for
+from volspec.raycast.parts import Part, Rect, natural_level, plan, reach, read_by, sides_for
 from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.sampling import clip_rays, world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers, TransferTable
 from volspec.volume import Volume
-from volspec.volume.pyramid import Box, Chunk, Level
+from volspec.volume.pyramid import Box, Chunk, Level, common
 
 if TYPE_CHECKING:
     from volspec.raycast.gpu import Raycaster
@@ -212,17 +212,10 @@ class LevelCaster:
 
         def load(turn: int) -> LoadedPart | None:
             part = parts[turn]
-            if not wanted(part):
-                for chunk in needed[turn]:
-                    self._pyramid.cache.done(chunk, turn)
-                return None
-            values = self._pyramid.read(self._number, part.stored, part.chunks, turn, gap)
-            gaps = tuple(
-                _common(self._level.box_of(chunk[1:]), part)
-                for chunk in needed[turn]
-                if chunk in self._pyramid.gaps
-            )
-            return LoadedPart(part, values, *brick_ranges(values), gaps)
+            loaded = self._load(part, table, gap) if wanted(part) else None
+            for chunk in needed[turn]:
+                self._pyramid.cache.done(chunk, turn)
+            return loaded
 
         counts = self._pyramid.counts
         with ThreadPoolExecutor(1, thread_name_prefix="volspec-read") as reader:
@@ -241,15 +234,34 @@ class LevelCaster:
                 if coming is not None:
                     coming.cancel()
 
+    def _load(self, part: Part, table: Table, gap: float) -> LoadedPart:
+        """Read a part's visible blocks, and of those around them what their samples read."""
+        pyramid, blocks = self._pyramid, self.visible_blocks(table)
+        known = None if blocks is None else blocks[self._level.blocks_of(part.stored)]
+        values = pyramid.read(self._number, part.stored, known, gap)
+        low, high = brick_ranges(values)
+        if known is not None:
+            near = read_by(part, visible_by_table(low, high, table))
+            if (near > known).any():
+                values = pyramid.read(self._number, part.stored, near, gap)
+                low, high = brick_ranges(values)
+        z, y, x = zip(part.low, part.high, strict=True)
+        gaps = tuple(
+            common(self._level.box_of(place), (z, y, x))
+            for place in part.chunks
+            if Chunk(self._number, *place) in pyramid.gaps
+        )
+        return LoadedPart(part, values, low, high, gaps)
+
     def _reserve(self, parts: Sequence[Part]) -> None:
         """Give the cache what parts in use leave of the budget."""
         pyramid, level = self._pyramid, self._level
         itemsize = pyramid.dtype.itemsize
         ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
         fixed = self.base.volume.values.nbytes + ranges
-        # Two parts, with the ranges of their bricks (a tenth), and a chunk that is being read.
+        # Two parts, with the ranges of their bricks (a tenth), and chunks that are being read.
         largest = max((part.voxels for part in parts), default=0) * itemsize
-        in_use = int(2.1 * largest) + 2 * level.chunk_bytes
+        in_use = int(2.1 * largest) + max(2 * level.chunk_bytes, pyramid.memory_bytes // 16)
         left = pyramid.memory_bytes - fixed - in_use
         if left < 0:
             least = _size(fixed + in_use)
@@ -284,13 +296,6 @@ class LevelCaster:
                 z, y, x = (n if high == n - 1 else high for high, n in ends)
                 first = tuple(low for low, _ in part.stored)
                 yield VoxelBox(loaded.values, first, part.low, (z, y, x))
-
-
-def _common(box: Box, part: Part) -> Box:
-    """Return the voxels of a box that lie in a part."""
-    ends = zip(box, part.low, part.high, strict=True)
-    z, y, x = ((max(a, low), min(b, high)) for (a, b), low, high in ends)
-    return z, y, x
 
 
 def level_for(volume: Volume, camera: Camera, size: tuple[int, int], spec: RaycastSpec) -> int:

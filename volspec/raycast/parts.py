@@ -22,7 +22,7 @@ from volspec.raycast.camera import Camera
 from volspec.raycast.projection import NEAR, Projection
 from volspec.raycast.spec import RaycastSpec
 from volspec.volume import Volume
-from volspec.volume.pyramid import Box, Index, Level
+from volspec.volume.pyramid import BLOCK, Box, Index, Level
 
 # Cells along a part's edge: many enough that a launch is worth its cost, few enough that two parts
 # and the chunks around them are small next to a budget.
@@ -46,14 +46,17 @@ class Part:
         Index of its first and last voxel planes; cells lie between them.
     stored : Box
         Its voxels with those around it that its samples read.
+    margin : int
+        Voxels around a brick that its samples read, in whole bricks.
     chunks : tuple
-        Numbers of the chunks that are needed of it, along z, y, x.
+        Numbers of the chunks that may be needed of it, along z, y, x.
     rect : Rect
     """
 
     low: Index
     high: Index
     stored: Box
+    margin: int
     chunks: tuple[Index, ...]
     rect: Rect
 
@@ -187,18 +190,40 @@ def plan(
         chunks = level.chunks_in((z, y, x))
         if around is not None:
             chunks = [c for c in chunks if around[level.blocks_of(level.box_of(c))].any()]
-        found.append(Part(first, last, (z, y, x), tuple(chunks), rect))
+        found.append(Part(first, last, (z, y, x), margin, tuple(chunks), rect))
     return found
 
 
-def _spread(blocks: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the blocks that are True or next to one that is: samples there read their voxels."""
-    spread = blocks.copy()
+def read_by(part: Part, visible: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the blocks of a part's voxels that its samples read.
+
+    Parameters
+    ----------
+    part : Part
+    visible : (z, y, x)
+        True for the bricks of its voxels in which something may be seen.
+    """
+    near = np.zeros_like(visible)
+    cells = zip(part.low, part.high, part.stored, strict=True)
+    own = tuple(slice((a - first) // BRICK, -(-(b - first) // BRICK)) for a, b, (first, _) in cells)
+    near[own] = visible[own]
+    near = _spread(near, part.margin // BRICK)
+    for axis, (first, _) in enumerate(part.stored):
+        begins = np.arange(near.shape[axis]) * BRICK + first
+        starts = np.flatnonzero((begins % BLOCK == 0) | (begins == first))
+        near = np.logical_or.reduceat(near, starts, axis=axis)
+    return near
+
+
+def _spread(mask: NDArray[np.bool_], by: int = 1) -> NDArray[np.bool_]:
+    """Return what is True or up to some items from where it is, along each axis."""
+    spread = mask.copy()
     for axis in range(3):
         before = spread.copy()
         one, other = (np.moveaxis(each, axis, 0) for each in (spread, before))
-        one[1:] |= other[:-1]
-        one[:-1] |= other[1:]
+        for step in range(1, by + 1):
+            one[step:] |= other[:-step]
+            one[:-step] |= other[step:]
     return spread
 
 

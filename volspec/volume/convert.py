@@ -27,6 +27,7 @@ import numpy as np
 
 from volspec._files import require_writable_folder
 from volspec.errors import DeviceError, InputError, VolumeError, one_line
+from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
 from volspec.volume.model import block_modes, downsample
 from volspec.volume.pyramid import (
@@ -42,7 +43,7 @@ from volspec.volume.pyramid import (
 )
 
 CHUNK = 64
-"""Voxels along the edge of a chunk."""
+"""Voxels along the edge of a file, whose blocks can be read by themselves."""
 # Levels are halved until none is longer.
 _SHORTEST = 128
 _STATE = "unfinished.json"
@@ -193,28 +194,28 @@ def _arrays(
     root: Any, shapes: list[Index], dtype: np.dtype[Any], create: bool
 ) -> list[tuple[Any, Any]]:
     """Return each level's array and that of its blocks' ranges."""
-    if not create:
-        return [(root[str(k)], root[f"volspec/ranges/{k}"]) for k in range(len(shapes))]
     from zarr.codecs import BloscCodec
 
     codec = BloscCodec(
-        cname="zstd", clevel=3, shuffle="shuffle" if dtype.itemsize > 1 else "noshuffle"
+        cname="zstd", clevel=1, shuffle="shuffle" if dtype.itemsize > 1 else "noshuffle"
     )
     options = {"dtype": dtype, "compressors": codec, "config": {"write_empty_chunks": True}}
     arrays = []
     for number, shape in enumerate(shapes):
-        chunk = tuple(min(CHUNK, n) for n in shape)
-        names = ("z", "y", "x")
-        values = root.create_array(
-            str(number), shape=shape, chunks=chunk, dimension_names=names, **options
-        )
-        blocks = [-(-n // BLOCK) for n in shape]
-        ranges = root.create_array(
-            f"volspec/ranges/{number}",
-            shape=(2, *blocks),
-            chunks=(2, min(CHUNK // BLOCK, blocks[0]), min(CHUNK // BLOCK, blocks[1]), blocks[2]),
-            **options,
-        )
+        names = str(number), f"volspec/ranges/{number}"
+        if create:
+            root.create_array(
+                names[0],
+                shape=shape,
+                chunks=(BLOCK,) * 3,
+                shards=(CHUNK,) * 3,
+                dimension_names=("z", "y", "x"),
+                **options,
+            )
+            z, y, x = (-(-n // BLOCK) for n in shape)
+            rows = CHUNK // BLOCK
+            root.create_array(names[1], shape=(2, z, y, x), chunks=(2, rows, rows, x), **options)
+        values, ranges = (fast_array(root[name], complete=True) for name in names)
         arrays.append((values, ranges))
     return arrays
 

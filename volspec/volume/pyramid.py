@@ -33,6 +33,8 @@ COARSE_BYTES = 2**26
 """Most bytes of the level that is in memory."""
 BOX_VOXELS = 2**22
 """About the most voxels of a box that is read, averaged and written at once."""
+# Fraction of the budget that chunks read at once take.
+_CHUNKS_SHARE = 32
 
 
 class Chunk(NamedTuple):
@@ -64,7 +66,9 @@ class Level:
         Least and greatest value in blocks of n = `BLOCK` cells; a cell has voxels of the next
         block.
     complete : bool
-        True if a chunk that is not stored is damage, False if it holds the fill value.
+        True if a chunk without a file ``c/Z/Y/X`` is damage, False if it holds the fill value.
+    by_block : bool
+        True if a chunk's blocks can be read by themselves; chunks are then of whole blocks.
     """
 
     array: Any
@@ -74,6 +78,7 @@ class Level:
     chunk: Index
     ranges: NDArray[Any] | None = None
     complete: bool = False
+    by_block: bool = False
 
     @property
     def shape(self) -> Index:
@@ -99,7 +104,7 @@ class Level:
     @property
     def place(self) -> Path | None:
         """File or folder of the array; None if it has none on this machine."""
-        root = getattr(getattr(self.array, "store", self.array), "root", None)
+        root = getattr(self.array, "root", None)
         return None if root is None else Path(root)
 
     @property
@@ -117,16 +122,51 @@ class Level:
     @staticmethod
     def blocks_of(box: Box) -> tuple[slice, ...]:
         """Return the blocks that hold some of the voxels of a box."""
-        return tuple(slice(low // BLOCK, -(-high // BLOCK)) for low, high in box)
+        return tuple(slice(*ends) for ends in blocks_in(box))
+
+    def within_ranges(self, box: Box) -> NDArray[Any]:
+        """Return voxels of a box that are not read, but in the ranges of their blocks.
+
+        Where a table shows nothing of these ranges, it does not between two such values either, as
+        the ranges of neighbours overlap.
+        """
+        assert self.ranges is not None
+        values = self.ranges[0][self.blocks_of(box)]
+        for axis, (low, high) in enumerate(box):
+            first = low % BLOCK
+            values = np.take(values.repeat(BLOCK, axis), range(first, first + high - low), axis)
+        return values
 
     def read(self, box: Box) -> NDArray[Any]:
         """Read voxels (Z, Y, X) from the array; raises what its library raises."""
+        return self._ordered(self.array[self._index(box)])
+
+    def read_each(self, boxes: Sequence[Box]) -> Iterator[NDArray[Any] | Exception]:
+        """Yield the voxels of boxes, or the error of one that cannot be read.
+
+        They are read side by side if the array can.
+        """
+        indices = [self._index(box) for box in boxes]
+        reading = getattr(self.array, "read_each", self._one_by_one)(indices)
+        for found in reading:
+            yield found if isinstance(found, Exception) else self._ordered(found)
+
+    def _one_by_one(self, indices: Iterable[Any]) -> Iterator[Any]:
+        for index in indices:
+            try:
+                yield self.array[index]
+            except Exception as error:  # whatever the array's library raises
+                yield error
+
+    def _index(self, box: Box) -> tuple[int | slice, ...]:
         index: list[int | slice] = list(self.at)
         for axis, (low, high) in zip(self.axes, box, strict=True):
             index[axis] = slice(low, high)
-        values = np.asarray(self.array[tuple(index)])
+        return tuple(index)
+
+    def _ordered(self, values: Any) -> NDArray[Any]:
         order = sorted(self.axes)
-        return values.transpose([order.index(axis) for axis in self.axes])
+        return np.asarray(values).transpose([order.index(axis) for axis in self.axes])
 
     def chunks_in(self, box: Box) -> list[Index]:
         """Return the numbers of the chunks that hold some of the voxels of a box."""
@@ -141,8 +181,24 @@ class ReadCounts:
 
     chunks: int = 0
     voxel_bytes: int = 0
-    again: int = 0  # chunks that had been read before, and were dropped for want of memory
+    again_bytes: int = 0  # of these, what had been read before, and was dropped for want of memory
     progress: str = ""  # of the cast in progress, in words; empty without one
+
+
+@dataclass(slots=True, eq=False)
+class Held:
+    """A chunk in memory.
+
+    Attributes
+    ----------
+    values : (Z, Y, X)
+        Voxels as cast; those of blocks that were not read are within the blocks' ranges.
+    there : (z, y, x)
+        True for the blocks that were read; a single one if they cannot be read by themselves.
+    """
+
+    values: NDArray[Any]
+    there: NDArray[np.bool_]
 
 
 class ChunkCache:
@@ -155,7 +211,7 @@ class ChunkCache:
     def __init__(self, most_bytes: int) -> None:
         self.most_bytes = most_bytes
         self.nbytes = 0
-        self._held: dict[Chunk, NDArray[Any]] = {}
+        self._held: dict[Chunk, Held] = {}
         # Turns at which a chunk is needed, the next one last; turns count up.
         self._turns: dict[Chunk, list[int]] = {}
         self._lock = threading.RLock()
@@ -169,7 +225,7 @@ class ChunkCache:
         with self._lock:
             self._turns = turns
 
-    def get(self, chunk: Chunk) -> NDArray[Any] | None:
+    def get(self, chunk: Chunk) -> Held | None:
         """Return a chunk that is in memory, else None."""
         with self._lock:
             found = self._held.pop(chunk, None)
@@ -177,13 +233,13 @@ class ChunkCache:
                 self._held[chunk] = found  # used last
             return found
 
-    def put(self, chunk: Chunk, values: NDArray[Any]) -> None:
+    def put(self, chunk: Chunk, held: Held) -> None:
         """Add a chunk, and drop others for it."""
         with self._lock:
             if chunk in self._held:
                 return
-            self._held[chunk] = values
-            self.nbytes += values.nbytes
+            self._held[chunk] = held
+            self.nbytes += held.values.nbytes
             self._shrink(chunk)
 
     def done(self, chunk: Chunk, turn: int) -> None:
@@ -211,7 +267,7 @@ class ChunkCache:
                     if turn == math.inf:
                         break
             assert worst is not None
-            self.nbytes -= self._held.pop(worst).nbytes
+            self.nbytes -= self._held.pop(worst).values.nbytes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -244,7 +300,7 @@ class Pyramid:
     counts: ReadCounts = field(init=False, default_factory=ReadCounts)
     cache: ChunkCache = field(init=False)
     gaps: dict[Chunk, str] = field(init=False, default_factory=dict)
-    _seen: set[Chunk] = field(init=False, default_factory=set)
+    _seen: dict[Chunk, NDArray[np.bool_]] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cache", ChunkCache(self.memory_bytes))
@@ -264,29 +320,77 @@ class Pyramid:
             levels.append(replace(level, world_from_index=first @ scale @ offset))
         return replace(self, levels=tuple(levels))
 
-    def chunk(self, chunk: Chunk) -> NDArray[Any] | None:
-        """Return a chunk's voxels as cast, from memory or the file; None if it is damaged.
+    def read(
+        self, number: int, box: Box, wanted: NDArray[np.bool_] | None = None, gap: float = 0.0
+    ) -> NDArray[Any]:
+        """Return the voxels of a box of a level, from memory or the file.
 
-        A damaged one is then one of the `gaps`.
+        Those of blocks that are not ``wanted`` (of the blocks of the box; by default all are) are
+        `Level.within_ranges`. Those of damaged chunks, which are then in `gaps`, are ``gap``.
         """
-        found = self.cache.get(chunk)
-        if found is not None or chunk in self.gaps:
-            return found
-        level = self.levels[chunk.level]
-        try:
-            values = self._as_cast(level.read(level.box_of(chunk[1:])))
-        except Exception as error:  # whatever the array's library raises
-            self.gaps[chunk] = one_line(error)[:120] or type(error).__name__
-            return None
-        if fault := self._fault(level, chunk, values):
-            self.gaps[chunk] = fault
-            return None
-        self.counts.chunks += 1
-        self.counts.again += chunk in self._seen
-        self._seen.add(chunk)
-        self.counts.voxel_bytes += values.nbytes
-        self.cache.put(chunk, values)
+        level = self.levels[number]
+        values = np.empty([high - low for low, high in box], self.dtype)
+        places = level.chunks_in(box)
+        several = max(self.memory_bytes // (_CHUNKS_SHARE * level.chunk_bytes), 1)
+        for first in range(0, len(places), several):
+            some = places[first : first + several]
+            for place, held in zip(some, self._held(number, some, box, wanted), strict=True):
+                of_chunk = level.box_of(place)
+                shared = common(box, of_chunk)
+                to = within(shared, box)
+                if Chunk(number, *place) in self.gaps:
+                    values[to] = gap
+                elif held is None:
+                    values[to] = level.within_ranges(shared)
+                else:
+                    values[to] = held.values[within(shared, of_chunk)]
         return values
+
+    def _held(
+        self, number: int, places: Sequence[Index], box: Box, wanted: NDArray[np.bool_] | None
+    ) -> list[Held | None]:
+        """Return chunks with the wanted blocks of a box; what is missing is read at once."""
+        level = self.levels[number]
+        found: list[Held | None] = []
+        missing: list[tuple[Chunk, Held, Box]] = []
+        for place in places:
+            chunk, of_chunk = Chunk(number, *place), level.box_of(place)
+            need = _needed(level, of_chunk, box, wanted)
+            held = self.cache.get(chunk) if need.any() else None
+            if held is not None:
+                need &= ~held.there
+            if need.any() and chunk not in self.gaps:
+                held = held or Held(np.empty(0, self.dtype), np.zeros_like(need))
+                missing += [(chunk, held, each) for each in _boxes_of(level, of_chunk, need)]
+            found.append(held)
+        reading = level.read_each([each for _, _, each in missing])
+        for (chunk, held, each), values in zip(missing, reading, strict=True):
+            self._take(chunk, held, each, values)
+        return found
+
+    def _take(self, chunk: Chunk, held: Held, box: Box, read: NDArray[Any] | Exception) -> None:
+        """Add what was read of a chunk, or note that it is damaged."""
+        level = self.levels[chunk.level]
+        if isinstance(read, Exception):
+            self.gaps[chunk] = one_line(read)[:120] or type(read).__name__
+            return
+        values = self._as_cast(read)
+        if fault := self._fault(level, chunk, box, values):
+            self.gaps[chunk] = fault
+            return
+        of_chunk = level.box_of(chunk[1:])
+        if not held.there.any():
+            held.values = values if box == of_chunk else level.within_ranges(of_chunk)
+            self.counts.chunks += 1
+            self.cache.put(chunk, held)
+        if box != of_chunk:
+            held.values[within(box, of_chunk)] = values
+        blocks = within(blocks_in(box), blocks_in(of_chunk)) if level.by_block else ()
+        held.there[blocks] = True
+        seen = self._seen.setdefault(chunk, np.zeros_like(held.there))
+        self.counts.voxel_bytes += values.nbytes
+        self.counts.again_bytes += round(values.nbytes * float(seen[blocks].mean()))
+        seen[blocks] = True
 
     def _as_cast(self, values: NDArray[Any]) -> NDArray[Any]:
         if values.dtype.kind == "f":
@@ -296,53 +400,21 @@ class Pyramid:
                 values = np.where(finite, values, np.float32(other))
         return np.ascontiguousarray(values, self.dtype)
 
-    def _fault(self, level: Level, chunk: Chunk, values: NDArray[Any]) -> str:
-        """Return what is wrong with voxels, by the ranges that are stored of them."""
-        box = level.box_of(chunk[1:])
+    @staticmethod
+    def _fault(level: Level, chunk: Chunk, box: Box, values: NDArray[Any]) -> str:
+        """Return what is wrong with the voxels of a box in a chunk; empty if nothing is."""
         if values.shape != tuple(high - low for low, high in box):
             return f"it has the shape {values.shape}"
-        if level.place is not None and not level.place.exists():
-            return "its file or folder is gone"
-        if level.ranges is None:
-            return ""
-        lows, highs = (ends[level.blocks_of(box)] for ends in level.ranges)
-        least, most = values.min(), values.max()
-        if least < lows.min() or most > highs.max():
-            return "its values are not those that were written"
-        if level.complete and least == most:
-            # Cells of the last blocks have voxels of the next chunk.
-            own = tuple(slice(None, -1 if n > 1 else None) for n in lows.shape)
-            if min(lows.shape) > 1 and (lows[own].min() < least or highs[own].max() > most):
+        if (place := level.place) is not None:
+            if not place.exists():
+                return "its file or folder is gone"
+            if level.complete and not place.joinpath("c", *map(str, chunk[1:])).exists():
                 return "it is missing"
+        if level.ranges is not None:
+            lows, highs = (ends[level.blocks_of(box)] for ends in level.ranges)
+            if values.min() < lows.min() or values.max() > highs.max():
+                return "its values are not those that were written"
         return ""
-
-    def read(
-        self, number: int, box: Box, needed: Iterable[Index], turn: int, gap: float
-    ) -> NDArray[Any]:
-        """Return the voxels of a box of a level.
-
-        Those of damaged chunks are ``gap``, and those of chunks that are not ``needed`` a value in
-        the stored range of these: where a table shows nothing of that range, it does not between
-        two of these values either, as the ranges of neighbours overlap.
-        """
-        level, wanted = self.levels[number], set(needed)
-        values = np.empty([high - low for low, high in box], self.dtype)
-        for place in level.chunks_in(box):
-            of_chunk = level.box_of(place)
-            to, source = [], []
-            for (low, high), (first, last) in zip(box, of_chunk, strict=True):
-                begin, end = max(low, first), min(high, last)
-                to.append(slice(begin - low, end - low))
-                source.append(slice(begin - first, end - first))
-            if place not in wanted:
-                assert level.ranges is not None
-                values[tuple(to)] = level.ranges[0][level.blocks_of(of_chunk)].min()
-                continue
-            chunk = Chunk(number, *place)
-            held = self.chunk(chunk)
-            values[tuple(to)] = gap if held is None else held[tuple(source)]
-            self.cache.done(chunk, turn)
-        return values
 
     def describe_gaps(self) -> str:
         """Return a sentence about damaged chunks, which names the first; empty without any."""
@@ -357,6 +429,65 @@ class Pyramid:
             f"{self.name}: {many}chunk {'/'.join(map(str, first[1:]))} of level "
             f"{first.level}{cannot} ({why}); {end} of the picture"
         )
+
+
+def common(one: Box, other: Box) -> Box:
+    """Return the voxels that two boxes share.
+
+    >>> common(((0, 4), (0, 4), (2, 9)), ((2, 8), (0, 1), (0, 3)))
+    ((2, 4), (0, 1), (2, 3))
+    """
+    z, y, x = ((max(a, c), min(b, d)) for (a, b), (c, d) in zip(one, other, strict=True))
+    return z, y, x
+
+
+def within(box: Box, outer: Box) -> tuple[slice, ...]:
+    """Return the index of a box in an array of one around it.
+
+    >>> within(((2, 4), (0, 1), (2, 3)), ((2, 8), (0, 4), (1, 9)))
+    (slice(0, 2, None), slice(0, 1, None), slice(1, 2, None))
+    """
+    pairs = zip(box, outer, strict=True)
+    return tuple(slice(low - first, high - first) for (low, high), (first, _) in pairs)
+
+
+def blocks_in(box: Box) -> Box:
+    """Return the numbers of the blocks that hold some of the voxels of a box.
+
+    >>> blocks_in(((0, 16), (0, 17), (20, 40)))
+    ((0, 1), (0, 2), (1, 3))
+    """
+    z, y, x = ((low // BLOCK, -(-high // BLOCK)) for low, high in box)
+    return z, y, x
+
+
+def _needed(
+    level: Level, of_chunk: Box, box: Box, wanted: NDArray[np.bool_] | None
+) -> NDArray[np.bool_]:
+    """Return a chunk's blocks that are wanted of a box, as `Held.there`."""
+    shared = blocks_in(common(box, of_chunk))
+    here = True if wanted is None else wanted[within(shared, blocks_in(box))]
+    if not level.by_block:
+        return np.full((1, 1, 1), np.any(here))
+    blocks = blocks_in(of_chunk)
+    need = np.zeros([last - first for first, last in blocks], np.bool_)
+    need[within(shared, blocks)] = here
+    return need
+
+
+def _boxes_of(level: Level, of_chunk: Box, need: NDArray[np.bool_]) -> list[Box]:
+    """Return a chunk's needed blocks as boxes: runs along x, or the whole."""
+    if need.all():
+        return [of_chunk]
+    ends = np.diff(need, axis=2, prepend=False, append=False)
+    found = np.argwhere(ends).reshape(-1, 2, 3) * BLOCK
+    boxes = []
+    for (z, y, first), (_, _, last) in found.tolist():
+        run = (z, z + BLOCK), (y, y + BLOCK), (first, last)
+        pairs = zip(run, of_chunk, strict=True)
+        a, b, c = ((low + at, min(high + at, end)) for (low, high), (at, end) in pairs)
+        boxes.append((a, b, c))
+    return boxes
 
 
 def cast_dtype(stored: np.dtype[Any]) -> np.dtype[Any]:

@@ -25,6 +25,7 @@ from volspec.volume.channels import Channel
 from volspec.volume.files.label_tables import labels_in_zarr
 from volspec.volume.files.lattice import affine, mm_per_unit, spacing_text
 from volspec.volume.files.query import Choice, Query, Reading
+from volspec.volume.files.tensors import fast_array
 from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
@@ -39,7 +40,7 @@ _DAMAGE = (KeyError, TypeError, ValueError, IndexError, OSError, RuntimeError, A
 class Level:
     """One resolution of a picture."""
 
-    array: Any  # zarr.Array
+    array: Any  # from fast_array
     scale: tuple[float, ...]  # for each axis of the array, in the axes' units
     shift: tuple[float, ...]
 
@@ -80,15 +81,19 @@ def levels_of_ome_zarr(query: Query) -> list[pyramid.Level]:
     for number, level in enumerate(levels):
         _check_extent(level, levels[0], number, names, query)
         world = _world(level, axes, dict(group.attrs), query, [])
+        ranges, chunk = _ranges(group, stated, number), level.array.chunks
+        if by_block := ranges is not None and level.array.shards is not None:
+            chunk = level.array.shards
         found.append(
             pyramid.Level(
                 level.array,
                 (places[0], places[1], places[2]),
                 tuple(at),
                 world,
-                tuple(level.array.chunks[place] for place in places),
-                _ranges(group, stated, number),
+                tuple(chunk[place] for place in places),
+                ranges,
                 bool(stated.get("complete")),
+                by_block,
             )
         )
     return found
@@ -183,7 +188,7 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
     levels = []
     for each in picture["datasets"]:
         steps = [*each.get("coordinateTransformations", []), *whole]
-        array = group[each["path"]]
+        array = fast_array(group[each["path"]])
         if len(array.shape) != len(axes):
             raise ValueError(f"{len(axes)} axes of an array of {len(array.shape)}")
         levels.append(Level(array, *_scale_and_shift(steps, len(axes))))
