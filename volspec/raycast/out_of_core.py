@@ -237,14 +237,13 @@ class LevelCaster:
     def _load(self, part: Part, table: Table, gap: float) -> LoadedPart:
         """Read a part's visible blocks, and of those around them what their samples read."""
         pyramid, blocks = self._pyramid, self.visible_blocks(table)
-        known = None if blocks is None else blocks[self._level.blocks_of(part.stored)]
-        values = pyramid.read(self._number, part.stored, known, gap)
+        values = pyramid.read(self._number, part.stored, blocks, gap)
         low, high = brick_ranges(values)
-        if known is not None:
-            near = read_by(part, visible_by_table(low, high, table))
-            if (near > known).any():
-                values = pyramid.read(self._number, part.stored, near, gap)
-                low, high = brick_ranges(values)
+        if blocks is not None:
+            # What is added lies in the ranges of its blocks: the bricks' visibility stays.
+            known = blocks[self._level.blocks_of(part.stored)]
+            more = read_by(part, visible_by_table(low, high, table)) > known
+            pyramid.add(values, self._number, part.stored, blocks, more, gap)
         z, y, x = zip(part.low, part.high, strict=True)
         gaps = tuple(
             common(self._level.box_of(place), (z, y, x))

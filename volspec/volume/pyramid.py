@@ -33,8 +33,10 @@ COARSE_BYTES = 2**26
 """Most bytes of the level that is in memory."""
 BOX_VOXELS = 2**22
 """About the most voxels of a box that is read, averaged and written at once."""
-# Fraction of the budget that chunks read at once take.
+# Chunks that are read at once take this part of the budget at most, 1/n.
 _CHUNKS_SHARE = 32
+# Part of a chunk's blocks that are needed from which all are read.
+_MOST = 0.5
 
 
 class Chunk(NamedTuple):
@@ -132,10 +134,10 @@ class Level:
         """
         assert self.ranges is not None
         values = self.ranges[0][self.blocks_of(box)]
-        for axis, (low, high) in enumerate(box):
-            first = low % BLOCK
-            values = np.take(values.repeat(BLOCK, axis), range(first, first + high - low), axis)
-        return values
+        for axis in range(3):
+            values = values.repeat(BLOCK, axis)
+        z, y, x = ((BLOCK * first, BLOCK * last) for first, last in blocks_in(box))
+        return values[within(box, (z, y, x))]
 
     def read(self, box: Box) -> NDArray[Any]:
         """Read voxels (Z, Y, X) from the array; raises what its library raises."""
@@ -270,6 +272,30 @@ class ChunkCache:
             self.nbytes -= self._held.pop(worst).values.nbytes
 
 
+class _Wanted(NamedTuple):
+    """Blocks that are read for a box: of a level, or all, and more of the box."""
+
+    box: Box
+    blocks: NDArray[np.bool_] | None
+    more: NDArray[np.bool_] | None = None
+
+    def of(self, level: Level, chunk: Box) -> NDArray[np.bool_]:
+        """Return a chunk's blocks, as `Held.there`; none if none is in the box.
+
+        Blocks beyond the box are read with those in it: the next box needs them.
+        """
+        shared, blocks = blocks_in(common(self.box, chunk)), blocks_in(chunk)
+        need = np.ones([last - first for first, last in blocks], np.bool_)
+        if self.blocks is not None:
+            need[:] = self.blocks[level.blocks_of(chunk)]
+        inside = need[within(shared, blocks)]
+        if self.more is not None:
+            inside |= self.more[within(shared, blocks_in(self.box))]
+        if not level.by_block:
+            return np.full((1, 1, 1), inside.any())
+        return need if inside.any() else np.zeros_like(need)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Pyramid:
     """The levels of a volume that is larger than memory, finest first.
@@ -325,16 +351,43 @@ class Pyramid:
     ) -> NDArray[Any]:
         """Return the voxels of a box of a level, from memory or the file.
 
-        Those of blocks that are not ``wanted`` (of the blocks of the box; by default all are) are
+        Those of blocks that are not ``wanted`` (of all of the level; by default all are) are
         `Level.within_ranges`. Those of damaged chunks, which are then in `gaps`, are ``gap``.
         """
-        level = self.levels[number]
         values = np.empty([high - low for low, high in box], self.dtype)
-        places = level.chunks_in(box)
+        places = self.levels[number].chunks_in(box)
+        self._fill(values, number, box, places, _Wanted(box, wanted), gap)
+        return values
+
+    def add(
+        self,
+        values: NDArray[Any],
+        number: int,
+        box: Box,
+        wanted: NDArray[np.bool_],
+        more: NDArray[np.bool_],
+        gap: float,
+    ) -> None:
+        """Add ``more`` of the blocks of a box to what was read as ``wanted``; see `read`."""
+        chunk = self.levels[number].chunk
+        found = (np.argwhere(more) + [first for first, _ in blocks_in(box)]) * BLOCK // chunk
+        places = [(z, y, x) for z, y, x in np.unique(found, axis=0).tolist()]
+        self._fill(values, number, box, places, _Wanted(box, wanted, more), gap)
+
+    def _fill(
+        self,
+        values: NDArray[Any],
+        number: int,
+        box: Box,
+        places: Sequence[Index],
+        wanted: _Wanted,
+        gap: float,
+    ) -> None:
+        level = self.levels[number]
         several = max(self.memory_bytes // (_CHUNKS_SHARE * level.chunk_bytes), 1)
         for first in range(0, len(places), several):
             some = places[first : first + several]
-            for place, held in zip(some, self._held(number, some, box, wanted), strict=True):
+            for place, held in zip(some, self._held(number, some, wanted), strict=True):
                 of_chunk = level.box_of(place)
                 shared = common(box, of_chunk)
                 to = within(shared, box)
@@ -344,53 +397,60 @@ class Pyramid:
                     values[to] = level.within_ranges(shared)
                 else:
                     values[to] = held.values[within(shared, of_chunk)]
-        return values
 
-    def _held(
-        self, number: int, places: Sequence[Index], box: Box, wanted: NDArray[np.bool_] | None
-    ) -> list[Held | None]:
-        """Return chunks with the wanted blocks of a box; what is missing is read at once."""
+    def _held(self, number: int, places: Sequence[Index], wanted: _Wanted) -> list[Held | None]:
+        """Return chunks with their wanted blocks; what is missing is read at once."""
         level = self.levels[number]
         found: list[Held | None] = []
-        missing: list[tuple[Chunk, Held, Box]] = []
+        missing: list[tuple[Chunk, Held, list[Box]]] = []
         for place in places:
             chunk, of_chunk = Chunk(number, *place), level.box_of(place)
-            need = _needed(level, of_chunk, box, wanted)
+            need = wanted.of(level, of_chunk)
             held = self.cache.get(chunk) if need.any() else None
             if held is not None:
                 need &= ~held.there
             if need.any() and chunk not in self.gaps:
                 held = held or Held(np.empty(0, self.dtype), np.zeros_like(need))
-                missing += [(chunk, held, each) for each in _boxes_of(level, of_chunk, need)]
+                missing.append((chunk, held, _boxes_of(of_chunk, need)))
             found.append(held)
-        reading = level.read_each([each for _, _, each in missing])
-        for (chunk, held, each), values in zip(missing, reading, strict=True):
-            self._take(chunk, held, each, values)
+        reading = level.read_each([each for _, _, boxes in missing for each in boxes])
+        for chunk, held, boxes in missing:
+            self._take(chunk, held, boxes, list(itertools.islice(reading, len(boxes))))
         return found
 
-    def _take(self, chunk: Chunk, held: Held, box: Box, read: NDArray[Any] | Exception) -> None:
+    def _take(
+        self,
+        chunk: Chunk,
+        held: Held,
+        boxes: Sequence[Box],
+        read: Sequence[NDArray[Any] | Exception],
+    ) -> None:
         """Add what was read of a chunk, or note that it is damaged."""
-        level = self.levels[chunk.level]
-        if isinstance(read, Exception):
-            self.gaps[chunk] = one_line(read)[:120] or type(read).__name__
-            return
-        values = self._as_cast(read)
-        if fault := self._fault(level, chunk, box, values):
+        level, of_chunk = self.levels[chunk.level], self.levels[chunk.level].box_of(chunk[1:])
+        fault, pieces = self._absent(level, chunk), []
+        for box, values in zip(boxes, read, strict=True):
+            if isinstance(values, Exception):
+                fault = fault or one_line(values)[:120] or type(values).__name__
+                break
+            pieces.append(self._as_cast(values))
+            fault = fault or self._fault(level, box, pieces[-1])
+        if fault:
             self.gaps[chunk] = fault
             return
-        of_chunk = level.box_of(chunk[1:])
         if not held.there.any():
-            held.values = values if box == of_chunk else level.within_ranges(of_chunk)
+            whole = len(boxes) == 1 and boxes[0] == of_chunk
+            held.values = pieces[0] if whole else level.within_ranges(of_chunk)
             self.counts.chunks += 1
             self.cache.put(chunk, held)
-        if box != of_chunk:
-            held.values[within(box, of_chunk)] = values
-        blocks = within(blocks_in(box), blocks_in(of_chunk)) if level.by_block else ()
-        held.there[blocks] = True
         seen = self._seen.setdefault(chunk, np.zeros_like(held.there))
-        self.counts.voxel_bytes += values.nbytes
-        self.counts.again_bytes += round(values.nbytes * float(seen[blocks].mean()))
-        seen[blocks] = True
+        for box, values in zip(boxes, pieces, strict=True):
+            if values is not held.values:
+                held.values[within(box, of_chunk)] = values
+            blocks = within(blocks_in(box), blocks_in(of_chunk)) if level.by_block else ()
+            held.there[blocks] = True
+            self.counts.voxel_bytes += values.nbytes
+            self.counts.again_bytes += round(values.nbytes * float(seen[blocks].mean()))
+            seen[blocks] = True
 
     def _as_cast(self, values: NDArray[Any]) -> NDArray[Any]:
         if values.dtype.kind == "f":
@@ -401,15 +461,20 @@ class Pyramid:
         return np.ascontiguousarray(values, self.dtype)
 
     @staticmethod
-    def _fault(level: Level, chunk: Chunk, box: Box, values: NDArray[Any]) -> str:
+    def _absent(level: Level, chunk: Chunk) -> str:
+        """Return what is wrong if a chunk's file is not there; empty if it is or need not be."""
+        place = level.place
+        if place is None or place.joinpath(*map(str, ("c", *chunk[1:]))).exists():
+            return ""
+        if not place.exists():
+            return "its file or folder is gone"
+        return "it is missing" if level.complete else ""
+
+    @staticmethod
+    def _fault(level: Level, box: Box, values: NDArray[Any]) -> str:
         """Return what is wrong with the voxels of a box in a chunk; empty if nothing is."""
         if values.shape != tuple(high - low for low, high in box):
             return f"it has the shape {values.shape}"
-        if (place := level.place) is not None:
-            if not place.exists():
-                return "its file or folder is gone"
-            if level.complete and not place.joinpath("c", *map(str, chunk[1:])).exists():
-                return "it is missing"
         if level.ranges is not None:
             lows, highs = (ends[level.blocks_of(box)] for ends in level.ranges)
             if values.min() < lows.min() or values.max() > highs.max():
@@ -461,33 +526,35 @@ def blocks_in(box: Box) -> Box:
     return z, y, x
 
 
-def _needed(
-    level: Level, of_chunk: Box, box: Box, wanted: NDArray[np.bool_] | None
-) -> NDArray[np.bool_]:
-    """Return a chunk's blocks that are wanted of a box, as `Held.there`."""
-    shared = blocks_in(common(box, of_chunk))
-    here = True if wanted is None else wanted[within(shared, blocks_in(box))]
-    if not level.by_block:
-        return np.full((1, 1, 1), np.any(here))
-    blocks = blocks_in(of_chunk)
-    need = np.zeros([last - first for first, last in blocks], np.bool_)
-    need[within(shared, blocks)] = here
-    return need
-
-
-def _boxes_of(level: Level, of_chunk: Box, need: NDArray[np.bool_]) -> list[Box]:
-    """Return a chunk's needed blocks as boxes: runs along x, or the whole."""
-    if need.all():
+def _boxes_of(of_chunk: Box, need: NDArray[np.bool_]) -> list[Box]:
+    """Return a chunk's needed blocks as boxes; the whole chunk if most of it is needed."""
+    if need.mean() >= _MOST:
         return [of_chunk]
-    ends = np.diff(need, axis=2, prepend=False, append=False)
-    found = np.argwhere(ends).reshape(-1, 2, 3) * BLOCK
-    boxes = []
-    for (z, y, first), (_, _, last) in found.tolist():
-        run = (z, z + BLOCK), (y, y + BLOCK), (first, last)
-        pairs = zip(run, of_chunk, strict=True)
-        a, b, c = ((low + at, min(high + at, end)) for (low, high), (at, end) in pairs)
-        boxes.append((a, b, c))
-    return boxes
+    ends = np.argwhere(np.diff(need, axis=2, prepend=False, append=False)).tolist()
+    runs = zip(ends[::2], ends[1::2], strict=True)
+    boxes: list[Box] = [((z, z + 1), (y, y + 1), (a, b)) for (z, y, a), (_, _, b) in runs]
+    found = []
+    for box in _joined(_joined(boxes, 1), 0):
+        pairs = zip(box, of_chunk, strict=True)
+        z, y, x = ((at + BLOCK * a, min(at + BLOCK * b, end)) for (a, b), (at, end) in pairs)
+        found.append((z, y, x))
+    return found
+
+
+def _joined(boxes: Sequence[Box], axis: int) -> list[Box]:
+    """Join boxes, in ascending order, where one continues another along an axis.
+
+    >>> _joined([((0, 1), (0, 1), (0, 3)), ((0, 1), (1, 2), (0, 3))], 1)
+    [((0, 1), (0, 2), (0, 3))]
+    """
+    joined: dict[Any, Box] = {}
+    for box in boxes:
+        others, (low, high) = box[:axis] + box[axis + 1 :], box[axis]
+        before = joined.pop((others, low), box)
+        ends = [*box]
+        ends[axis] = before[axis][0], high
+        joined[others, high] = ends[0], ends[1], ends[2]
+    return list(joined.values())
 
 
 def cast_dtype(stored: np.dtype[Any]) -> np.dtype[Any]:
