@@ -159,7 +159,8 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
         ),
         ("SimpleITK", ("volume/files/",)),
         ("tifffile", ("volume/files/",)),
-        ("zarr", ("volume/files/omezarr.py", "volume/convert.py")),
+        ("zarr", ("volume/files/omezarr.py", "volume/files/tensors.py", "volume/convert.py")),
+        ("tensorstore", ("volume/files/tensors.py",)),
         ("dask", ("raycast/distributed.py",)),
         ("distributed", ("raycast/distributed.py",)),
         ("OpenEXR", ("_exr.py",)),
@@ -202,7 +203,7 @@ def test_colour_science_is_used_by_spectra_appearance_references_and_reports_onl
     "heavy",
     [
         *("colour", "pyopencl", "moderngl", "pyvista", "SimpleITK", "OpenEXR", "scipy.optimize"),
-        *("tifffile", "zarr"),
+        *("tifffile", "zarr", "tensorstore"),
     ],
 )
 def test_heavy_packages_are_imported_inside_functions(heavy: str) -> None:
