@@ -29,7 +29,9 @@ _NOT_HERE = "not here"
 # Features by the package's extras: the extra's name, and the distributions that it needs.
 _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
-    "OME-Zarr": ("zarr", ("zarr",)),
+    "OME-Zarr": ("zarr", ("zarr", "tensorstore")),
+    "HDF5": ("hdf5", ("h5py",)),
+    "several machines": ("cluster", ("distributed",)),
 }
 
 

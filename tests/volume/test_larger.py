@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
+import tifffile
 import zarr
+from PIL import Image
 
 from tests.support.errors import raises
 from tests.support.pyramids import stored
@@ -25,6 +29,7 @@ from volspec.volume import Volume, convert, load_volume
 from volspec.volume.files.query import bytes_of
 from volspec.volume.labels import Label
 from volspec.volume.larger import level_of
+from volspec.volume.load import open_level
 from volspec.volume.pyramid import BLOCK, Chunk, ChunkCache, Held, block_ranges, halve
 
 TRANSFER = TransferFunction(
@@ -146,6 +151,76 @@ def test_raw_bytes_larger_than_memory_need_no_conversion(ball: Volume, tmp_path:
     camera = Camera.orbit(ball, azimuth_deg=40)
     whole = raycast(ball, TRANSFER, camera, (48, 48), RaycastSpec(step_mm=1.0))
     assert np.abs(cast(big).coefficients - whole.coefficients).max() < 2e-4
+
+
+def write_tiff(values: np.ndarray, folder: Path) -> str:
+    tifffile.imwrite(folder / "v.tif", values, compression="zlib")
+    return "v.tif"
+
+
+def write_plain_tiff(values: np.ndarray, folder: Path) -> str:
+    tifffile.imwrite(folder / "v.tif", np.stack([values, values // 2], axis=1), imagej=True)
+    return "v.tif?channel=0"
+
+
+def write_slices(values: np.ndarray, folder: Path) -> str:
+    (folder / "slices").mkdir()
+    for k, each in enumerate(values):
+        tifffile.imwrite(folder / f"slices/z{k}.tif", each)
+    return "slices"
+
+
+def write_png(values: np.ndarray, folder: Path) -> str:
+    (folder / "slices").mkdir()
+    for k, each in enumerate(values):
+        Image.fromarray(each).save(folder / f"slices/{k}.png")
+    return "slices"
+
+
+def write_hdf5(values: np.ndarray, folder: Path) -> str:
+    with h5py.File(folder / "v.h5", "w") as file:
+        file.create_dataset("a/raw", data=values, chunks=(32, 48, 64), compression="gzip")
+    return "v.h5"
+
+
+def write_plain_hdf5(values: np.ndarray, folder: Path) -> str:
+    with h5py.File(folder / "v.h5", "w") as file:
+        file["steps"] = np.stack([values // 2, values])
+    return "v.h5?time=1"
+
+
+WRITERS = [write_tiff, write_plain_tiff, write_slices, write_png, write_hdf5, write_plain_hdf5]
+
+
+@pytest.mark.parametrize("write", WRITERS, ids=lambda write: write.__name__)
+def test_files_of_other_kinds_are_read_in_parts(
+    write: Callable[[np.ndarray, Path], str], ball: Volume, tmp_path: Path
+) -> None:
+    name = f"{tmp_path}/{write(ball.values, tmp_path)}"
+    address = f"{name}{'&' if '?' in name else '?'}spacing=1,1,1.5"
+    assert np.array_equal(load_volume(address).values, ball.values)
+    with pytest.warns(VolspecWarning, match="volspec convert"):
+        big = load_volume(f"{address}&memory=2MB")
+    assert big.pyramid is not None and big.range == ball.range
+    whole = raycast(
+        ball, TRANSFER, Camera.orbit(ball, azimuth_deg=40), (48, 48), RaycastSpec(step_mm=1.0)
+    )
+    assert np.abs(cast(big).coefficients - whole.coefficients).max() < 2e-4
+    level, _, _ = open_level(f"{address}&memory=2MB")
+    convert.convert(level, tmp_path / "copy.zarr")
+    copy = load_volume(tmp_path / "copy.zarr")
+    assert np.array_equal(copy.values, ball.values)
+    assert np.allclose(copy.spacing_mm, ball.spacing_mm)
+    # What cannot be read is a gap, as in any other kind.
+    for each in (tmp_path / "v.tif", tmp_path / "v.h5", tmp_path / "slices"):
+        if each.is_dir():
+            shutil.rmtree(each)
+        elif each.exists():
+            each.write_bytes(b"gone")
+    assert big.pyramid is not None
+    fresh = replace(big, pyramid=replace(big.pyramid))
+    with pytest.warns(VolspecWarning, match="cannot be read"):
+        cast(fresh)
 
 
 def test_a_cut_off_conversion_goes_on(

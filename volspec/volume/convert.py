@@ -47,7 +47,7 @@ CHUNK = 64
 # Levels are halved until none is longer.
 _SHORTEST = 128
 _STATE = "unfinished.json"
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +108,7 @@ def convert(
     require_writable_folder(output.parent)
     shapes = level_shapes(source.shape)
     dtype = cast_dtype(source.dtype)
-    blocks = list(_blocks(shapes))
+    blocks = list(_blocks(shapes, source.chunk[1]))
     partial = output.with_name(f"{output.name}.unfinished")
     key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
     key |= {"world": source.world_from_index.tolist(), "source": _fingerprint(source)}
@@ -156,10 +156,10 @@ def level_shapes(shape: Index) -> list[Index]:
     return shapes
 
 
-def _blocks(shapes: list[Index]) -> Iterator[Block]:
-    """Yield all blocks, level after level."""
+def _blocks(shapes: list[Index], least_rows: int) -> Iterator[Block]:
+    """Yield all blocks, level after level; those of the source have some rows at least."""
     for level, shape in enumerate(shapes):
-        for box in boxes_in(shape, CHUNK):
+        for box in boxes_in(shape, CHUNK, 1 if level else least_rows):
             yield Block(level, box)
 
 

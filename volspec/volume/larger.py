@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from volspec._gpu.memory import host_free_bytes
+from volspec.errors import VolumeError, one_line
 from volspec.volume.channels import Channel
 from volspec.volume.checks import checked_geometry, missing_value
 from volspec.volume.files.query import Query, Reading, Stored
@@ -29,15 +30,10 @@ from volspec.volume.reader_process import read_in_child
 _RAW_CHUNK = 16, 128
 
 
-def _most_bytes(query: Query) -> int:
-    """Return the bytes of voxels up to which a volume is read as a whole."""
-    return host_free_bytes() // 2 if query.memory_bytes is None else query.memory_bytes
-
-
 def stored_levels(query: Query, reading: Reading) -> list[Level]:
     """Return uncompressed voxels that are larger than memory as a level; else none."""
     values = reading.values
-    if not isinstance(values, Stored) or values.nbytes <= _most_bytes(query):
+    if not isinstance(values, Stored) or values.nbytes <= query.most_bytes:
         return []
     given = reading.spacing_mm, reading.world_from_index
     _, world = checked_geometry(*given, str(query.path))
@@ -63,7 +59,15 @@ def read_coarsest(
     channel: Channel | None = None
     labels: Labels | None = None
     if number is None:
-        means, factor, finest = summarise(levels[0])
+        try:
+            means, factor, finest = summarise(levels[0])
+        except Exception as error:  # whatever the array's library raises
+            if isinstance(error, VolumeError):
+                raise
+            raise VolumeError(
+                f"{query.path}: cannot be read ({one_line(error)[:120]}); copy the file again",
+                code="damaged",
+            ) from error
         levels = [finest]
         if dtype.kind in "ui":
             means = np.rint(means)
@@ -106,8 +110,8 @@ def level_of(volume: Volume) -> Level:
     """Return a volume in memory as a level; the finest of one that is larger."""
     if volume.pyramid is not None:
         return volume.pyramid.levels[0]
-    z, y, x = volume.values.shape
     values = volume.values
     if volume.missing is not None:
         values = volume.nan_if_missing(values).astype(np.float32)
-    return Level(values, (0, 1, 2), (0, 0, 0), volume.world_from_index, (z, y, x))
+    chunk = _raw_chunk(values.shape)
+    return Level(values, (0, 1, 2), (0, 0, 0), volume.world_from_index, chunk)

@@ -25,13 +25,21 @@ from volspec.volume.channels import ALL, Channel, unique_titles
 from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
+from volspec.volume.files.hdf5 import SUFFIXES as HDF5_SUFFIXES
+from volspec.volume.files.hdf5 import levels_of_hdf5, read_hdf5
 from volspec.volume.files.itk import read_itk
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
 from volspec.volume.files.omezarr import is_zarr, levels_of_ome_zarr, read_ome_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
-from volspec.volume.files.tiff import pictures_in, read_stack, read_tiff
+from volspec.volume.files.tiff import (
+    levels_of_stack,
+    levels_of_tiff,
+    pictures_in,
+    read_stack,
+    read_tiff,
+)
 from volspec.volume.files.vtk import read_vtk
 from volspec.volume.labels import NAMED, Labels, find_labels
 from volspec.volume.larger import level_of, read_coarsest, stored_levels
@@ -60,8 +68,8 @@ _ADVICE: dict[tuple[str, ...], str] = {
     (".par", ".rec", ".head", ".brik", ".brik.gz"): (
         "is a scanner's or AFNI's format; convert it to NIfTI with dcm2niix, or 3dAFNItoNIFTI"
     ),
-    (".nc", ".h5", ".hdf5", ".he5", ".mat"): (
-        "holds named arrays; open it in Python, such as with xarray or h5py, and pass one to "
+    (".nc", ".mat"): (
+        "holds named arrays; open it in Python, such as with xarray or SciPy, and pass one to "
         "vs.Volume(array), or save it by numpy.save"
     ),
     (".czi", ".lif", ".nd2", ".lsm", ".ims", ".oib", ".oif"): (
@@ -76,15 +84,15 @@ _ADVICE: dict[tuple[str, ...], str] = {
     ),
 }
 # Of files that each are a whole volume, unlike the slices of a series; of all files of volumes.
-WHOLE_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, ".npy")
+WHOLE_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, *HDF5_SUFFIXES, ".npy")
 VOLUME_SUFFIXES = (*WHOLE_SUFFIXES, ".raw", *TIFF_SUFFIXES, *DICOM_SUFFIXES)
 # Most numbers of a table of labels that an error lists.
 _MOST_NUMBERS = 4
 # Endings of files that a missing volume is never a misspelling of.
 _NEVER_VOLUMES = (".toml", ".exr", ".html", ".py")
 _KNOWN = (
-    "NRRD, MHD/MHA, NIfTI, VTI/VTR/VTK, TIFF, DICOM, OME-Zarr, .npy, a folder of DICOM, TIFF or "
-    "PNG slices, or 'FILE.raw?shape=256x256x110&dtype=uint8'"
+    "NRRD, MHD/MHA, NIfTI, VTI/VTR/VTK, TIFF, DICOM, OME-Zarr, HDF5, .npy, a folder of DICOM, "
+    "TIFF or PNG slices, or 'FILE.raw?shape=256x256x110&dtype=uint8'"
 )
 
 
@@ -113,6 +121,9 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - a multi-page TIFF file, with ImageJ's and OME-TIFF's spacing, or a folder of
           single TIFF or PNG pictures in the order of the numbers in their names (``z2`` before
           ``z10``): ``?spacing= channel= time=``;
+        - an HDF5 file, ``.h5 .hdf5 .he5``: ``?dataset= time= spacing=``; a dataset has the axes
+          (Z, Y, X) or (T, Z, Y, X), and its spacing is ``element_size_um``. Needs
+          ``volspec[hdf5]``;
         - the name of a bundled volume, if no file has it: ``engine``, ``head`` or ``frog``;
         - an OME-Zarr folder (0.4, 0.5): ``?level= channel= time= spacing=``. Needs
           ``volspec[zarr]``.
@@ -128,7 +139,7 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         spacing is not positive; if there are several series, channels or time steps and none is
         named, or slices are missing.
     DeviceError
-        If it is an OME-Zarr and zarr is not installed.
+        If it is an OME-Zarr or an HDF5 file, and zarr or h5py is not installed.
     """
     volume, remarks = _read_volume(path)
     low, high = volume.range
@@ -216,16 +227,10 @@ def _read_channels(
 
 def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Volume:
     """Read the field that an address selects, and add remarks on it."""
-    levels = levels_of_ome_zarr(query) if library == "zarr" else []
-    reading = None
-    if not levels:
-        reading = read_in_child(query) if library else read_here(query)
-        remarks += reading.remarks
-        levels = stored_levels(query, reading)
-    if levels:
+    levels, reading = _levels(query, library, remarks)
+    if reading is None or levels:
         volume, labels = read_coarsest(query, name, levels, remarks)
         return _with_labels(volume, query, labels, remarks)
-    assert reading is not None
     values = reading.values
     if isinstance(values, Stored):
         query.reserve(values.shape, np.dtype(values.dtype).itemsize)
@@ -242,13 +247,28 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     return _with_labels(volume, query, reading.labels, remarks)
 
 
+def _levels(query: Query, library: str, remarks: list[str]) -> tuple[list[Level], Reading | None]:
+    """Return the levels of a volume that is larger than memory, or what was read of it instead."""
+    if levels := _larger(query):
+        return levels, None
+    reading = read_in_child(query) if library else read_here(query)
+    remarks += reading.remarks
+    return stored_levels(query, reading), reading
+
+
+def _larger(query: Query) -> list[Level]:
+    """Return the levels of a file that is larger than memory, without reading its voxels."""
+    find = _LEVELS.get(_reader(query))
+    return [] if find is None else find(query)
+
+
 def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
     """Return a volume's finest level, its name and its labels, without reading what is too large.
 
     Errors and warnings are those of `load_volume`; only one channel is read.
     """
     query, library = _query(path)
-    levels = levels_of_ome_zarr(query) if library == "zarr" else []
+    levels = _larger(query)
     if not levels and not library:
         levels = stored_levels(query, read_here(query))
     if levels:
@@ -363,6 +383,14 @@ _LIBRARIES: dict[Callable[[Query], Reading], str] = {
     read_tiff: "tifffile",
     read_stack: "tifffile",
     read_ome_zarr: "zarr",
+    read_hdf5: "h5py",
+}
+# Levels of volumes that are larger than memory, by the readers of those that are not.
+_LEVELS: dict[Callable[[Query], Reading], Callable[[Query], list[Level]]] = {
+    read_ome_zarr: levels_of_ome_zarr,
+    read_tiff: levels_of_tiff,
+    read_stack: levels_of_stack,
+    read_hdf5: levels_of_hdf5,
 }
 # Readers that open only files whose names are UTF-8.
 _UTF_8 = ("SimpleITK", "pyvista")
@@ -402,6 +430,8 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         return read_itk
     if lower.endswith(".npy"):
         return read_npy
+    if lower.endswith(HDF5_SUFFIXES):
+        return read_hdf5
     if lower.endswith(_VTK_SUFFIXES):
         return read_vtk
     if is_dicom(path) and not lower.endswith(".raw"):

@@ -600,15 +600,15 @@ def block_ranges(values: NDArray[Any]) -> NDArray[Any]:
     return np.stack(found)
 
 
-def boxes_in(shape: Index, deep: int) -> Iterator[Box]:
+def boxes_in(shape: Index, deep: int, least_rows: int = 1) -> Iterator[Box]:
     """Yield boxes of whole rows, of at most about `BOX_VOXELS`, that divide an array (Z, Y, X).
 
-    They begin at multiples of ``deep`` along z and y.
+    They begin at multiples of ``deep`` along z and y, and have as many rows as are read together.
 
     >>> list(boxes_in((3, 5, 9), 2))[:2]
     [((0, 2), (0, 5), (0, 9)), ((2, 3), (0, 5), (0, 9))]
     """
-    rows = max(BOX_VOXELS // (deep * shape[2]) // deep, 1) * deep
+    rows = max(BOX_VOXELS // (deep * shape[2]) // deep, -(-least_rows // deep), 1) * deep
     for z, y in itertools.product(range(0, shape[0], deep), range(0, shape[1], rows)):
         yield (z, min(z + deep, shape[0])), (y, min(y + rows, shape[1])), (0, shape[2])
 
@@ -641,7 +641,7 @@ def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level]:
     shape = level.shape
     coarse = np.zeros([-(-n // factor) for n in shape], np.float32)
     ranges = np.zeros((2, *(-(-n // BLOCK) for n in shape)), cast_dtype(level.dtype))
-    for box in boxes_in(shape, math.lcm(factor, BLOCK)):
+    for box in boxes_in(shape, math.lcm(factor, BLOCK), level.chunk[1]):
         read = level.read(with_next(box, shape)).astype(ranges.dtype, copy=False)
         ranges[(slice(None), *level.blocks_of(box))] = ranges_of(read, box)
         means = read[tuple(slice(high - low) for low, high in box)]

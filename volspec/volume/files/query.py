@@ -90,6 +90,11 @@ class Query:
         memory = options.pop("memory", None)
         return cls(Path(path), options, labels=labels, memory_bytes=bytes_of(memory, path))
 
+    @property
+    def most_bytes(self) -> int:
+        """Bytes up to which a volume is read as a whole: by default half of what is free."""
+        return host_free_bytes() // 2 if self.memory_bytes is None else self.memory_bytes
+
     def example(self, **options: str) -> str:
         """Return the address with further options, quoted for a shell, for messages.
 

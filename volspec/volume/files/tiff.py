@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolumeError
+from volspec.volume.channels import Channel
 from volspec.volume.files.lattice import stack_slices
 from volspec.volume.files.pages import (
     Reserve,
@@ -28,6 +30,8 @@ from volspec.volume.files.pages import (
     stated_spacing_mm,
 )
 from volspec.volume.files.query import Query, Reading
+from volspec.volume.files.slices import Slices, level_of_slices
+from volspec.volume.pyramid import Level
 
 SUFFIXES = (".tif", ".tiff")
 # tifffile's letters: channels and the samples of a pixel, time.
@@ -35,6 +39,8 @@ _CHANNELS, _TIME = "CS", "T"
 _PNG = ".png"
 # tifffile's letter for the samples of a pixel.
 _SAMPLES = "S"
+# Greatest compression ratio that is expected.
+_MOST_PACKED = 100
 
 
 def read_tiff(query: Query) -> Reading:
@@ -43,24 +49,56 @@ def read_tiff(query: Query) -> Reading:
     query.allow("spacing", "channel", "time")
     remarks: list[str] = []
     with picture_errors(path), _opened(path) as tiff:
-        series = _only_series(tiff, query)
-        through = _slice_axis(series, query)
-        sizes = dict(zip(series.axes, series.shape, strict=True))
-        channels = stated_channels(tiff, sizes.get("C", 1))
-        named = [channel.name for channel in channels]
-        at = {
-            axis: query.index(*_names(axis, count), () if axis == _TIME else named)
-            for axis, count in sizes.items()
-            if axis not in (through, "Y", "X")
-        }
+        series, through, channels = _series(tiff, query)
+        at = _selected(series, through, channels, query)
         query.end_choices()
         if through == _TIME:
             remarks.append(f"{path}: its pages are points in time, but are read as slices")
         spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, remarks)
-        values = _values(tiff, series, through, at, query)
+        if (slices := _Pages.of(tiff, series, through, at)) is None:
+            query.reserve(series.shape, series.dtype.itemsize)
+            index = tuple(at.get(axis, slice(None)) for axis in series.axes)
+            values = np.array(series.asarray()[index])
+        else:
+            query.reserve((*series.keyframe.shape, slices.count), series.dtype.itemsize)
+            values = stack_slices(range(slices.count), slices.read)
     number = at.get("C", 0)
     channel = channels[number] if number < len(channels) else None
     return Reading(values, spacing_mm=spacing, remarks=remarks, channel=channel)
+
+
+def levels_of_tiff(query: Query) -> list[Level]:
+    """Return a stack that is larger than memory as a level, read page by page; else none.
+
+    Those of several channels or times are none, unless one is selected.
+    """
+    path = query.path
+    if query.choices is not None or path.stat().st_size * _MOST_PACKED <= query.most_bytes:
+        return []
+    with picture_errors(path), _opened(path) as tiff:
+        series, through, channels = _series(tiff, query)
+        sizes = dict(zip(series.axes, series.shape, strict=True))
+        shape = sizes[through], sizes["Y"], sizes["X"]
+        others = {axis: n for axis, n in sizes.items() if axis not in (through, "Y", "X")}
+        selected = all(n == 1 or _names(axis, n)[0] in query.options for axis, n in others.items())
+        if math.prod(shape) * series.dtype.itemsize <= query.most_bytes or not selected:
+            return []
+        at = _selected(series, through, channels, query)
+        slices = _Pages.of(tiff, series, through, at)
+        spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, [])
+    if slices is None:
+        return []
+    read = partial(_pages_of_file, path, through, at)
+    return [level_of_slices(Slices(path, shape, series.dtype, read), spacing)]
+
+
+def _pages_of_file(
+    path: Path, through: str, at: dict[str, int], numbers: Sequence[int]
+) -> list[NDArray[Any]]:
+    with picture_errors(path), _opened(path) as tiff:
+        found = _Pages.of(tiff, _only_series(tiff, Query(path)), through, at)
+        assert found is not None
+        return [found.read(number) for number in numbers]
 
 
 def _opened(path: Path) -> Any:
@@ -119,34 +157,54 @@ def _names(axis: str, count: int) -> tuple[str, int, str]:
     return "channel", count, "channels"
 
 
-def _values(tiff: Any, series: Any, through: str, at: dict[str, int], query: Query) -> NDArray[Any]:
-    """Read (Z, Y, X) values without the other channels and times."""
-    itemsize = series.dtype.itemsize
-    index = tuple(at.get(axis, slice(None)) for axis in series.axes)
-    if series.dataoffset is not None:  # one block of bytes, even if ImageJ lists only one page
-        from tifffile import memmap
+def _series(tiff: Any, query: Query) -> tuple[Any, str, list[Channel]]:
+    """Return a file's stack, the axis of its slices, and its channels."""
+    series = _only_series(tiff, query)
+    sizes = dict(zip(series.axes, series.shape, strict=True))
+    return series, _slice_axis(series, query), stated_channels(tiff, sizes.get("C", 1))
 
-        which = next(k for k, each in enumerate(tiff.series) if each is series)
-        whole = memmap(tiff.filehandle.path, series=which, mode="r")
-        chosen = whole[index]
-        query.reserve(chosen.shape, itemsize)
-        # A copy: the file may change while the volume is in use.
-        return np.array(chosen)
-    own = series.keyframe.axes
-    leading = series.axes[: len(series.axes) - len(own)]
-    counts = series.shape[: len(leading)]
-    if through not in leading or len(series.pages) != math.prod(counts):
-        query.reserve(series.shape, itemsize)
-        return np.array(series.asarray()[index])
-    within = tuple(at.get(axis, slice(None)) for axis in own)
 
-    def page(k: int) -> NDArray[Any]:
-        place = [k if axis == through else at[axis] for axis in leading]
-        return page_values(series.pages[int(np.ravel_multi_index(place, counts))])[within]
+def _selected(series: Any, through: str, channels: list[Channel], query: Query) -> dict[str, int]:
+    """Return the index that the query selects along each axis that a volume lacks."""
+    named = [channel.name for channel in channels]
+    return {
+        axis: query.index(*_names(axis, count), () if axis == _TIME else named)
+        for axis, count in zip(series.axes, series.shape, strict=True)
+        if axis not in (through, "Y", "X")
+    }
 
-    count = series.shape[leading.index(through)]
-    query.reserve((*series.keyframe.shape, count), itemsize)
-    return stack_slices(range(count), page)
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pages:
+    """Slices of an open file: ``read(k)`` returns the k-th, without other channels and times."""
+
+    count: int
+    read: Callable[[int], NDArray[Any]]
+
+    @classmethod
+    def of(cls, tiff: Any, series: Any, through: str, at: dict[str, int]) -> _Pages | None:
+        """Return the slices; None if a page is not one, and the series has to be read whole."""
+        # One block of bytes, even if ImageJ lists only one page.
+        run = series.dataoffset is not None
+        own = series.axes[series.axes.index("Y") :] if run else series.keyframe.axes
+        leading = series.axes[: len(series.axes) - len(own)]
+        counts, page = series.shape[: len(leading)], series.shape[len(leading) :]
+        if through not in leading or not (run or len(series.pages) == math.prod(counts)):
+            return None
+        within = tuple(at.get(axis, slice(None)) for axis in own)
+        dtype = np.dtype(tiff.byteorder + series.dtype.char)
+
+        def read(k: int) -> NDArray[Any]:
+            place = [k if axis == through else at[axis] for axis in leading]
+            number = int(np.ravel_multi_index(place, counts))
+            if not run:
+                return page_values(series.pages[number])[within]
+            items = math.prod(page)
+            first = series.dataoffset + number * items * dtype.itemsize
+            values = np.fromfile(tiff.filehandle.path, dtype, items, offset=first)
+            return values.reshape(page)[within]
+
+        return cls(series.shape[series.axes.index(through)], read)
 
 
 def pictures_in(folder: Path) -> list[Path]:
@@ -190,6 +248,34 @@ def read_stack(query: Query) -> Reading:
     read = partial(_read_slice, shape=first.shape, query=query, reserve=reserve)
     values = stack_slices(files, read)
     return Reading(values, spacing_mm=spacing, remarks=remarks)
+
+
+def levels_of_stack(query: Query) -> list[Level]:
+    """Return a folder of pictures that is larger than memory as a level; else none."""
+    files = pictures_in(query.path)
+    if query.choices is not None or len(files) < 2:
+        return []
+    first, stated = _read_picture(files[0], lambda shape, itemsize: None)
+    shape = len(files), first.shape[0], first.shape[1]
+    channels = 1 if first.ndim == 2 else first.shape[2]
+    if math.prod(shape) * first.itemsize <= query.most_bytes or (
+        channels > 1 and "channel" not in query.options
+    ):
+        return []
+    read = partial(_slices_of_folder, files, first.shape, query)
+    return [
+        level_of_slices(
+            Slices(query.path, shape, first.dtype, read), resolve_spacing(stated, query, [])
+        )
+    ]
+
+
+def _slices_of_folder(
+    files: Sequence[Path], shape: tuple[int, ...], query: Query, numbers: Sequence[int]
+) -> list[NDArray[Any]]:
+    return [
+        _read_slice(files[number], shape, query, lambda shape, itemsize: None) for number in numbers
+    ]
 
 
 def _read_slice(path: Path, shape: tuple[int, ...], query: Query, reserve: Reserve) -> NDArray[Any]:

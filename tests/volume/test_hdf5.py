@@ -1,0 +1,81 @@
+"""HDF5 files: datasets, time steps, spacing, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from volspec.errors import VolumeError
+from volspec.volume import load_volume, volume_choices
+
+VALUES = np.arange(4 * 5 * 6, dtype=np.uint16).reshape(4, 5, 6)
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    """Return a file with a volume, a series of two, and what is no volume."""
+    path = tmp_path / "v.h5"
+    with h5py.File(path, "w") as made:
+        made.create_dataset("t0/cells", data=VALUES, chunks=(2, 5, 6), compression="lzf")
+        made["t0/cells"].attrs["element_size_um"] = (2000.0, 500.0, 250.0)
+        made["series"] = np.stack([VALUES, VALUES + 1])
+        made["table"] = np.zeros((3, 3))
+        made["names"] = [b"a", b"b"]
+    return path
+
+
+def test_a_dataset_and_its_spacing(file: Path) -> None:
+    volume = load_volume(f"{file}?dataset=t0/cells")
+    assert np.array_equal(volume.values, VALUES)
+    assert volume.spacing_mm == (0.25, 0.5, 2.0)
+    assert load_volume(f"{file}?dataset=/t0/cells&spacing=1,2,3").spacing_mm == (1.0, 2.0, 3.0)
+
+
+def test_a_time_step(file: Path) -> None:
+    assert np.array_equal(load_volume(f"{file}?dataset=series&time=1").values, VALUES + 1)
+    with raises(VolumeError, "missing"):
+        load_volume(f"{file}?dataset=series")
+
+
+def test_the_only_dataset_needs_no_name(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "v.hdf5", "w") as made:
+        made["a"] = VALUES.astype(">f4")
+    assert np.array_equal(load_volume(tmp_path / "v.hdf5").values, VALUES)
+
+
+def test_choices(file: Path) -> None:
+    (choice,) = volume_choices(file)
+    assert (choice.key, choice.values, choice.chosen) == ("dataset", ("series", "t0/cells"), None)
+    assert [each.key for each in volume_choices(f"{file}?dataset=series")] == ["dataset", "time"]
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ("", "missing"),
+        ("?dataset=table", "unknown"),
+        ("?dataset=t0", "unknown"),
+        ("?a=1", "unknown"),
+    ],
+)
+def test_no_such_dataset(options: str, code: str, file: Path) -> None:
+    with raises(VolumeError, code):
+        load_volume(f"{file}{options}")
+
+
+def test_damaged_files(file: Path) -> None:
+    with h5py.File(file, "r+") as made:
+        made["t0/cells"].attrs["element_size_um"] = (1.0, -1.0, 1.0)
+    with raises(VolumeError, "range"):
+        load_volume(f"{file}?dataset=t0/cells")
+    file.write_bytes(file.read_bytes()[:900])
+    with raises(VolumeError, "damaged"):
+        load_volume(f"{file}?dataset=series&time=0")
+    with h5py.File(file, "w") as made:
+        made["table"] = np.zeros((3, 3))
+    with raises(VolumeError, "shape"):
+        load_volume(file)
