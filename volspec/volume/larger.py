@@ -14,30 +14,30 @@ from volspec.errors import VolumeError, one_line
 from volspec.volume.channels import Channel
 from volspec.volume.checks import checked_geometry, missing_value
 from volspec.volume.files.query import Query, Reading, Stored
-from volspec.volume.labels import Labels
 from volspec.volume.model import Volume
 from volspec.volume.pyramid import (
     DEFAULT_BYTES,
     Level,
     Pyramid,
+    Stack,
     cast_dtype,
     coarse_level,
     summarise,
 )
-from volspec.volume.reader_process import read_in_child
 
 # Voxels along z and y of a chunk of uncompressed slices, which has whole rows.
 _RAW_CHUNK = 16, 128
 
 
-def stored_levels(query: Query, reading: Reading) -> list[Level]:
-    """Return uncompressed voxels that are larger than memory as a level; else none."""
+def stored_stack(query: Query, reading: Reading) -> Stack | None:
+    """Return uncompressed voxels that are larger than memory as a level; else None."""
     values = reading.values
     if not isinstance(values, Stored) or values.nbytes <= query.most_bytes:
-        return []
+        return None
     given = reading.spacing_mm, reading.world_from_index
     _, world = checked_geometry(*given, str(query.path))
-    return [Level(values, (0, 1, 2), (0, 0, 0), world, _raw_chunk(values.shape))]
+    level = Level(values, (0, 1, 2), (0, 0, 0), world, _raw_chunk(values.shape))
+    return Stack([level], reading.channel, reading.labels, reading.remarks)
 
 
 def _raw_chunk(shape: tuple[int, ...]) -> tuple[int, int, int]:
@@ -46,28 +46,29 @@ def _raw_chunk(shape: tuple[int, ...]) -> tuple[int, int, int]:
     return min(_RAW_CHUNK[0], z), min(_RAW_CHUNK[1], y), x
 
 
-def read_coarsest(
-    query: Query, name: str, levels: list[Level], remarks: list[str]
-) -> tuple[Volume, Labels | None]:
-    """Return a volume that is larger than memory, and its labels if the file states them.
+def read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) -> Volume:
+    """Return a volume that is larger than memory, and add remarks on it.
 
     Its coarsest level is read now, or made if there is none that memory holds.
     """
+    try:
+        return _read_coarsest(query, name, stack, remarks)
+    except VolumeError:
+        raise
+    except Exception as error:  # whatever the array's library raises
+        raise VolumeError(
+            f"{query.path}: cannot be read ({one_line(error)[:120]}); copy it again", code="damaged"
+        ) from error
+
+
+def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) -> Volume:
     memory_bytes = query.memory_bytes or min(DEFAULT_BYTES, host_free_bytes() // 2)
+    levels = [*stack.levels]
     number = coarse_level(levels, memory_bytes)
     dtype = cast_dtype(levels[0].dtype)
-    channel: Channel | None = None
-    labels: Labels | None = None
+    remarks += stack.remarks
     if number is None:
-        try:
-            means, factor, finest = summarise(levels[0])
-        except Exception as error:  # whatever the array's library raises
-            if isinstance(error, VolumeError):
-                raise
-            raise VolumeError(
-                f"{query.path}: cannot be read ({one_line(error)[:120]}); copy the file again",
-                code="damaged",
-            ) from error
+        means, factor, finest = summarise(levels[0])
         levels = [finest]
         if dtype.kind in "ui":
             means = np.rint(means)
@@ -80,13 +81,12 @@ def read_coarsest(
             "has no coarser levels; `volspec convert` makes a copy that opens at once"
         )
     else:
-        reading = read_in_child(replace(query, options={**query.options, "level": str(number)}))
-        assert isinstance(reading.values, np.ndarray)
-        values, world = reading.values.astype(dtype), levels[number].world_from_index
-        channel, labels = reading.channel, reading.labels
+        z, y, x = ((0, n) for n in levels[number].shape)
+        values = levels[number].read((z, y, x)).astype(dtype, copy=False)
+        world = levels[number].world_from_index
         levels = levels[:number]
-        remarks += reading.remarks
-    coarse = Volume(values, world_from_index=world, name=name, channel=channel or Channel())
+    channel = stack.channel or Channel()
+    coarse = Volume(values, world_from_index=world, name=name, channel=channel)
     span = coarse.range
     if (ranges := levels[0].ranges) is not None:
         low = ranges[0][np.isfinite(ranges[0])].min(initial=ranges[1].max())
@@ -103,7 +103,7 @@ def read_coarsest(
     volume = replace(coarse, pyramid=pyramid)
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
-    return volume, labels
+    return volume
 
 
 def level_of(volume: Volume) -> Level:

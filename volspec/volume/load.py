@@ -26,25 +26,25 @@ from volspec.volume.files.dicom import read_series, series_folders
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
 from volspec.volume.files.dicom_headers import dicom_files, is_dicom
 from volspec.volume.files.hdf5 import SUFFIXES as HDF5_SUFFIXES
-from volspec.volume.files.hdf5 import levels_of_hdf5, read_hdf5
+from volspec.volume.files.hdf5 import hdf5_stack, read_hdf5
 from volspec.volume.files.itk import read_itk
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
-from volspec.volume.files.omezarr import is_zarr, levels_of_ome_zarr, read_ome_zarr
+from volspec.volume.files.omezarr import is_zarr, ome_zarr_stack, read_ome_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
 from volspec.volume.files.tiff import (
-    levels_of_stack,
-    levels_of_tiff,
     pictures_in,
+    pictures_stack,
     read_stack,
     read_tiff,
+    tiff_stack,
 )
 from volspec.volume.files.vtk import read_vtk
 from volspec.volume.labels import NAMED, Labels, find_labels
-from volspec.volume.larger import level_of, read_coarsest, stored_levels
+from volspec.volume.larger import level_of, read_coarsest, stored_stack
 from volspec.volume.model import Volume
-from volspec.volume.pyramid import Level
+from volspec.volume.pyramid import Level, Stack
 from volspec.volume.reader_process import choices_in_child, read_in_child
 
 _ITK_SUFFIXES = (".nrrd", ".nhdr", ".mhd", ".mha", ".nii", ".nii.gz")
@@ -227,10 +227,14 @@ def _read_channels(
 
 def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Volume:
     """Read the field that an address selects, and add remarks on it."""
-    levels, reading = _levels(query, library, remarks)
-    if reading is None or levels:
-        volume, labels = read_coarsest(query, name, levels, remarks)
-        return _with_labels(volume, query, labels, remarks)
+    if (stack := _larger(query)) is not None:
+        volume = read_coarsest(query, name, stack, remarks)
+        return _with_labels(volume, query, stack.labels, remarks)
+    reading = read_in_child(query) if library else read_here(query)
+    if (stack := stored_stack(query, reading)) is not None:
+        volume = read_coarsest(query, name, stack, remarks)
+        return _with_labels(volume, query, stack.labels, remarks)
+    remarks += reading.remarks
     values = reading.values
     if isinstance(values, Stored):
         query.reserve(values.shape, np.dtype(values.dtype).itemsize)
@@ -247,19 +251,10 @@ def _read_field(query: Query, library: str, name: str, remarks: list[str]) -> Vo
     return _with_labels(volume, query, reading.labels, remarks)
 
 
-def _levels(query: Query, library: str, remarks: list[str]) -> tuple[list[Level], Reading | None]:
-    """Return the levels of a volume that is larger than memory, or what was read of it instead."""
-    if levels := _larger(query):
-        return levels, None
-    reading = read_in_child(query) if library else read_here(query)
-    remarks += reading.remarks
-    return stored_levels(query, reading), reading
-
-
-def _larger(query: Query) -> list[Level]:
+def _larger(query: Query) -> Stack | None:
     """Return the levels of a file that is larger than memory, without reading its voxels."""
-    find = _LEVELS.get(_reader(query))
-    return [] if find is None else find(query)
+    find = _STACKS.get(_reader(query))
+    return None if find is None else find(query)
 
 
 def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
@@ -268,11 +263,11 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
     Errors and warnings are those of `load_volume`; only one channel is read.
     """
     query, library = _query(path)
-    levels = _larger(query)
-    if not levels and not library:
-        levels = stored_levels(query, read_here(query))
-    if levels:
-        return levels[0], query.path.name, {}
+    stack = _larger(query)
+    if stack is None and not library:
+        stack = stored_stack(query, read_here(query))
+    if stack is not None:
+        return stack.levels[0], query.path.name, stack.labels or {}
     volume = load_volume(path)
     if volume.fields:
         raise VolumeError(
@@ -386,11 +381,11 @@ _LIBRARIES: dict[Callable[[Query], Reading], str] = {
     read_hdf5: "h5py",
 }
 # Levels of volumes that are larger than memory, by the readers of those that are not.
-_LEVELS: dict[Callable[[Query], Reading], Callable[[Query], list[Level]]] = {
-    read_ome_zarr: levels_of_ome_zarr,
-    read_tiff: levels_of_tiff,
-    read_stack: levels_of_stack,
-    read_hdf5: levels_of_hdf5,
+_STACKS: dict[Callable[[Query], Reading], Callable[[Query], Stack | None]] = {
+    read_ome_zarr: ome_zarr_stack,
+    read_tiff: tiff_stack,
+    read_stack: pictures_stack,
+    read_hdf5: hdf5_stack,
 }
 # Readers that open only files whose names are UTF-8.
 _UTF_8 = ("SimpleITK", "pyvista")

@@ -20,7 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import one_line
+from volspec.volume.channels import Channel
 from volspec.volume.checks import NATIVE_DTYPES, WIDENED
+from volspec.volume.labels import Labels
 
 Index = tuple[int, int, int]
 Box = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -175,6 +177,26 @@ class Level:
         ends = zip(box, self.chunk, strict=True)
         z, y, x = (range(low // c, -(-high // c)) for (low, high), c in ends)
         return list(itertools.product(z, y, x))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stack:
+    """Levels of a file that is larger than memory, finest first, and what the file states of it.
+
+    Attributes
+    ----------
+    levels : sequence of Level
+    channel : Channel, optional
+    labels : {number: Label}, optional
+        None if not stated.
+    remarks : sequence of str
+        Warnings for the caller of `load_volume`.
+    """
+
+    levels: Sequence[Level]
+    channel: Channel | None = None
+    labels: Labels | None = None
+    remarks: Sequence[str] = ()
 
 
 @dataclass(slots=True)

@@ -21,7 +21,7 @@ from volspec.errors import DeviceError, VolumeError, nearest, one_line
 from volspec.volume.checks import checked_geometry
 from volspec.volume.files.lattice import spacing_text
 from volspec.volume.files.query import Choice, Query, Reading
-from volspec.volume.pyramid import Index, Level
+from volspec.volume.pyramid import Index, Level, Stack
 
 SUFFIXES = (".h5", ".hdf5", ".he5")
 # Voxels along z and y of a chunk of a dataset without chunks.
@@ -70,20 +70,21 @@ def read_hdf5(query: Query) -> Reading:
         ) from error
 
 
-def levels_of_hdf5(query: Query) -> list[Level]:
-    """Return a dataset that is larger than memory as a level; else none."""
+def hdf5_stack(query: Query) -> Stack | None:
+    """Return a dataset that is larger than memory as a level; else None."""
     if query.choices is not None or query.path.stat().st_size <= query.most_bytes // 100:
-        return []
+        return None
     dataset, at = _selected(query)
     z, y, x = dataset.shape[-3:]
     if z * y * x * dataset.dtype.itemsize <= query.most_bytes:
-        return []
+        return None
     _, world = checked_geometry(_spacing_mm(query, dataset), None, str(query.path))
     chunk: Index = (min(_ROWS[0], z), min(_ROWS[1], y), x)
     if dataset.chunks is not None:
         chunk = dataset.chunks[-3:]
     first = len(dataset.shape) - 3
-    return [Level(dataset, (first, first + 1, first + 2), (*at, 0, 0, 0), world, chunk)]
+    axes = first, first + 1, first + 2
+    return Stack([Level(dataset, axes, (*at, 0, 0, 0), world, chunk)])
 
 
 def _selected(query: Query) -> tuple[Dataset, tuple[int, ...]]:

@@ -26,6 +26,7 @@ from volspec.volume.files.label_tables import labels_in_zarr
 from volspec.volume.files.lattice import affine, mm_per_unit, spacing_text
 from volspec.volume.files.query import Choice, Query, Reading
 from volspec.volume.files.tensors import fast_array
+from volspec.volume.labels import Labels
 from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES
 
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
@@ -50,19 +51,19 @@ def is_zarr(folder: Path) -> bool:
     return any((folder / mark).is_file() for mark in _MARKS)
 
 
-def levels_of_ome_zarr(query: Query) -> list[pyramid.Level]:
-    """Return the levels of a picture that is larger than memory, finest first; else none.
+def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
+    """Return the levels of a picture that is larger than memory; else None.
 
-    Those of several channels are none, unless one is selected. Raises VolumeError if the levels
-    are not resolutions of one picture.
+    So are those of several channels, unless one is selected. Raises VolumeError if the levels are
+    not resolutions of one picture.
     """
     if "level" in query.options or query.choices is not None:
-        return []
+        return None
     group, axes, levels = _opened(query)
     names = _names(axes)
     most = DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
     if not set(_SPACE) <= set(names) or _nbytes(levels[0], names) <= most:
-        return []
+        return None
     if any(_nbytes(level, names) > _MOST_BYTES for level in levels):
         raise VolumeError(
             f"{query.path}: its metadata declare {_level_names(levels, names)[0]} voxels; is it "
@@ -73,14 +74,15 @@ def levels_of_ome_zarr(query: Query) -> list[pyramid.Level]:
     for name, count in zip(names, levels[0].array.shape, strict=True):
         key, what = _OPTIONS.get(name, ("", ""))
         if name not in _SPACE and count > 1 and key not in query.options:
-            return []
+            return None
         at.append(0 if name in _SPACE else query.index(key, count, what))
     places = tuple(names.index(name) for name in _SPACE)
-    stated = dict(group.attrs).get("volspec", {})
-    found = []
+    attributes = dict(group.attrs)
+    stated, remarks = attributes.get("volspec", {}), list[str]()
+    found: list[pyramid.Level] = []
     for number, level in enumerate(levels):
         _check_extent(level, levels[0], number, names, query)
-        world = _world(level, axes, dict(group.attrs), query, [])
+        world = _world(level, axes, attributes, query, [] if found else remarks)
         ranges, chunk = _ranges(group, stated, number), level.array.chunks
         if by_block := ranges is not None and level.array.shards is not None:
             chunk = level.array.shards
@@ -96,14 +98,18 @@ def levels_of_ome_zarr(query: Query) -> list[pyramid.Level]:
                 by_block,
             )
         )
-    return found
+    number = at[names.index("c")] if "c" in names else 0
+    channel = next(iter(_channels(group)[number:]), None)
+    return pyramid.Stack(found, channel, _labels(group), remarks)
 
 
 def _ranges(group: Any, stated: dict[str, Any], number: int) -> NDArray[Any] | None:
     """Return the ranges of a level's blocks that `volspec convert` wrote, None if it did not."""
     try:
         paths = stated["ranges"]
-        return np.asarray(group[paths[number]]) if stated["block"] == BLOCK else None
+        if stated["block"] != BLOCK:
+            return None
+        return np.asarray(fast_array(group[paths[number]])[...])
     except _DAMAGE:
         return None
 
@@ -162,11 +168,16 @@ def read_ome_zarr(query: Query) -> Reading:
     world = _world(level, axes, dict(group.attrs), query, remarks)
     channels = _channels(group)
     values, number = _values(level, names, query, channels)
-    channel = channels[number] if number < len(channels) else None
+    channel = next(iter(channels[number:]), None)
+    labels = _labels(group)
+    return Reading(values, world_from_index=world, remarks=remarks, labels=labels, channel=channel)
+
+
+def _labels(group: Any) -> Labels | None:
+    """Return the labels in the metadata; None if it is no picture of labels."""
     stated = dict(group.attrs)
     image_label = stated.get("ome", stated).get("image-label")
-    labels = None if image_label is None else labels_in_zarr(image_label)
-    return Reading(values, world_from_index=world, remarks=remarks, labels=labels, channel=channel)
+    return None if image_label is None else labels_in_zarr(image_label)
 
 
 def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Level]]:

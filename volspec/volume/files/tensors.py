@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from types import EllipsisType
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Index = tuple[int | slice, ...]
+Index = tuple[int | slice, ...] | EllipsisType
 
 
 class Tensor:

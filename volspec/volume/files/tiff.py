@@ -31,7 +31,7 @@ from volspec.volume.files.pages import (
 )
 from volspec.volume.files.query import Query, Reading
 from volspec.volume.files.slices import Slices, level_of_slices
-from volspec.volume.pyramid import Level
+from volspec.volume.pyramid import Stack
 
 SUFFIXES = (".tif", ".tiff")
 # tifffile's letters: channels and the samples of a pixel, time.
@@ -67,14 +67,14 @@ def read_tiff(query: Query) -> Reading:
     return Reading(values, spacing_mm=spacing, remarks=remarks, channel=channel)
 
 
-def levels_of_tiff(query: Query) -> list[Level]:
-    """Return a stack that is larger than memory as a level, read page by page; else none.
+def tiff_stack(query: Query) -> Stack | None:
+    """Return a stack that is larger than memory as a level, read page by page; else None.
 
-    Those of several channels or times are none, unless one is selected.
+    So are those of several channels or times, unless one is selected.
     """
     path = query.path
     if query.choices is not None or path.stat().st_size * _MOST_PACKED <= query.most_bytes:
-        return []
+        return None
     with picture_errors(path), _opened(path) as tiff:
         series, through, channels = _series(tiff, query)
         sizes = dict(zip(series.axes, series.shape, strict=True))
@@ -82,14 +82,16 @@ def levels_of_tiff(query: Query) -> list[Level]:
         others = {axis: n for axis, n in sizes.items() if axis not in (through, "Y", "X")}
         selected = all(n == 1 or _names(axis, n)[0] in query.options for axis, n in others.items())
         if math.prod(shape) * series.dtype.itemsize <= query.most_bytes or not selected:
-            return []
+            return None
         at = _selected(series, through, channels, query)
         slices = _Pages.of(tiff, series, through, at)
         spacing = resolve_spacing(stated_spacing_mm(tiff, series.keyframe), query, [])
     if slices is None:
-        return []
+        return None
     read = partial(_pages_of_file, path, through, at)
-    return [level_of_slices(Slices(path, shape, series.dtype, read), spacing)]
+    level = level_of_slices(Slices(path, shape, series.dtype, read), spacing)
+    number = at.get("C", 0)
+    return Stack([level], channels[number] if number < len(channels) else None)
 
 
 def _pages_of_file(
@@ -250,24 +252,21 @@ def read_stack(query: Query) -> Reading:
     return Reading(values, spacing_mm=spacing, remarks=remarks)
 
 
-def levels_of_stack(query: Query) -> list[Level]:
-    """Return a folder of pictures that is larger than memory as a level; else none."""
+def pictures_stack(query: Query) -> Stack | None:
+    """Return a folder of pictures that is larger than memory as a level; else None."""
     files = pictures_in(query.path)
     if query.choices is not None or len(files) < 2:
-        return []
+        return None
     first, stated = _read_picture(files[0], lambda shape, itemsize: None)
     shape = len(files), first.shape[0], first.shape[1]
     channels = 1 if first.ndim == 2 else first.shape[2]
     if math.prod(shape) * first.itemsize <= query.most_bytes or (
         channels > 1 and "channel" not in query.options
     ):
-        return []
+        return None
     read = partial(_slices_of_folder, files, first.shape, query)
-    return [
-        level_of_slices(
-            Slices(query.path, shape, first.dtype, read), resolve_spacing(stated, query, [])
-        )
-    ]
+    slices = Slices(query.path, shape, first.dtype, read)
+    return Stack([level_of_slices(slices, resolve_spacing(stated, query, []))])
 
 
 def _slices_of_folder(
