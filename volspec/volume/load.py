@@ -338,9 +338,8 @@ def volume_choices(path: str | os.PathLike[str]) -> tuple[Choice, ...]:
         If the file is missing, damaged, of unknown format, or cannot be a volume.
     """
     query, library = _query(path)
-    if library:
-        return choices_in_child(query)
-    return _list_choices(query)
+    # The metadata of a Zarr are JSON, which no native library reads.
+    return choices_in_child(query) if library and library != "zarr" else _list_choices(query)
 
 
 def _list_choices(query: Query) -> tuple[Choice, ...]:

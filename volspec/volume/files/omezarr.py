@@ -61,8 +61,7 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
         return None
     group, axes, levels = _opened(query)
     names = _names(axes)
-    most = DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
-    if not set(_SPACE) <= set(names) or _nbytes(levels[0], names) <= most:
+    if not set(_SPACE) <= set(names) or not _is_in_parts(levels, names, query):
         return None
     if any(_nbytes(level, names) > _MOST_BYTES for level in levels):
         raise VolumeError(
@@ -73,8 +72,6 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
     at = []
     for name, count in zip(names, levels[0].array.shape, strict=True):
         key, what = _OPTIONS.get(name, ("", ""))
-        if name not in _SPACE and count > 1 and key not in query.options:
-            return None
         at.append(0 if name in _SPACE else query.index(key, count, what))
     places = tuple(names.index(name) for name in _SPACE)
     attributes = dict(group.attrs)
@@ -101,6 +98,18 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
     number = at[names.index("c")] if "c" in names else 0
     channel = next(iter(_channels(group)[number:]), None)
     return pyramid.Stack(found, channel, _labels(group), remarks)
+
+
+def _is_in_parts(levels: list[Level], names: list[str], query: Query) -> bool:
+    """Return True if a picture is larger than memory, and one channel and time are selected."""
+    sides = zip(names, levels[0].array.shape, strict=True)
+    others = [name for name, count in sides if name not in _SPACE and count > 1]
+    selected = all(_OPTIONS.get(name, ("", ""))[0] in query.options for name in others)
+    return selected and _nbytes(levels[0], names) > _most_bytes(query)
+
+
+def _most_bytes(query: Query) -> int:
+    return DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
 
 
 def _ranges(group: Any, stated: dict[str, Any], number: int) -> NDArray[Any] | None:
@@ -247,9 +256,8 @@ def _level(levels: list[Level], names: list[str], query: Query, remarks: list[st
     if "level" in query.options:
         return query.index("level", len(levels), "levels", _level_names(levels, names))
     sizes = [_nbytes(level, names) for level in levels]
-    most = DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
-    chosen = next((k for k, size in enumerate(sizes) if size <= most), len(levels) - 1)
-    if query.choices is not None and len(levels) > 1:
+    chosen = next((k for k, n in enumerate(sizes) if n <= _most_bytes(query)), len(levels) - 1)
+    if query.choices is not None and len(levels) > 1 and not _is_in_parts(levels, names, query):
         values = tuple(map(str, range(len(levels))))
         query.choices.append(Choice("level", values, _level_names(levels, names), str(chosen)))
     if chosen:
