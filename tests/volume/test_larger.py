@@ -288,6 +288,12 @@ def test_a_damaged_chunk_is_named_and_marked(damage: str, ball: Volume, tmp_path
     with pytest.raises(SystemExit) as stop, pytest.warns(VolspecWarning):
         main(["render", str(scene), "-o", str(tmp_path / "a.png"), "--size", "32x32"])
     assert stop.value.code == 3 and (tmp_path / "a.png").exists()
+    if damage == "missing":
+        for command, output in (("export", "frames"), ("page", "a.html")):
+            arguments = [command, str(scene), "-o", str(tmp_path / output), "--size", "32x32"]
+            with pytest.raises(SystemExit) as stop, pytest.warns(VolspecWarning):
+                main(arguments)
+            assert stop.value.code == 3 and (tmp_path / output).exists()
 
 
 SCENE = """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -126,6 +127,8 @@ def export(
     from volspec.scene.export import MARKS
     from volspec.settings import plain
 
+    incomplete: list[str] = []
+
     def frames(job: Job, tell: Progress) -> str | dict[str, Any]:
         tell("load the scene", 0)
         lights = None if light == [_ALL] else light
@@ -180,6 +183,8 @@ def export(
                 progress=tell,
                 volume=volume,
             )
+        if made.gaps:
+            incomplete.append(job.address)
         if json:
             return {
                 "output": str(made.output),
@@ -198,7 +203,7 @@ def export(
             line += f", under {names[0]}; --light {_ALL} makes {turns}"
         return line
 
-    run_jobs(jobs(inputs, output, series=play), frames, json=json)
+    run_jobs(jobs(inputs, output, series=play), frames, json=json, incomplete=incomplete)
 
 
 def _check_views(_: object, views: int) -> None:
@@ -268,11 +273,13 @@ def page(
     caption
         A few words below the title.
     """
-    from volspec.export.page import PageSpec, scene_views, write_page
+    from volspec.export.page import PageSpec, PageView, scene_views, write_page
+    from volspec.pipeline import GAPS
     from volspec.relight import LightRig
     from volspec.scene.lights import NamedLight, require_lux
 
     found = jobs(inputs, output, "pages", ".html", ".htm", series=play)
+    incomplete: list[str] = []
 
     def write(job: Job, tell: Progress) -> str:
         tell("load the scene", 0)
@@ -317,13 +324,20 @@ def page(
         )
         name = title or scene.file.title or Path(job.address).stem
         spec = PageSpec(name, caption, bits, scene.file.volume.fps)
-        count = write_page(job.output, cast, lights, scene.relight, spec)
+
+        def watched() -> Iterator[PageView]:
+            for view in cast:
+                if GAPS in view.image.notes:
+                    incomplete.append(job.address)
+                yield view
+
+        count = write_page(job.output, watched(), lights, scene.relight, spec)
         many = f", {views} views" if views > 1 else ""
         many += f", {len(series)} time steps" if series else ""
         lit = counted(len(lights), "light")
         return f"{job.output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser"
 
-    run_jobs(found, write)
+    run_jobs(found, write, incomplete=incomplete)
 
 
 @app.command

@@ -17,7 +17,7 @@ from cyclopts import Parameter
 
 from volspec._files import plain_stem, require_suffix, require_writable
 from volspec.cli.arguments import RELIGHT, require_scene
-from volspec.cli.shell import bar, counted, note_everyday, print_json, say
+from volspec.cli.shell import INCOMPLETE, bar, counted, note_everyday, print_json, say
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecError, one_line
 
@@ -293,16 +293,23 @@ Figures = str | dict[str, Any]
 
 
 def run_jobs(
-    found: Sequence[Job], work: Callable[[Job, Progress], Figures], *, json: bool = False
+    found: Sequence[Job],
+    work: Callable[[Job, Progress], Figures],
+    *,
+    json: bool = False,
+    incomplete: Sequence[str] = (),
 ) -> None:
     """Run a command's work on each input, and print its line or, with ``json``, its figures.
 
     In a batch, an input that fails is reported and the others still run; then the exit code is 1.
+    If the work adds to what is ``incomplete``, it is `INCOMPLETE`.
     """
     if len(found) == 1:
         with bar(quiet=json, left=True) as tell:
             made = work(found[0], tell)
         print_json(made) if isinstance(made, dict) else say(made)
+        if incomplete:
+            raise SystemExit(INCOMPLETE)
         return
     done: list[Figures] = []
     failed = 0
@@ -326,5 +333,5 @@ def run_jobs(
             say(line)
         rest = f"; {counted(failed, 'input')} failed" if failed else ""
         say(f"{len(done)} of {counted(len(found), 'input')} done{rest}")
-    if failed:
-        raise SystemExit(1)
+    if failed or incomplete:
+        raise SystemExit(1 if failed else INCOMPLETE)

@@ -27,7 +27,7 @@ from volspec.cli.inputs import (
     run_jobs,
     with_quality,
 )
-from volspec.cli.shell import INCOMPLETE, Device, Json, Terminal, app, bar, print_json
+from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
 from volspec.errors import InputError
 
 
@@ -114,9 +114,7 @@ def render(
         groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
         return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"
 
-    run_jobs(found, cast)
-    if incomplete:
-        raise SystemExit(INCOMPLETE)
+    run_jobs(found, cast, incomplete=incomplete)
 
 
 @app.command

@@ -76,6 +76,8 @@ class Exported:
         Number of frames, and how many of them this call has made.
     casts : int
         Number of casts.
+    gaps : str
+        Sentence about chunks of the volume that could not be read; empty without any.
     """
 
     output: Path
@@ -83,6 +85,7 @@ class Exported:
     frames: int
     made: int
     casts: int
+    gaps: str = ""
 
 
 @renamed_keyword(tell="progress")
@@ -192,7 +195,8 @@ def export(
         except VolspecError:
             folder.remove_unless_begun()
             raise
-    return Exported(target, (target.name,) if is_film else files, len(frames), made, casts)
+    gaps = "" if volume.pyramid is None else volume.pyramid.describe_gaps()
+    return Exported(target, (target.name,) if is_film else files, len(frames), made, casts, gaps)
 
 
 def _require_folder_name(target: Path) -> None:

@@ -38,7 +38,7 @@ BOX_VOXELS = 2**22
 # Chunks that are read at once take this part of the budget at most, 1/n.
 _CHUNKS_SHARE = 32
 # Part of a chunk's blocks that are needed from which all are read.
-_MOST = 0.5
+_MOST = 0.75
 
 
 class Chunk(NamedTuple):
