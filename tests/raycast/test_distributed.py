@@ -5,17 +5,23 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from tests.support.errors import raises
 from tests.support.pyramids import stored
+from tests.support.window import ENGINE
 from tests.twins.test_parts import LIT, curve
 from volspec.errors import DeviceError, RaycastError
+from volspec.export.exporter import export
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, RaycastSpec, distributed
 from volspec.raycast.distributed import PartialPicture
+from volspec.scene import Scene
 from volspec.volume import Volume, load_volume
 
 # Rays of a part end by what the part itself hides; with alpha_stop 1 none ends early.
@@ -75,6 +81,33 @@ def test_a_killed_worker_changes_nothing(engine: Volume, caster: Raycaster) -> N
     picture = raycast(*given, caster=caster, progress=kill)
     assert killed, "the cast was over before a worker was killed"
     assert np.array_equal(picture.coefficients, calm.coefficients)
+
+
+def test_frames_of_an_export_are_cast_side_by_side(
+    caster: Raycaster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = Scene.load(ENGINE).exporting(turntable={"frames": 3}, lights=["D65"])
+    monkeypatch.setattr(scene, "raycast", replace(SPEC, groups=scene.raycast.groups))
+    under_way: list[int] = []
+    running = 0
+    own = distributed.ClusterCaster._wait
+
+    def wait(self: distributed.ClusterCaster, *given: object) -> None:
+        nonlocal running
+        running += 1
+        under_way.append(running)
+        own(self, *given)  # type: ignore[arg-type]
+        running -= 1
+
+    monkeypatch.setattr(distributed.ClusterCaster, "_wait", wait)
+    exported = export(scene, tmp_path / "far", size=SIZE, caster=caster)
+    assert exported.made == 3 and exported.casts == 3 and max(under_way) == 2
+    near = Raycaster(caster.volume)
+    export(scene, tmp_path / "near", size=SIZE, caster=near)
+    for name in exported.files:
+        pictures = [Image.open(tmp_path / each / name) for each in ("far", "near")]
+        far, whole = (np.asarray(each.convert("RGB"), int) for each in pictures)
+        assert np.abs(far - whole).max() <= 1
 
 
 def test_workers_of_another_version_are_refused(

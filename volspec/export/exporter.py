@@ -8,11 +8,15 @@ from __future__ import annotations
 import operator
 import os
 import re
+import threading
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -44,12 +48,16 @@ from volspec.settings import plain
 from volspec.volume import Series, Volume
 
 Progress = Callable[[str, float], object]
+Fraction = Callable[[float], object]
+Made = TypeVar("Made")
 CasterOf = Callable[[list[Shot]], TileCaster]
 
 # Suffixes that are not a folder's, nor are names close to them, such as ".mp5".
 _OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".mpg", ".mpeg", ".wmv", ".flv", ".3gp", ".ogv")
 _PICTURES = (".png", ".apng", ".exr", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
 _CLOSE = 0.75
+# Casts that a cluster has begun before the one that is waited for has ended.
+_AHEAD = 1
 # Larger pictures are taken for a typing error: 64 Ki pixels a side.
 MAX_SIDE = 1 << 16
 # Number of relit frames that take about as long as a cast; only weights the progress.
@@ -285,6 +293,43 @@ class _ProgressMeter:
         self.casting(0.0)
 
 
+def _in_order(
+    casts: Sequence[list[Shot]],
+    caster_of: CasterOf,
+    make: Callable[[TileCaster, list[Shot], Fraction], Made],
+    meter: _ProgressMeter,
+) -> Iterator[tuple[list[Shot], TileCaster, Made]]:
+    """Yield the shots of each cast, its caster, and what is made by it.
+
+    A cluster begins the next casts meanwhile, so that no worker waits for the end of one.
+    """
+    ahead = _AHEAD if casts and caster_of(casts[0]).caster.cluster is not None else 0
+    if not ahead:
+        for shots in casts:
+            caster = caster_of(shots)
+            yield shots, caster, make(caster, shots, meter.casting)
+        return
+    ended = threading.Event()
+
+    def go_on(fraction: float) -> None:
+        if ended.is_set():
+            raise CastCancelled("raycast: cancelled", code="state")
+
+    coming: deque[tuple[list[Shot], TileCaster, Future[Made]]] = deque()
+    with ThreadPoolExecutor(1 + ahead, thread_name_prefix="volspec-cast") as pool:
+        try:
+            for shots in casts:
+                caster = caster_of(shots)
+                coming.append((shots, caster, pool.submit(make, caster, shots, go_on)))
+                if len(coming) > ahead:
+                    shots, caster, made = coming.popleft()
+                    yield shots, caster, made.result()
+            for shots, caster, made in coming:
+                yield shots, caster, made.result()
+        finally:
+            ended.set()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameMaker:
     """Make the frames missing from a folder: one cast for all lights, large frames in strips."""
@@ -335,9 +380,10 @@ class FrameMaker:
         return len(strips) * len(strips[0])
 
     def _cast(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
-        for shots in casts:
-            caster = caster_of(shots)
-            image = caster.whole(shots[0].transfer, shots[0].camera, self._canvas, meter.casting)
+        def whole(caster: TileCaster, shots: list[Shot], tell: Fraction) -> CoefficientImage:
+            return caster.whole(shots[0].transfer, shots[0].camera, self._canvas, tell)
+
+        for shots, _, image in _in_order(casts, caster_of, whole, meter):
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
                 self.files.save(shot, image)
@@ -345,12 +391,18 @@ class FrameMaker:
 
     def _relight(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
         blanks = BlankFrames(_BRIGHTNESS)
+
+        def strips(
+            caster: TileCaster, shots: list[Shot], tell: Fraction
+        ) -> tuple[list[Shot], Iterator[list[CoefficientImage]]]:
+            measured = self._measured(shots, caster)
+            transfer, camera = measured[0].transfer, measured[0].camera
+            images = caster.strips(transfer, camera, self._canvas, tell)
+            # Many strips are cast one after the other, as one alone is in memory.
+            return measured, images if self._parts > 1 else iter([*images])
+
         with closing(RelighterPool()) as pool, self.files.encoders() as encoders:
-            for unmeasured in casts:
-                caster = caster_of(unmeasured)
-                shots = self._measured(unmeasured, caster)
-                transfer, camera = shots[0].transfer, shots[0].camera
-                images = caster.strips(transfer, camera, self._canvas, meter.casting)
+            for _, caster, (shots, images) in _in_order(casts, caster_of, strips, meter):
                 if self._parts > 1:
                     marks = [self.files.marks(shot, caster.caster.volume) for shot in shots]
                     self._relight_strips(images, shots, marks, pool, blanks)
