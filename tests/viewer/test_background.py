@@ -23,6 +23,7 @@ from volspec.basis import SpectralBasis
 from volspec.errors import CastCancelled, RaycastError
 from volspec.pipeline import Raycaster, Relighter
 from volspec.raycast import CoefficientImage, RaycastSpec
+from volspec.raycast.pace import DIVISORS, WHOLE, Pace, Pass
 from volspec.relight import programs as programs_of_gl
 from volspec.spectra import light
 from volspec.viewer.model import lighting
@@ -33,7 +34,7 @@ from volspec.viewer.ui.context import Request, UiContext
 from volspec.viewer.work import ahead, documents
 from volspec.viewer.work.ahead import ProgramBuilder, Programs
 from volspec.viewer.work.background import LatestWorker, Tasks
-from volspec.viewer.work.casts import DIVISORS, WHOLE, CastDone, CastJob, CastWorker, Pace, Pass
+from volspec.viewer.work.casts import CastDone, CastJob, CastWorker
 from volspec.viewer.work.documents import DocumentService, Opened
 from volspec.viewer.work.notify import Notice
 from volspec.viewer.work.outputs import Progress

@@ -1,11 +1,12 @@
-"""``volspec export``, ``page`` and ``compositing``: frames, films, web pages, compositors."""
+"""``volspec export``, ``page``, ``serve`` and ``compositing``: frames, films, web pages."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -32,9 +33,24 @@ from volspec.cli.inputs import (
     run_jobs,
     with_quality,
 )
-from volspec.cli.shell import Device, Json, app, as_written, counted, note_everyday, say
+from volspec.cli.shell import (
+    Device,
+    Json,
+    app,
+    as_written,
+    bar,
+    counted,
+    note,
+    note_everyday,
+    say,
+)
 from volspec.cli.viewing import in_options
 from volspec.errors import ImageError, InputError, nearest
+
+if TYPE_CHECKING:
+    from volspec.scene import Scene
+    from volspec.scene.lights import NamedLight
+    from volspec.volume import Volume
 
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
@@ -275,8 +291,6 @@ def page(
     """
     from volspec.export.page import PageSpec, PageView, scene_views, write_page
     from volspec.pipeline import GAPS
-    from volspec.relight import LightRig
-    from volspec.scene.lights import NamedLight, require_lux
 
     found = jobs(inputs, output, "pages", ".html", ".htm", series=play)
     incomplete: list[str] = []
@@ -287,27 +301,7 @@ def page(
         scene, volume = open_scene(job.address, preset, light, camera, image=remedy, memory=memory)
         scene = with_quality(scene, quality)
         tell("load the scene", 1)
-        require_lux(scene.lights, scene.relight, job.address)
-        lights = list(scene.lights)
-        shares = scene.raycast.shares()
-        extra = (light or []) if volume is None else []
-        if extra and scene.relight.level == "absolute":
-            raise InputError(
-                f'--light {extra[0]}: has no lux, but [viewing] level = "absolute" of '
-                f"{job.address} requires it; leave it out, or make it a [[light]] with "
-                "illuminance_lux",
-                code="conflict",
-            )
-        for text in extra:
-            note_everyday(text)
-            if (room := scene.room) is not None:
-                names = dict.fromkeys(room.response.names, 1.0)
-                lamps = LightRig.of(read_setting(text, names, scene.basis.grid))
-                lights.append(NamedLight(text, text, *room.rig(room.spectra(lamps))))
-                continue
-            rig = LightRig.of(read_setting(text, shares, scene.basis.grid))
-            shown = rig.facing(shares).mixed(scene.basis.grid)
-            lights.append(NamedLight(text, text, shown, rig))
+        lights = _page_lights(scene, volume, light or [], job.address)
         series = scene.series() if play else None
         if play and series is None:
             raise InputError(
@@ -338,6 +332,123 @@ def page(
         return f"{job.output}: {count / 1e6:.2f} MB, {lit}{many}; open it in a browser"
 
     run_jobs(found, write, incomplete=incomplete)
+
+
+def _page_lights(
+    scene: Scene, volume: Volume | None, extra: Sequence[str], address: str
+) -> list[NamedLight]:
+    """Return a scene's lights, and those that a command adds to it; a volume's are its own.
+
+    Raises VolspecError if a light cannot be read, or lacks the lux that the scene requires.
+    """
+    from volspec.relight import LightRig
+    from volspec.scene.lights import NamedLight, require_lux
+
+    require_lux(scene.lights, scene.relight, address)
+    lights = list(scene.lights)
+    shares = scene.raycast.shares()
+    extra = extra if volume is None else []
+    if extra and scene.relight.level == "absolute":
+        raise InputError(
+            f'--light {extra[0]}: has no lux, but [viewing] level = "absolute" of '
+            f"{address} requires it; leave it out, or make it a [[light]] with "
+            "illuminance_lux",
+            code="conflict",
+        )
+    for text in extra:
+        note_everyday(text)
+        if (room := scene.room) is not None:
+            names = dict.fromkeys(room.response.names, 1.0)
+            lamps = LightRig.of(read_setting(text, names, scene.basis.grid))
+            lights.append(NamedLight(text, text, *room.rig(room.spectra(lamps))))
+            continue
+        rig = LightRig.of(read_setting(text, shares, scene.basis.grid))
+        shown = rig.facing(shares).mixed(scene.basis.grid)
+        lights.append(NamedLight(text, text, shown, rig))
+    return lights
+
+
+def _check_port(_: object, port: int) -> None:
+    """Validate a port, for cyclopts."""
+    if not 0 <= port <= 65535:
+        raise ValueError(f"{port} is no port; give 0 to 65535")
+
+
+@app.command
+def serve(
+    input: Annotated[
+        str,
+        Parameter(help="A scene file, a volume (file or folder, as for `volspec info`) or a mesh."),
+    ],
+    /,
+    *,
+    preset: Preset = None,
+    camera: CameraOption = None,
+    light: Lights = None,
+    size: Size = None,
+    quality: QualityOption = None,
+    memory: Memory = None,
+    host: str = "127.0.0.1",
+    port: Annotated[int, Parameter(converter=as_written, validator=_check_port)] = 8765,
+    title: str | None = None,
+    device: Device = None,
+) -> None:
+    """Serve a scene or a volume to a browser, which relights it and moves its camera.
+
+    The volume stays on this machine: a picture's channels go to the browser once per view, and
+    lights change there. The printed address holds a token, without which nothing is answered. From
+    another machine, connect by `ssh -L 8765:localhost:8765 THIS_MACHINE` and open the address.
+
+    Example: `volspec serve engine.toml`
+
+    Example: `volspec serve scan.zarr --memory 2GiB --preset bone --size 800x600`
+
+    Parameters
+    ----------
+    light
+        A light to add to the scene's: D65, planck:3200, FILE.csv, 'key=D65; fill=A*0.3', …;
+        for a volume, instead of the default ones; repeatable.
+    size
+        WIDTHxHEIGHT in pixels, instead of the scene's.
+    host
+        Address that it listens at; 0.0.0.0 is all of this machine's, whose traffic is not
+        encrypted.
+    port
+        Port that it listens at; 0 is any that is free.
+    title
+        Title, instead of the scene's.
+    """
+    from volspec.export.page import PageSpec
+    from volspec.export.serve import scene_server
+
+    try:
+        server = scene_server(host, port)
+    except InputError as error:
+        raise error.at(f"--{error.field}") from error
+    if not server.is_private:
+        tunnel = f"ssh -L {server.port}:localhost:{server.port} THIS_MACHINE"
+        note(f"--host {host}: traffic is not encrypted; leave it out, and connect by {tunnel}")
+    try:
+        with bar(left=True) as tell:
+            tell("load the scene", 0)
+            remedy = "give its scene: volspec serve SCENE.toml; or " + RELIGHT
+            scene, volume = open_scene(input, preset, light, camera, image=remedy, memory=memory)
+            scene = with_quality(scene, quality)
+            tell("load the scene", 1)
+            server.open(
+                scene,
+                _page_lights(scene, volume, light or [], input),
+                PageSpec(title or scene.file.title or Path(input).stem),
+                volume=volume,
+                size=sides(size) if size else None,
+                device=device,
+                progress=lambda share: tell("cast", share),
+            )
+        say(f"{server.address}  (Ctrl-C ends it)")
+        sys.stdout.flush()
+        server.run()
+    finally:
+        server.close()
 
 
 @app.command

@@ -8,9 +8,23 @@ from volspec.export.page.build import (
     MOST_VIEWS,
     PageSpec,
     PageView,
+    ServedCamera,
+    pack_view,
     page_html,
+    page_policy,
     scene_views,
     write_page,
 )
 
-__all__ = ["BITS", "MOST_VIEWS", "PageSpec", "PageView", "page_html", "scene_views", "write_page"]
+__all__ = [
+    "BITS",
+    "MOST_VIEWS",
+    "PageSpec",
+    "PageView",
+    "ServedCamera",
+    "pack_view",
+    "page_html",
+    "page_policy",
+    "scene_views",
+    "write_page",
+]

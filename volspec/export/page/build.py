@@ -16,7 +16,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from string import Template
 from typing import Annotated, Any
@@ -54,11 +54,11 @@ _WEB = Path(__file__).parent / "web"
 # weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares the copies.
 _SCRIPTS = (
     "algebra illumination conditions view_transform looks channels relight lighting state elements "
-    "spectrum dial lights viewing errors probe stage share widget main"
+    "spectrum dial lights viewing errors probe stage share widget camera main"
 )
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "
-    "img-src data: blob:; base-uri 'none'; form-action 'none'; "
+    "img-src data: blob:;{network} base-uri 'none'; form-action 'none'; "
     "require-trusted-types-for 'script'; trusted-types 'none'"
 )
 
@@ -105,6 +105,32 @@ class PageView:
     step: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class ServedCamera:
+    """Camera of a page whose server casts other views.
+
+    Parameters
+    ----------
+    azimuth_deg, elevation_deg : float
+        Direction of the first picture's camera.
+    distances : (float, float)
+        Least and greatest distance, as factors of the first picture's.
+    size : (width, height)
+        Pixels of whole pictures; the first may be coarser.
+    coarse : bool
+        True if the first is.
+    notice : str
+        Message about the first picture, such as of missing parts.
+    """
+
+    azimuth_deg: float
+    elevation_deg: float
+    distances: tuple[float, float]
+    size: tuple[int, int]
+    coarse: bool = False
+    notice: str = ""
+
+
 @renamed_keyword(seen="relight_spec")
 def write_page(
     path: str | os.PathLike[str],
@@ -140,6 +166,7 @@ def page_html(
     lights: Sequence[NamedLight],
     relight_spec: RelightSpec | None = None,
     spec: PageSpec | None = None,
+    served: ServedCamera | None = None,
 ) -> str:
     """Build a page as text, to be written as UTF-8.
 
@@ -153,6 +180,8 @@ def page_html(
     relight_spec : RelightSpec, optional
         Settings of the page when it is opened.
     spec : PageSpec, optional
+    served : ServedCamera, optional
+        Of a page that asks its server for further views; other pages use no network.
 
     Raises
     ------
@@ -177,15 +206,14 @@ def page_html(
             {
                 "azimuth_deg": view.azimuth_deg,
                 "step": view.step,
-                "low": packed.low,
-                "high": packed.high,
+                **packed.numbers(),
             }
         )
     if first is None:
         raise ImageError(
             "there is no view", "give at least one", code="missing", field="page.views"
         )
-    width, height = first.size
+    width, height = served.size if served else first.size
     channels = first.coefficients.shape[2]
     numbers = {
         "title": spec.title,
@@ -203,6 +231,7 @@ def page_html(
         "heat": payload.heat_colours(),
         "constants": payload.constants(),
         "shader": payload.shaders(channels, height),
+        "served": asdict(served) if served else None,
     }
     still = _still(first, lights[0], relight_spec)
     texts = {"views": "\n".join(blocks), "marks": "".join(marks)}
@@ -273,13 +302,24 @@ def scene_views(
 
 @dataclass(frozen=True, slots=True)
 class PackedView:
-    """Channels of a view in a page."""
+    """Channels of a view in a page, or sent to one."""
 
-    # Base64 of the deflated residuals, plane by plane; above 8 bits, high bytes before low bytes.
-    text: str
+    # Deflated residuals, plane by plane; above 8 bits, high bytes before low bytes.
+    data: bytes
+    size: tuple[int, int]
     # Roots of the least and the greatest value of each plane; opacity is the last plane.
     low: tuple[float, ...]
     high: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        """The data in base64."""
+        return base64.b64encode(self.data).decode("ascii")
+
+    def numbers(self) -> dict[str, Any]:
+        """Return what unpacking takes besides the data, for JSON."""
+        width, height = self.size
+        return {"width": width, "height": height, "low": self.low, "high": self.high}
 
 
 def pack_view(image: CoefficientImage, bits: int) -> PackedView:
@@ -300,9 +340,7 @@ def pack_view(image: CoefficientImage, bits: int) -> PackedView:
     codes = np.rint((roots - low) / steps).astype(np.int64)
     band_packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, zlib.Z_FILTERED)
     data = band_packer.compress(residual_bytes(codes, bits)) + band_packer.flush()
-    return PackedView(
-        base64.b64encode(data).decode("ascii"), tuple(low.tolist()), tuple(high.tolist())
-    )
+    return PackedView(data, image.size, tuple(low.tolist()), tuple(high.tolist()))
 
 
 def residual_bytes(codes: Codes, bits: int) -> bytes:
@@ -338,6 +376,12 @@ def script() -> str:
     return "'use strict';\n(() => {\n" + "\n".join(parts) + "})();\n"
 
 
+def page_policy(*, served: bool = False) -> str:
+    """Return the content security policy of pages; a served one may ask its own server."""
+    network = " connect-src 'self';" if served else ""
+    return _POLICY.format(script=_hash(script()), style=_hash(_read("page.css")), network=network)
+
+
 def _assembled(
     spec: PageSpec,
     numbers: dict[str, Any],
@@ -347,7 +391,7 @@ def _assembled(
 ) -> str:
     code, style = script(), _read("page.css")
     return Template(_read("page.html")).substitute(
-        policy=_POLICY.format(script=_hash(code), style=_hash(style)),
+        policy=page_policy(served=numbers["served"] is not None),
         title=_text(spec.title),
         caption=_text(spec.caption),
         version=_text(__version__),

@@ -12,13 +12,13 @@ import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING
 
 from volspec.basis import Basis
 from volspec.errors import CastCancelled, OpenCLError, VolspecError, VolspecWarning, one_line
 from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
-from volspec.raycast.quality import Quality
+from volspec.raycast.pace import WHOLE, Pace, Pass
 from volspec.relight.layers import PackedLayers
 from volspec.scene.specs import MeshSpec
 from volspec.transfer import Transfers
@@ -51,36 +51,6 @@ def make_caster(volume: Volume, device: str | None) -> tuple[Raycaster | None, s
             raise
         warnings.warn(one_line(error), VolspecWarning, stacklevel=2)
         return None, one_line(error)
-
-
-class Pass(NamedTuple):
-    """A cast on the way to the whole picture.
-
-    Attributes
-    ----------
-    divisor : int
-        Of the picture's sides.
-    steps : {"own", "fast", "voxel"}
-        As the state asks; as quality "fast" does, long where opacities are gentle; or of a voxel,
-        for which nothing is estimated first.
-    """
-
-    divisor: int
-    steps: Literal["own", "fast", "voxel"] = "own"
-
-    def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:
-        """Return the pass's settings; of a volume larger than memory, on the way, what is in it."""
-        if volume.pyramid is not None and self != WHOLE:
-            own = replace(own, level=len(volume.pyramid.levels) - 1)
-        if self.steps == "own":
-            return own
-        coarse = replace(own, quality="fast", step_mm=None)
-        if self.steps == "fast":
-            return coarse
-        return replace(coarse, step_mm=max(min(volume.spacing_mm), own.step_mm or 0.0))
-
-
-WHOLE = Pass(1)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,60 +154,8 @@ class CastWorker(LatestWorker[CastJob, CastDone]):
         return WhiteWalls(room, backdrop, len(room.response.names) * basis.size)
 
 
-# Few sizes, as each has textures of its own on the GPU.
-DIVISORS = (1, 2, 3, 4, 6, 8)
-# Coarse casts slower than the first become coarser; they become finer if that stays below the
-# second. The gap allows for simultaneous drawing and for work that does not depend on the size.
-SLOW_MS, QUICK_MS = 75.0, 45.0
-# Of time steps that play, five to ten a second are enough; a mouse that turns the view wants more.
-PLAY_SLOW_MS, PLAY_QUICK_MS = 180.0, 90.0
-# A whole cast that takes longer gets a pass with longer steps before it.
-STEP_MS = 900.0
 # A drag rests if the mouse is still for this long.
 REST_S = 0.15
-
-
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """Divisor of a moving picture's sides, adapted to the times of casts.
-
-    The time of a whole picture is 0 until it is known.
-
-    >>> Pace().after(Pass(4), 100.0).divisor, Pace().after(Pass(4), 4.0).divisor
-    (6, 2)
-    """
-
-    divisor: int = 4
-    whole_ms: float = 0.0
-
-    def after(self, made: Pass, ms: float, plays: bool = False) -> Pace:
-        """Return the pace after a cast that took this long; ``plays``: of a series that plays."""
-        divisor = made.divisor
-        slow, quick = (PLAY_SLOW_MS, PLAY_QUICK_MS) if plays else (SLOW_MS, QUICK_MS)
-        if made == WHOLE:
-            paced = replace(self, whole_ms=ms)
-            return paced if self.divisor > 1 or ms <= slow else replace(paced, divisor=2)
-        if divisor != self.divisor:
-            return self
-        at = DIVISORS.index(divisor)
-        if ms > slow:
-            return replace(self, divisor=DIVISORS[min(at + 1, len(DIVISORS) - 1)])
-        finer = [each for each in DIVISORS[:at] if ms * (divisor / each) ** 2 < quick]
-        return replace(self, divisor=finer[0]) if finer else self
-
-    @property
-    def moving(self) -> Pass:
-        """The pass of a moving picture."""
-        return Pass(self.divisor, "voxel") if self.divisor > 1 else WHOLE
-
-    def to_whole(self, quality: Quality | float) -> tuple[Pass, ...]:
-        """Return the passes from a coarse picture to the whole of a quality.
-
-        Full size with long steps looks better than half the size, and takes as long.
-        """
-        if self.divisor <= 2 or self.whole_ms <= STEP_MS:
-            return (WHOLE,)
-        return (Pass(2) if quality == "fast" else Pass(1, "fast"), WHOLE)
 
 
 class CastScheduler:

@@ -1,4 +1,4 @@
-// Unpack a view's channels: from text in the page to texels for the shader.
+// Unpack a view's channels: from text in the page, or a server's bytes, to texels for the shader.
 //
 //     base64 -> deflate -> residuals -> codes -> half floats, four channels to a layer
 //
@@ -68,19 +68,52 @@ function residualsOf(bytes, start, pixels, wide) {
     { length: pixels }, (_, at) => (bytes[start + at] << 8) | bytes[low + at]);
 }
 
-// Half floats as Uint16, layer by layer of RGBA texels, as texSubImage3D takes them.
-async function texelsOf(text, view, { width, height, count, bits }) {
-  const bytes = await inflated(bytesOf(text));
-  const pixels = width * height, layers = Math.ceil(count / 4), wide = bits > 8;
-  if (bytes.length !== pixels * count * (wide ? 2 : 1)) throw new Error('the channels are cut off');
+// Samples along one side of an enlarged picture: the index before each pixel, and the weight of the
+// next one. Both pictures have the same centre, and heights of the same length in the world.
+function sampling(size, stored, scale) {
+  const first = new Int32Array(size), weight = new Float32Array(size);
+  for (let i = 0; i < size; i++) {
+    const at = clamped((i - (size - 1) / 2) * scale + (stored - 1) / 2, 0, stored - 1);
+    first[i] = Math.min(Math.floor(at), Math.max(stored - 2, 0));
+    weight[i] = at - first[i];
+  }
+  return { first, weight };
+}
+
+// Interpolate a coarse plane's codes; these are roots, of which edges have no dark fringe.
+function enlarged(codes, view, { width, height }) {
+  if (view.width === width && view.height === height) return codes;
+  const scale = view.height / height, made = new Int32Array(width * height);
+  const across = sampling(width, view.width, scale), down = sampling(height, view.height, scale);
+  const right = view.width > 1 ? 1 : 0, below = view.height > 1 ? view.width : 0;
+  for (let y = 0, to = 0; y < height; y++) {
+    const row = down.first[y] * view.width, v = down.weight[y];
+    for (let x = 0; x < width; x++, to++) {
+      const at = row + across.first[x], u = across.weight[x];
+      const upper = codes[at] + u * (codes[at + right] - codes[at]);
+      const lower = codes[at + below] + u * (codes[at + below + right] - codes[at + below]);
+      made[to] = Math.round(upper + v * (lower - upper));
+    }
+  }
+  return made;
+}
+
+// Half floats as Uint16, layer by layer of RGBA texels, as texSubImage3D takes them; of the page's
+// size, also if the view is coarser.
+async function texelsOf(deflated, view, channels) {
+  const bytes = await inflated(deflated), { count, bits } = channels;
+  const stored = view.width * view.height, pixels = channels.width * channels.height;
+  const layers = Math.ceil(count / 4), wide = bits > 8;
+  if (bytes.length !== stored * count * (wide ? 2 : 1)) throw new Error('the channels are cut off');
   const texels = new Uint16Array(layers * pixels * 4);
-  const codes = new Int32Array(pixels), plane = new Int32Array(pixels);
+  const codes = new Int32Array(stored), plane = new Int32Array(stored);
   for (let channel = 0; channel < count; channel++) {
-    const start = channel * pixels * (wide ? 2 : 1);
-    unpredicted(residualsOf(bytes, start, pixels, wide), plane, codes, width, 2 ** bits - 1);
+    const start = channel * stored * (wide ? 2 : 1);
+    unpredicted(residualsOf(bytes, start, stored, wide), plane, codes, view.width, 2 ** bits - 1);
     const halves = halvesByCode(view.low[channel], view.high[channel], bits);
     const offset = (channel >> 2) * pixels * 4 + (channel & 3);
-    for (let at = 0; at < pixels; at++) texels[offset + 4 * at] = halves[codes[at]];
+    const full = enlarged(codes, view, channels);
+    for (let at = 0; at < pixels; at++) texels[offset + 4 * at] = halves[full[at]];
   }
   return texels;
 }

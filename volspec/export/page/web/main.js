@@ -19,6 +19,8 @@ class App {
     this.shown = -1;
     this.turning = false;
     this.playing = false;
+    // Camera of a served page.
+    this.camera = null;
     this.run = 0;
     // Pixel under the mouse; the pinned one is in the state.
     this.hovered = null;
@@ -121,22 +123,27 @@ class App {
       return;
     }
     this.shown = view;
-    // Labels and measurements, which are projected for each view.
+    this.showMarks(view);
+    // Hide a message about an earlier view, but not a refusal.
+    byId('notice').hidden = !byId('controls').disabled;
+    this.refresh();
+  }
+
+  // Labels and measurements, which are projected for each view.
+  showMarks(view) {
     const own = `marks-${view}`, marks = byId('marks');
     for (const each of marks.children) each.setAttribute('display', each.id === own ? 'inline' : 'none');
     const texts = [...document.querySelectorAll(`#${own} text`)].map((each) => each.textContent);
     marks.setAttribute('aria-label', texts.join(', '));
     marks.setAttribute('aria-hidden', !texts.length);
-    // Hide a message about an earlier view, but not a refusal.
-    byId('notice').hidden = !byId('controls').disabled;
-    this.refresh();
   }
 
   // A view's texels, kept while there is room.
   decode(view) {
     const { page, decoded } = this;
     if (!decoded.has(view)) {
-      const made = texelsOf(byId(`view-${view}`).textContent, page.views[view], page.channels);
+      const packed = bytesOf(byId(`view-${view}`).textContent);
+      const made = texelsOf(packed, page.views[view], page.channels);
       decoded.set(view, made);
       const { width, height, count } = page.channels;
       const bytes = decoded.size * width * height * Math.ceil(count / 4) * 8;
@@ -145,6 +152,16 @@ class App {
       }
     }
     return decoded.get(view);
+  }
+
+  // Replace the only view by another camera's.
+  replace(texels, marks) {
+    this.decoded.set(0, Promise.resolve(texels));
+    this.relighter.drop(0);
+    byId('marks').replaceChildren(svg('g', { id: 'marks-0' }, ...marks));
+    this.showMarks(0);
+    this.texels = texels;
+    this.refresh();
   }
 
   // The picture, or every second column and row of it.
@@ -222,6 +239,7 @@ class App {
     if (stepsOf(this.page) > 1) stepping(this);
     inNotebook(this);
     await this.turnTo(this.state.view);
+    if (this.page.served) this.camera = new ServedCamera(this);
     const { canvas } = this.relighter;
     canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
     canvas.addEventListener('webglcontextrestored', () => {
@@ -292,7 +310,8 @@ function labels(app) {
   };
   return () => {
     const { compare, sides } = app.state;
-    byId('label-a').textContent = (compare ? 'A: ' : '') + describe(sides[0]);
+    byId('label-a').textContent = (compare ? 'A: ' : '') + describe(sides[0])
+      + (app.camera?.coarse ? ' \u00b7 coarse' : '');
     byId('label-b').textContent = compare ? `B: ${describe(sides[1])}` : '';
     byId('label-b').hidden = !compare;
     const whole = `${isolated(app.page.title)} under ${describe(sides[0])}`

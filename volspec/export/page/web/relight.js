@@ -153,6 +153,12 @@ class Relighter {
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
   }
 
+  // Forget a view's texels, which others replace.
+  drop(view) {
+    this.gl.deleteTexture(this.textures.get(view) ?? null);
+    this.textures.delete(view);
+  }
+
   // Resize the canvas to all pixels, or to every second column and row.
   resize(every) {
     const { canvas, page: { channels } } = this;

@@ -35,7 +35,8 @@ class Stage {
     this.frame.style.transform = `translate(${left}px, ${top}px) scale(${across}, ${down})`;
     this.frame.classList.toggle('coarse', Math.max(across, down) >= 3);
     // While the whole picture is visible, a finger may scroll the page vertically.
-    this.port.style.touchAction = this.place.zoom > 1 ? 'none' : 'pan-y';
+    const drags = this.place.zoom > 1 || app.camera;
+    this.port.style.touchAction = drags ? 'none' : 'pan-y';
     const divide = byId('divide-line'), at = left + app.state.divide * width * across;
     divide.hidden = !app.state.compare;
     divide.style.transform = `translateX(${clamped(at, 0, this.port.clientWidth)}px)`;
@@ -117,7 +118,9 @@ class Stage {
       // In a frame, the wheel scrolls the outer page unless Ctrl is held.
       if (window.parent !== window && !event.ctrlKey) return;
       event.preventDefault();
-      this.zoomed(Math.exp(-clamped(event.deltaY, -120, 120) / 300), this.within(event));
+      const factor = Math.exp(clamped(event.deltaY, -120, 120) / 300);
+      if (app.camera && (event.ctrlKey || event.altKey)) app.camera.dolly(factor);
+      else this.zoomed(1 / factor, this.within(event));
     }, { passive: false });
     port.addEventListener('keydown', (event) => this.key(event));
     new ResizeObserver(() => app.refresh()).observe(port);
@@ -136,7 +139,8 @@ class Stage {
     this.port.setPointerCapture(event.pointerId);
     const at = this.within(event), { state, page } = this.app, { across, left } = this.box;
     const line = left + state.divide * page.channels.width * across;
-    const turns = camerasOf(page) > 1 && event.button === 0 && !event.shiftKey;
+    const views = camerasOf(page) > 1 || page.served;
+    const turns = views && event.button === 0 && !event.shiftKey;
     const divides = state.compare && Math.abs(at[0] - line) < NEAR_DIVIDE;
     const task = divides ? 'divide' : turns ? 'turn' : 'pan';
     this.pointers.set(event.pointerId, { at, from: at, task, turned: 0 });
@@ -154,6 +158,9 @@ class Stage {
     } else if (held.task === 'divide') {
       const { across, left } = this.box;
       app.put({ divide: clamped((at[0] - left) / (app.page.channels.width * across), 0, 1) });
+    } else if (held.task === 'turn' && app.camera) {
+      const rate = DRAG_DEG / this.port.clientHeight;
+      app.camera.turn(-rate * dx, rate * dy);
     } else if (held.task === 'turn') {
       const turned = (held.from[0] - at[0]) / this.port.clientWidth * camerasOf(app.page);
       app.turnTo(viewAfter(app.page, app.state.view, Math.round(turned) - held.turned, 0));
@@ -191,6 +198,10 @@ class Stage {
   key(event) {
     const { app } = this, { width, height } = app.page.channels;
     const go = (turns, steps) => app.turnTo(viewAfter(app.page, app.state.view, turns, steps));
+    const page = (way) => {
+      if (!app.camera) go(way, 0);
+      else app.camera.turn(...(event.shiftKey ? [0, -KEY_DEG * way] : [KEY_DEG * way, 0]));
+    };
     const step = event.shiftKey ? 10 : 1;
     const way = ARROWS[event.key];
     const calls = {
@@ -198,8 +209,8 @@ class Stage {
       '=': () => this.zoomed(1.25),
       '-': () => this.zoomed(0.8),
       0: () => this.fit(),
-      PageUp: () => go(-1, 0),
-      PageDown: () => go(1, 0),
+      PageUp: () => page(-1),
+      PageDown: () => page(1),
       ',': () => go(0, -1),
       '.': () => go(0, 1),
       ' ': () => app.play(!app.playing),

@@ -53,7 +53,11 @@ const desktopFields = (page) => ({
   compare: yesOrNo, divide: within(0, 1), view: wholeNumber(0, page.views.length - 1),
   errors: yesOrNo,
   probe: orNone(numbers(2, 0, Math.max(page.channels.width, page.channels.height))),
+  ...(page.served && cameraFields(page.served)),
 });
+
+const cameraFields = ({ distances }) => ({
+  azimuth: within(-180, 180), elevation: within(-90, 90), distance: within(...distances) });
 
 // Number of cameras; views are ordered by time step, and then by camera.
 const camerasOf = ({ views }) => views.filter(({ step }) => step === views[0].step).length;
@@ -72,6 +76,8 @@ function viewAfter(page, view, turns, steps) {
 const opened = (page) => ({
   sides: [page.look, page.look], edited: 0, compare: false, divide: 0.5, view: 0, errors: false,
   probe: null,
+  ...(page.served && {
+    azimuth: page.served.azimuth_deg, elevation: page.served.elevation_deg, distance: 1 }),
 });
 
 function written(state, page) {

@@ -1,0 +1,57 @@
+"""Server of one scene: its page relights in a browser, and asks for a cast when the camera moves.
+
+    scene -> [serve] -> page, one coefficient image per view -> browser
+
+The volume stays where it is. tornado is an extra; only `scene_server` itself needs it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from volspec.errors import DeviceError
+
+if TYPE_CHECKING:
+    from volspec.export.serve.http import SceneServer
+
+__all__ = ["scene_server"]
+
+HOST, PORT = "127.0.0.1", 8765
+
+
+def scene_server(host: str = HOST, port: int = PORT) -> SceneServer:
+    """Return a server that listens at an address, and as yet has no scene.
+
+    Parameters
+    ----------
+    host : str
+        Name or number of the machine's address; by default only this machine can connect.
+    port : int
+        0 to 65535; 0 is any that is free.
+
+    Raises
+    ------
+    DeviceError
+        If the extra ``serve`` is not installed.
+    InputError
+        If there is no such address, or the port cannot be used.
+
+    Examples
+    --------
+    >>> from volspec.export.serve import scene_server
+    >>> server = scene_server(port=0)
+    >>> server.address[:17], server.is_private
+    ('http://127.0.0.1:', True)
+    >>> server.close()
+    """
+    try:
+        from volspec.export.serve.http import SceneServer
+    except ModuleNotFoundError as error:
+        if error.name != "tornado":
+            raise
+        raise DeviceError(
+            "serve: tornado is not installed",
+            'pip install "volspec[serve]"',
+            code="unsupported",
+        ) from error
+    return SceneServer(host, port)
