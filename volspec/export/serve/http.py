@@ -166,7 +166,7 @@ class SceneServer:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Site:
-    """What the handlers share."""
+    """A page, its casts, and the secrets that its handlers check."""
 
     html: str
     queue: CastQueue

@@ -1,0 +1,156 @@
+"""A ball that is served in a thread of its own, and a client that speaks plain HTTP."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import struct
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from threading import Thread
+from typing import Any
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+from volspec.export.serve import scene_server
+from volspec.scene import Scene
+from volspec.volume import phantom
+
+SCENE = """
+title = "Ball"
+[volume]
+file = "ball.npy"
+[[material]]
+name = "gold"
+reflectance = "gold"
+[transfer]
+points = [
+    { value = 0.2, opacity = 0.0, material = "gold" },
+    { value = 0.6, opacity = 0.5, material = "gold" },
+]
+[basis]
+name = "general-5"
+[camera]
+azimuth_deg = 20
+elevation_deg = 10
+[[annotation]]
+kind = "label"
+text = "here & there"
+point_mm = [8, 8, 8]
+[[light]]
+name = "day"
+spectrum = "D65"
+[[light]]
+name = "lamp"
+spectrum = "A"
+[output]
+width = 42
+height = 30
+"""
+
+
+@dataclass
+class Answer:
+    """An answer of the server."""
+
+    status: int
+    headers: http.client.HTTPMessage
+    body: bytes
+
+    @property
+    def line(self) -> str:
+        """The body, which is one line of text."""
+        assert self.body.endswith(b"\n") and self.body.count(b"\n") == 1
+        assert self.headers["Content-Type"].startswith("text/plain")
+        return self.body.decode()
+
+    def view(self) -> tuple[dict[str, Any], bytes]:
+        """Numbers and channels of a view's message."""
+        (length,) = struct.unpack_from(">I", self.body)
+        return json.loads(self.body[4 : 4 + length]), self.body[4 + length :]
+
+
+@dataclass
+class Client:
+    """A browser without a screen."""
+
+    server: Any
+    cookie: str = ""
+
+    def get(self, path: str, method: str = "GET", **headers: str) -> Answer:
+        """Ask for a path; underscores in names of headers are hyphens."""
+        given = {name.replace("_", "-"): value for name, value in headers.items()}
+        if self.cookie:
+            given.setdefault("Cookie", self.cookie)
+        connection = http.client.HTTPConnection("127.0.0.1", self.server.port, timeout=20)
+        try:
+            connection.putrequest(method, path, skip_host="Host" in given)
+            for name, value in given.items():
+                connection.putheader(name, value)
+            connection.endheaders()
+            answer = connection.getresponse()
+            return Answer(answer.status, answer.headers, answer.read())
+        finally:
+            connection.close()
+
+    @property
+    def token(self) -> str:
+        return urlsplit(self.server.address).query
+
+    def enter(self) -> Answer:
+        """Open the printed address, and keep its cookie."""
+        answer = self.get(f"/?{self.token}")
+        self.cookie = answer.headers["Set-Cookie"].partition(";")[0]
+        return answer
+
+    def view(self, **words: object) -> Answer:
+        given = {"azimuth": 20, "elevation": 10, "distance": 1, "coarse": 0, "client": 1} | words
+        return self.get("/view?" + "&".join(f"{key}={value}" for key, value in given.items()))
+
+
+@contextmanager
+def serving(scene: Scene, host: str = "127.0.0.1", **how: Any) -> Iterator[Any]:
+    """Serve a scene until the end of the block."""
+    server = scene_server(host, 0)
+    try:
+        server.open(scene, **how)
+    except BaseException:
+        server.close()
+        raise
+    thread = Thread(target=server.run)
+    thread.start()
+    try:
+        yield server
+    finally:
+        server.stop()
+        thread.join(20)
+        assert not thread.is_alive()
+
+
+@pytest.fixture(scope="session")
+def ball_scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    folder: Path = tmp_path_factory.mktemp("served")
+    np.save(folder / "ball.npy", phantom.ball(17).values.astype(np.float32))
+    (folder / "ball.toml").write_text(SCENE, encoding="utf-8")
+    return Scene.load(folder / "ball.toml")
+
+
+@pytest.fixture(scope="module")
+def server(ball_scene: Scene) -> Iterator[Any]:
+    with serving(ball_scene) as made:
+        yield made
+
+
+@pytest.fixture
+def client(server: Any) -> Client:
+    """A client with the cookie."""
+    made = Client(server)
+    made.enter()
+    return made
+
+
+Serve = Callable[..., Any]

@@ -1,0 +1,215 @@
+"""Who is answered, and what is asked for: token, cookie, names, paths, methods, parameters."""
+
+from __future__ import annotations
+
+import re
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.serve.conftest import Client, serving
+from tests.support.errors import raises
+from volspec.cli import main
+from volspec.errors import DeviceError, InputError
+from volspec.export.page import page_policy
+from volspec.export.serve import scene_server
+from volspec.scene import Scene
+
+
+def test_the_token_buys_a_cookie_for_the_clean_address(server: Any) -> None:
+    client = Client(server)
+    answer = client.enter()
+    assert (answer.status, answer.headers["Location"], answer.body) == (303, "./", b"")
+    attributes = {part.strip() for part in answer.headers["Set-Cookie"].split(";")[1:]}
+    assert attributes == {"HttpOnly", "SameSite=Strict"}
+    assert client.token.partition("=")[2] not in answer.headers["Set-Cookie"]
+    page = client.get("/")
+    assert page.status == 200 and b"<title>Relightable picture</title>" in page.body
+    assert "token" not in page.body.decode()
+
+
+@pytest.mark.parametrize(
+    ("path", "cookie"),
+    [
+        ("/", ""),
+        ("/view?azimuth=1", ""),
+        ("/nothing", ""),
+        ("/", "volspec-{port}=wrong"),
+        ("/", "volspec-{port}="),
+        ("/", 'volspec-{port}="\\377ü'),
+        ("/?token=", ""),
+        ("/?token=wrong", ""),
+        ("/?token=%ff%fe", ""),
+        ("/?{token}&token=wrong", ""),
+        ("/view?{token}", ""),
+    ],
+)
+def test_nothing_is_answered_without_the_secret(server: Any, path: str, cookie: str) -> None:
+    client = Client(server, cookie.format(port=server.port))
+    answer = client.get(path.format(token=client.token))
+    assert answer.status == 403 and answer.line
+    assert "Set-Cookie" not in answer.headers
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:{port}", "127.0.0.1.evil.example", "", "[::1", "a@b:1"]
+)
+def test_other_names_are_refused_even_with_the_secret(client: Client, host: str) -> None:
+    host = host.format(port=client.server.port)
+    for path in ("/", f"/?{client.token}", "/view"):
+        answer = client.get(path, Host=host)
+        assert answer.status in (400, 403)
+
+
+@pytest.mark.parametrize(
+    "host", ["localhost:{port}", "127.0.0.1:{port}", "[::1]:9000", "LOCALHOST"]
+)
+def test_own_names_are_answered_also_at_the_near_end_of_a_tunnel(client: Client, host: str) -> None:
+    assert client.get("/", Host=host.format(port=client.server.port)).status == 200
+
+
+def test_all_addresses_take_any_name_but_still_the_token(ball_scene: Scene) -> None:
+    with serving(ball_scene, host="0.0.0.0") as server:
+        client = Client(server)
+        assert not server.is_private and socket.gethostname() in server.address
+        assert client.get("/", Host="hub.example").status == 403
+        client.enter()
+        assert client.get("/", Host="hub.example").status == 200
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Origin": "http://127.0.0.1:1"},
+        {"Sec_Fetch_Site": "cross-site"},
+        {"Sec_Fetch_Site": "same-site"},
+    ],
+)
+def test_other_sites_get_no_views(client: Client, headers: dict[str, str]) -> None:
+    words = "/view?azimuth=0&elevation=0&distance=1&coarse=1&client=1"
+    assert client.get(words, **headers).status == 403
+    own = f"http://127.0.0.1:{client.server.port}"
+    assert client.get(words, Origin=own, Sec_Fetch_Site="same-origin").status == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../etc/passwd",
+        "/%2e%2e/%2e%2e/etc/passwd",
+        "/view/../../etc/passwd",
+        "/view/",
+        "//evil.example/",
+        "//evil.example/?{token}",
+        "http://evil.example/",
+        "/etc/passwd",
+        "/favicon.ico",
+        "/index.html",
+        "/\\..\\windows",
+        "/page.html?azimuth=1",
+        "/view%00",
+        "*",
+    ],
+)
+def test_there_are_no_other_paths(client: Client, path: str) -> None:
+    answer = client.get(path.format(token=client.token))
+    assert (answer.status, answer.body.count(b"\n")) == (404, 1)
+    assert "Location" not in answer.headers
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "PATCH", "TRACE"])
+@pytest.mark.parametrize("path", ["/", "/view", "/other"])
+def test_only_reading_is_allowed(client: Client, method: str, path: str) -> None:
+    answer = client.get(path, method)
+    assert (answer.status, answer.headers["Allow"]) == (405, "GET, HEAD")
+
+
+def test_heads_have_no_body_and_cast_nothing(client: Client) -> None:
+    page = client.get("/", "HEAD")
+    assert (page.status, page.body) == (200, b"") and int(page.headers["Content-Length"]) > 1000
+    assert client.get("/view?azimuth=1", "HEAD").status == 405
+
+
+def test_every_answer_forbids_what_it_does_not_need(client: Client) -> None:
+    page = client.get("/")
+    assert page.headers["Content-Security-Policy"] == (
+        f"{page_policy(served=True)}; frame-ancestors 'none'"
+    )
+    assert "connect-src 'self'" in page_policy(served=True)
+    assert "connect-src" not in page_policy()
+    for answer in (page, client.view(), client.get("/x"), client.get("/", "PUT")):
+        for name, value in {
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+            "Cross-Origin-Opener-Policy": "same-origin",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cache-Control": "no-store",
+        }.items():
+            assert answer.headers[name] == value
+        assert "Server" not in answer.headers and "ETag" not in answer.headers
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ({"azimuth": "x"}, "azimuth is 'x'; give one number from -360 to 360"),
+        ({"azimuth": "nan"}, "azimuth is 'nan'"),
+        ({"azimuth": "1e999"}, "azimuth is '1e999'"),
+        ({"elevation": 91}, "elevation is '91'; give one number from -90 to 90"),
+        ({"distance": 0}, "distance is '0'; give one number from 0.1 to 10"),
+        ({"distance": ""}, "distance is ''"),
+        ({"coarse": 2}, "coarse is '2'; give one whole number from 0 to 1"),
+        ({"client": "1.5"}, "client is '1.5'"),
+        ({"client": "9" * 5000}, "client is '999"),
+        ({"file": "/etc/passwd"}, "no parameter 'file'"),
+        ({"azimuth": "1&azimuth=2"}, "azimuth is '1, 2'"),
+    ],
+)
+def test_wrong_parameters_are_named_with_their_range(
+    client: Client, words: dict[str, object], named: str
+) -> None:
+    answer = client.view(**words)
+    assert answer.status == 400 and named in answer.line
+    assert len(answer.body) < 300
+
+
+def test_ports_and_hosts_that_cannot_be_used_are_named(server: Any) -> None:
+    with raises(InputError, "conflict", "port"):
+        scene_server(port=server.port)
+    with raises(InputError, "not-found", "host"):
+        scene_server("203.0.113.9", 0)
+    with raises(InputError, "range", "port"):
+        scene_server(port=70000)
+
+
+def test_the_extra_is_named_if_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "volspec.export.serve.http")
+    monkeypatch.setitem(sys.modules, "tornado", None)
+    for name in [name for name in sys.modules if name.startswith("tornado.")]:
+        monkeypatch.delitem(sys.modules, name)
+    with raises(DeviceError, "unsupported") as refused:
+        scene_server()
+    assert 'pip install "volspec[serve]"' in str(refused.value)
+
+
+def test_the_command_prints_its_address_and_ends_by_an_interrupt(
+    ball_scene: Scene, server: Any, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["serve", str(ball_scene.path), "--size", "40x30"]
+    with pytest.raises(SystemExit) as refused:
+        main([*words, "--port", str(server.port)])
+    assert refused.value.code == 1 and f"--port is {server.port}" in capsys.readouterr().err
+    command = [sys.executable, "-m", "volspec", *words, "--port", "0"]
+    root = Path(__file__).resolve().parents[2]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=root, text=True) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        assert re.match(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{32} ", line)
+        process.send_signal(2)
+        assert process.wait(20) == 130

@@ -1,0 +1,217 @@
+"""What is cast: cameras, coarse and whole views, the newest first, marks, gaps, failures."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.serve.conftest import Client, serving
+from tests.support.errors import raises
+from tests.support.pyramids import stored
+from volspec.errors import CastCancelled, OpenCLError, RaycastError
+from volspec.export.page import pack_view
+from volspec.export.serve.views import CastQueue, SceneViews, ViewRequest, scene_orbit
+from volspec.pipeline import raycast
+from volspec.raycast import Camera
+from volspec.raycast.camera import Orbit
+from volspec.scene import Scene
+from volspec.scene.specs import CameraSpec
+from volspec.volume import phantom
+
+
+def test_a_view_is_what_the_pipeline_casts(client: Client, ball_scene: Scene) -> None:
+    camera = Orbit(75.0, -30.0, ball_scene.file.camera.zoom / 0.5)
+    volume = ball_scene.volume()
+    image = raycast(
+        volume, ball_scene.transfer, camera.camera(volume), (42, 30), ball_scene.raycast
+    )
+    packed = pack_view(image, 8)
+    numbers, data = client.view(azimuth=75, elevation=-30, distance=0.5).view()
+    assert data == packed.data
+    assert (numbers["width"], numbers["height"], numbers["coarse"]) == (42, 30, False)
+    assert (tuple(numbers["low"]), tuple(numbers["high"])) == (packed.low, packed.high)
+    assert numbers["notice"] == ""
+
+
+def test_a_coarse_view_is_smaller_and_has_the_marks_of_the_whole(client: Client) -> None:
+    whole, _ = client.view().view()
+    coarse, data = client.view(coarse=1).view()
+    assert coarse["width"] <= whole["width"] and coarse["marks"] == whole["marks"]
+    words = [inside for name, _, inside in whole["marks"] if name == "text"]
+    assert words == ["here & there"]
+
+
+def test_the_page_opens_with_the_scenes_own_camera(client: Client) -> None:
+    text = client.get("/").body.decode()
+    assert '"served":{"azimuth_deg":20.0,"elevation_deg":10.0' in text
+    assert '"width":42,"height":30,"count":6' in text
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        CameraSpec(azimuth_deg=200.0, elevation_deg=-20.0, zoom=1.3, roll_deg=30.0),
+        CameraSpec(azimuth_deg=20.0, elevation_deg=120.0),
+        CameraSpec(azimuth_deg=20.0, elevation_deg=-250.0, orthographic=True),
+        CameraSpec(position_mm=(30.0, -20.0, 25.0), target_mm=(7.0, 8.0, 9.0), fov_deg=40.0),
+        CameraSpec(position_mm=(30.0, -20.0, 25.0), up=(0.0, 1.0, 0.0)),
+    ],
+)
+def test_the_orbit_of_a_scene_is_its_camera(ball_scene: Scene, table: CameraSpec) -> None:
+    scene, volume = ball_scene.with_camera(table), ball_scene.volume()
+    orbit = scene_orbit(scene, volume)
+    assert abs(orbit.elevation_deg) <= 90 and abs(orbit.azimuth_deg) <= 180
+    own, made = scene.camera(volume), orbit.camera(volume)
+    assert np.allclose(own.position_mm, made.position_mm, atol=1e-9)
+    assert np.allclose(np.array(own.frame()), np.array(made.frame()), atol=1e-9)
+    assert (own.fov_deg, own.height_mm) == (made.fov_deg, made.height_mm)
+
+
+def waiting(started: Event) -> Callable[..., bytes]:
+    """Return a cast that lasts until it is cancelled if it is coarse, else a moment."""
+
+    def message(request: ViewRequest, cancel: Callable[[], bool]) -> bytes:
+        if not request.coarse:
+            return b"whole"
+        started.set()
+        while not cancel():
+            time.sleep(0.001)
+        raise CastCancelled("raycast: cancelled", code="state")
+
+    return message
+
+
+def test_of_a_clients_requests_the_newest_counts() -> None:
+    started = Event()
+    queue = CastQueue(waiting(started))
+    first, running = queue.submit(ViewRequest(0, 0, coarse=True, client=1))
+    assert started.wait(5)
+    _, other = queue.submit(ViewRequest(0, 0, client=2))
+    second, waits = queue.submit(ViewRequest(1, 0, coarse=True, client=1))
+    third, newest = queue.submit(ViewRequest(2, 0, client=1))
+    with raises(CastCancelled, "state"):
+        running.result(5)
+    with raises(CastCancelled, "state"):
+        waits.result(5)
+    assert (other.result(5), newest.result(5)) == (b"whole", b"whole")
+    for pending in (first, second):
+        queue.done(pending)
+    assert first.superseded.is_set() and not third.superseded.is_set()
+    queue.close()
+
+
+def test_a_replaced_request_is_answered_as_such_and_others_go_on(ball_scene: Scene) -> None:
+    started = Event()
+    with serving(ball_scene) as server, ThreadPoolExecutor(1) as pool:
+        server._queue._message = waiting(started)
+        client = Client(server)
+        client.enter()
+        earlier = pool.submit(client.view, coarse=1, client=7)
+        assert started.wait(5)
+        assert client.get("/").status == 200, "the page does not wait for a cast"
+        assert client.view(client=7).body == b"whole"
+        assert earlier.result(5).status == 409 and earlier.result().line
+
+
+def test_a_browser_that_leaves_ends_its_cast(ball_scene: Scene) -> None:
+    started, ended = Event(), Event()
+    cast = waiting(started)
+
+    def message(request: ViewRequest, cancel: Callable[[], bool]) -> bytes:
+        try:
+            return cast(request, cancel)
+        finally:
+            ended.set()
+
+    with serving(ball_scene) as server:
+        server._queue._message = message
+        client = Client(server)
+        client.enter()
+        words = "azimuth=0&elevation=0&distance=1&coarse=1&client=1"
+        head = f"GET /view?{words} HTTP/1.1\r\nHost: localhost\r\nCookie: {client.cookie}\r\n\r\n"
+        with socket.create_connection(("127.0.0.1", server.port), 5) as browser:
+            browser.sendall(head.encode())
+            assert started.wait(5)
+        assert ended.wait(5)
+
+
+def test_stopping_ends_a_cast_in_progress(ball_scene: Scene) -> None:
+    started = Event()
+    with serving(ball_scene) as server, ThreadPoolExecutor(1) as pool:
+        server._queue._message = waiting(started)
+        client = Client(server)
+        client.enter()
+        unanswered = pool.submit(client.view, coarse=1)
+        assert started.wait(5)
+        server.stop()
+        assert unanswered.exception(10) is not None or unanswered.result().status == 409
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [
+        (RaycastError("step_mm: 1\nis too long", "give less"), 422),
+        (OpenCLError("the device is lost", "see volspec doctor"), 500),
+        (MemoryError(), 500),
+        (ZeroDivisionError("by\n0"), 500),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_a_failed_cast_is_one_line_and_the_next_succeeds(
+    ball_scene: Scene, error: Exception, status: int
+) -> None:
+    def message(request: ViewRequest, cancel: Callable[[], bool]) -> bytes:
+        if request.coarse:
+            raise error
+        return b"whole"
+
+    with serving(ball_scene) as server:
+        server._queue._message = message
+        client = Client(server)
+        client.enter()
+        answer = client.view(coarse=1)
+        assert answer.status == status and answer.line
+        assert client.view().body == b"whole"
+
+
+def test_the_scenes_camera_bounds_what_can_be_asked(ball_scene: Scene) -> None:
+    views = SceneViews(ball_scene, size=(24, 16))
+    near = views.camera(ViewRequest(20.0, 10.0, 0.5))
+    own = views.camera(ViewRequest(20.0, 10.0))
+    assert isinstance(own, Camera) and own == ball_scene.camera(views.volume)
+    assert near.distance_mm == pytest.approx(own.distance_mm / 2)
+
+
+@pytest.mark.filterwarnings("ignore::volspec.errors.VolspecWarning")
+def test_missing_parts_of_a_store_are_told_to_the_page(tmp_path: Path) -> None:
+    pytest.importorskip("zarr")
+    volume = stored(phantom.ball(150), tmp_path)
+    for chunk in (tmp_path / "v.zarr/0/c/1/1").iterdir():
+        chunk.unlink()
+    scene = Scene.from_volume(str(tmp_path / "v.zarr?memory=2MB"), volume=volume, lights=["D65"])
+    scene = scene.casting(level=0, step_mm=None)
+    with serving(scene, volume=volume, size=(24, 24)) as server:
+        client = Client(server)
+        client.enter()
+        coarse, _ = client.view(coarse=1).view()
+        assert coarse["notice"] == "" and coarse["coarse"]
+        whole, _ = client.view().view()
+        assert "cannot be read" in whole["notice"]
+
+
+def test_a_page_for_a_file_asks_no_network(ball_scene: Scene) -> None:
+    from volspec.export.page import PageView, page_html
+
+    image = ball_scene.render(size=(8, 6))
+    text = page_html([PageView(image)], ball_scene.lights)
+    assert '"served":null' in text and "connect-src" not in text.split("<style>")[0]
+    assert replace(image, notes={}).size == (8, 6)
