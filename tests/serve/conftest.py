@@ -5,7 +5,7 @@ from __future__ import annotations
 import http.client
 import json
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,9 +38,8 @@ name = "general-5"
 azimuth_deg = 20
 elevation_deg = 10
 [[annotation]]
-kind = "label"
 text = "here & there"
-point_mm = [8, 8, 8]
+points_mm = [[8, 8, 8]]
 [[light]]
 name = "day"
 spectrum = "D65"
@@ -151,6 +150,3 @@ def client(server: Any) -> Client:
     made = Client(server)
     made.enter()
     return made
-
-
-Serve = Callable[..., Any]

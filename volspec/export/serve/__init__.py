@@ -47,7 +47,7 @@ def scene_server(host: str = HOST, port: int = PORT) -> SceneServer:
     try:
         from volspec.export.serve.http import SceneServer
     except ModuleNotFoundError as error:
-        if error.name != "tornado":
+        if (error.name or "").partition(".")[0] != "tornado":
             raise
         raise DeviceError(
             "serve: tornado is not installed",

@@ -21,7 +21,6 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
-from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 
 from volspec.errors import CastCancelled, InputError, VolspecError, one_line
@@ -56,8 +55,8 @@ class SceneServer:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        self._host, self._sockets = host, _listen(host, port)
-        self._port: int = self._sockets[0].getsockname()[1]
+        self._host, self._socket = host, _listen(host, port)
+        self._port: int = self._socket.getsockname()[1]
         self._token = secrets.token_urlsafe(24)
         self._queue: CastQueue | None = None
         self._site: _Site | None = None
@@ -130,12 +129,12 @@ class SceneServer:
     def stop(self) -> None:
         """End `run`; may be called from any thread."""
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._stopped.set)
+            with suppress(RuntimeError):  # it has ended
+                self._loop.call_soon_threadsafe(self._stopped.set)
 
     def close(self) -> None:
-        """Cancel casts and close the sockets; can be repeated."""
-        for each in self._sockets:
-            each.close()
+        """Cancel casts and close the socket; can be repeated."""
+        self._socket.close()
         if self._queue is not None:
             self._queue.close()
 
@@ -156,7 +155,7 @@ class SceneServer:
             max_body_size=_MAX_BODY_BYTES,
             idle_connection_timeout=_IDLE_S,
         )
-        server.add_sockets(self._sockets)
+        server.add_socket(self._socket)
         try:
             await self._stopped.wait()
         finally:
@@ -315,10 +314,17 @@ def _is_wildcard(host: str) -> bool:
     return not host
 
 
-def _listen(host: str, port: int) -> list[socket.socket]:
-    """Return sockets that listen at an address. Raises InputError if there is none, or no room."""
+def _listen(host: str, port: int) -> socket.socket:
+    """Return a socket that listens at an address. Raises InputError if it cannot."""
+    if not 0 <= port <= 65535:  # the system would take its lower bits
+        raise InputError.refused("port", port, "give 0 to 65535", "range")
     try:
-        return bind_sockets(port, host)
+        found = socket.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )
+        # Of a name's addresses, that of IPv4, which "localhost" means in tunnels.
+        family, _, _, _, address = min(found, key=lambda each: each[0] != socket.AF_INET)
+        made = socket.create_server(address, family=family)
     except OSError as error:
         if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:
             remedy = "give one of this machine's addresses, such as 127.0.0.1"
@@ -330,5 +336,5 @@ def _listen(host: str, port: int) -> list[socket.socket]:
         if error.errno != errno.EADDRINUSE:
             remedy = f"{one_line(error)}, give another, or 0 for any that is free"
         raise InputError.refused("port", port, remedy, "conflict") from None
-    except OverflowError:
-        raise InputError.refused("port", port, "give 0 to 65535", "range") from None
+    made.setblocking(False)
+    return made
