@@ -33,7 +33,7 @@ from volspec.scene import Scene
 from volspec.scene.lights import NamedLight
 from volspec.volume import Volume
 
-DISTANCES = (0.1, 10.0)
+DISTANCES = (0.125, 8.0)
 """Least and greatest distance of a camera, as factors of the scene's."""
 _RANGES = {
     "azimuth": (-360.0, 360.0),
