@@ -1,4 +1,4 @@
-"""Who is answered, and what is asked for: token, cookie, names, paths, methods, parameters."""
+"""Refusals of the server: token, cookie, names, paths, methods, parameters, ports."""
 
 from __future__ import annotations
 

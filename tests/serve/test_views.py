@@ -1,4 +1,4 @@
-"""What is cast: cameras, coarse and whole views, the newest first, marks, gaps, failures."""
+"""Casts of served views: cameras, coarse and whole, the newest first, marks, gaps, failures."""
 
 from __future__ import annotations
 
