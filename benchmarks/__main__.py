@@ -21,6 +21,7 @@ from benchmarks import (
     picture,
     reading,
     rooms,
+    served,
     session,
     surfaces,
     viewer,
@@ -45,7 +46,7 @@ FIGURES = (
         cast.vtk_gpu_figures,
         equal_error.figures,
     ),
-    *(viewer.figures, webpage.figures, session.figures),
+    *(viewer.figures, webpage.figures, served.figures, session.figures),
 )
 
 

@@ -115,7 +115,8 @@ class SceneServer:
         views = SceneViews(scene, volume, size=size, device=device)
         html = views.page(lights or scene.lights, spec or PageSpec(), progress)
         self._queue = CastQueue(views.message)
-        names = None if _is_wildcard(self._host) else frozenset({*_OWN_NAMES, self._host.lower()})
+        own = {*_OWN_NAMES, self._host.lower(), socket.gethostname().lower()}
+        names = None if _is_wildcard(self._host) else frozenset(own)
         cookie = f"volspec-{self._port}", secrets.token_urlsafe(24)
         self._site = _Site(html, self._queue, self._token, cookie, names)
 
@@ -212,8 +213,9 @@ class _Guarded(RequestHandler):
         with suppress(ValueError):
             name = urlsplit(f"//{host}").hostname
         if self.site.names is not None and name not in self.site.names:
-            known = ", ".join(sorted(self.site.names))
-            raise _Refused(403, f"Host {host!r:.60} is not this server; use one of {known}")
+            # Without the known names, as the asking site could read them.
+            problem = f"{host!r:.60} is no name of this server"
+            raise _Refused(403, f"{problem}; open the address that volspec serve printed")
 
     def compute_etag(self) -> None:
         """None: nothing is stored."""

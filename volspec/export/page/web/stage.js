@@ -160,6 +160,7 @@ class Stage {
       app.put({ divide: clamped((at[0] - left) / (app.page.channels.width * across), 0, 1) });
     } else if (held.task === 'turn' && app.camera) {
       const rate = DRAG_DEG / this.port.clientHeight;
+      app.hovered = null;
       app.camera.turn(-rate * dx, rate * dy);
     } else if (held.task === 'turn') {
       const turned = (held.from[0] - at[0]) / this.port.clientWidth * camerasOf(app.page);
