@@ -39,9 +39,11 @@ def figures() -> Iterator[Figure]:
             ):
                 sizes, times = [], []
                 for i in range(VIEWS):
-                    words = f"azimuth={10 * i}&elevation=20&distance=1&coarse={coarse}&client=1"
+                    words = f"azimuth={10 * i}&elevation=20&distance=1&coarse={coarse}"
                     at = time.perf_counter()
-                    connection.request("GET", f"/view?{words}", headers={"Cookie": cookie})
+                    connection.request(
+                        "GET", f"/view?{words}&transfer=0&client=1", headers={"Cookie": cookie}
+                    )
                     sizes.append(len(connection.getresponse().read()))
                     times.append(1e3 * (time.perf_counter() - at))
                 size, ms = (statistics.median(each[FIRST:]) for each in (sizes, times))

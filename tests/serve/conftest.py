@@ -107,7 +107,8 @@ class Client:
         return answer
 
     def view(self, **words: object) -> Answer:
-        given = {"azimuth": 20, "elevation": 10, "distance": 1, "coarse": 0, "client": 1} | words
+        given = {"azimuth": 20, "elevation": 10, "distance": 1, "coarse": 0, "transfer": 0}
+        given |= {"client": 1} | words
         return self.get("/view?" + "&".join(f"{key}={value}" for key, value in given.items()))
 
 

@@ -92,7 +92,7 @@ def test_all_addresses_take_any_name_but_still_the_token(ball_scene: Scene) -> N
     ],
 )
 def test_other_sites_get_no_views(client: Client, headers: dict[str, str]) -> None:
-    words = "/view?azimuth=0&elevation=0&distance=1&coarse=1&client=1"
+    words = "/view?azimuth=0&elevation=0&distance=1&coarse=1&transfer=0&client=1"
     assert client.get(words, **headers).status == 403
     own = f"http://127.0.0.1:{client.server.port}"
     assert client.get(words, Origin=own, Sec_Fetch_Site="same-origin").status == 200

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import socket
+import struct
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -134,7 +136,7 @@ def test_a_browser_that_leaves_ends_its_cast(ball_scene: Scene) -> None:
         server._queue._message = message
         client = Client(server)
         client.enter()
-        words = "azimuth=0&elevation=0&distance=1&coarse=1&client=1"
+        words = "azimuth=0&elevation=0&distance=1&coarse=1&transfer=0&client=1"
         head = f"GET /view?{words} HTTP/1.1\r\nHost: localhost\r\nCookie: {client.cookie}\r\n\r\n"
         with socket.create_connection(("127.0.0.1", server.port), 5) as browser:
             browser.sendall(head.encode())
@@ -187,6 +189,20 @@ def test_the_scenes_camera_bounds_what_can_be_asked(ball_scene: Scene) -> None:
     own = views.camera(ViewRequest(20.0, 10.0))
     assert isinstance(own, Camera) and own == ball_scene.camera(views.volume)
     assert near.distance_mm == pytest.approx(own.distance_mm / 2)
+
+
+def test_on_a_slow_network_coarse_pictures_become_coarser(ball_scene: Scene) -> None:
+    views = SceneViews(ball_scene, size=(64, 48))
+    sides = [divisor_of(views, transfer_ms=2000) for _ in range(4)]
+    assert sides[-1] == 8, "the coarsest"
+    assert divisor_of(views) == 8 and divisor_of(views) < 8, "the next is as the last was"
+
+
+def divisor_of(views: SceneViews, transfer_ms: int = 0) -> int:
+    """Cast a coarse view; return the divisor of its sides."""
+    message = views.message(ViewRequest(0, 0, coarse=True, transfer_ms=transfer_ms))
+    (length,) = struct.unpack_from(">I", message)
+    return -(-64 // json.loads(message[4 : 4 + length])["width"])
 
 
 @pytest.mark.filterwarnings("ignore::volspec.errors.VolspecWarning")

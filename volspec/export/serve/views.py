@@ -40,6 +40,7 @@ _RANGES = {
     "elevation": (-90.0, 90.0),
     "distance": DISTANCES,
     "coarse": (0, 1),
+    "transfer": (0, 60_000),
     "client": (0, 2**32 - 1),
 }
 
@@ -56,6 +57,8 @@ class ViewRequest:
         Factor of the distance of the scene's camera.
     coarse : bool
         True while the camera moves.
+    transfer_ms : int
+        Time that the bytes of the page's last coarse picture took, without the wait for its cast.
     client : int
         Number that the page chose for itself.
     """
@@ -64,6 +67,7 @@ class ViewRequest:
     elevation_deg: float
     distance: float = 1.0
     coarse: bool = False
+    transfer_ms: int = 0
     client: int = 0
 
     @classmethod
@@ -75,10 +79,10 @@ class ViewRequest:
         if unknown := next((name for name in query if name not in _RANGES), None):
             problem = f"no parameter {quoted(unknown)}"
             raise InputError(problem, f"known: {', '.join(_RANGES)}", code="unknown", field="view")
-        azimuth, elevation, distance, coarse, client = (
+        azimuth, elevation, distance, coarse, transfer, client = (
             _number(name, query.get(name, ()), *limits) for name, limits in _RANGES.items()
         )
-        return cls(azimuth, elevation, distance, bool(coarse), int(client))
+        return cls(azimuth, elevation, distance, bool(coarse), int(transfer), int(client))
 
 
 def _number(name: str, words: Sequence[bytes], low: float, high: float) -> float:
@@ -161,7 +165,7 @@ class SceneViews:
         image = self._cast(camera, made, cancel)
         packed = pack_view(image, PageSpec().bits)
         ms = 1e3 * (time.perf_counter() - started)
-        self._pace = self._pace.after(made, ms)
+        self._pace = self._pace.after(made, ms + (request.transfer_ms if request.coarse else 0))
         numbers = packed.numbers() | {
             "coarse": made != WHOLE,
             "ms": round(ms),

@@ -22,6 +22,8 @@ class ServedCamera {
     this.shown = cameraWords(opened(app.page));
     this.coarse = app.page.served.coarse;
     this.took = '';
+    // Milliseconds that the last coarse picture's bytes took: on slow networks the next is coarser.
+    this.transfer = 0;
     // The camera that was asked for last; it is not asked for again if that failed.
     this.asked = this.shown;
     this.following = false;
@@ -71,11 +73,16 @@ class ServedCamera {
 
   // Show a picture of a camera; return false if it did not arrive.
   async load(camera, coarse, signal) {
-    const query = `view?${camera}&coarse=${coarse ? 1 : 0}&client=${this.client}`;
+    const { transfer, client } = this;
+    const query = `view?${camera}&coarse=${coarse ? 1 : 0}&transfer=${transfer}&client=${client}`;
     try {
-      const answer = await fetch(query, { signal });
+      const answer = await fetch(query, { signal }).catch((error) => {
+        throw signal?.aborted ? error : new Error('the server does not answer');
+      });
       if (!answer.ok) throw new Error((await answer.text()).trim());
-      await this.show(camera, new Uint8Array(await answer.arrayBuffer()), signal);
+      const started = performance.now(), message = new Uint8Array(await answer.arrayBuffer());
+      if (coarse) this.transfer = Math.min(Math.round(performance.now() - started), 60000);
+      await this.show(camera, message, signal);
     } catch (error) {
       if (error.name === 'AbortError') return false;
       this.failed = true;
@@ -104,7 +111,7 @@ class ServedCamera {
     byId('camera').hidden = false;
     byId('keys').append(' Page Up and Page Down turn the camera, with Shift they tilt it.');
     // A frame of another page would have no token.
-    for (const id of ['share-snippet', 'copy-snippet']) byId(id).closest('label, button').hidden = true;
+    byId('share-snippet').closest('label').hidden = byId('copy-snippet').hidden = true;
     const input = byId('distance');
     [input.min, input.max] = distances.map(Math.log2);
     const rows = [
