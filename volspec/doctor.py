@@ -32,6 +32,7 @@ _EXTRAS = {
     "OME-Zarr": ("zarr", ("zarr", "tensorstore")),
     "HDF5": ("hdf5", ("h5py",)),
     "several machines": ("cluster", ("distributed",)),
+    "pages from a server": ("serve", ("tornado",)),
 }
 
 
