@@ -7,10 +7,13 @@ function probePanel(app) {
   const say = whenQuiet(() => {
     byId('probe-status').textContent = app.probe ? inWords(readAt(app)) : '';
   }, 350);
+  let shown = '';
   return () => {
     const reading = app.probe && app.texels ? readAt(app) : null;
     card.hidden = !reading;
-    if (!reading) return;
+    // Rows that stay the same are not replaced while they are read out.
+    if (!reading || JSON.stringify(reading) === shown) return;
+    shown = JSON.stringify(reading);
     rows.replaceChildren(...reading.rows.flatMap(([name, value, minor = false]) => {
       const how = { class: minor && 'minor' };
       return [el('dt', how, name), el('dd', how, value)];
