@@ -34,10 +34,19 @@ _MOST_COMPARED = 5000
 # Without locks, the writer of a file unchanged for this time counts as dead.
 _DEAD_S = 86400.0
 # Endings that belong together.
-_DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr", ".volspec.json")
+_DOUBLE = (".nii.gz", ".ome.tif", ".ome.tiff", ".ome.zarr", ".zarr.zip", ".volspec.json")
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 # Step between corrected modification times.
 _STEP_NS = 1_000_000
+
+
+def is_remote(address: str) -> bool:
+    """Return True if an address is a URL, such as of an object store.
+
+    >>> is_remote("https://host/v.zarr?time=2"), is_remote("a://b"), is_remote("C:/v.zarr")
+    (True, True, False)
+    """
+    return re.match(r"[a-z][a-z0-9+.-]+://|[a-z]://", address, re.IGNORECASE) is not None
 
 
 @contextmanager

@@ -31,6 +31,7 @@ _EXTRAS = {
     "notebooks": ("notebook", ("anywidget",)),
     "OME-Zarr": ("zarr", ("zarr", "tensorstore")),
     "HDF5": ("hdf5", ("h5py",)),
+    "URLs": ("remote", ("universal_pathlib", "aiohttp")),
     "several machines": ("cluster", ("distributed",)),
     "pages from a server": ("serve", ("tornado",)),
 }

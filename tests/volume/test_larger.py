@@ -18,11 +18,13 @@ from PIL import Image
 from tests.support.errors import raises
 from tests.support.pyramids import stored
 from tests.support.raycasts import oblique_world
+from tests.support.web import served
 from volspec.basis import SpectralBasis
 from volspec.cli import main
 from volspec.errors import InputError, RaycastError, VolspecWarning, VolumeError
 from volspec.pipeline import GAPS, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
+from volspec.scene import Scene
 from volspec.spectra import reflectance
 from volspec.transfer import TransferFunction
 from volspec.volume import Volume, convert, load_volume
@@ -221,6 +223,37 @@ def test_files_of_other_kinds_are_read_in_parts(
     fresh = replace(big, pyramid=replace(big.pyramid))
     with pytest.warns(VolspecWarning, match="cannot be read"):
         cast(fresh)
+
+
+@pytest.mark.parametrize("kind", ["zip", "url"])
+def test_a_store_in_a_zip_file_or_on_the_web(kind: str, ball: Volume, tmp_path: Path) -> None:
+    near = stored(ball, tmp_path)
+    whole = cast(near)
+    with served(tmp_path) as (server, asked):
+        address = f"{server}/v.zarr"
+        if kind == "zip":
+            address = shutil.make_archive(str(tmp_path / "w.zarr"), "zip", tmp_path / "v.zarr")
+        assert np.array_equal(load_volume(address).values, ball.values)
+        far = load_volume(f"{address}?memory=2MB")
+        assert far.pyramid is not None and near.pyramid is not None
+        assert np.array_equal(cast(far).coefficients, whole.coefficients)
+        assert far.pyramid.counts.voxel_bytes == near.pyramid.counts.voxel_bytes
+        assert any("/0/c/" in path for path in asked) == (kind == "url")
+        # A scene names the store as it was given, wherever the scene is saved.
+        scene = Scene.from_volume(f"{address}?memory=2MB", volume=far)
+        assert scene.render(far, size=(16, 16)).alpha.any()
+        assert ("://" in scene.file.volume.file) == (kind == "url")
+        missing = f"{server}/other.zarr" if kind == "url" else str(tmp_path / "other.zarr.zip")
+        with raises(VolumeError):
+            load_volume(missing)
+        if kind == "zip":
+            Path(address).write_bytes(Path(address).read_bytes()[:3000])
+            with raises(VolumeError, "damaged"):
+                load_volume(address)
+    if kind == "url":
+        # The server is gone.
+        with pytest.warns(VolspecWarning, match="cannot be read"):
+            cast(replace(far, pyramid=replace(far.pyramid)))
 
 
 def test_a_cut_off_conversion_goes_on(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._files import is_remote
 from volspec.errors import SceneError
 from volspec.raycast.camera import Orbit, radius_mm
 from volspec.raycast.framing import fit_points
@@ -88,9 +89,10 @@ def volume_file(
         transfer = fit_preset(preset, volume, histogram_of(steps), DEFAULT_GRID)
         materials = preset.materials
     path = volume_path(address)
-    details = address.partition("?")[2] if address != os.fspath(Query.of(address).path) else ""
+    details = address.partition("?")[2] if address != str(Query.of(address).path) else ""
+    file = address.partition("?")[0] if is_remote(address) else path.name
     tables: dict[str, Any] = {
-        "volume": {"file": path.name + ("?" + details if details else "")},
+        "volume": {"file": file + ("?" + details if details else "")},
     }
     if isinstance(transfer, FieldFunctions):
         specs = {name: TransferSpec.of(each) for name, each in transfer.functions.items()}
@@ -160,5 +162,9 @@ def framed(file: SceneFile, volume: Volume, points_mm: NDArray[np.float64]) -> S
 
 
 def volume_path(address: str) -> Path:
-    """Return the absolute path of a volume's address, without its details."""
-    return Path(os.path.abspath(Query.of(address).path))
+    """Return the absolute path of a volume's address, without its details.
+
+    That of a URL is in the current folder.
+    """
+    path = Query.of(address).path
+    return Path(os.path.abspath(path.name if is_remote(address) else path))

@@ -9,6 +9,7 @@ import os
 from importlib.util import find_spec
 from pathlib import Path
 
+from volspec._files import is_remote
 from volspec._gpu.sources import asset
 
 _ASSETS = {"engine": "data/engine.nrrd", "head": "data/mrbrain.nrrd"}
@@ -41,6 +42,8 @@ def locate_volume(address: str, folder: str | os.PathLike[str] = "") -> str:
     >>> Path(locate_volume("head")).name, locate_volume("ct.nrrd?spacing=1,1,2", "data")
     ('mrbrain.nrrd', 'data/ct.nrrd?spacing=1,1,2')
     """
+    if is_remote(address):
+        return address
     name, mark, options = address.partition("?")
     bundled = bundled_volume(name)
     if bundled is None or Path(folder, name).exists():

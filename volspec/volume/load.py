@@ -29,7 +29,7 @@ from volspec.volume.files.hdf5 import SUFFIXES as HDF5_SUFFIXES
 from volspec.volume.files.hdf5 import hdf5_stack, read_hdf5
 from volspec.volume.files.itk import read_itk
 from volspec.volume.files.label_tables import labels_beside, merge_labels, read_label_table
-from volspec.volume.files.omezarr import is_zarr, ome_zarr_stack, read_ome_zarr
+from volspec.volume.files.omezarr import ZIP_SUFFIXES, is_zarr, ome_zarr_stack, read_ome_zarr
 from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
 from volspec.volume.files.raw import read_npy, read_raw
 from volspec.volume.files.tiff import SUFFIXES as TIFF_SUFFIXES
@@ -124,9 +124,10 @@ def load_volume(path: str | os.PathLike[str]) -> Volume:
         - an HDF5 file, ``.h5 .hdf5 .he5``: ``?dataset= time= spacing=``; a dataset has the axes
           (Z, Y, X) or (T, Z, Y, X), and its spacing is ``element_size_um``. Needs
           ``volspec[hdf5]``;
-        - the name of a bundled volume, if no file has it: ``engine``, ``head`` or ``frog``;
-        - an OME-Zarr folder (0.4, 0.5): ``?level= channel= time= spacing=``. Needs
-          ``volspec[zarr]``.
+        - an OME-Zarr (0.4, 0.5): a folder, a ``.zarr.zip`` or ``.ozx`` file, or a URL
+          (``https://…``, ``s3://…``): ``?level= channel= time= spacing=``. Needs ``volspec[zarr]``,
+          a URL ``volspec[remote]``;
+        - the name of a bundled volume, if no file has it: ``engine``, ``head`` or ``frog``.
 
     A volume that takes more memory than ``memory=2GiB`` (OME-Zarr: by default 2 GiB; uncompressed
     files: half of what is free) is not read as a whole: a coarse level is, and casts read what
@@ -284,7 +285,8 @@ def _with_labels(
     """Add the labels of a segmentation, from a given table, the header, or tables next to it."""
     path, named = query.path, query.labels
     given = {} if named is None else read_label_table(path.parent / named)
-    tables = {path.parent / named: given} if named is not None else labels_beside(path)
+    beside: Mapping[Path, Labels] = {} if query.is_remote else labels_beside(path)
+    tables = {path.parent / named: given} if named is not None else beside
     names: Labels = in_header or {} if named is None else {}
     for table in tables.values():
         names = merge_labels(names, table)
@@ -408,6 +410,8 @@ def reader_library(query: Query) -> str:
 
 def _reader(query: Query) -> Callable[[Query], Reading]:
     path = query.path
+    if query.is_remote:
+        return read_ome_zarr
     _require_readable(path)
     if path.is_dir():
         return _folder_reader(path)
@@ -426,6 +430,8 @@ def _reader(query: Query) -> Callable[[Query], Reading]:
         return read_npy
     if lower.endswith(HDF5_SUFFIXES):
         return read_hdf5
+    if lower.endswith(ZIP_SUFFIXES):
+        return read_ome_zarr
     if lower.endswith(_VTK_SUFFIXES):
         return read_vtk
     if is_dicom(path) and not lower.endswith(".raw"):

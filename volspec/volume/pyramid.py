@@ -206,6 +206,7 @@ class ReadCounts:
     chunks: int = 0
     voxel_bytes: int = 0
     again_bytes: int = 0  # of these, what had been read before, and was dropped for want of memory
+    lost: str = ""  # why the store does not answer any more; it is not asked again
     progress: str = ""  # of the cast in progress, in words; empty without one
 
 
@@ -431,6 +432,8 @@ class Pyramid:
             held = self.cache.get(chunk) if need.any() else None
             if held is not None:
                 need &= ~held.there
+            if need.any() and self.counts.lost:
+                self.gaps.setdefault(chunk, self.counts.lost)
             if need.any() and chunk not in self.gaps:
                 held = held or Held(np.empty(0, self.dtype), np.zeros_like(need))
                 missing.append((chunk, held, _boxes_of(of_chunk, need)))
@@ -453,6 +456,8 @@ class Pyramid:
         for box, values in zip(boxes, read, strict=True):
             if isinstance(values, Exception):
                 fault = fault or one_line(values)[:120] or type(values).__name__
+                if isinstance(values, ConnectionError):
+                    self.counts.lost = fault
                 break
             pieces.append(self._as_cast(values))
             fault = fault or self._fault(level, box, pieces[-1])

@@ -35,7 +35,7 @@ from volspec import errors
 from volspec._child import child_command, exit_cause
 from volspec.errors import DeviceError, VolspecError, VolumeError, one_line
 from volspec.volume.channels import Channel
-from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored
+from volspec.volume.files.query import Choice, ChoicesListed, Query, Reading, Stored, path_of
 from volspec.volume.labels import Label
 
 # Timeout without a message; the time that a slow disk needs is added.
@@ -279,7 +279,7 @@ def serve(read: Callable[[Query], Reading], reader_library: Callable[[Query], st
             given = json.loads(line)
             with suppress(OSError, TypeError):
                 os.chdir(given["folder"])
-            path = Path(given["path"])
+            path = path_of(given["path"])
             size = path.stat().st_size if path.is_file() else 0
             folder = _folder_bytes(path)
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 from itertools import takewhile
 from pathlib import Path
 
+from volspec._files import is_remote
 from volspec._triangles import MESHES
 from volspec.errors import InputError
 from volspec.volume.files.dicom_headers import SUFFIXES as DICOM_SUFFIXES
@@ -59,7 +60,9 @@ def dropped_meshes(paths: Sequence[str]) -> tuple[str, ...]:
 
 
 def relative_path(path: str, folder: str) -> str:
-    """Return a path relative to a folder; on another drive it stays absolute."""
+    """Return a path relative to a folder; on another drive it stays absolute, and so does a URL."""
+    if is_remote(path):
+        return path
     file = Path(path).absolute()
     file = file.parent.resolve() / file.name
     try:

@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from volspec._files import is_remote
 from volspec._triangles import is_mesh_file
 from volspec.errors import InputError, VolspecError, VolumeError, one_line
 from volspec.pipeline import Raycaster
@@ -71,7 +72,7 @@ def list_choices(path: str) -> tuple[Choice, ...]:
 
     A file without options was read whole; only a folder may hold more, as levels.
     """
-    if "?" not in path and not os.path.isdir(path):
+    if "?" not in path and not (os.path.isdir(path) or is_remote(path)):
         return ()
     try:
         # Time steps are shown by the series, or the one that is asked for alone.

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from volspec._files import (
     clear_unfinished,
+    is_remote,
     keep_newest,
     lock_file_handle,
     newest_first,
@@ -71,13 +72,14 @@ class RecentFiles:
             return ()
         paths = [path for path in data if isinstance(path, str)] if isinstance(data, list) else []
         return tuple(
-            RecentFile(path, os.path.exists(path.partition("?")[0])) for path in paths[:MOST_FILES]
+            RecentFile(path, is_remote(path) or os.path.exists(path.partition("?")[0]))
+            for path in paths[:MOST_FILES]
         )
 
     def add(self, path: str) -> None:
         """Put an opened file first."""
         file, mark, query = path.partition("?")
-        path = os.path.abspath(file) + mark + query
+        path = path if is_remote(path) else os.path.abspath(file) + mark + query
         paths = [path, *(row.path for row in self.rows() if row.path != path)]
         self._write(paths[:MOST_FILES])
 

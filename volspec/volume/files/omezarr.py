@@ -1,4 +1,4 @@
-"""OME-Zarr folders (versions 0.4 and 0.5) through the zarr library.
+"""OME-Zarr (versions 0.4 and 0.5), folders, zip files and URLs, through the zarr library.
 
     folder -> multiscales: axes, levels, scale -> [omezarr] -> Reading
 
@@ -29,6 +29,7 @@ from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
 from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES
 
+ZIP_SUFFIXES = (".zarr.zip", ".ozx")
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
 # More bytes of voxels than this are a mistake: 1 PiB.
 _MOST_BYTES = 2**50
@@ -143,21 +144,23 @@ def _opened(query: Query) -> tuple[Any, list[dict[str, Any]], list[Level]]:
     path = query.path
     try:
         import zarr
+        from zarr.storage import ZipStore
     except ImportError as error:
         raise DeviceError(
             f'{path}: is an OME-Zarr, which needs zarr; pip install "volspec[zarr]"',
             code="unsupported",
         ) from error
     try:
-        group = zarr.open(str(path), mode="r")
+        zipped = path.name.lower().endswith(ZIP_SUFFIXES) and not query.is_remote
+        group = zarr.open(ZipStore(path, mode="r") if zipped else str(path), mode="r")
         axes, levels = _multiscale(group, query)
         _names(axes)
     except VolumeError:
         raise
     except Exception as error:  # whatever the library raises
+        remedy = "is the address right?" if query.is_remote else "is it complete?"
         raise VolumeError(
-            f"{path}: its OME-Zarr metadata cannot be read ({one_line(error)[:120]}); is the "
-            "folder complete?",
+            f"{path}: its OME-Zarr metadata cannot be read ({one_line(error)[:120]}); {remedy}",
             code="damaged",
         ) from error
     return group, axes, levels
@@ -194,7 +197,9 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
     attributes = dict(group.attrs)
     stated = attributes.get("ome", attributes)
     if "multiscales" not in stated:
-        inside = sorted(each.name for each in query.path.iterdir() if is_zarr(each))
+        # Of a URL, folders are not listed.
+        here = query.path.iterdir() if query.path.is_dir() and not query.is_remote else ()
+        inside = sorted(each.name for each in here if is_zarr(each))
         remedy = f"give one inside it, such as {query.path / inside[0]}" if inside else ""
         raise VolumeError(
             f"{query.path}: is a Zarr folder without an OME-Zarr picture of its own (multiscales); "

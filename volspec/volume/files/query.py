@@ -14,14 +14,15 @@ import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import parse_qsl
 
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec._files import is_remote
 from volspec._gpu.memory import host_free_bytes
-from volspec.errors import VolumeError, nearest, one_line, quoted
+from volspec.errors import DeviceError, VolumeError, nearest, one_line, quoted
 from volspec.volume.channels import ALL, MAX_FIELDS, Channel
 from volspec.volume.labels import Labels
 
@@ -68,7 +69,7 @@ class Query:
         """Split a name at its question mark; the name of an existing file has no options."""
         path, _, query = text.partition("?")
         try:
-            if query and Path(text).exists():
+            if query and not is_remote(text) and Path(text).exists():
                 return cls(Path(text))
         except (OSError, ValueError) as error:  # the name is too long or contains NUL
             raise VolumeError(
@@ -88,7 +89,13 @@ class Query:
         if labels == "":
             raise VolumeError(f"{path}: labels= is empty; give a file", code="missing")
         memory = options.pop("memory", None)
-        return cls(Path(path), options, labels=labels, memory_bytes=bytes_of(memory, path))
+        place = path_of(path)
+        return cls(place, options, labels=labels, memory_bytes=bytes_of(memory, path))
+
+    @property
+    def is_remote(self) -> bool:
+        """True if the path is a URL."""
+        return is_remote(str(self.path))
 
     @property
     def most_bytes(self) -> int:
@@ -233,6 +240,22 @@ class Query:
             f"{self.path}: {held} bytes of voxels, its header declares {nbytes} and the rest is "
             "not read; are its size and type right?"
         ]
+
+
+def path_of(name: str) -> Path:
+    """Return a file's name or a URL as a path. Raises DeviceError if URLs are not supported."""
+    if not is_remote(name):
+        return Path(name)
+    try:
+        from upath import UPath
+
+        return cast(Path, UPath(name))
+    except (ImportError, ValueError) as error:
+        raise DeviceError(
+            f"{name}: is not on this machine, and cannot be reached ({one_line(error)[:100]}); "
+            'pip install "volspec[remote]", for s3:// also s3fs, for gs:// gcsfs',
+            code="unsupported",
+        ) from error
 
 
 def bytes_of(given: str | None, path: str) -> int | None:

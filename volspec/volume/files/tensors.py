@@ -16,6 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+# Beginnings of its errors if a store does not answer, or only with errors of its own.
+_NO_ANSWER = ("UNAVAILABLE", "ABORTED", "DEADLINE_EXCEEDED")
+# Of stores elsewhere that TensorStore reads, as fsspec names them.
+_PROTOCOLS = ("http", "https", "s3", "gs", "gcs")
 Index = tuple[int | slice, ...] | EllipsisType
 
 
@@ -56,9 +60,14 @@ class Tensor:
         self._array[index].write(values).result()
 
     def read_each(self, indices: Sequence[Index]) -> Iterator[NDArray[Any] | Exception]:
-        """Yield slices that are read side by side, or the error of one that cannot be read."""
+        """Yield slices that are read side by side, or the error of one that cannot be read.
+
+        It is a ConnectionError if the store does not answer, after some attempts.
+        """
         for each in [self._array[index].read() for index in indices]:
             error = each.exception()
+            if error is not None and str(error).startswith(_NO_ANSWER):
+                error = ConnectionError(str(error))
             yield each.result() if error is None else error
 
 
@@ -70,14 +79,22 @@ def fast_array(array: Any, *, complete: bool = False) -> Any:
     """
     import zarr
 
-    store, path = array.store_path.store, array.store_path.path
-    if not isinstance(store, zarr.storage.LocalStore):
+    store, path, root = array.store_path.store, array.store_path.path, None
+    kvstore: dict[str, Any] | str
+    if isinstance(store, zarr.storage.LocalStore):
+        root = Path(store.root) / path
+        kvstore = {"driver": "file", "path": f"{root.absolute()}/"}
+    elif isinstance(store, zarr.storage.ZipStore):
+        base = {"driver": "file", "path": str(Path(store.path).absolute())}
+        kvstore = {"driver": "zip", "base": base, "path": f"{path}/"}
+    elif isinstance(store, zarr.storage.FsspecStore) and store.fs.protocol[0] in _PROTOCOLS:
+        kvstore = f"{store.fs.unstrip_protocol(store.path)}/{path}/"
+    else:
         return array
-    root = Path(store.root) / path
     driver = "zarr3" if array.metadata.zarr_format == 3 else "zarr"
     spec = {
         "driver": driver,
-        "kvstore": {"driver": "file", "path": f"{root.absolute()}/"},
+        "kvstore": kvstore,
         # Metadata are read once; no chunk is cached.
         "recheck_cached_metadata": "open",
         "recheck_cached_data": False,
@@ -91,10 +108,19 @@ def fast_array(array: Any, *, complete: bool = False) -> Any:
 
 @cache
 def _context() -> Any:
-    """Return the context of all arrays: as many threads as zarr may use."""
+    """Return the context of all arrays: as many threads as zarr may use, and few retries."""
     import tensorstore
     import zarr
 
     threads = zarr.config.get("threading.max_workers")
     limit = {"limit": threads} if threads else {}
-    return tensorstore.Context({"data_copy_concurrency": limit, "file_io_concurrency": limit})
+    retries = {"max_retries": 3, "initial_delay": "200ms", "max_delay": "2s"}
+    return tensorstore.Context(
+        {
+            "data_copy_concurrency": limit,
+            "file_io_concurrency": limit,
+            "http_request_retries": retries,
+            "s3_request_retries": retries,
+            "gcs_request_retries": retries,
+        }
+    )
