@@ -226,7 +226,8 @@ def test_doctor_names_what_brings_films_and_notebooks(
     assert found.healthy and found.problems == ()
     films, notebooks, *others = found.extras.values()
     assert "volspec[video]" in films and "volspec[notebook]" in notebooks
-    wanted = [["zarr", "tensorstore"], ["h5py"], ["distributed"], ["tornado"]]
+    remote = ["universal_pathlib", "aiohttp"]
+    wanted = [["zarr", "tensorstore"], ["h5py"], remote, ["distributed"], ["tornado"]]
     assert [re.findall(r"(\w+) 1\.2", each) for each in others] == wanted
     monkeypatch.undo()
     pytest.importorskip("imageio_ffmpeg")
