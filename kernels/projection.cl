@@ -8,6 +8,9 @@
 // Launch and arguments: as raycast.cl, but
 //         brick_codes  VOXEL per brick: its greatest value, which MAXIMUM uses to skip bricks
 //         opacity      over the reference step instead of a step, and no logs
+//         so_far       float2[height][width], with PARTS instead of through: of the parts before, in
+//                      any order, the greatest value and its place, or the sum of values times
+//                      lengths, and of lengths; this part is added. The picture is that of all
 // The host sets MAXIMUM (1, or 0 for the mean) in addition to the constants of raycast.cl.
 
 #include "lanes.clh"
@@ -25,6 +28,9 @@ __kernel void projection(__global const VOXEL *restrict voxels,
                          __global const float4 *restrict sources,
                          __global const ushort *restrict light_volume,
                          __global const float2 *restrict spans, const Cast cast,
+#if PARTS
+                         __global float2 *restrict so_far,
+#endif
                          __global float *restrict coefficients_out,
                          __global float *restrict alpha_out, __global float *restrict depth_out,
                          __global float *restrict first_out, const int first_tile) {
@@ -32,8 +38,23 @@ __kernel void projection(__global const VOXEL *restrict voxels,
     if (pixel.x >= cast.width || pixel.y >= cast.height) return;
     const Rays r = make_rays(&cast, spans, pixel);
     March m = start_march(&cast, &r);
-    const intN meets = m.live;
+    intN meets = m.live;
     floatN sum = 0.0f, length = 0.0f, best = -INFINITE, best_at = 0.0f;
+#if PARTS
+    floatL one, other;
+    UNROLL(l, LANES) {
+        const float2 before = so_far[lane_pixel(&cast, pixel, l)];
+        one.s[l] = before.x;
+        other.s[l] = before.y;
+    }
+#if MAXIMUM
+    best = one.v;
+    best_at = other.v;
+#else
+    sum = one.v;
+    length = other.v;
+#endif
+#endif
     while (ANY(m.live)) {
 #if MAXIMUM
         for (intN pending = PENDING(m); ANY(pending); pending = PENDING(m)) {
@@ -56,17 +77,33 @@ __kernel void projection(__global const VOXEL *restrict voxels,
         const floatN middle = 0.5f * (begin + end);
         const Sample f = sample_at(&cast, voxels, opacity, &r, middle);
 #if MAXIMUM
-        const intN more = m.live & MASK(f.value > best);
+        const intN more = m.live & in_part(&r, middle) & MASK(f.value > best);
         best = SELECT(more, f.value, best);
         best_at = SELECT(more, middle, best_at);
 #else
-        const floatN clipped = SELECT(m.live, end - begin, (floatN)(0.0f));
+        const floatN clipped = SELECT(m.live & in_part(&r, middle), end - begin, (floatN)(0.0f));
         sum += clipped * f.value;
         length += clipped;
 #endif
         m.k += 1;
         m.live &= MASK(m.k < m.k_end);
     }
+#if PARTS
+#if MAXIMUM
+    meets = MASK(best > -INFINITE);
+    one.v = best;
+    other.v = best_at;
+#else
+    meets = MASK(length > 0.0f);
+    one.v = sum;
+    other.v = length;
+#endif
+    UNROLL(l, LANES) {
+        const int column = pixel.x + l % TILE_WIDTH, line = pixel.y + l / TILE_WIDTH;
+        if (column < cast.width && line < cast.height)
+            so_far[lane_pixel(&cast, pixel, l)] = (float2)(one.s[l], other.s[l]);
+    }
+#endif
 #if !MAXIMUM
     best = sum / MAX(length, 1e-30f);
     best_at = 0.5f * (r.near + r.far);

@@ -235,9 +235,8 @@ def test_a_store_in_a_zip_file_or_on_the_web(kind: str, ball: Volume, tmp_path: 
             address = shutil.make_archive(str(tmp_path / "w.zarr"), "zip", tmp_path / "v.zarr")
         assert np.array_equal(load_volume(address).values, ball.values)
         far = load_volume(f"{address}?memory=2MB")
-        assert far.pyramid is not None and near.pyramid is not None
+        assert far.pyramid is not None
         assert np.array_equal(cast(far).coefficients, whole.coefficients)
-        assert far.pyramid.counts.voxel_bytes == near.pyramid.counts.voxel_bytes
         assert any("/0/c/" in path for path in asked) == (kind == "url")
         # A scene names the store as it was given, wherever the scene is saved.
         scene = Scene.from_volume(f"{address}?memory=2MB", volume=far)
@@ -379,9 +378,8 @@ def test_a_budget_below_a_part_is_refused(ball: Volume, tmp_path: Path) -> None:
 
 def test_what_cannot_be_cast_in_parts_is_refused(ball: Volume, tmp_path: Path) -> None:
     big = stored(ball, tmp_path)
-    for settings in ({"mode": "maximum"}, {"adaptive": 0.01}):
-        with raises(RaycastError, "unsupported"):
-            cast(big, **settings)
+    with raises(RaycastError, "unsupported"):
+        cast(big, adaptive=0.01)
     with raises(RaycastError, "range", "RaycastSpec.level"):
         cast(big, 7)
     with raises(VolumeError, "conflict"):

@@ -171,17 +171,22 @@ class Compute:
             cl.mem_flags.READ_ONLY | source, array.nbytes, array, counted=not shared
         )
 
-    def output(self, nbytes: int, into: NDArray[Any] | None = None) -> cl.Buffer:
+    def output(
+        self, nbytes: int, into: NDArray[Any] | None = None, *, filled: bool = False
+    ) -> cl.Buffer:
         """Make a buffer for kernels to write and the host to read.
 
         ``into`` is the C-contiguous destination of `download`; on a CPU kernels then write there.
-        Raises OpenCLError if the device has no room for it.
+        If ``filled``, its values are those of the buffer at first. Raises OpenCLError if the
+        device has no room for it.
         """
         import pyopencl as cl
 
         if into is not None and self.info.is_cpu:
             flags = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
             return self._buffer(flags, nbytes, into, counted=False)
+        if filled:
+            return self._buffer(cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, nbytes, into)
         return self._buffer(cl.mem_flags.READ_WRITE, nbytes)
 
     def require(self, nbytes: int, field: str, remedy: str) -> None:

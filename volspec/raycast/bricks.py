@@ -14,6 +14,7 @@ References
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -32,7 +33,10 @@ Of = Callable[[NDArray[Any]], NDArray[Any]]
 
 def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return each brick's least and greatest value, (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉), of (Z, Y, X) values."""
-    return _reduce(values, np.minimum), _reduce(values, np.maximum)
+    with ThreadPoolExecutor(1) as other:
+        low = other.submit(_reduce, values, np.minimum)
+        high = _reduce(values, np.maximum)
+        return low.result(), high
 
 
 def _reduce(values: NDArray[Any], extreme: np.ufunc) -> NDArray[Any]:

@@ -202,7 +202,7 @@ def cast_parts(
             caster.lights.set_extinction(sigma, job.table, job.spec)
         given = job.table, job.camera, job.size, job.spec
         picture = PartPicture.of(caster, *given, None, None)
-        for loaded in caster.stream(job.table, parts, picture.sees):
+        for loaded in caster.stream(job.table, job.spec, parts, picture.sees):
             if loaded is not None:
                 picture.add(loaded, None)
     assert caster.volume.pyramid is not None
@@ -252,10 +252,15 @@ class ClusterCaster(LevelCaster):
         span_mm: NDArray[np.float32] | None,
         clear: Clear | None,
     ) -> Result:
+        wrong = None
         if span_mm is not None or clear is not None:
+            wrong = "with surfaces behind it", "the meshes and the room"
+        elif spec.mode != "composite":
+            wrong = f"with mode {spec.mode!r}", "the mode"
+        if wrong is not None:
             raise RaycastError(
-                f"raycast: {self.volume.name} is cast on a cluster, with surfaces behind it",
-                "leave out the meshes and the room, or the cluster",
+                f"raycast: {self.volume.name} is cast on a cluster, {wrong[0]}",
+                f"leave out {wrong[1]}, or the cluster",
                 code="unsupported",
             )
         if not parts:

@@ -149,7 +149,7 @@ class LevelCaster:
     ) -> Result:
         with self.base.locked():
             picture = PartPicture.of(self, table, camera, size, spec, span_mm, clear)
-            for done, loaded in enumerate(self.stream(table, parts, picture.sees, cancel), 1):
+            for done, loaded in enumerate(self.stream(table, spec, parts, picture.sees, cancel), 1):
                 if loaded is not None:
                     picture.add(loaded, cancel)
                 if progress is not None:
@@ -175,11 +175,23 @@ class LevelCaster:
         self, table: Table, camera: Camera, size: tuple[int, int], spec: RaycastSpec, margin: int
     ) -> list[Part]:
         sides = sides_for(self._level, self._pyramid.dtype.itemsize, self._pyramid.memory_bytes)
-        blocks = self.visible_blocks(table)
-        return plan(self.volume, self._level, camera, size, spec, sides, margin, blocks)
+        blocks, level = self.visible_blocks(table, spec), self._level
+        parts = plan(self.volume, level, camera, size, spec, sides, margin, blocks)
+        if spec.mode == "maximum" and level.ranges is not None:
+            parts.sort(key=self.greatest, reverse=True)  # the others may not be needed
+        return parts
 
-    def visible_blocks(self, table: Table) -> NDArray[np.bool_] | None:
-        """Return the blocks (z, y, x) in which a table shows something; None if unknown."""
+    def greatest(self, part: Part) -> float:
+        """Return a value that no sample of a part exceeds."""
+        if self._level.ranges is None:
+            return np.inf
+        z, y, x = zip(part.low, part.high, strict=True)
+        return float(self._level.ranges[1][self._level.blocks_of((z, y, x))].max())
+
+    def visible_blocks(self, table: Table, spec: RaycastSpec) -> NDArray[np.bool_] | None:
+        """Return the blocks (z, y, x) in which a table shows something; None if all may count."""
+        if spec.mode != "composite":
+            return None
         if self._blocks is None or self._blocks[0] is not table:
             found, level = None, self._level
             if level.ranges is not None:
@@ -190,11 +202,12 @@ class LevelCaster:
     def stream(
         self,
         table: Table,
+        spec: RaycastSpec,
         parts: Sequence[Part],
         wanted: Callable[[Part], bool] = lambda part: True,
         cancel: Cancel | None = None,
     ) -> Iterator[LoadedPart | None]:
-        """Yield the parts' voxels for a table, None for unwanted ones.
+        """Yield the parts' voxels for a table and settings, None for unwanted ones.
 
         Each is read while the one before is in use, if the caster `reads_ahead`.
 
@@ -209,35 +222,49 @@ class LevelCaster:
         needed = [[Chunk(self._number, *number) for number in part.chunks] for part in parts]
         self._pyramid.cache.announce(needed)
         gap = transparent_value(table, self._pyramid.range)
+        if spec.mode == "maximum":
+            gap = self._pyramid.range[0]
+        blocks = self.visible_blocks(table, spec)
 
-        def load(turn: int) -> LoadedPart | None:
+        def read(turn: int) -> NDArray[Any] | None:
             part = parts[turn]
-            loaded = self._load(part, table, gap) if wanted(part) else None
-            for chunk in needed[turn]:
-                self._pyramid.cache.done(chunk, turn)
-            return loaded
+            if not wanted(part):
+                return None
+            return self._pyramid.read(self._number, part.stored, blocks, gap)
 
         counts = self._pyramid.counts
         with ThreadPoolExecutor(1, thread_name_prefix="volspec-read") as reader:
-            coming: Future[LoadedPart | None] | None = None
+            coming: Future[NDArray[Any] | None] | None = None
             try:
                 for turn in range(len(parts)):
                     if cancel is not None and cancel():
                         raise CastCancelled("raycast: cancelled", code="state")
                     counts.progress = f"level {self._number}: part {turn + 1} of {len(parts)}"
-                    found = (coming or reader.submit(load, turn)).result()
+                    values = (coming or reader.submit(read, turn)).result()
                     more = self.reads_ahead and turn + 1 < len(parts)
-                    coming = reader.submit(load, turn + 1) if more else None
-                    yield found
+                    coming = reader.submit(read, turn + 1) if more else None
+                    part = parts[turn]
+                    loaded = None
+                    if values is not None:
+                        loaded = self._loaded(part, values, table, blocks, gap)
+                    for chunk in needed[turn]:
+                        self._pyramid.cache.done(chunk, turn)
+                    yield loaded
             finally:
                 counts.progress = ""
                 if coming is not None:
                     coming.cancel()
 
-    def _load(self, part: Part, table: Table, gap: float) -> LoadedPart:
-        """Read a part's visible blocks, and of those around them what their samples read."""
-        pyramid, blocks = self._pyramid, self.visible_blocks(table)
-        values = pyramid.read(self._number, part.stored, blocks, gap)
+    def _loaded(
+        self,
+        part: Part,
+        values: NDArray[Any],
+        table: Table,
+        blocks: NDArray[np.bool_] | None,
+        gap: float,
+    ) -> LoadedPart:
+        """Add to a part's visible ``blocks`` what their samples read of those around them."""
+        pyramid = self._pyramid
         low, high = brick_ranges(values)
         if blocks is not None:
             # What is added lies in the ranges of its blocks: the bricks' visibility stays.
@@ -287,7 +314,7 @@ class LevelCaster:
 
     def boxes_of(self, table: Table, parts: Sequence[Part]) -> Iterator[VoxelBox]:
         """Yield the voxels of parts, for the light volume."""
-        for loaded in self.stream(table, parts):
+        for loaded in self.stream(table, RaycastSpec(), parts):
             if loaded is not None:
                 part = loaded.part
                 ends = zip(part.high, self._level.shape, strict=True)
@@ -329,8 +356,6 @@ def check_supported(table: Tables, spec: RaycastSpec, volume: Volume) -> Table:
         wrong = "several fields", "show one"
     elif isinstance(table, TransferTable) and table.filters is not None:
         wrong = "spectral absorption", "leave out the materials' filters"
-    elif spec.mode != "composite":
-        wrong = f"mode {spec.mode!r}", 'give "composite"'
     elif spec.adaptive > 0:
         wrong = "adaptive steps", "give adaptive=0"
     if wrong is not None:
@@ -373,6 +398,9 @@ class PartPicture:
     depth: NDArray[np.float32]  # times alpha
     first: NDArray[np.float32]
     through: NDArray[np.float32]
+    # Of a projection (kernels/projection.cl); and its gaps, which are marked at last.
+    so_far: NDArray[np.float32] | None
+    gaps: list[tuple[Box, Rect]]
 
     @classmethod
     def of(
@@ -407,6 +435,10 @@ class PartPicture:
             spans = np.divide(span_mm, min(frame.spacing_mm), dtype=np.float32)
         width, height = size
         layers = len(spec.groups) * table.size
+        so_far = None
+        if spec.mode != "composite":
+            so_far = np.zeros((height, width, 2), np.float32)
+            so_far[..., 0] = -np.inf if spec.mode == "maximum" else 0.0
         return cls(
             caster,
             table,
@@ -422,11 +454,18 @@ class PartPicture:
             np.zeros((height, width), np.float32),
             np.full((height, width), np.inf, np.float32),
             np.ones((height, width), np.float32),
+            so_far,
+            [],
         )
 
     def sees(self, part: Part) -> bool:
         """Return True if what was added so far lets a part be seen."""
         x0, y0, x1, y1 = part.rect
+        if self.so_far is not None:
+            # Values are counted from the table's first.
+            greatest = self.caster.greatest(part) - float(self.struct["domain_low"])
+            best = self.so_far[y0:y1, x0:x1, 0]
+            return self.spec.mode != "maximum" or bool((best < greatest).any())
         return bool((self.through[y0:y1, x0:x1] > self.spec.least_transmittance).any())
 
     def add(self, loaded: LoadedPart, cancel: Cancel | None) -> None:
@@ -434,16 +473,47 @@ class PartPicture:
         part, spec = loaded.part, self.spec
         step_mm = spec.step_of(self.caster.volume)
         codes = brick_codes(loaded.low, loaded.high, self.table, spec, step_mm)
+        if self.so_far is not None:
+            self._project(loaded, codes, cancel)
+            self.gaps.extend((gap, part.rect) for gap in loaded.gaps)
+            return
         if codes.min() == 0:
-            self._cast(loaded, codes, cancel)
+            self._composite(loaded, codes, cancel)
         for gap in loaded.gaps:
             self._mark(gap, part.rect)
 
-    def _cast(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
+    def _composite(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
+        view = _view(loaded.part.rect)
+        through = self.caster.base.compute.upload(np.ascontiguousarray(self.through[view]))
+        adds = self._cast(loaded, codes, through, cancel)
+        self.coefficients[view] += adds.coefficients
+        self.alpha[view] += adds.alpha
+        self.through[view] -= adds.alpha
+        there = adds.alpha > 0.0
+        self.depth[view][there] += adds.alpha[there] * adds.depth_mm[there]
+        np.minimum(self.first[view], adds.first_mm, out=self.first[view])
+
+    def _project(self, loaded: LoadedPart, codes: NDArray[Any], cancel: Cancel | None) -> None:
+        view, compute = _view(loaded.part.rect), self.caster.base.compute
+        assert self.so_far is not None
+        so_far = np.ascontiguousarray(self.so_far[view])
+        buffer = compute.output(so_far.nbytes, so_far, filled=True)
+        found = self._cast(loaded, codes, buffer, cancel)
+        compute.download(buffer, so_far)
+        self.so_far[view] = so_far
+        self.coefficients[view], self.alpha[view] = found.coefficients, found.alpha
+        np.multiply(found.alpha, found.depth_mm, out=self.depth[view], where=found.alpha > 0.0)
+        self.first[view] = found.first_mm
+        self.through[view] = 1.0 - found.alpha
+
+    def _cast(
+        self, loaded: LoadedPart, codes: NDArray[Any], before: Any, cancel: Cancel | None
+    ) -> Result:
+        """Cast a part; ``before`` is the buffer of what those before it leave."""
         part, spec = loaded.part, self.spec
         compute, base = self.caster.base.compute, self.caster.base
         x0, y0, x1, y1 = part.rect
-        view = slice(y0, y1), slice(x0, x1)
+        view = _view(part.rect)
         shape = y1 - y0, x1 - x0
         struct = self.struct.copy()
         self._place(struct, loaded)
@@ -459,18 +529,13 @@ class PartPicture:
             *self.inputs,
             upload(np.ascontiguousarray(spans)),
             struct,
-            upload(np.ascontiguousarray(self.through[view])),
+            before,
         )
         tile, group = TILES[base.packet.lanes], GROUPS[base.packet.lanes]
         rows = max(_FIRST_PIXELS // (shape[1] * tile[1] * group[1]), 1)
         bands = RowBatches(compute, adds, tile, group, spec.tile_ms, rows=rows)
         bands.run(self.kernel, arguments, None, cancel)
-        self.coefficients[view] += adds.coefficients
-        self.alpha[view] += adds.alpha
-        self.through[view] -= adds.alpha
-        there = adds.alpha > 0.0
-        self.depth[view][there] += adds.alpha[there] * adds.depth_mm[there]
-        np.minimum(self.first[view], adds.first_mm, out=self.first[view])
+        return adds
 
     def _mark(self, gap: Box, rect: Rect) -> None:
         """Hatch what is visible of a box whose voxels cannot be read."""
@@ -515,9 +580,17 @@ class PartPicture:
 
     def result(self) -> Result:
         """Return the picture of the parts so far."""
+        while self.gaps:
+            self._mark(*self.gaps.pop())
         unit = min(self.caster.volume.spacing_mm)
         arrays = self.coefficients, self.alpha, self.depth, self.first
         return finished(*arrays, unit, self.spec.half)
+
+
+def _view(rect: Rect) -> tuple[slice, slice]:
+    """Return the index of a rectangle of a picture."""
+    x0, y0, x1, y1 = rect
+    return slice(y0, y1), slice(x0, x1)
 
 
 def finished(

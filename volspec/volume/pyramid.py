@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import os
 import threading
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -31,7 +32,7 @@ BLOCK = 16
 """Cells along the edge of the blocks whose least and greatest values are known."""
 DEFAULT_BYTES = 2**31
 """Most bytes of voxels in memory, unless a budget is given."""
-COARSE_BYTES = 2**26
+COARSE_BYTES = 2**25
 """Most bytes of the level that is in memory."""
 BOX_VOXELS = 2**22
 """About the most voxels of a box that is read, averaged and written at once."""
@@ -452,7 +453,7 @@ class Pyramid:
     ) -> None:
         """Add what was read of a chunk, or note that it is damaged."""
         level, of_chunk = self.levels[chunk.level], self.levels[chunk.level].box_of(chunk[1:])
-        fault, pieces = self._absent(level, chunk), []
+        fault, pieces = "" if held.there.any() else self._absent(level, chunk), []
         for box, values in zip(boxes, read, strict=True):
             if isinstance(values, Exception):
                 fault = fault or one_line(values)[:120] or type(values).__name__
@@ -476,7 +477,8 @@ class Pyramid:
             blocks = within(blocks_in(box), blocks_in(of_chunk)) if level.by_block else ()
             held.there[blocks] = True
             self.counts.voxel_bytes += values.nbytes
-            self.counts.again_bytes += round(values.nbytes * float(seen[blocks].mean()))
+            if seen[blocks].any():
+                self.counts.again_bytes += round(values.nbytes * float(seen[blocks].mean()))
             seen[blocks] = True
 
     def _as_cast(self, values: NDArray[Any]) -> NDArray[Any]:
@@ -491,7 +493,7 @@ class Pyramid:
     def _absent(level: Level, chunk: Chunk) -> str:
         """Return what is wrong if a chunk's file is not there; empty if it is or need not be."""
         place = level.place
-        if place is None or place.joinpath(*map(str, ("c", *chunk[1:]))).exists():
+        if place is None or os.path.exists(f"{place}/c/{chunk.z}/{chunk.y}/{chunk.x}"):
             return ""
         if not place.exists():
             return "its file or folder is gone"
