@@ -216,7 +216,8 @@ def test_a_maximum_needs_only_parts_with_greater_values(monkeypatch: pytest.Monk
     spec = RaycastSpec(step_mm=1.0, mode="maximum", level=0)
     image = raycast(volume, curve(40, 150), camera, (16, 16), spec)
     assert volume.pyramid is not None and np.allclose(image.alpha, image.alpha.max())
-    assert volume.pyramid.counts.voxel_bytes < 0.5 * values.nbytes
+    # Of nine parts, one is needed, and the next was read with it.
+    assert volume.pyramid.counts.voxel_bytes < 0.6 * values.nbytes
 
 
 def test_a_caster_casts_every_level(engine: Volume) -> None:
