@@ -100,7 +100,7 @@ def visible_bytes(caster: Raycaster, camera: Camera, spec: RaycastSpec) -> float
         return math.nan
     table = caster.bake(sponge_look())
     spec = level.with_step(table, spec).for_lattice(level.volume)
-    blocks = level.visible_blocks(table)
+    blocks = level.visible_blocks(table, spec)
     assert blocks is not None
     seen = np.zeros_like(blocks)
     for part in level.plan(table, camera, SIZE, spec):

@@ -150,5 +150,5 @@ def test_runs_are_neighbours_of_like_size(engine: Volume, caster: Raycaster) -> 
     parts = level.plan(caster.bake(curve(40, 150)), Camera.orbit(engine), SIZE, SPEC)
     runs = distributed.runs(parts, 4)
     assert [part for run in runs for part in run] == parts and len(runs) <= 4
-    voxels = [sum(part.voxels for part in run) for run in runs]
-    assert max(voxels) < 2.5 * np.mean(voxels)
+    work = [sum(part.work for part in run) for run in runs]
+    assert max(work) < 2.5 * np.mean(work)

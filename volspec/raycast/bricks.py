@@ -31,8 +31,13 @@ FURTHEST, STRIDES = 63, 248
 Of = Callable[[NDArray[Any]], NDArray[Any]]
 
 
-def brick_ranges(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return each brick's least and greatest value, (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉), of (Z, Y, X) values."""
+def brick_ranges(values: NDArray[Any], *, alone: bool = False) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return each brick's least and greatest value, (⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉), of (Z, Y, X) values.
+
+    Both are found at a time, unless ``alone`` on a core.
+    """
+    if alone:
+        return _reduce(values, np.minimum), _reduce(values, np.maximum)
     with ThreadPoolExecutor(1) as other:
         low = other.submit(_reduce, values, np.minimum)
         high = _reduce(values, np.maximum)

@@ -346,11 +346,12 @@ def _itself(job: Job) -> Job:
 
 
 def runs(parts: Sequence[Part], count: int) -> list[tuple[Part, ...]]:
-    """Divide parts into runs of about as many voxels each."""
+    """Divide parts into runs of about as much work each."""
     if not parts:
         return []
-    ends = np.cumsum([part.voxels for part in parts])
-    number = np.minimum((ends - 1) * count // ends[-1], count - 1)
+    work = np.array([part.work for part in parts])
+    middles = np.cumsum(work) - 0.5 * work
+    number = (middles * count / work.sum()).astype(int)
     return [
         tuple(part for part, n in zip(parts, number, strict=True) if n == k)
         for k in np.unique(number)

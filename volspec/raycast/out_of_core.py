@@ -265,7 +265,7 @@ class LevelCaster:
     ) -> LoadedPart:
         """Add to a part's visible ``blocks`` what their samples read of those around them."""
         pyramid = self._pyramid
-        low, high = brick_ranges(values)
+        low, high = brick_ranges(values, alone=not self.reads_ahead)
         if blocks is not None:
             # What is added lies in the ranges of its blocks: the bricks' visibility stays.
             known = blocks[self._level.blocks_of(part.stored)]

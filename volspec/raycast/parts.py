@@ -51,6 +51,8 @@ class Part:
     chunks : tuple
         Numbers of the chunks that may be needed of it, along z, y, x.
     rect : Rect
+    visible : int
+        Number of its blocks in which something may be seen.
     """
 
     low: Index
@@ -59,6 +61,12 @@ class Part:
     margin: int
     chunks: tuple[Index, ...]
     rect: Rect
+    visible: int
+
+    @property
+    def work(self) -> float:
+        """Time that its cast takes, in that of a visible block; measured on sponges and vessels."""
+        return self.visible + 0.1 * self.voxels / BLOCK**3
 
     @property
     def voxels(self) -> int:
@@ -180,7 +188,9 @@ def plan(
         if any(b <= c or a >= d for a, b, c, d in zip(first, last, low, high, strict=True)):
             continue
         z, y, x = zip(first, last, strict=True)
-        if blocks is not None and not blocks[level.blocks_of((z, y, x))].any():
+        own = level.blocks_of((z, y, x))
+        visible = math.prod(each.stop - each.start for each in own)
+        if blocks is not None and not (visible := np.count_nonzero(blocks[own])):
             continue
         rect = covered(frame, camera, size, first, last)
         if rect is None:
@@ -190,7 +200,7 @@ def plan(
         chunks = level.chunks_in((z, y, x))
         if around is not None:
             chunks = [c for c in chunks if around[level.blocks_of(level.box_of(c))].any()]
-        found.append(Part(first, last, (z, y, x), margin, tuple(chunks), rect))
+        found.append(Part(first, last, (z, y, x), margin, tuple(chunks), rect, visible))
     return found
 
 
