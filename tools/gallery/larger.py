@@ -38,6 +38,7 @@ _VOLSPEC = (sys.executable, "-m", "volspec")
 class Run:
     """A command, and the bytes of memory of its processes over time."""
 
+    name: str
     shown: str
     seconds: list[float]
     used: list[int]
@@ -76,14 +77,15 @@ def three_commands(folder: Path, gib: float) -> list[Run]:
         f"volspec convert {shlex.quote(address)} -o big.zarr",
         f"volspec render big.zarr -o big.png --size {size} --memory 1GiB",
     ]
-    return [watched(*each) for each in zip(shown, commands, strict=True)]
+    named = zip(("make", "convert", "render"), shown, commands, strict=True)
+    return [watched(*each) for each in named]
 
 
-def watched(shown: str, command: tuple[str, ...]) -> Run:
+def watched(name: str, shown: str, command: tuple[str, ...]) -> Run:
     """Run a command and sample the memory of its processes."""
     process = subprocess.Popen(command, cwd=ROOT)
     root, began = psutil.Process(process.pid), time.perf_counter()
-    run = Run(shown, [], [])
+    run = Run(name, shown, [], [])
     while process.poll() is None:
         try:
             used = sum(p.memory_info().rss for p in (root, *root.children(recursive=True)))
@@ -108,7 +110,7 @@ def plot(runs: list[Run], path: Path) -> None:
         axes.fill_between(each.seconds, np.array(each.used) / 2**30, lw=0, color="#7fa8d1")
         axes.plot(each.seconds, np.array(each.used) / 2**30, lw=1.2, color="#1f4e79")
         axes.set(xlim=(0, None), ylim=(0, top), xlabel="s")
-        axes.set_title(" ".join(each.shown.split()[:3]), fontsize=10, loc="left")
+        axes.set_title(each.name, fontsize=10, loc="left")
         axes.spines[["top", "right"]].set_visible(False)
     figure.axes[0].set_ylabel("memory in GiB")
     FigureCanvasAgg(figure).print_png(str(path))
@@ -123,7 +125,7 @@ def parts(folder: Path, path: Path) -> None:
     convert(level_of(volume), folder / "engine.zarr")
     (folder / "engine.zarr/0/c/0/1/2").write_bytes(b"damaged")
     damaged = load_volume(f"{folder}/engine.zarr?memory=5MB")
-    camera = Camera.orbit(volume, azimuth_deg=35, elevation_deg=25, zoom=1.7)
+    camera = Camera.orbit(volume, azimuth_deg=35, elevation_deg=25, zoom=1.4)
     spec = replace(scene.raycast, level=0, step_mm=0.5)
     own = out_of_core.sides_for
     out_of_core.sides_for = lambda *given: (32, 32, 32)

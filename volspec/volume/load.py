@@ -86,6 +86,8 @@ _ADVICE: dict[tuple[str, ...], str] = {
 # Of files that each are a whole volume, unlike the slices of a series; of all files of volumes.
 WHOLE_SUFFIXES = (*_ITK_SUFFIXES, *_VTK_SUFFIXES, *HDF5_SUFFIXES, ".npy")
 VOLUME_SUFFIXES = (*WHOLE_SUFFIXES, ".raw", *TIFF_SUFFIXES, *DICOM_SUFFIXES)
+# Bytes up to which a volume is converted as a whole.
+_CONVERTED_BYTES = 2**28
 # Most numbers of a table of labels that an error lists.
 _MOST_NUMBERS = 4
 # Endings of files that a missing volume is never a misspelling of.
@@ -264,6 +266,7 @@ def open_level(path: str | os.PathLike[str]) -> tuple[Level, str, Labels]:
     Errors and warnings are those of `load_volume`; only one channel is read.
     """
     query, library = _query(path)
+    query = replace(query, memory_bytes=query.memory_bytes or _CONVERTED_BYTES)
     stack = _larger(query)
     if stack is None and not library:
         stack = stored_stack(query, read_here(query))
