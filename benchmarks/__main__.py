@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 
 from benchmarks import (
     cast,
+    colour,
     equal_error,
     export,
     fields,
@@ -33,7 +34,7 @@ from volspec._gpu.opencl import Compute
 
 # VTK's GPU mapper opens windows, which end other GL contexts, so it runs late.
 FIGURES = (
-    *(memory.figures, reading.figures, cast.channel_figures, cast.edit_figures),
+    *(colour.figures, memory.figures, reading.figures, cast.channel_figures, cast.edit_figures),
     *(cast.shadow_figures, palette.figures, limits.figures, models.figures, picture.figures),
     *(
         rooms.figures,

@@ -4,7 +4,7 @@
 
 The block is a plain grey with a touch of blue. The inserts match it exactly under D65 and differ as
 far as a smooth reflectance can under tungsten (light A), towards red: a linear program in the
-31 bands, with X Y Z under D65 equal, 0.03 ≤ r ≤ 0.95 and bounded second differences. So the
+81 bands, with X Y Z under D65 equal, 0.03 ≤ r ≤ 0.95 and bounded second differences. So the
 inserts are hidden by daylight and revealed by a lamp.
 """
 
@@ -15,17 +15,17 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linprog
 
-from volspec.spectra import DEFAULT_GRID, color_matching_functions, light
+from volspec.spectra import DEFAULT_GRID, colour_matching_functions, light
 
 FOLDER = Path(__file__).parent / "spectra"
-LARGEST_SECOND_DIFFERENCE = 0.08
+LARGEST_SECOND_DIFFERENCE = 0.02
 
 
 def main() -> None:
     """Write ``data/spectra/engine-block.csv`` and ``engine-inserts.csv``."""
     wavelengths = DEFAULT_GRID.wavelengths_nm
     block = 0.45 - 0.06 * (wavelengths - 550) / 150
-    matching = color_matching_functions(DEFAULT_GRID)
+    matching = colour_matching_functions(DEFAULT_GRID)
     seen = {}
     for name in ("D65", "A"):
         weighted = matching * light(name).values

@@ -9,9 +9,9 @@ import pytest
 from volspec.appearance.models.cielab import cielab
 from volspec.basis.fit import residuals as fitted
 from volspec.basis.fit.residuals import (
+    CIE94_metric,
     Problem,
     State,
-    difference_metric,
     evaluate,
     normal_equations,
     pose_problem,
@@ -104,7 +104,7 @@ def test_pairs_cost_by_their_weights(training: Training) -> None:
     problem = posed(training, "bands")
     value = evaluate(problem, started(problem))
     d = value.ratio - problem.target
-    squares = (np.einsum("jkrc,jkc->jkr", difference_metric(problem.target), d) ** 2).sum(-1)
+    squares = (np.einsum("jkrc,jkc->jkr", CIE94_metric(problem.target), d) ** 2).sum(-1)
     w, v = (np.array(x) / np.mean(x) for x in (LIGHT_WEIGHTS, SURFACE_WEIGHTS))
     assert value.colour_error == pytest.approx((w[:, None] * v * squares).mean())
 
@@ -116,7 +116,7 @@ def test_the_metric_is_cie94_of_small_steps() -> None:
         [greys, rng.uniform(0.02, 0.9, (30, 3)), rng.uniform(0, 0.008, (6, 3))]
     )
     steps = rng.standard_normal((8, 1, 3)) * colours.mean(axis=-1, keepdims=True) * 1e-5
-    found = np.linalg.norm(np.einsum("krc,skc->skr", difference_metric(colours), steps), axis=-1)
+    found = np.linalg.norm(np.einsum("krc,skc->skr", CIE94_metric(colours), steps), axis=-1)
     white = np.ones(3)
     Lab = cielab(colours, white)
     # The textile constants are 2, .048 and .014; the graphic arts' 1, .045 and .015.

@@ -67,7 +67,7 @@ def viewings(count: int, seed: int) -> list[RelightSpec]:
         )
         if viewing.D is None and rng.random() < 0.3:
             viewing = replace(viewing, discount=True)
-        made.append(RelightSpec(viewing, MODES[i % 3], float(rng.uniform(0, 1))))
+        made.append(RelightSpec(viewing, MODES[i % 4], float(rng.uniform(0, 1))))
     return made
 
 
@@ -128,7 +128,9 @@ def test_lights_become_the_desktops_matrices(
         given.append(look)
     numbers = {
         "basis": payload.basis_numbers(basis, seen.seen_through(basis.grid)),
-        "lights": [payload.light_numbers(each, basis.grid) for each in lights],
+        "lights": [
+            payload.light_numbers(each, basis, seen.seen_through(basis.grid)) for each in lights
+        ],
         "groups": shares,
     }
     got = compute(

@@ -20,10 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec._deprecated import renamed_attribute
 from volspec.basis import storage
+from volspec.basis.display import DEFAULT_MODE
 from volspec.errors import BasisError, SpectrumError
 from volspec.spectra.datasets import check_observer
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.spectrum import Spectrum, real_array
+from volspec.spectra.spectrum import Spectrum, real_array, reflectance_values
 
 if TYPE_CHECKING:
     from volspec.basis.materials import Basis
@@ -49,7 +50,7 @@ class StoredBasis(ABC):
 
     @abstractmethod
     def colour_matrix(
-        self, light: Spectrum, mode: str = "componentwise", seen_through: Spectrum | None = None
+        self, light: Spectrum, mode: str = DEFAULT_MODE, seen_through: Spectrum | None = None
     ) -> NDArray[Any]:
         """Return the (3, m) matrix from channels to XYZ under a light, Y = 100 for white.
 
@@ -74,7 +75,7 @@ class StoredBasis(ABC):
         """Invert `to_dict`."""
 
     def xyz(self, coefficients: ArrayLike, light: Spectrum) -> NDArray[Any]:
-        """Return the colour of reflectance coefficients under a light, componentwise.
+        """Return the colour of reflectance coefficients under a light, in the default mode.
 
         Parameters
         ----------
@@ -110,7 +111,7 @@ class StoredBasis(ABC):
         >>> from volspec.spectra import light, reflectance
         >>> samples = [reflectance("gold"), reflectance("CES/5")]
         >>> table = SpectralBasis.load("general-7").report([light("D65"), light("A")], samples)
-        >>> table.componentwise.max < 0.1 < table.rgb_product.max
+        >>> table.fitted.max < 0.1 < table.rgb_product.max
         True
         """
         from volspec.basis.report import basis_report
@@ -225,6 +226,25 @@ def require_matrices(basis: SpectralBasis) -> dict[str, Array]:
 def round_trip_loss(A: Array, B: Array) -> float:
     """Return the largest deviation of A B from the identity."""
     return float(np.abs(A @ B - np.eye(len(A))).max())
+
+
+def require_samples(basis: SpectralBasis) -> Array | None:
+    """Return a read-only copy of a basis' samples, (K, N) reflectances; None without any.
+
+    Raises BasisError if they are something else.
+    """
+    if basis.samples is None:
+        return None
+    label = f"basis {basis.name!r}: samples"
+    with basis_errors(label):
+        samples = real_array(basis.samples, label)
+        if samples.size == 0:
+            samples = np.zeros((0, basis.grid.size))
+        if samples.ndim != 2:
+            raise BasisError.refused(label, samples.shape, "give (K, N) reflectances", "shape")
+        samples = reflectance_values(samples, basis.grid, label)
+    samples.flags.writeable = False
+    return samples
 
 
 def require_channels(basis: StoredBasis, coefficients: ArrayLike) -> Array:

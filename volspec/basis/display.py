@@ -1,6 +1,6 @@
 """Matrices from channels to XYZ under a light, with every light's white exact.
 
-    analysis, synthesis, light -> [display] -> 3 x m matrix
+    analysis, synthesis, samples, light -> [display] -> 3 x m matrix
 
 D, D R(e) and the light matrix of a basis that does not contain flat white all miss a light's
 white a little; `white_exact` corrects each in the same way. Q are the observer's colour-matching
@@ -14,18 +14,22 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.appearance.models.cielab import CIE94_metric
 from volspec.errors import BasisError, nearest
 
 Array = NDArray[np.float64]
 
-Mode = Literal["componentwise", "exact", "linear-model"]
+Mode = Literal["fitted", "componentwise", "exact", "linear-model"]
 MODES: tuple[Mode, ...] = get_args(Mode)
-"""Matrices from channels to XYZ: D diag(e), kappa Q diag(E) B, or D R(e)."""
+"""Matrices from channels to XYZ: `fitted_matrix`, D diag(e), kappa Q diag(E) B, or D R(e)."""
+DEFAULT_MODE: Mode = "fitted"
 
 NO_COLOUR = 1e-3
 """X or Z below this fraction of Y is negligible."""
 # Limits of a row's stretch towards a light's white; the rest is added along Y.
 _STRETCH = (0.5, 2.0)
+# Weight of a fitted matrix' distance from its prior: 1 costs as much as a difference of 0.01.
+_PRIOR = 1e-4
 
 
 def white_exact(matrix: Array, channels: Array, white: Array) -> Array:
@@ -57,6 +61,29 @@ def display_matrix(D: Array, e: Array, E: Array, Q: Array) -> Array:
     # A row with almost no response to the light carries no colour: it follows Y.
     trust = np.clip(white / (NO_COLOUR * white[1]), 0.0, 1.0)[:, None]
     return trust * K + (1 - trust) * white[:, None] * _luminous_share(K[1], e, white[1])
+
+
+def fitted_matrix(channels: Array, XYZ: Array, weights: Array, white: Array, prior: Array) -> Array:
+    """Return the (3, m) matrix M that gives the colours of K surfaces best, and white exactly.
+
+    Least squares of |G_k (M c_k - XYZ_k) / white|, G_k the CIE94 metric at the true colour, with
+    M 1 = white. ``channels`` are (K, m), ``XYZ`` (K, 3) and ``white`` (3,) on one scale,
+    ``weights`` (K,) those of the squares, and ``prior`` (3, m) decides what they leave open.
+    """
+    m = channels.shape[1]
+    scale = visible_white(white)
+    target = XYZ / scale
+    # A row with almost no response to the light carries no colour.
+    metric = CIE94_metric(target) * (white > NO_COLOUR * white[1])
+    metric *= np.sqrt(weights)[:, None, None]
+    design = (metric[..., None] * channels[:, None, None]).reshape(-1, 3 * m)
+    goal = np.einsum("kij,kj->ki", metric, target).ravel()
+    H = design.T @ design + _PRIOR * np.eye(3 * m)
+    gradient = design.T @ goal + _PRIOR * (prior / scale[:, None]).ravel()
+    at_white = np.kron(np.eye(3), np.ones(m))
+    system = np.block([[H, at_white.T], [at_white, np.zeros((3, 3))]])
+    solution = np.linalg.solve(system, np.concatenate([gradient, white / scale]))
+    return np.asarray(solution[: 3 * m].reshape(3, m) * scale[:, None])
 
 
 def require_mode(mode: str) -> None:

@@ -35,8 +35,9 @@ from volspec.appearance.spaces import (
     linear_sRGB_from_XYZ,
     spectrum_colours,
 )
+from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.materials import Basis, MaterialBasis
-from volspec.basis.report import RGB_PRODUCT, WAYS, BasisReport, WorstPair, own_way
+from volspec.basis.report import RGB_PRODUCT, WAYS, BasisReport, WorstPair
 from volspec.basis.report_table import class_heading, format_delta_e
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
@@ -103,7 +104,7 @@ def _draw_title(figure: Figure, errors: ErrorTable) -> None:
 def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
     """Draw a small table: one line per class, one column per mode."""
     chained = all(report.products for report in errors.classes.values())
-    ways = ("componentwise", compared_way(errors), RGB_PRODUCT)
+    ways = ("fitted", "componentwise", RGB_PRODUCT)
     columns = [WAYS[way] for way in ways]
     columns += ["two surfaces", "three surfaces"] if chained else []
     left = _MARGIN + 1.86
@@ -120,9 +121,9 @@ def _draw_caption(figure: Figure, errors: ErrorTable, top: float) -> None:
     for line, (name, report) in enumerate(errors.classes.items(), start=1):
         cell(_MARGIN, line, class_heading(name, len(report.pairs.lights)), color=INK)
         summaries = [report.errors[way] for way in ways]
-        summaries += [p.componentwise for p in report.products.values()]
+        summaries += [p.fitted for p in report.products.values()]
         for i, summary in enumerate(summaries):
-            bold = {"weight": "bold"} if columns[i] == WAYS[own_way(errors.basis.method)] else {}
+            bold = {"weight": "bold"} if columns[i] == WAYS[DEFAULT_MODE] else {}
             cell(left + wide * i, line, _four(summary), color=INK, **bold)
 
 
@@ -141,18 +142,16 @@ NOTHING = 1e-6
 _STYLES: dict[str, dict[str, Any]] = {
     RGB_PRODUCT: {"marker": "^", "markersize": 3.4, "color": _VERMILION, "zorder": 3,
                   "markeredgewidth": 0},
-    "exact": {"marker": "o", "markersize": 3.6, "color": _GREEN, "zorder": 4,
-              "markerfacecolor": "none", "markeredgewidth": 0.9},
-    "linear-model": {"marker": "o", "markersize": 3.6, "color": _GREEN, "zorder": 4,
-                     "markerfacecolor": "none", "markeredgewidth": 0.9},
-    "componentwise": {"marker": "o", "markersize": 3.2, "color": _BLUE, "zorder": 5,
-                      "markeredgewidth": 0},
+    "componentwise": {"marker": "o", "markersize": 3.6, "color": _GREEN, "zorder": 4,
+                      "markerfacecolor": "none", "markeredgewidth": 0.9},
+    "fitted": {"marker": "o", "markersize": 3.2, "color": _BLUE, "zorder": 5,
+               "markeredgewidth": 0},
 }  # fmt: skip
 
 
 def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     """Draw every light's mean error, sorted within its class, with a hairline up to its largest."""
-    ways = (RGB_PRODUCT, compared_way(errors), "componentwise")
+    ways = (RGB_PRODUCT, "componentwise", "fitted")
     means = {
         name: {way: report.pairs.delta_e[way].mean(axis=1) for way in ways}
         for name, report in errors.classes.items()
@@ -161,8 +160,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
     visible = every[every > _FLOORS[0]]
     lowest = float(visible.min()) if visible.size else 1.0
     floor = float(np.clip(10.0 ** np.floor(np.log10(lowest)), *_FLOORS))
-    way_made_for = own_way(errors.basis.method)
-    own_max = {n: r.pairs.delta_e[way_made_for].max(axis=1) for n, r in errors.classes.items()}
+    own_max = {n: r.pairs.delta_e[DEFAULT_MODE].max(axis=1) for n, r in errors.classes.items()}
     top = max(float(every.max()), *(float(tips.max()) for tips in own_max.values()), 3.0)
     axes.set(xlim=(0, 1), yscale="log", ylim=(floor / 1.5, 2.2 * top))
     style_axes(axes)
@@ -186,7 +184,7 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
             axes.axvline(left, color=HAIR, linewidth=0.8)
         for way in ways:
             y = np.maximum(means[name][way][order], floor)
-            if way == way_made_for:
+            if way == DEFAULT_MODE:
                 tips, ink = np.maximum(own_max[name][order], floor), _STYLES[way]["color"]
                 axes.vlines(x, y, tips, color=ink, linewidth=0.7, alpha=0.55, zorder=2)
             axes.plot(x, y, linestyle="none", **_STYLES[way])
@@ -197,11 +195,6 @@ def draw_errors(axes: Axes, errors: ErrorTable) -> None:
         named += [(x[i], report.pairs.lights[order[i]]) for i in range(len(x))[len(x) - last :]]
     _name_lights(axes, named)
     _draw_legend(axes, ways)
-
-
-def compared_way(errors: ErrorTable) -> str:
-    """Return the matrix mode to compare with componentwise."""
-    return "linear-model" if own_way(errors.basis.method) == "linear-model" else "exact"
 
 
 def _name_lights(axes: Axes, named: list[tuple[float, str]]) -> None:
@@ -245,10 +238,9 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     axes.set(xlim=(0, wide), ylim=(0, tall))
     axes.set_axis_off()
     axes.fill((0, 0, wide, wide), (0, tall, tall, 0), color=_GREY, linewidth=0)
-    way = own_way(errors.basis.method)
     shares = share_out(_MOST, [len(r.pairs.lights) for r in errors.classes.values()])
     groups = {
-        name: worst_pairs(report, share, way)
+        name: worst_pairs(report, share)
         for (name, report), share in zip(errors.classes.items(), shares, strict=True)
     }
     count = sum(map(len, groups.values()))
@@ -258,7 +250,7 @@ def draw_swatches(axes: Axes, errors: ErrorTable) -> None:
     pitch = min(width + _GAP, 1.4)
     x = 0.15
     top = tall - 0.56
-    ours = f"{errors.basis.size} channels{'' if way == 'componentwise' else f', {WAYS[way]}'}"
+    ours = f"{errors.basis.size} channels, {WAYS[DEFAULT_MODE]}"
     key = f"worst colours: upper left, the full spectra; lower right, {ours}"
     write(axes, 0.15, tall - 0.18, key, fontsize=8.5, color=_ON_GREY, va="center")
     for name, pairs in groups.items():
@@ -296,9 +288,9 @@ def share_out(places: int, wanted: list[int]) -> list[int]:
     return given
 
 
-def worst_pairs(report: BasisReport, count: int, way: str = "componentwise") -> list[WorstPair]:
+def worst_pairs(report: BasisReport, count: int) -> list[WorstPair]:
     """Return the worst pairs, with different lights and, if possible, different reflectances."""
-    delta_e = report.pairs.delta_e[way]
+    delta_e = report.pairs.delta_e[DEFAULT_MODE]
     found: list[tuple[int, int]] = []
     for once in (True, False):
         for flat in np.argsort(-delta_e, axis=None, kind="stable"):
@@ -308,7 +300,7 @@ def worst_pairs(report: BasisReport, count: int, way: str = "componentwise") -> 
             if all(j != light and not (once and i == sample) for light, sample in found):
                 found.append((j, i))
     found.sort(key=lambda pair: -delta_e[pair])
-    return [WorstPair.at(report.pairs, j, i, way) for j, i in found]
+    return [WorstPair.at(report.pairs, j, i) for j, i in found]
 
 
 Array = NDArray[np.float64]

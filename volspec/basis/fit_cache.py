@@ -18,6 +18,7 @@ from volspec import __version__
 from volspec._cache import cached_arrays
 from volspec.basis.model import SpectralBasis
 from volspec.spectra import Spectrum, colour_matching_functions
+from volspec.spectra.spectrum import stack
 
 # Source files that determine a fit's result.
 _SOURCES = (
@@ -64,7 +65,13 @@ def fit_cached(
     maker = digest.hexdigest()
     matrices = cached_arrays(f"bases/{maker[:20]}", maker, fit)
     return SpectralBasis(
-        name, method, grid, **matrices, trained_on=trained_on, observer_deg=observer_deg
+        name,
+        method,
+        grid,
+        **matrices,
+        trained_on=trained_on,
+        observer_deg=observer_deg,
+        samples=stack(reflectances, grid),
     )
 
 

@@ -14,7 +14,9 @@ import numpy as np
 
 from volspec._gpu.sources import asset
 from volspec.basis.model import SpectralBasis
+from volspec.basis.storage import GRID_ENDINGS
 from volspec.errors import BasisError, nearest
+from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 from volspec.spectra.lights import light_set
 from volspec.spectra.reflectances import reflectance_set
 
@@ -24,14 +26,18 @@ SIZES = (5, 7, 9)
 SPIKY_SHARE = 0.03
 # Fits of positive sensors have several minima.
 _POSITIVE_RESTARTS = 8
+# By size: beyond 400 to 700 nm little is seen, and smoother sensors have smaller errors.
+_SMOOTHNESS = {5: 1e-4, 7: 1e-4}
 _SIGNS = ("", "-positive")
 _REFLECTANCES = "99 CES of CIE 224:2017 and 29 CIE colour rendering samples"
 
-NAMES = tuple(
+_KINDS = tuple(
     [f"{lights}-{m}{sign}" for lights in ("general", "smooth") for m in SIZES for sign in _SIGNS]
     + [f"exact-{m}" for m in SIZES]
 )
-"""``general`` and ``exact`` are trained on all lights, ``smooth`` on the smooth ones."""
+NAMES = tuple(f"{kind}{ending}" for ending in GRID_ENDINGS.values() for kind in _KINDS)
+"""``general`` and ``exact`` are trained on all lights, ``smooth`` on the smooth ones; ``-10nm`` are
+the 31 bands of the papers and of scenes of the first version."""
 
 
 def fit_library(
@@ -40,6 +46,7 @@ def fit_library(
     positive: bool = False,
     lights: Literal["smooth", "all"] | None = None,
     observer_deg: int = 2,
+    grid: SpectralGrid = DEFAULT_GRID,
 ) -> SpectralBasis:
     """Fit a basis on the library's lights and its 128 training reflectances.
 
@@ -50,10 +57,12 @@ def fit_library(
     if lights not in (None, "smooth", "all"):
         raise BasisError(f"lights {lights!r:.40} are unknown; choose smooth or all", code="unknown")
     sensors = method == "virtual-sensors"
-    smooth, spiky = light_set("smooth"), light_set("spiky")
+    smooth, spiky = light_set("smooth", grid), light_set("spiky", grid)
     options: dict[str, Any] = {}
     if sensors:
         options["restarts"] = _POSITIVE_RESTARTS if positive else 0
+        if grid != PAPERS_GRID and not positive:
+            options["smoothness"] = _SMOOTHNESS.get(size)
     trained_on_lights = f"{len(smooth)} smooth"
     if lights == "smooth" or (lights is None and method in ("pca", "pca-sharpened")):
         spiky = []
@@ -64,9 +73,10 @@ def fit_library(
         trained_on_lights += f" lights and, weighted {SPIKY_SHARE:g}, {len(spiky)} spiky lights"
     else:
         trained_on_lights += f" and {len(spiky)} spiky lights"
-    return SpectralBasis.fit(
+    basis = SpectralBasis.fit(
         smooth + spiky,
-        reflectance_set("training"),
+        reflectance_set("training", grid),
+        grid=grid,
         size=size,
         method=method,
         positive=positive,
@@ -74,6 +84,8 @@ def fit_library(
         trained_on=f"{trained_on_lights}; {_REFLECTANCES}",
         **options,
     )
+    # The library's training set is a sample of every basis.
+    return replace(basis, samples=np.zeros((0, grid.size)))
 
 
 def fit_shipped(name: str) -> SpectralBasis:
@@ -83,12 +95,15 @@ def fit_shipped(name: str) -> SpectralBasis:
             f"basis {name!r} does not ship; {nearest(name, NAMES)}shipped: {', '.join(NAMES)}",
             code="unknown",
         )
-    lights, size = name.removesuffix("-positive").split("-")
+    grid = PAPERS_GRID if name.endswith(GRID_ENDINGS[PAPERS_GRID]) else DEFAULT_GRID
+    kind = name.removesuffix(GRID_ENDINGS[grid])
+    lights, size = kind.removesuffix("-positive").split("-")
     basis = fit_library(
         int(size),
         "reduced-rank" if lights == "exact" else "virtual-sensors",
-        positive=name.endswith("-positive"),
+        positive=kind.endswith("-positive"),
         lights="smooth" if lights == "smooth" else "all",
+        grid=grid,
     )
     return replace(basis, name=name)
 

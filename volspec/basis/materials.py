@@ -162,7 +162,10 @@ class MaterialBasis(StoredBasis):
         return require_channels(self, coefficients) @ rows
 
     def colour_matrix(
-        self, light: Spectrum, mode: str = "componentwise", seen_through: Spectrum | None = None
+        self,
+        light: Spectrum,
+        mode: str = display.DEFAULT_MODE,
+        seen_through: Spectrum | None = None,
     ) -> Array:
         """Return (3, K + 1) XYZ of the materials and of white under a light; all modes are exact.
 

@@ -17,13 +17,15 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec._deprecated import renamed_attribute
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import display, storage
 from volspec.basis.base import (
     StoredBasis,
@@ -32,14 +34,23 @@ from volspec.basis.base import (
     require_materials,
     require_matrices,
     require_reflective,
+    require_samples,
     require_text,
 )
 from volspec.errors import BasisError
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
+from volspec.spectra.reflectances import reflectance_set
 from volspec.spectra.spectrum import Spectrum, light_power, stack
 
 Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
+
+# Weight of the library's training set next to a basis' own samples.
+_LIBRARY_WEIGHT = 1e-3
+# Least ratio of singular values of samples' channels: float16 coefficients are exact to 5e-4.
+_DISTINCT = 1e-2
+_MATRICES = ("analysis", "synthesis", "XYZ_from_channels")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,6 +74,10 @@ class SpectralBasis(StoredBasis):
         Description of the lights and reflectances.
     observer_deg : {2, 10}
         Observer of D: CIE 1931 2 degrees or CIE 1964 10 degrees.
+    samples : (K, N) array, optional
+        Reflectances, such as a scene's, whose colours `fitted_matrix` gives best, before those of
+        the library's training set. None, as in files of earlier versions: the mode ``"fitted"`` is
+        ``"componentwise"``.
 
     Raises
     ------
@@ -79,6 +94,7 @@ class SpectralBasis(StoredBasis):
     XYZ_from_channels: NDArray[np.float64]
     trained_on: str = ""
     observer_deg: int = 2
+    samples: NDArray[np.float64] | None = None
 
     analyze = renamed_attribute("analyse")
 
@@ -91,6 +107,7 @@ class SpectralBasis(StoredBasis):
         object.__setattr__(self, "observer_deg", observer_deg)
         for field, matrix in require_matrices(self).items():
             object.__setattr__(self, field, matrix)
+        object.__setattr__(self, "samples", require_samples(self))
 
     def __repr__(self) -> str:
         bands = f"{self.grid.size} bands"
@@ -143,7 +160,10 @@ class SpectralBasis(StoredBasis):
         return require_channels(self, coefficients) @ self.synthesis.T
 
     def colour_matrix(
-        self, light: Spectrum, mode: str = "componentwise", seen_through: Spectrum | None = None
+        self,
+        light: Spectrum,
+        mode: str = display.DEFAULT_MODE,
+        seen_through: Spectrum | None = None,
     ) -> NDArray[np.float64]:
         """Return the (3, m) matrix from a picture's channels to XYZ under a light.
 
@@ -152,10 +172,10 @@ class SpectralBasis(StoredBasis):
         Parameters
         ----------
         light : Spectrum
-        mode : {"componentwise", "exact", "linear-model"}
-            ``display_matrix(light) * analyse(light)``, the colour that post-illumination shows;
-            ``light_matrix(light)``, without a factor model; or D R(e), the product inside the
-            subspace that the componentwise product approximates ([1] eq. 7).
+        mode : {"fitted", "componentwise", "exact", "linear-model"}
+            ``fitted_matrix(light)``, the light's own; ``display_matrix(light) * analyse(light)``,
+            the papers' factor model; ``light_matrix(light)``, without a factor model; or D R(e),
+            the product inside the subspace that the componentwise product approximates ([1] eq. 7).
         seen_through : Spectrum, optional
             Filter in the eye's path, to which reflected light is as the light through it; the white
             without it has Y = 100.
@@ -175,9 +195,11 @@ class SpectralBasis(StoredBasis):
             return share * self.colour_matrix(Spectrum(self.grid.wavelengths_nm, passed), mode)
         if mode == "exact":
             return self.light_matrix(light)
+        if mode == "fitted" and self.samples is not None:
+            return self.fitted_matrix(light)
         E = light_power(light, self.grid)
         e = self.analysis @ E
-        if mode == "componentwise":
+        if mode != "linear-model":
             return display.display_matrix(self.XYZ_from_channels, e, E, self._Q) * e
         R = self.illumination_matrix(light)
         return display.display_matrix(self.XYZ_from_channels @ R, self.white, E, self._Q)
@@ -210,6 +232,49 @@ class SpectralBasis(StoredBasis):
         kappa = 100.0 / (Q[1] @ E)
         matrix = kappa * ((Q * E) @ self.synthesis)
         return display.white_exact(matrix, self.white, kappa * (Q @ E))
+
+    def fitted_matrix(self, light: Spectrum) -> NDArray[np.float64]:
+        """Return the (3, m) matrix with the best colours of the samples under a light.
+
+        Any componentwise product is, for one light, a matrix on the surface's channels; here every
+        entry is free (`volspec.basis.display.fitted_matrix`). White is exact, and so are fewer
+        samples than channels, and their mixtures. Cached.
+
+        Raises
+        ------
+        BasisError, SpectrumError
+            If the basis has no samples; see `display_matrix`.
+        """
+        return _fitted_matrix(self, light_power(light, self.grid).tobytes())
+
+    def sample_errors(self, light: Spectrum, mode: str) -> NDArray[np.float64]:
+        """Return CIEDE2000 (K,) of the samples' colours under a light, or of the training set's.
+
+        Estimates, without a picture, how well a mode holds a light. Errors: `colour_matrix`.
+        """
+        own = self.samples
+        S = own if own is not None and len(own) else _training_set(self.grid)
+        white = display.visible_white(white_XYZ(light.on(self.grid), self.observer_deg))
+        shown = self.analyse(S) @ self.colour_matrix(light, mode).T
+        true = XYZ_from_spectra(light.on(self.grid), S, self.observer_deg)
+        return delta_E_2000(cielab(true, white), cielab(shown, white))
+
+    def through_samples(self) -> SpectralBasis | None:
+        """Return the basis with a synthesis that is exact for its samples and their mixtures.
+
+        Its ``"exact"`` mode then has the colours of full spectra. None if there are no samples, or
+        the channels do not distinguish them from each other and from white.
+        """
+        S = self.samples
+        if S is None or not 0 < len(S) < self.size:
+            return None
+        channels = np.vstack([self.analyse(S), self.white])
+        spectra = np.vstack([S, np.ones(self.grid.size)])
+        strength = np.linalg.svd(channels, compute_uv=False)
+        if strength[-1] < _DISTINCT * strength[0]:
+            return None
+        rest = spectra - channels @ self.synthesis.T
+        return replace(self, synthesis=self.synthesis + (np.linalg.pinv(channels) @ rest).T)
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """Return R(e), (m, m), from reflectance to colour-signal channels, inside the subspace.
@@ -292,6 +357,7 @@ class SpectralBasis(StoredBasis):
             XYZ_from_channels=D,
             trained_on=trained_on if trained_on != "" else training.label,
             observer_deg=observer_deg,
+            samples=training.S,
         )
 
     @classmethod
@@ -314,8 +380,10 @@ class SpectralBasis(StoredBasis):
 
     def to_dict(self) -> dict[str, Any]:
         """Return JSON types with a format version; numbers keep every digit."""
-        matrices = ("analysis", "synthesis", "XYZ_from_channels")
-        return storage.to_dict(self, {name: getattr(self, name).tolist() for name in matrices})
+        numbers = {name: getattr(self, name).tolist() for name in _MATRICES}
+        if self.samples is not None:
+            numbers["samples"] = self.samples.tolist()
+        return storage.to_dict(self, numbers)
 
     @classmethod
     def from_dict(cls, data: dict[str, Any]) -> SpectralBasis:
@@ -332,19 +400,21 @@ class SpectralBasis(StoredBasis):
                 "this is a basis of materials; use volspec.load_basis or volspec.MaterialBasis",
                 code="type",
             )
-        names = ("name", "method", "trained_on", "analysis", "synthesis", "XYZ_from_channels")
-        basis = cls(**storage.head_from_dict(data, names), **{name: data[name] for name in names})
+        names = ("name", "method", "trained_on", *_MATRICES)
+        head = storage.head_from_dict(data, names)
+        values = {name: data[name] for name in names}
+        basis = cls(**head, **values, samples=data.get("samples"))
         storage.require_unedited(basis, data)
         return basis
 
     @property
     def fingerprint(self) -> str:
-        """Short hash of the grid, the observer and the numbers, but not the name.
+        """Short hash of the grid, the observer and the matrices, but not the name or the samples.
 
         Unchanged by save and load.
         """
         digest = hashlib.sha256(f"{self.grid}, {self.observer_deg} degrees".encode())
-        for array in (self.analysis, self.synthesis, self.XYZ_from_channels):
+        for array in (getattr(self, name) for name in _MATRICES):
             digest.update(repr(array.shape).encode())
             digest.update(np.ascontiguousarray(array, dtype="<f8").tobytes())
         return digest.hexdigest()[:12]
@@ -352,3 +422,33 @@ class SpectralBasis(StoredBasis):
     @property
     def _Q(self) -> NDArray[np.float64]:
         return colour_matching_functions(self.grid, self.observer_deg)
+
+
+@lru_cache(maxsize=32)
+def _training_set(grid: SpectralGrid) -> NDArray[np.float64]:
+    return reflectance_set("training", grid)
+
+
+# Lights of a session: a slider moves their weights, not their matrices.
+@lru_cache(maxsize=512)
+def _fitted_matrix(basis: SpectralBasis, power: bytes) -> NDArray[np.float64]:
+    if basis.samples is None:
+        raise BasisError(
+            f"basis {basis.name!r} has no samples to fit a light's matrix to; fit the basis again",
+            code="missing",
+        )
+    light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
+    own, library = basis.samples, _training_set(basis.grid)
+    S = np.concatenate([own, library])
+    others = _LIBRARY_WEIGHT if len(own) else 1.0
+    weights = np.repeat([1.0, others], [len(own), len(library)])
+    weights /= np.repeat([max(len(own), 1), len(library)], [len(own), len(library)])
+    matrix = display.fitted_matrix(
+        basis.analyse(S),
+        XYZ_from_spectra(light, S, basis.observer_deg),
+        weights,
+        white_XYZ(light, basis.observer_deg),
+        basis.light_matrix(light),
+    )
+    matrix.flags.writeable = False
+    return matrix

@@ -23,7 +23,7 @@ from volspec.appearance import constants as k
 from volspec.appearance import spaces
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ, to_uint8
-from volspec.basis.display import MODES, visible_white
+from volspec.basis.display import DEFAULT_MODE, MODES, Mode, visible_white
 from volspec.basis.materials import MaterialBasis, alike
 from volspec.errors import BasisError
 from volspec.spectra.datasets import colour_matching_functions, colour_science
@@ -39,20 +39,22 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Reflectances = Sequence[Spectrum] | ArrayLike
 Indices = NDArray[np.intp]
-# (J, P) errors by the number of surfaces: componentwise, and of the RGB renderer.
-ProductPairs: TypeAlias = tuple[dict[int, Array], dict[int, Array]]
+# (J, P) errors by the number of surfaces: fitted, componentwise, and of the RGB renderer.
+ProductPairs: TypeAlias = dict[str, dict[int, Array]]
 
 RGB_PRODUCT = "rgb-product"
 """The RGB renderer's product, for comparison with the modes of a basis."""
 PRODUCTS = (2, 3)
 """Numbers of surfaces whose products are compared."""
+PRODUCT_MODES: tuple[Mode, ...] = ("fitted", "componentwise")
+"""Modes in which products of surfaces are compared."""
 _MOST_PRODUCTS = 4000
 _SEED = 20090128
 
 
 @dataclass(frozen=True, eq=False)
 class PairErrors:
-    """CIEDE2000 of J lights x K reflectances, for three modes and the RGB renderer.
+    """CIEDE2000 of J lights x K reflectances, for all modes and the RGB renderer.
 
     Products of reflectances, some hundred times as many, are compared when they are first asked
     for.
@@ -67,18 +69,9 @@ class PairErrors:
     compare_products: Callable[[], ProductPairs] = field(repr=False)
 
     @cached_property
-    def _chains(self) -> ProductPairs:
+    def products(self) -> ProductPairs:
+        """(J, P) by way and number of surfaces, 2 and 3; empty if channels do not multiply."""
         return self.compare_products()
-
-    @property
-    def products(self) -> dict[int, Array]:
-        """(J, P) for 2 and 3 surfaces, componentwise; empty if channels do not multiply."""
-        return self._chains[0]
-
-    @property
-    def rgb_products(self) -> dict[int, Array]:
-        """(J, P) for 2 and 3 surfaces by the RGB renderer."""
-        return self._chains[1]
 
     @property
     def componentwise(self) -> Array:
@@ -100,20 +93,21 @@ def pair_errors(
 ) -> PairErrors:
     """Compare all modes with full spectra, light by light.
 
-    Lights and the K surfaces are on the basis' grid; channels are (K, m). ``chained`` is True if
-    channels multiply as spectra do, so that products have an error.
+    Lights and the K surfaces are on the grid of the full spectra; channels are (K, m).
+    ``chained`` is True if channels multiply as spectra do, so that products have an error.
     """
-    S = stack(list(surfaces), basis.grid)
-    rgb = sharp_surfaces(S, basis.grid, basis.observer_deg)
+    grid = lights[0].grid
+    S = stack(list(surfaces), grid)
+    rgb = sharp_surfaces(S, grid, basis.observer_deg)
     rows: list[dict[Any, Array]] = []
     for light in lights:
-        against = _Reference(light, basis.observer_deg)
+        against = _Reference(light, basis)
         true = against.XYZ(surfaces)
         matrices = {mode: basis.colour_matrix(light, mode) for mode in MODES}
         row: dict[Any, Array] = {
             "XYZ": true,
             "white_XYZ": against.white,
-            RGB_PRODUCT: against.delta_e(against.lit(rgb), true),
+            RGB_PRODUCT: against.rgb_delta_e(rgb, true),
         }
         for mode, matrix in matrices.items():
             row["shown", mode] = channels @ matrix.T
@@ -138,18 +132,20 @@ def _product_errors(
     *surfaces: Array,
 ) -> ProductPairs:
     """Compare products of ``factors`` of the surfaces: reflectances, channels and Sharp sensors."""
-    errors: ProductPairs = {}, {}
+    errors: ProductPairs = {way: {} for way in (*PRODUCT_MODES, RGB_PRODUCT)}
     for n in factors:
         rows = product_rows(len(surfaces[0]), n)
         spectra, mixed, rgb = (each[rows].prod(axis=1) for each in surfaces)
-        componentwise, rgb_product = [], []
+        found: dict[str, list[Array]] = {way: [] for way in errors}
         for light in lights:
-            against = _Reference(light, basis.observer_deg)
+            against = _Reference(light, basis)
             true = against.XYZ(spectra)
-            shown = mixed @ basis.colour_matrix(light, "componentwise").T
-            componentwise.append(against.delta_e(shown, true))
-            rgb_product.append(against.delta_e(against.lit(rgb), true))
-        errors[0][n], errors[1][n] = np.array(componentwise), np.array(rgb_product)
+            for mode in PRODUCT_MODES:
+                shown = mixed @ basis.colour_matrix(light, mode).T
+                found[mode].append(against.delta_e(shown, true))
+            found[RGB_PRODUCT].append(against.rgb_delta_e(rgb, true))
+        for way, each in found.items():
+            errors[way][n] = np.array(each)
     return errors
 
 
@@ -174,23 +170,28 @@ def sharp_surfaces(reflectances: Array, grid: SpectralGrid, observer_deg: int) -
 
 
 class _Reference:
-    """Full-spectrum colours under one light, and distances from them."""
+    """Full-spectrum colours under one light, and distances from them.
 
-    def __init__(self, light: Spectrum, observer_deg: int) -> None:
-        self._light, self._observer = light, observer_deg
-        self._own_white = white_XYZ(light, observer_deg)
+    Each side has its own white, if the basis has other bands.
+    """
+
+    def __init__(self, light: Spectrum, basis: SpectralBasis | MaterialBasis) -> None:
+        self._light, self._observer = light, basis.observer_deg
+        self._own_white = white_XYZ(light, basis.observer_deg)
         self.white = visible_white(self._own_white)
+        self._shown_white = visible_white(white_XYZ(light.on(basis.grid), basis.observer_deg))
 
     def XYZ(self, reflectances: Reflectances) -> Array:
         return XYZ_from_spectra(self._light, reflectances, self._observer)
 
-    def lit(self, surfaces: Array) -> Array:
-        """Multiply surfaces by the light in Sharp sensors, like an RGB renderer; return XYZ."""
+    def rgb_delta_e(self, surfaces: Array, true: Array) -> Array:
+        """Multiply surfaces by the light in Sharp sensors, like an RGB renderer, and compare."""
         sharp = _sharp()
-        return np.asarray((surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T)
+        lit = (surfaces * (sharp @ self._own_white)) @ np.linalg.inv(sharp).T
+        return delta_E_2000(cielab(true, self.white), cielab(lit, self.white))
 
-    def delta_e(self, predicted: Array, true: Array) -> Array:
-        return delta_E_2000(cielab(true, self.white), cielab(predicted, self.white))
+    def delta_e(self, shown: Array, true: Array) -> Array:
+        return delta_E_2000(cielab(true, self.white), cielab(shown, self._shown_white))
 
 
 def _sharp() -> Array:
@@ -202,19 +203,13 @@ ADAPTATION = "CAT02, complete, to the display's D65"
 """Adaptation of colours under other lights to the display, for comparison side by side."""
 
 WAYS = {
+    "fitted": "fitted to the light",
     "componentwise": "componentwise",
     "exact": "exact light matrix",
     "linear-model": "linear model",
     RGB_PRODUCT: "RGB product",
 }
 """Names of the modes of a basis, and of the RGB renderer's product."""
-# Mode that a method is optimised for, if not componentwise.
-_MADE_FOR = {"pca": "linear-model", "reduced-rank": "exact"}
-
-
-def own_way(method: str) -> str:
-    """Return the mode that a method's bases are optimised for: a key of `WAYS`."""
-    return _MADE_FOR.get(method, "componentwise")
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,8 +233,9 @@ class ErrorSummary:
 
 @dataclass(frozen=True, slots=True)
 class ProductErrors:
-    """CIEDE2000 of products of reflectances, componentwise and by the RGB renderer."""
+    """CIEDE2000 of products of reflectances, by mode and by the RGB renderer."""
 
+    fitted: ErrorSummary
     componentwise: ErrorSummary
     rgb_product: ErrorSummary
 
@@ -255,7 +251,7 @@ class WorstPair:
     light: str
     reflectance: str
     delta_e: float
-    way: str = "componentwise"
+    way: str = DEFAULT_MODE
     XYZ: tuple[float, ...] = ()
     XYZ_shown: tuple[float, ...] = ()
     sRGB: str = ""
@@ -263,7 +259,7 @@ class WorstPair:
 
     @classmethod
     def at(
-        cls, pairs: PairErrors, light: int, reflectance: int, way: str = "componentwise"
+        cls, pairs: PairErrors, light: int, reflectance: int, way: str = DEFAULT_MODE
     ) -> WorstPair:
         """Return one pair in one mode of the basis."""
         true, shown = pairs.XYZ[light, reflectance], pairs.shown_XYZ[way][light, reflectance]
@@ -292,7 +288,7 @@ class BasisReport:
     errors: dict[str, ErrorSummary]
     """Keyed by `WAYS`."""
     worst: WorstPair
-    """Worst pair in the mode for which the method is optimised."""
+    """Worst pair in the default mode."""
     pairs: PairErrors = field(repr=False, compare=False)
     """All single errors, for figures."""
 
@@ -302,10 +298,16 @@ class BasisReport:
 
         Computed when first asked for.
         """
+        ways = self.pairs.products
         return {
-            n: ProductErrors(ErrorSummary.of(d), ErrorSummary.of(self.pairs.rgb_products[n]))
-            for n, d in self.pairs.products.items()
+            n: ProductErrors(*(ErrorSummary.of(ways[way][n]) for way in ways))
+            for n in ways["fitted"]
         }
+
+    @property
+    def fitted(self) -> ErrorSummary:
+        """Errors of the matrix fitted to each light."""
+        return self.errors["fitted"]
 
     @property
     def componentwise(self) -> ErrorSummary:
@@ -334,6 +336,7 @@ class BasisReport:
             "size": self.size,
             "method": self.method,
             "trained_on": self.trained_on,
+            "fitted": asdict(self.fitted),
             "componentwise": asdict(self.componentwise),
             "exact": asdict(self.exact),
             "linear_model": asdict(self.linear_model),
@@ -346,14 +349,14 @@ class BasisReport:
         rows = [(words, self.errors[way]) for way, words in WAYS.items()]
         for n, errors in self.products.items():
             rows += [
-                (f"{n} surfaces", errors.componentwise),
+                (f"{n} surfaces", errors.fitted),
                 (f"{n} surfaces, RGB", errors.rgb_product),
             ]
         return "\n".join(
             [
                 f"{self.basis}: {self.method}, {self.size} channels, trained on {self.trained_on}",
                 "CIEDE2000 against full spectra: mean / median / 95 % / max",
-                *(f"  {name:18s}  {summary}" for name, summary in rows),
+                *(f"  {name:19s}  {summary}" for name, summary in rows),
                 f"  worst: {self.worst.reflectance} under {self.worst.light}, "
                 f"{self.worst.delta_e:.3f} ({WAYS[self.worst.way]})",
             ]
@@ -365,33 +368,35 @@ def basis_report(
     lights: Sequence[Spectrum] | None = None,
     reflectances: Reflectances | None = None,
     names: Sequence[str] | None = None,
+    grid: SpectralGrid | None = None,
 ) -> BasisReport:
-    """Compare componentwise, matrix and RGB colours with full spectra.
+    """Compare the colours of all modes, and of an RGB renderer, with full spectra.
 
-    Defaults are the 26 smooth lights, and the 84 held-out samples of ``reflectance_set("test")`` or
-    the materials of a `MaterialBasis`, which has no channels for others. Raises BasisError if a
-    list is empty, the names do not match, or a reflectance is not one of the materials;
-    SpectrumError if a spectrum does not cover the basis' grid.
+    ``grid`` has the bands of the full spectra, by default the basis'. Other defaults are the 26
+    smooth lights, and the 84 held-out samples of ``reflectance_set("test")`` or the materials of a
+    `MaterialBasis`, which has no channels for others. Raises BasisError if a list is empty, the
+    names do not match, or a reflectance is not one of the materials; SpectrumError if a spectrum
+    does not cover the grid.
     """
-    lights = light_set("smooth", basis.grid) if lights is None else _lights(lights, basis.grid)
+    grid = grid or basis.grid
+    lights = light_set("smooth", grid) if lights is None else _lights(lights, grid)
     if reflectances is None:
-        reflectances, names = _own_samples(basis)
-    surfaces = _samples(reflectances, names, basis.grid)
+        reflectances, names = _own_samples(basis, grid)
+    surfaces = _samples(reflectances, names, grid)
     if not lights or not surfaces:
         raise BasisError(
             "report: no lights or no reflectances given; nothing to compare", code="missing"
         )
     chained = not isinstance(basis, MaterialBasis)
     pairs = pair_errors(basis, lights, surfaces, _channels(basis, surfaces), chained=chained)
-    way = own_way(basis.method)
-    j, i = divmod(int(pairs.delta_e[way].argmax()), len(surfaces))
+    j, i = divmod(int(pairs.delta_e[DEFAULT_MODE].argmax()), len(surfaces))
     return BasisReport(
         basis=basis.name,
         size=basis.size,
         method=basis.method,
         trained_on=basis.trained_on,
         errors={way: ErrorSummary.of(pairs.delta_e[way]) for way in WAYS},
-        worst=WorstPair.at(pairs, j, i, way),
+        worst=WorstPair.at(pairs, j, i),
         pairs=pairs,
     )
 
@@ -415,11 +420,13 @@ def _lights(lights: Sequence[Spectrum], grid: SpectralGrid) -> list[Spectrum]:
     return [light.on(grid) for light in lights]
 
 
-def _own_samples(basis: SpectralBasis | MaterialBasis) -> tuple[Reflectances, Sequence[str]]:
+def _own_samples(
+    basis: SpectralBasis | MaterialBasis, grid: SpectralGrid
+) -> tuple[Reflectances, Sequence[str]]:
     """Return the default reflectances for a basis, and their names."""
     if isinstance(basis, MaterialBasis):
         return list(basis.materials.values()), list(basis.materials)
-    return reflectance_set("test", basis.grid), reflectance_set_names("test")
+    return reflectance_set("test", grid), reflectance_set_names("test")
 
 
 def _samples(
@@ -451,7 +458,8 @@ def _channels(basis: SpectralBasis | MaterialBasis, surfaces: Sequence[Spectrum]
     own = basis.materials
     found = []
     for surface in surfaces:
-        match = [k for k, each in enumerate(own.values()) if alike(each, surface)]
+        on_grid = surface.on(basis.grid)
+        match = [k for k, each in enumerate(own.values()) if alike(each, on_grid)]
         if not match:
             raise BasisError(
                 f"report: {surface.name} is not a material of basis {basis.name!r}, which holds "

@@ -13,6 +13,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.report import (
     ADAPTATION,
     WAYS,
@@ -21,9 +22,9 @@ from volspec.basis.report import (
     Reflectances,
     WorstPair,
     basis_report,
-    own_way,
 )
 from volspec.errors import BasisError
+from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.lights import light_set
 from volspec.spectra.spectrum import Spectrum
 
@@ -83,21 +84,22 @@ def error_table(
     names: Sequence[str] | None = None,
     *,
     measured_on: str = "",
+    grid: SpectralGrid | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> ErrorTable:
     """Report on a basis class by class, by default for the library's smooth and spiky lights.
 
-    Reflectances, names and errors are as in `basis_report`. ``measured_on`` describes the
+    Reflectances, names, grid and errors are as in `basis_report`. ``measured_on`` describes the
     reflectances; ``progress`` is called with the finished fraction, 0…1.
     """
     if classes is None:
-        classes = {name: light_set(name, basis.grid) for name in CLASSES}
+        classes = {name: light_set(name, grid or basis.grid) for name in CLASSES}
     if not classes:
         raise BasisError("report: no lights given; nothing to compare", code="missing")
     reports: dict[str, BasisReport] = {}
     total = sum(map(len, classes.values()))
     for name, lights in classes.items():
-        reports[name] = basis_report(basis, lights, reflectances, names)
+        reports[name] = basis_report(basis, lights, reflectances, names, grid)
         done = sum(len(r.pairs.lights) for r in reports.values())
         progress(done / total)
     count = len(next(iter(reports.values())).pairs.reflectances)
@@ -106,12 +108,17 @@ def error_table(
 
 def _class_dict(report: BasisReport) -> dict[str, Any]:
     products = {
-        str(n): asdict(errors.componentwise) | {"rgb_product": asdict(errors.rgb_product)}
+        str(n): asdict(errors.fitted)
+        | {
+            "componentwise": asdict(errors.componentwise),
+            "rgb_product": asdict(errors.rgb_product),
+        }
         for n, errors in report.products.items()
     }
-    return asdict(report.componentwise) | {
+    return asdict(report.fitted) | {
         "lights": len(report.pairs.lights),
         "reflectances": len(report.pairs.reflectances),
+        "componentwise": asdict(report.componentwise),
         "exact": asdict(report.exact),
         "linear_model": asdict(report.linear_model),
         "rgb_product": asdict(report.rgb_product),
@@ -153,7 +160,7 @@ def terminal_table(errors: ErrorTable) -> Table:
             ]
             if rgb:
                 cells += [format_delta_e(rgb.mean), format_delta_e(rgb.max)]
-            style = "bold" if label == WAYS[own_way(errors.basis.method)] else ""
+            style = "bold" if label == WAYS[DEFAULT_MODE] else ""
             table.add_row(f"  {label}", *(Text(cell, style=style) for cell in cells))
     return table
 
@@ -182,7 +189,7 @@ def verdict(errors: ErrorTable) -> str:
     """Return a sentence that compares the RGB renderer with the basis."""
     parts = []
     for name, report in errors.classes.items():
-        ours = report.errors[own_way(errors.basis.method)].mean
+        ours = report.fitted.mean
         theirs = report.rgb_product.mean
         if ours > 1e-6:
             times = float(f"{theirs / ours:.2g}")
@@ -193,12 +200,12 @@ def verdict(errors: ErrorTable) -> str:
 
 def _rows(report: BasisReport) -> list[tuple[str, ErrorSummary, ErrorSummary | None]]:
     rows: list[tuple[str, ErrorSummary, ErrorSummary | None]] = [
-        (WAYS["componentwise"], report.componentwise, report.rgb_product)
+        (WAYS["fitted"], report.fitted, report.rgb_product)
     ]
     for n, errors in report.products.items():
-        rows.append((_SURFACES[n], errors.componentwise, errors.rgb_product))
-    rows += [(WAYS[way], report.errors[way], None) for way in ("linear-model", "exact")]
-    return rows
+        rows.append((_SURFACES[n], errors.fitted, errors.rgb_product))
+    others = ("exact", "componentwise", "linear-model")
+    return rows + [(WAYS[way], report.errors[way], None) for way in others]
 
 
 def _swatch(text: Text, code: str, colours: bool) -> None:

@@ -9,13 +9,14 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from volspec._files import require_suffix, write_whole
 from volspec._gpu.sources import asset
 from volspec._parse import parse_json
 from volspec.errors import BasisError, SpectrumError, nearest
-from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 
 if TYPE_CHECKING:
     from volspec.basis.materials import MaterialBasis
@@ -25,6 +26,9 @@ FORMAT = "volspec-basis"
 FORMAT_VERSION = 1
 MATERIALS = "materials"
 """The ``method`` of a `MaterialBasis`; any other belongs to a `SpectralBasis`."""
+
+GRID_ENDINGS = MappingProxyType({DEFAULT_GRID: "", PAPERS_GRID: "-10nm"})
+"""Endings of the shipped bases' names by grid."""
 
 _Basis = TypeVar("_Basis")
 _LONGEST_LABEL = 200

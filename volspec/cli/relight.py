@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -15,17 +14,13 @@ from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import read_image_setting, require_image
 from volspec.cli.shell import app, as_written, note, note_everyday, say
 from volspec.cli.viewing import PictureOptions, in_options
-from volspec.errors import ImageError, InputError, VolspecError, VolspecWarning
+from volspec.errors import ImageError, InputError, VolspecError
 
 if TYPE_CHECKING:
     from volspec.raycast import CoefficientImage
     from volspec.relight import LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
-# CIEDE2000 noticed at a glance: worth a warning.
-AT_A_GLANCE = 3.0
-# Fewest rows and columns of a picture to sample for that warning.
-_SAMPLED = 64
 _VIEWING = PictureOptions()
 
 
@@ -91,8 +86,8 @@ def relight(
         Appearance or adaptation model: CIECAM02, CAM16, RLAB, Hunt, CAT02, none, … Default: the
         scene's.
     mode
-        componentwise, exact (the light matrix) or linear-model. Default: the scene's; exact with
-        `--spectral`.
+        fitted (a matrix for each light), componentwise, exact (the light matrix) or linear-model.
+        Default: the scene's; exact with `--spectral`.
     backdrop
         Reflectance of the diffuser behind, 0 to 1. Default: the scene's.
     spectral
@@ -145,20 +140,10 @@ def relight(
             blanks.add(str(path), text, frame, stored.alpha)
             say(path)
             note_everyday(text)
-            # For the warning alone, some of a large picture's pixels are enough.
-            every = 1 if errors else max(1, min(stored.size) // _SAMPLED)
-            off = relighter.error_map(lamp, spec.mode, spec.backdrop, every)
             if errors:
+                off = relighter.error_map(lamp, spec.mode, spec.backdrop)
                 write_frame(error_path, off.image(), {"light": text, "shows": str(off)})
                 say(f"{error_path}: {off}")
-            if off.p95 > AT_A_GLANCE:
-                warnings.warn(
-                    f"{text}: {spec.mode} colours differ by ΔE00 {off.p95:.1f} from those of the "
-                    f"exact light matrix, as the image's basis {stored.basis.name!r} was "
-                    "not trained for this light; use --mode exact",
-                    VolspecWarning,
-                    stacklevel=1,
-                )
     blanks.warn()
     _tell_of_lux(image, scene, viewing, spec)
 

@@ -101,7 +101,7 @@ def run_demo(
             frames[light.name] = frame
             columns.append(SheetColumn(light.name, light.label, light.spectrum, [frame, plain]))
             errors = basis_report(scene.basis, light.rig.lights, materials)
-            error = errors.exact if relit.mode == "exact" else errors.componentwise
+            error = errors.errors[relit.mode]
             reports.append(
                 LightReport(
                     light.name,

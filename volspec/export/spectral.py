@@ -2,7 +2,7 @@
 
     coefficient image, light -> [spectral] -> exr
 
-    S = Σ_g W_g C_g + (1 - A) S_backdrop             W_g = κ diag(E_g) B         exact
+    S = Σ_g W_g C_g + (1 - A) S_backdrop             W_g = κ diag(E_g) B         exact, fitted
                                                      W_g = κ B diag(A E_g)       componentwise
                                                      W_g = κ B R(A E_g)          linear-model
 
@@ -121,7 +121,7 @@ def flat_white_scale(basis: Basis, light: Spectrum, gain: float) -> float:
 
 def _product(basis: Basis, light: Spectrum, mode: str) -> Array:
     """Return the (N, M) matrix from channels to bands of the colour signal."""
-    if not isinstance(basis, SpectralBasis) or mode == "exact":
+    if not isinstance(basis, SpectralBasis) or mode in ("exact", "fitted"):
         return np.asarray(basis.leaving(np.eye(basis.size), light.values).T)
     B = basis.synthesise(np.eye(basis.size)).T
     if mode == "componentwise":

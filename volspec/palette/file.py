@@ -30,7 +30,8 @@ from volspec.palette.tables import (
 )
 from volspec.palette.variables import PaletteSpectrum, fault
 from volspec.settings import FileFaults, row_names, try_table
-from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, light, reflectance
+from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
+from volspec.spectra.grid import grid_of_values
 
 # Values of a free spectrum came from a design.
 _NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, False: {}}
@@ -129,7 +130,8 @@ class _Reader:
 
     def palette(self) -> Palette:
         table, name = self.table, os.fspath(self.path)
-        grid = DEFAULT_GRID
+        rows = (*table.light, *table.reflectance)
+        grid = grid_of_values(next((len(row.values) for row in rows if row.values is not None), 0))
         with _named(name, "[criteria]"):
             if table.criteria.grid_nm is not None:
                 grid = SpectralGrid(*table.criteria.grid_nm)

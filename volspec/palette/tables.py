@@ -47,7 +47,8 @@ class CriteriaSpec:
     basis: str | None = None
     """For subspace: a basis that ships, or FILE.json."""
     grid_nm: Annotated[Vector, Unit("nm")] | None = None
-    """First, last, step of the bands, at most 1000; if omitted, 400 to 700 by 10."""
+    """First, last, step of the bands, at most 1000; if omitted, 380 to 780 by 5, or
+    400 to 700 by 10 if values are given for these 31 bands."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

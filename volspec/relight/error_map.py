@@ -2,29 +2,38 @@
 
     coefficient image + light -> [error map] -> numbers, heat map
 
-Compares the picture from m channels with one from the exact light matrix. The eye is adapted to
-the light, so 1 is just noticeable.
+Compares the picture from m channels with one from full bands or from the exact light matrix. The
+eye is adapted to the light, so 1 is just noticeable. Full bands need no other cast: fewer materials
+than channels can be told from a pixel's channels, and mixtures of materials have mixed spectra.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.basis.display import Mode, visible_white
+from volspec.basis import SpectralBasis
+from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
 from volspec.errors import ShapeError, ViewingError
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
 from volspec.spectra.spectrum import Spectrum
 
 if TYPE_CHECKING:
+    from volspec.basis import Basis
     from volspec.raycast.image import CoefficientImage
 
+Against = Literal["bands", "exact"]
+AGAINST: tuple[Against, ...] = get_args(Against)
+"""References of an error map: full bands, or the exact light matrix."""
+_NAMES = {"bands": "full bands", "exact": "the exact light matrix"}
+_LOOKED_AT = 10_000  # pixels that are compared with mixtures of the samples
+_UNEXPLAINED = 0.01  # largest channel of a pixel that rounding leaves beside a mixture
 _COVERED = 0.05  # opacity from which a pixel counts in the statistics
 _ROWS = 64  # rows at a time: CIEDE2000 needs about forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # width of the scale's parts right of the map, pixels
@@ -140,14 +149,12 @@ class ErrorMap:
 def error_map(
     image: CoefficientImage,
     light: Spectrum | LightRig,
-    mode: Mode = "componentwise",
+    mode: Mode = DEFAULT_MODE,
     backdrop: float | Spectrum = 0.2,
     every: int = 1,
+    against: Against | None = None,
 ) -> ErrorMap:
-    """Return CIEDE2000 between a picture and one from the exact light matrix, pixel by pixel.
-
-    The light matrix has an error of its own, because m channels only approximate a reflectance:
-    `volspec.basis.report` measures both against full spectra.
+    """Return CIEDE2000 between a picture and one from full bands, pixel by pixel.
 
     Parameters
     ----------
@@ -157,22 +164,59 @@ def error_map(
         As `RelightSpec`.
     every : int
         Use only every n-th row and column, for the statistics without the map.
+    against : {"bands", "exact"}, optional
+        The reference: full bands, which need an image whose basis holds its materials
+        (`SpectralBasis.through_samples`) and that was cast with achromatic opacity; or the exact
+        light matrix, which has an error of its own, because m channels only approximate a
+        reflectance. Default: full bands if possible.
 
     Raises
     ------
     ViewingError, SpectrumError
-        As `Relighter.frame`.
+        As `Relighter.frame`; if the image's channels do not determine full bands.
     """
+    if against not in (None, *AGAINST):
+        raise ViewingError.refused(
+            "error map.against", against, f"give {' or '.join(AGAINST)}", "unknown"
+        )
     spec = RelightSpec(mode=mode, backdrop=backdrop)
-    compared = f"{mode} against the exact light matrix"
-    return _compared(image, spec, image, replace(spec, mode="exact"), light, every, compared)
+    full = None if against == "exact" else full_band_basis(image)
+    if full is None and against == "bands":
+        raise ViewingError(
+            f"basis {image.basis.name!r} does not determine the pixels' full spectra",
+            "cast with [basis] method = 'materials', or compare with exact",
+            code="unsupported",
+            field="error map.against",
+            given=against,
+        )
+    truth = image if full is None else replace(image, basis=full)
+    compared = f"{mode} against {_NAMES['bands' if full else 'exact']}"
+    return _compared(image, spec, truth, replace(spec, mode="exact"), light, every, compared)
+
+
+def full_band_basis(image: CoefficientImage) -> Basis | None:
+    """Return a basis whose exact mode has the colours of the image's full spectra, or None.
+
+    Pixels must be mixtures of white and the basis' samples, as they are without chromatic opacity.
+    """
+    basis = image.basis
+    if not isinstance(basis, SpectralBasis):
+        return basis
+    full, S = basis.through_samples(), basis.samples
+    if full is None or S is None:
+        return None
+    every = max(1, round((image.alpha.size / _LOOKED_AT) ** 0.5))
+    pixels = np.asarray(image.coefficients[::every, ::every], np.float64).reshape(-1, basis.size)
+    known = np.vstack([basis.analyse(S), basis.white])
+    rest = pixels - pixels @ np.linalg.pinv(known) @ known
+    return full if np.abs(rest).max(initial=0.0) < _UNEXPLAINED else None
 
 
 def difference_map(
     image: CoefficientImage,
     truth: CoefficientImage,
     light: Spectrum | LightRig,
-    mode: Mode = "componentwise",
+    mode: Mode = DEFAULT_MODE,
     backdrop: float | Spectrum = 0.2,
 ) -> ErrorMap:
     """Return CIEDE2000 between a picture and another cast of the scene with its light matrix.

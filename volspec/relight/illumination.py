@@ -2,12 +2,14 @@
 
     light, basis, light groups -> [illumination] -> reference | cpu | gpu
 
+    XYZ = Σ_g M_g C_g          + (1 - alpha) XYZ_backdrop        fitted, M_g = Σ_j w_j M_E_j
     XYZ = Σ_g D_g (e_g ∘ C_g)  + (1 - alpha) XYZ_backdrop        componentwise, e_g = A E_g
     XYZ = Σ_g P_E_g C_g        + (1 - alpha) XYZ_backdrop        exact
     XYZ = Σ_g D_g R(e_g) C_g   + (1 - alpha) XYZ_backdrop        linear-model
 
-All are one matrix product: the basis makes D diag(e), P_E or D R(e) for each of L light groups, and
-they are concatenated. All engines use this matrix; they differ only in the arithmetic on XYZ.
+All are one matrix product: the basis makes M_E, D diag(e), P_E or D R(e) for each of L light
+groups, and they are concatenated. All engines use this matrix; they differ only in the arithmetic
+on XYZ.
 
 References
 ----------
@@ -244,8 +246,12 @@ def _groups_matrix(
         if own is None:
             columns.append(np.zeros((3, basis.size)))
             continue
-        E = own.mixed(basis.grid)
-        # The basis scales Y to 100 for the group alone; the white belongs to all groups together.
-        brightness = float(V @ E.values) / float(V @ mixed.values)
-        columns.append(basis.colour_matrix(E, mode, seen_through) * brightness)
+        # A light's fitted matrix stays the same in every mixture, and adds up.
+        lights = own.weighted(basis.grid) if mode == "fitted" else [(own.mixed(basis.grid), 1.0)]
+        total = np.zeros((3, basis.size))
+        for E, weight in lights:
+            # The basis scales Y to 100 for the light alone; the white is that of all together.
+            brightness = weight * float(V @ E.values) / float(V @ mixed.values)
+            total += basis.colour_matrix(E, mode, seen_through) * brightness
+        columns.append(total)
     return np.hstack(columns)

@@ -22,9 +22,10 @@ from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.lut3d import LutCache, LutKey, needs_host_lut
 from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
-from volspec.basis.display import Mode
+from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
-from volspec.relight.error_map import ErrorMap, error_map
+from volspec.relight.advice import mode_advice
+from volspec.relight.error_map import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.illumination import Illumination
 from volspec.relight.layers import (
@@ -125,6 +126,7 @@ class Relighter:
             packed.require(*coefficients.shape)
         self._image = image
         self._edits: dict[str, Spectrum] = {}
+        self._advised: set[str] = set()
         self._meter = ViewingMeter()
         if lut3d not in (None, True, False):
             raise RelightError.refused(
@@ -253,6 +255,11 @@ class Relighter:
             field of view for measuring is unknown.
         SpectrumError
             If a light is black, has negative power or does not cover the grid.
+
+        Warns
+        -----
+        VolspecWarning
+            Once per light, if the mode does not hold its colours (`volspec.relight.advice`).
         """
         self._require_open()
         kind = pixel_type(dtype)
@@ -316,13 +323,14 @@ class Relighter:
     def error_map(
         self,
         light: Spectrum | LightRig,
-        mode: Mode = "componentwise",
+        mode: Mode = DEFAULT_MODE,
         backdrop: float | Spectrum = 0.2,
         every: int = 1,
+        against: Against | None = None,
     ) -> ErrorMap:
-        """Return CIEDE2000 from the picture with the exact light matrix, as `error_map` does."""
+        """Return CIEDE2000 from the picture with full bands, as `error_map` does."""
         self._require_open()
-        return error_map(self._image, light, mode, backdrop, every)
+        return error_map(self._image, light, mode, backdrop, every, against)
 
     def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
         """Set materials' reflectances without a new cast; the next frame shows them.
@@ -338,7 +346,16 @@ class Relighter:
     ) -> tuple[Illumination, Viewing, ViewTransformGrid | None]:
         """Return the illumination, the measured viewing, and the grid of view transforms."""
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
+        self._advise(LightRig.of(light), spec.mode)
         return lit, *self._meter.measure_viewing(self._image, lit)
+
+    def _advise(self, rig: LightRig, mode: Mode) -> None:
+        """Warn once of each light whose colours the mode does not hold."""
+        for light, weight in zip(rig.lights, rig.weights, strict=True):
+            advice = mode_advice(self._image.basis, light, mode) if weight else None
+            if advice is not None and advice not in self._advised:
+                self._advised.add(advice)
+                warnings.warn(advice, VolspecWarning, stacklevel=4)
 
     def _on_engine(self, call: Callable[[GLEngine | CpuEngine], Any]) -> Any:
         """Call the engine; recreate it once if another library ended its context."""

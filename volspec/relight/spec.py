@@ -20,7 +20,7 @@ from pydantic import AfterValidator, Field
 from pydantic.json_schema import SkipJsonSchema
 
 from volspec.appearance.spec import Viewing
-from volspec.basis.display import Mode
+from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.errors import SpectrumError, ViewingError, nearest
 from volspec.settings import FLAT, Fraction, Hint, NotNegative, settings
 from volspec.spectra.datasets import colour_matching_functions
@@ -156,15 +156,20 @@ class LightRig:
         SpectrumError
             If a light does not cover the grid, has negative power or has no luminous energy.
         """
-        total = np.zeros(grid.size)
+        total = sum(weight * light.values for light, weight in self.weighted(grid))
+        name = "+".join(light.name for light in self.lights if light.name)
+        return Spectrum(grid.wavelengths_nm, np.asarray(total), name)
+
+    def weighted(self, grid: SpectralGrid) -> list[tuple[Spectrum, float]]:
+        """Return each light on a grid and its weight in `mixed`; errors are those of `mixed`."""
         lumens = LUMINOUS_EFFICACY * grid.step_nm * colour_matching_functions(grid)[1]
+        found = []
         for j, (light, weight) in enumerate(zip(self.lights, self.weights, strict=True)):
             power = light_power(light, grid)
             if self.illuminance_lux is not None:
-                weight = weight * self.illuminance_lux[j] / (lumens @ power)
-            total += weight * power
-        name = "+".join(light.name for light in self.lights if light.name)
-        return Spectrum(grid.wavelengths_nm, total, name)
+                weight = weight * self.illuminance_lux[j] / float(lumens @ power)
+            found.append((Spectrum(grid.wavelengths_nm, power, light.name), weight))
+        return found
 
     @property
     def total_lux(self) -> float | None:
@@ -213,9 +218,10 @@ class RelightSpec:
 
     viewing: Annotated[Viewing, FLAT] = field(default_factory=Viewing)
     """Conditions of the eye and the display."""
-    mode: Mode = "componentwise"
-    """Product of a light group's light with the coefficients: componentwise, D (e ∘ C), the factor
-    model; exact, P_E C, the light matrix; linear-model, D R(e) C, the papers' linear model."""
+    mode: Mode = DEFAULT_MODE
+    """Product of a light group's light with the coefficients: fitted, M_E C, each light's matrix
+    with the best colours of the basis' samples; componentwise, D (e ∘ C), the papers' factor model;
+    exact, P_E C, the light matrix; linear-model, D R(e) C, the papers' linear model."""
     backdrop: Annotated[
         Fraction | Annotated[SkipJsonSchema[Spectrum], AfterValidator(_reflects)],
         Hint("a reflectance from 0 to 1", whole=True),

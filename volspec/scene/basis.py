@@ -11,15 +11,15 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
-from volspec.basis.display import visible_white
+from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
 from volspec.basis.fit_cache import fit_cached
-from volspec.basis.storage import shipped_names
+from volspec.basis.storage import GRID_ENDINGS, shipped_names
 from volspec.scene.specs import BasisSpec
 from volspec.scene.transfer import TransferSpec
 from volspec.spectra import (
@@ -76,7 +76,7 @@ class SceneSpectra:
 
 
 def choose_basis(
-    table: BasisSpec, spectra: SceneSpectra, name: str, mode: str = "componentwise"
+    table: BasisSpec, spectra: SceneSpectra, name: str, mode: Mode = DEFAULT_MODE
 ) -> ChosenBasis:
     """Return the basis of ``[basis]``; without it, the general basis if it is accurate enough.
 
@@ -85,7 +85,7 @@ def choose_basis(
     """
     if table.method == "materials":
         return ChosenBasis(_of_materials(table, spectra, name), 'method = "materials"')
-    general = _general(table)
+    general = general_basis(table, spectra)
     if general is None:
         return ChosenBasis(train_basis(table, spectra, name), "the scene requests its own")
     designed = spectra.designed()
@@ -189,10 +189,17 @@ def _of_materials(table: BasisSpec, spectra: SceneSpectra, name: str) -> Materia
     return MaterialBasis(spectra.materials, name, grid_of(table), table.observer_deg)
 
 
-def _general(table: BasisSpec) -> SpectralBasis | None:
-    """Return the shipped basis for scenes without ``[basis]``."""
+def general_basis(table: BasisSpec, spectra: SceneSpectra) -> SpectralBasis | None:
+    """Return the shipped basis for scenes without ``[basis]``; None if none fits the table.
+
+    The scene's reflectances become its samples.
+    """
     plain = table.train is None and table.method == "virtual-sensors"
-    if not plain or grid_of(table) != DEFAULT_GRID or table.observer_deg != 2:
+    ending = GRID_ENDINGS.get(grid_of(table))
+    if not plain or ending is None or table.observer_deg != 2:
         return None
-    name = f"general-{table.size}" + ("-positive" if table.positive else "")
-    return SpectralBasis.load(name) if name in shipped_names() else None
+    name = f"general-{table.size}" + ("-positive" if table.positive else "") + ending
+    if name not in shipped_names():
+        return None
+    surfaces = [*spectra.reflectances.values(), *spectra.walls.values()]
+    return replace(SpectralBasis.load(name), samples=np.array([s.values for s in surfaces]))

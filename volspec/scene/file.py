@@ -6,7 +6,7 @@ TOML -> [file] -> SceneFile -> Scene
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,6 +15,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from volspec._parse import parse_toml, read_text, toml_remedy
+from volspec.basis.storage import GRID_ENDINGS, shipped_names
 from volspec.errors import RaycastError, SceneError, nearest
 from volspec.raycast import LightGroup, RaycastSpec
 from volspec.raycast.lights import HEADLIT
@@ -35,13 +36,39 @@ from volspec.scene.specs import (
 )
 from volspec.scene.transfer import TransferSpec
 from volspec.settings import FileFaults, plain, row_names, settings, try_table
+from volspec.spectra.grid import PAPERS_GRID
 from volspec.transfer import MAX_FIELDS
 
 Migration = Callable[[MutableMapping[str, Any]], None]
 """Function that changes a file's tables in place, so that it also works on tomlkit documents."""
 FIRST = 1
 """Version of a file without ``version``: files of the first release have no such key."""
-MIGRATIONS: Mapping[int, Migration] = MappingProxyType({})
+
+
+def _keep_first_bands(data: MutableMapping[str, Any]) -> None:
+    """Keep the 31 bands and the componentwise product, which version 1 had by default."""
+    viewing, basis = (data.setdefault(table, {}) for table in ("viewing", "basis"))
+    if isinstance(viewing, MutableMapping):
+        viewing.setdefault("mode", "componentwise")
+    if isinstance(basis, MutableMapping):
+        name, old = basis.get("name"), GRID_ENDINGS[PAPERS_GRID]
+        if f"{name}{old}" in shipped_names():
+            basis["name"] = f"{name}{old}"
+        elif name is None and not any(".toml#" in text for text in _spectra(data)):
+            bands = PAPERS_GRID.start_nm, PAPERS_GRID.stop_nm, PAPERS_GRID.step_nm
+            basis.setdefault("grid_nm", list(bands))
+
+
+def _spectra(data: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the names of a file's spectra, among them those from palettes, which have a grid."""
+    for table in ("material", "light"):
+        rows = data.get(table)
+        for row in rows if isinstance(rows, list) else ():
+            if isinstance(row, Mapping):
+                yield from (each for each in row.values() if isinstance(each, str))
+
+
+MIGRATIONS: Mapping[int, Migration] = MappingProxyType({1: _keep_first_bands})
 """Migration from each version to the next. A new key with a default needs no new version; only
 a change after which older files would be refused, or mean something else, does."""
 
@@ -52,7 +79,8 @@ class SceneFile:
     """Everything a picture needs; paths are relative to the file."""
 
     version: Annotated[int, Field(ge=FIRST)] = FIRST
-    """Version of the file format; usually left out."""
+    """Version of the file format. A file without it has the defaults of version 1: 31 bands and
+    componentwise colours."""
     title: str = ""
     """Caption; stored in the image."""
     volume: VolumeSpec = field(default_factory=VolumeSpec)

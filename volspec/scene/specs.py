@@ -204,7 +204,7 @@ class BasisSpec:
     """Sensors without negative parts."""
     grid_nm: Annotated[Vector, Unit("nm")] | None = None
     """First, last and step of the bands; default: those of the palettes that spectra are from, else
-    400 to 700 by 10."""
+    380 to 780 by 5."""
     observer_deg: Literal[2, 10] = 2
     """Field of the CIE observer."""
 

@@ -6,7 +6,7 @@ from volspec.spectra.construct.base import BaseSpectra, MadeReflectances, base_s
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.files import read_spectrum
 from volspec.spectra.fluorescence import Fluorescence
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 from volspec.spectra.library import light_names
 from volspec.spectra.lights import light, light_set
 from volspec.spectra.photometry import XYZ_from_spectra, illuminance_lux, luminance, white_XYZ
@@ -22,6 +22,7 @@ from volspec.spectra.tables import write_spectrum
 
 __all__ = [
     "DEFAULT_GRID",
+    "PAPERS_GRID",
     "BaseSpectra",
     "Fluorescence",
     "MadeReflectances",

@@ -40,12 +40,12 @@ class SpectralGrid:
     Examples
     --------
     >>> SpectralGrid().size
-    31
+    81
     """
 
-    start_nm: float = 400.0
-    stop_nm: float = 700.0
-    step_nm: float = 10.0
+    start_nm: float = 380.0
+    stop_nm: float = 780.0
+    step_nm: float = 5.0
 
     def __post_init__(self) -> None:
         for field in ("start_nm", "stop_nm", "step_nm"):
@@ -178,4 +178,11 @@ def _integral(
 
 
 DEFAULT_GRID = SpectralGrid()
-"""400-700 nm every 10 nm: 31 bands, the papers' sampling."""
+"""380-780 nm every 5 nm: 81 bands."""
+PAPERS_GRID = SpectralGrid(400.0, 700.0, 10.0)
+"""400-700 nm every 10 nm: 31 bands, the papers' sampling and the default of the first version."""
+
+
+def grid_of_values(count: int) -> SpectralGrid:
+    """Return the grid of values in a file that names none: 31 are from the first version."""
+    return PAPERS_GRID if count == PAPERS_GRID.size else DEFAULT_GRID

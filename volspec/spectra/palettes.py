@@ -12,7 +12,7 @@ from typing import Any
 
 from volspec._parse import parse_toml, toml_remedy
 from volspec.errors import SpectrumError, nearest
-from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
+from volspec.spectra.grid import SpectralGrid, grid_of_values
 from volspec.spectra.spectrum import Spectrum
 from volspec.spectra.tables import file_content, fold_name
 
@@ -39,7 +39,7 @@ def palette_spectrum(path: str, selector: str, role: str | None) -> Spectrum:
             "-o OUT.toml first, and use OUT.toml",
             code="missing",
         )
-    grid = _grid(path, data)
+    grid = _grid(path, data, entry["values"])
     try:
         designed = entry.get("design", False) is True
         return Spectrum(
@@ -130,11 +130,11 @@ def _rows(data: dict[str, Any], role: str) -> list[dict[str, Any]]:
     return [row for row in tables if isinstance(row.get("name"), str)]
 
 
-def _grid(path: str, data: dict[str, Any]) -> SpectralGrid:
+def _grid(path: str, data: dict[str, Any], values: Any) -> SpectralGrid:
     criteria = data.get("criteria")
     given = criteria.get("grid_nm") if isinstance(criteria, dict) else None
     if given is None:
-        return DEFAULT_GRID
+        return grid_of_values(len(values) if isinstance(values, list) else 0)
     try:
         start, stop, step = (float(number) for number in given)
     except (TypeError, ValueError):

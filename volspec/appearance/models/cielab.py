@@ -7,6 +7,8 @@ References
 [1] CIE 15:2018; *Color Appearance Models* (survey 002), eq. 1-7.
 [2] Sharma, Wu & Dalal (2005), "The CIEDE2000 Color-Difference Formula: Implementation Notes,
     Supplementary Test Data, and Mathematical Observations", Color Research & Application 30(1).
+[3] CIE 116:1995, the CIE94 colour difference: CIELAB, with errors of chroma and hue weighted less
+    as chroma grows. The local form of CIEDE2000 except for its corrections of blue and near-grey.
 """
 
 from __future__ import annotations
@@ -109,6 +111,32 @@ def cielab_derivative(ratio: ArrayLike) -> Array:
     """
     slope = _f_slope(np.asarray(ratio, dtype=np.float64))
     return _LAB_FROM_F * slope[..., None, :]
+
+
+_CHROMA_LOSS, _HUE_LOSS = 0.045, 0.015
+
+
+def CIE94_metric(ratio: ArrayLike) -> Array:
+    """Return G (..., 3, 3) with |G d| the CIE94 difference [3] of a small change d of XYZ / white.
+
+    Rows are lightness, chroma and hue; ``ratio`` (..., 3) is XYZ over the white's.
+
+    >>> step = [0.0, 0.001, 0.0]
+    >>> grey, green = ([0.2, 0.2, 0.2], [0.1, 0.2, 0.05])
+    >>> [round(float(np.linalg.norm(CIE94_metric(c) @ step)), 2) for c in (grey, green)]
+    [0.54, 0.17]
+    """
+    slope = cielab_derivative(ratio)
+    _, a, b = np.moveaxis(cielab(ratio, np.ones(3)), -1, 0)
+    chroma = np.hypot(a, b)
+    # Grey has no hue: any direction will do, as both weights are equal there.
+    hue = np.arctan2(b, a)
+    toward = np.stack([np.cos(hue), np.sin(hue)], axis=-1)
+    across = np.stack([-np.sin(hue), np.cos(hue)], axis=-1)
+    ab = slope[..., 1:, :]
+    by_chroma = np.einsum("...i,...ij->...j", toward, ab) / (1 + _CHROMA_LOSS * chroma)[..., None]
+    by_hue = np.einsum("...i,...ij->...j", across, ab) / (1 + _HUE_LOSS * chroma)[..., None]
+    return np.stack([slope[..., 0, :], by_chroma, by_hue], axis=-2)
 
 
 def cielab_chord(one: ArrayLike, other: ArrayLike) -> Array:

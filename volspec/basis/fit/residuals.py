@@ -6,11 +6,6 @@ J lights, K reflectances, m channels, P knots; the equations are in `volspec.bas
 A residual depends on the sensors only through its light's channels e_j and its reflectance's s_k,
 so J^T J is a sum of small blocks by light and by reflectance; the Jacobian itself, (3 J K) x (m P),
 is never formed.
-
-References
-----------
-[1] CIE 116:1995, the CIE94 colour difference: CIELAB, with errors of chroma and hue weighted less
-    as chroma grows. The local form of CIEDE2000 except for its corrections of blue and near-grey.
 """
 
 from __future__ import annotations
@@ -18,9 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import cielab, cielab_derivative
+from volspec.appearance.models.cielab import CIE94_metric
 from volspec.basis.display import NO_COLOUR, visible_white
 from volspec.basis.fit.training import Training
 
@@ -185,10 +180,6 @@ def _apply(matrices: Array, vectors: Array) -> Array:
     return np.matmul(matrices, vectors[..., None])[..., 0]
 
 
-_CHROMA_LOSS, _HUE_LOSS = 0.045, 0.015
-_WHITE = np.ones(3)
-
-
 def relative_colours(training: Training) -> tuple[Array, Array, Array]:
     """Return whites (J, 3), XYZ / white (J, K, 3), and G (J, K, 3, 3) of every pair.
 
@@ -202,28 +193,5 @@ def relative_colours(training: Training) -> tuple[Array, Array, Array]:
     white = visible_white(white)
     ratio = np.matmul(S, (Q * E[:, None]).swapaxes(1, 2)) / white[:, None]
     weights = np.outer(training.light_weights, training.reflectance_weights) / training.pairs
-    metric = difference_metric(ratio) * visible[:, None, None, :]
+    metric = CIE94_metric(ratio) * visible[:, None, None, :]
     return white, ratio, metric * np.sqrt(weights)[..., None, None]
-
-
-def difference_metric(ratio: ArrayLike) -> Array:
-    """Return G (..., 3, 3) with |G d| the CIE94 difference of a small change d of XYZ / white.
-
-    Rows are lightness, chroma and hue; ``ratio`` (..., 3) is XYZ over the white's.
-
-    >>> step = [0.0, 0.001, 0.0]
-    >>> grey, green = ([0.2, 0.2, 0.2], [0.1, 0.2, 0.05])
-    >>> [round(float(np.linalg.norm(difference_metric(c) @ step)), 2) for c in (grey, green)]
-    [0.54, 0.17]
-    """
-    slope = cielab_derivative(ratio)
-    _, a, b = np.moveaxis(cielab(ratio, _WHITE), -1, 0)
-    chroma = np.hypot(a, b)
-    # Grey has no hue: any direction will do, as both weights are equal there.
-    hue = np.arctan2(b, a)
-    toward = np.stack([np.cos(hue), np.sin(hue)], axis=-1)
-    across = np.stack([-np.sin(hue), np.cos(hue)], axis=-1)
-    ab = slope[..., 1:, :]
-    by_chroma = np.einsum("...i,...ij->...j", toward, ab) / (1 + _CHROMA_LOSS * chroma)[..., None]
-    by_hue = np.einsum("...i,...ij->...j", across, ab) / (1 + _HUE_LOSS * chroma)[..., None]
-    return np.stack([slope[..., 0, :], by_chroma, by_hue], axis=-2)

@@ -37,6 +37,7 @@ from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.row_batches import Progress
 from volspec.relight import RelightSpec
+from volspec.relight.error_map import full_band_basis
 from volspec.relight.layers import clamp_finite
 from volspec.scene import Scene
 from volspec.scene.export import Turntable
@@ -214,6 +215,7 @@ def page_html(
             "there is no view", "give at least one", code="missing", field="page.views"
         )
     width, height = served.size if served else first.size
+    seen_through = relight_spec.seen_through(first.basis.grid)
     channels = first.coefficients.shape[2]
     numbers = {
         "title": spec.title,
@@ -221,10 +223,10 @@ def page_html(
         "views": packed_views,
         "fps": spec.fps,
         "groups": dict(first.groups),
-        "basis": payload.basis_numbers(first.basis, relight_spec.seen_through(first.basis.grid)),
+        "basis": payload.basis_numbers(first.basis, seen_through, full_band_basis(first)),
         # A file without its folder, which is of this machine.
         "filter": os.path.basename(relight_spec.filter or ""),
-        "lights": [payload.light_numbers(light, first.basis.grid) for light in lights],
+        "lights": [payload.light_numbers(each, first.basis, seen_through) for each in lights],
         "look": payload.look_numbers(relight_spec, lights),
         **payload.page_viewing(relight_spec.viewing),
         "models": payload.models(),

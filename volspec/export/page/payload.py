@@ -26,14 +26,16 @@ from volspec.appearance.models import rlab
 from volspec.appearance.scene_to_display import CLOSED
 from volspec.appearance.spaces import SPACES, spectrum_colours
 from volspec.appearance.spec import SURROUND_RATIOS, SURROUNDS, Display, Viewing
-from volspec.basis import MODES, MaterialBasis
+from volspec.basis import MODES, MaterialBasis, SpectralBasis
+from volspec.basis.display import Mode
 from volspec.basis.materials import Basis
 from volspec.errors import ViewingError, VolspecWarning
-from volspec.relight import ErrorMap, RelightSpec
+from volspec.relight import ErrorMap, LightRig, RelightSpec
+from volspec.relight.advice import mode_advice
 from volspec.relight.layers import layer_count
 from volspec.relight.programs import picture_constants, screen_uniforms
 from volspec.scene.lights import NamedLight
-from volspec.spectra import SpectralGrid, Spectrum
+from volspec.spectra import Spectrum
 from volspec.spectra.datasets import colour_matching_functions
 from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.spectrum import light_power
@@ -69,10 +71,13 @@ def constants() -> dict[str, Any]:
     }
 
 
-def basis_numbers(basis: Basis, seen_through: Spectrum | None = None) -> dict[str, Any]:
+def basis_numbers(
+    basis: Basis, seen_through: Spectrum | None = None, full: Basis | None = None
+) -> dict[str, Any]:
     """Return the matrices from spectra to channels and from channels to XYZ, as rows.
 
-    ``seen_through`` is the filter in the eye's path.
+    ``seen_through`` is the filter in the eye's path; ``full`` a basis of full bands
+    (`full_band_basis`), with which colours are compared, instead of the exact light matrix.
     """
     Q = colour_matching_functions(basis.grid, basis.observer_deg)
     materials = isinstance(basis, MaterialBasis)
@@ -83,6 +88,7 @@ def basis_numbers(basis: Basis, seen_through: Spectrum | None = None) -> dict[st
         "Q": _plain(Q),
         "analysis": None if isinstance(basis, MaterialBasis) else _plain(basis.analysis),
         "synthesis": _plain(synthesis),
+        "full": _plain(full.synthesis) if isinstance(full, SpectralBasis) else None,
         "D": None if isinstance(basis, MaterialBasis) else _plain(basis.XYZ_from_channels),
         # [channel, power emitted by power that falls in] of fluorescent materials.
         "emission": [
@@ -94,9 +100,14 @@ def basis_numbers(basis: Basis, seen_through: Spectrum | None = None) -> dict[st
     }
 
 
-def light_numbers(light: NamedLight, grid: SpectralGrid) -> dict[str, Any]:
-    """Return a light setting: name, label and spectra."""
-    rig = light.rig
+def light_numbers(
+    light: NamedLight, basis: Basis, seen_through: Spectrum | None = None
+) -> dict[str, Any]:
+    """Return a light setting: name, label, and the spectra with their matrices.
+
+    ``seen_through`` is the filter in the eye's path.
+    """
+    rig, grid = light.rig, basis.grid
     parts = []
     for j, spectrum in enumerate(rig.lights):
         power = light_power(spectrum, grid)
@@ -109,9 +120,20 @@ def light_numbers(light: NamedLight, grid: SpectralGrid) -> dict[str, Any]:
                 # Illuminance of the power in W / (m² nm).
                 "unit_lux": illuminance_lux(Spectrum(grid.wavelengths_nm, power)),
                 "group": rig.groups[j],
+                # Its matrix in the mode "fitted"; materials are exact in every mode.
+                "fitted": None
+                if isinstance(basis, MaterialBasis)
+                else _plain(basis.colour_matrix(spectrum, "fitted", seen_through)),
             }
         )
-    return {"name": light.name, "label": light.label, "parts": parts}
+    advice = {mode: found for mode in MODES for found in [_advice(rig, basis, mode)] if found}
+    return {"name": light.name, "label": light.label, "parts": parts, "advice": advice}
+
+
+def _advice(rig: LightRig, basis: Basis, mode: Mode) -> str:
+    """Return the advice on a setting's lights in a mode; empty if it holds them."""
+    found = (mode_advice(basis, spectrum, mode) for spectrum in rig.lights)
+    return "\n".join(dict.fromkeys(filter(None, found)))
 
 
 def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, Any]:

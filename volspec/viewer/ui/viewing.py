@@ -172,7 +172,7 @@ def _picture(state: ViewState, ui: UiContext) -> ViewState:
     new = _combo(new, ui, edits.set_filter, "Filter", spec.filter or edits.NO_FILTER, edits.FILTERS)
     tip("In the eye's path, in nm: it keeps out a laser, so that what it excites is seen")
     new = _combo(new, ui, edits.set_mode, "Mode", spec.mode, MODES)
-    tip("componentwise: channel by channel; exact: the light matrix. E shows the difference")
+    tip("fitted: a matrix for each light; componentwise: channel by channel. E shows the error")
     new = _combo(new, ui, edits.set_level, "Level", spec.level, LEVELS)
     tip("relative: white stays white; absolute: by the lights' lux")
     return new

@@ -190,8 +190,6 @@ def _label_at(volume: Volume, camera: Camera, place: Array) -> str:
 def _error_row(
     image: CoefficientImage, rig: LightRig, spec: RelightSpec, pixel: tuple[int, int]
 ) -> Iterator[tuple[str, str]]:
-    if spec.mode == "exact":
-        return
     x, y = pixel
     alone = crop(image, slice(y, y + 1), slice(x, x + 1))
     try:

@@ -1,4 +1,4 @@
-// Overlay of the picture's errors: CIEDE2000 from the exact light matrix.
+// Overlay of the picture's errors: CIEDE2000 from full bands, or from the exact light matrix.
 //
 // Twin of volspec/relight/error_map.py; computed when the user pauses.
 
@@ -19,13 +19,14 @@ function errorsPanel(app) {
   };
 }
 
-// CIEDE2000 between a look's colours and exact ones, as a function of channels and opacity.
+// CIEDE2000 between a look's colours and the reference, as a function of channels and opacity.
 function errorOf(page, look) {
   const plain = { ...look, exposure: 1, level: 'relative' };
   const parts = rigOf(page.lights, shining(look));
   if (!parts) return null;
-  const [shown, exact] = [plain, { ...plain, mode: 'exact' }].map((each) => (
-    illuminationOf(page.basis, page.groups, parts, each)));
+  const { basis, groups } = page, full = { ...basis, synthesis: basis.full ?? basis.synthesis };
+  const shown = illuminationOf(basis, groups, parts, plain);
+  const exact = illuminationOf(full, groups, parts, { ...plain, mode: 'exact' });
   if (!shown) return null;
   const white = exact.white.map((x) => Math.max(x, NO_COLOUR * exact.white[1]));
   return (channels, alpha) => {
@@ -33,6 +34,8 @@ function errorOf(page, look) {
     return deltaE2000(Lab(exact), Lab(shown));
   };
 }
+
+const reference = (page) => (page.basis.full ? 'full bands' : 'the exact light matrix');
 
 function drawHeat(app, canvas) {
   const { page, texels, state } = app, { width, height } = page.channels;
@@ -59,8 +62,8 @@ function drawHeat(app, canvas) {
   const mean = covered.reduce((a, b) => a + b, 0) / Math.max(covered.length, 1);
   byId('heat-top').textContent = top;
   byId('heat-figures').textContent = at(1) === 0
-    ? 'No difference: these are the exact colours.'
-    : `\u0394E00 mean ${figures(mean)}, 95 % ${figures(at(0.95))}, max ${figures(at(1))}`;
+    ? `No difference from ${reference(page)}.`
+    : `\u0394E00 mean ${figures(mean)}, 95 % ${figures(at(0.95))}, max ${figures(at(1))} from ${reference(page)}`;
 }
 
 function paintHeat(canvas, found, alphas, top, heat) {

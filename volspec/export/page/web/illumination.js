@@ -1,6 +1,7 @@
 // A light's effect on a pixel: one 3 x L·M matrix, the white, and the backdrop's colour.
 //
 //     e = Σ_j w_j A E_j
+//     XYZ = Σ_g M_g C_g         + (1 - alpha) XYZ_backdrop     fitted, M_g = Σ_j w_j M_E_j
 //     XYZ = Σ_g D_g (e_g ∘ C_g) + (1 - alpha) XYZ_backdrop     componentwise
 //     XYZ = Σ_g P_E_g C_g       + (1 - alpha) XYZ_backdrop     exact
 //
@@ -22,14 +23,27 @@ function rigOf(lights, weights) {
   })));
 }
 
-// Sum of the parts' spectra; in W / (m² nm) if they have lux.
+// Factor on a part's power; the result is in W / (m² nm) if the part has lux.
+const powerScale = (part) => part.weight * (part.lux === null ? 1 : part.lux / part.unit_lux);
+
+// Sum of the parts' spectra.
 function mixedPower(parts) {
   const total = new Array(parts[0].power.length).fill(0);
   for (const part of parts) {
-    const scale = part.weight * (part.lux === null ? 1 : part.lux / part.unit_lux);
+    const scale = powerScale(part);
     part.power.forEach((E, k) => { total[k] += scale * E; });
   }
   return total;
+}
+
+// (3, m): the parts' own matrices, each weighted by its part of the luminous `total`.
+function fittedMatrix(V, parts, total) {
+  const sum = parts[0].fitted.map((row) => row.map(() => 0));
+  for (const part of parts) {
+    const brightness = powerScale(part) * dot(V, part.power) / total;
+    part.fitted.forEach((row, i) => row.forEach((x, k) => { sum[i][k] += brightness * x; }));
+  }
+  return sum;
 }
 
 // Light on a surface that faces every source: each part weighted by its group.
@@ -136,13 +150,14 @@ function illuminationOf(basis, shares, parts, look) {
   const gain = look.exposure * (look.level === 'absolute'
     ? lux / look.lux : seen >= INVISIBLE * mean ? 1 : seen / mean);
   const matrix = [[], [], []], dark = basis.synthesis[0].map(() => 0);
+  const total = dot(V, power), fitted = look.mode === 'fitted' && basis.kind === 'spectral';
   for (const group of Object.keys(shares)) {
     const own = shinesFrom(parts, group);
     const E = own && mixedPower(own);
     // The basis scales each group to Y = 100; the white is of all groups together.
-    const brightness = own && gain * dot(V, E) / dot(V, power);
-    const columns = own
-      ? scaled(colourMatrix(basis, E, look.mode), brightness) : matrix.map(() => dark);
+    let columns = matrix.map(() => dark);
+    if (own && fitted) columns = scaled(fittedMatrix(V, own, total), gain);
+    else if (own) columns = scaled(colourMatrix(basis, E, look.mode), gain * dot(V, E) / total);
     matrix.forEach((row, i) => row.push(...columns[i]));
   }
   const kappa = 100 / dot(V, power), behind = filtered(basis, power);

@@ -56,13 +56,15 @@ function lightRow(app, light, i) {
     onclick: () => app.edit((look) => ({ ...look, solo: look.solo === i ? -1 : i,
       weights: look.weights.map((w, j) => (j === i && look.solo !== i && w === 0 ? 1 : w)) })),
   }, 'S');
-  const item = el('li', {}, only, slider, output, solo);
+  const advice = el('p', { class: 'advice' });
+  const item = el('li', {}, only, slider, output, solo, advice);
   const refresh = (look) => {
     slider.value = look.weights[i];
     output.textContent = look.weights[i].toFixed(2);
     only.setAttribute('aria-pressed', shining(look).every((w, j) => (w > 0) === (j === i)));
     solo.setAttribute('aria-pressed', look.solo === i);
     item.classList.toggle('off', shining(look)[i] === 0);
+    advice.textContent = shining(look)[i] > 0 ? light.advice[look.mode] ?? '' : '';
   };
   return { item, refresh };
 }

@@ -39,8 +39,8 @@ function readAt(app) {
   rows.push(['J C h', found
     ? `${found.J.toFixed(1)}  ${found.C.toFixed(1)}  ${found.h.toFixed(0)}\u00b0`
     : 'not defined here']);
-  if (look.mode !== 'exact' && page.basis.kind === 'spectral') {
-    rows.push(['\u0394E exact', errorOf(page, look)(channels, alpha).toFixed(2)]);
+  if (page.basis.kind === 'spectral') {
+    rows.push(['\u0394E00', errorOf(page, look)(channels, alpha).toFixed(2)]);
   }
   return { rows, ...spectraAt(page, look, lit, channels, alpha) };
 }

@@ -1,0 +1,61 @@
+"""Advice on lights whose colours a picture's mode does not hold.
+
+    basis, light, mode -> [advice] -> warning of frames, note of pages
+
+The estimate needs no picture: the colours of the basis' samples under the light, in the mode and in
+full bands.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from volspec.basis import SpectralBasis
+from volspec.basis.display import Mode
+from volspec.spectra.spectrum import Spectrum, light_power
+
+if TYPE_CHECKING:
+    from volspec.basis import Basis
+
+# Mean CIEDE2000 from which a light is beyond a mode, and the part of it that a cure leaves.
+_BEYOND, _CURED = 1.0, 0.5
+_CURES: tuple[Mode, ...] = ("fitted", "exact")
+
+
+def mode_advice(basis: Basis, light: Spectrum, mode: Mode) -> str | None:
+    """Return a warning if a mode is off by more than CIEDE2000 1 on average under a light.
+
+    It names the mode that is better, or a basis without such errors. None if the mode holds the
+    light, as all do with a `MaterialBasis`. Cached. Errors are those of `colour_matrix`.
+
+    >>> from volspec.spectra import light
+    >>> basis = SpectralBasis.load("general-7")
+    >>> mode_advice(basis, light("D65"), "componentwise") is None
+    True
+    >>> print(mode_advice(basis, light("led:470"), "componentwise"))
+    led:470: componentwise colours are off by ΔE00 7.3 on average; use the mode fitted (1.8)
+    """
+    if not isinstance(basis, SpectralBasis):
+        return None
+    power = light_power(light, basis.grid)
+    return _advice(basis, power.tobytes(), light.name or "the light", mode)
+
+
+@lru_cache(maxsize=512)
+def _advice(basis: SpectralBasis, power: bytes, name: str, mode: Mode) -> str | None:
+    light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
+
+    def mean(way: Mode) -> float:
+        return float(basis.sample_errors(light, way).mean())
+
+    off = mean(mode)
+    if not off > _BEYOND:
+        return None
+    found = f"{name}: {mode} colours are off by ΔE00 {off:.1f} on average"
+    left, cure = min((mean(way), way) for way in _CURES if way != mode)
+    if left < _CURED * off:
+        return f"{found}; use the mode {cure} ({left:.1f})"
+    return f"{found}, more than {basis.size} channels can hold; cast with more, or the materials"
