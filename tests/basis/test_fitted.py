@@ -133,7 +133,12 @@ def test_through_samples_is_exact_for_them() -> None:
     assert full.synthesise(GENERAL.analyse(PAINTS)) == pytest.approx(PAINTS, abs=1e-9)
     assert full.synthesise(np.ones(7)) == pytest.approx(np.ones(81))
     assert GENERAL.through_samples() is None  # no samples
-    many = reflectance_set("training")[:7]
+    many = reflectance_set("training")[:9]
     assert replace(GENERAL, samples=many).through_samples() is None
-    alike = np.array([PAINTS[0], PAINTS[0]])
-    assert replace(GENERAL, samples=alike).through_samples() is None
+    # Grey is a mixture of white and black; a metamer of gold in these channels is none.
+    grey = np.vstack([PAINTS, np.full(81, 0.4)])
+    assert replace(GENERAL, samples=grey).through_samples() is not None
+    black = np.eye(81)[40] - GENERAL.synthesis @ GENERAL.analyse(np.eye(81)[40])
+    paint = np.linspace(0.3, 0.6, 81)
+    metamer = paint + 0.2 * black / np.abs(black).max()
+    assert replace(GENERAL, samples=np.array([paint, metamer])).through_samples() is None

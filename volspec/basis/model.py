@@ -48,8 +48,9 @@ Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 
 # Weight of the library's training set next to a basis' own samples.
 _LIBRARY_WEIGHT = 1e-3
-# Least ratio of singular values of samples' channels: float16 coefficients are exact to 5e-4.
-_DISTINCT = 1e-2
+# Least ratio of singular values of samples' channels, as float16 coefficients are exact to 5e-4,
+# and largest deviation from a sample's reflectance.
+_DISTINCT, _UNLIKE = 1e-2, 1e-3
 _MATRICES = ("analysis", "synthesis", "XYZ_from_channels")
 
 
@@ -266,15 +267,14 @@ class SpectralBasis(StoredBasis):
         the channels do not distinguish them from each other and from white.
         """
         S = self.samples
-        if S is None or not 0 < len(S) < self.size:
+        if S is None or not len(S):
             return None
         channels = np.vstack([self.analyse(S), self.white])
-        spectra = np.vstack([S, np.ones(self.grid.size)])
-        strength = np.linalg.svd(channels, compute_uv=False)
-        if strength[-1] < _DISTINCT * strength[0]:
+        rest = np.vstack([S, np.ones(self.grid.size)]) - channels @ self.synthesis.T
+        change = np.linalg.pinv(channels, rcond=_DISTINCT) @ rest
+        if np.abs(rest - channels @ change).max() > _UNLIKE:
             return None
-        rest = spectra - channels @ self.synthesis.T
-        return replace(self, synthesis=self.synthesis + (np.linalg.pinv(channels) @ rest).T)
+        return replace(self, synthesis=self.synthesis + change.T)
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """Return R(e), (m, m), from reflectance to colour-signal channels, inside the subspace.

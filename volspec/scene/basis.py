@@ -2,9 +2,9 @@
 
     lights, materials, transfer function -> [basis] -> SpectralBasis | MaterialBasis
 
-Designed spectra oscillate and fall outside every general basis. A scene without ``[basis]``
-therefore gets the general basis only if that reproduces its colours, and otherwise a basis of its
-own.
+A scene without ``[basis]`` gets the general basis if that reproduces its colours: in the mode
+"fitted" those of all reflectances that its channels distinguish. Otherwise it gets a basis of its
+own, above all for designed spectra, which oscillate and fall outside every general basis.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def choose_basis(
     if general is None:
         return ChosenBasis(train_basis(table, spectra, name), "the scene requests its own")
     designed = spectra.designed()
-    if designed:
+    if designed and (mode != "fitted" or general.through_samples() is None):
         reason = f"{', '.join(designed)} came from a designer"
         return ChosenBasis(train_basis(table, spectra, name), reason)
     off, where = _worst(general, spectra, mode)
