@@ -50,7 +50,7 @@ def test_the_matrix_is_the_constrained_least_squares() -> None:
         M = matrix(x)
         off = np.einsum("kij,kj->ki", G, c @ M.T - XYZ / white)
         far = M - prior / white[:, None]
-        return float(weights @ (off**2).sum(1) + 1e-4 * (far**2).sum())
+        return float(weights @ (off**2).sum(1) + 1e-5 * (far**2).sum())
 
     ours = found / white[:, None]
     assert ours.sum(1) == pytest.approx(np.ones(3), abs=1e-9)

@@ -29,7 +29,7 @@ NO_COLOUR = 1e-3
 # Limits of a row's stretch towards a light's white; the rest is added along Y.
 _STRETCH = (0.5, 2.0)
 # Weight of a fitted matrix' distance from its prior: 1 costs as much as a difference of 0.01.
-_PRIOR = 1e-4
+_PRIOR = 1e-5
 
 
 def white_exact(matrix: Array, channels: Array, white: Array) -> Array:

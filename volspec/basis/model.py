@@ -47,10 +47,10 @@ from volspec.spectra.spectrum import Spectrum, light_power, stack
 Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 
 # Weight of the library's training set next to a basis' own samples.
-_LIBRARY_WEIGHT = 1e-3
-# Least ratio of singular values of samples' channels, as float16 coefficients are exact to 5e-4,
-# and largest deviation from a sample's reflectance.
-_DISTINCT, _UNLIKE = 1e-2, 1e-3
+_LIBRARY_WEIGHT = 1e-4
+# Of samples: ratio of singular values below which their channels depend on each other, and largest
+# deviation from a reflectance. Gain: float16 rounds channels to 2.4e-4 of their value.
+_DEPENDENT, _UNLIKE, _MOST_GAIN = 1e-4, 1e-3, 20.0
 _MATRICES = ("analysis", "synthesis", "XYZ_from_channels")
 
 
@@ -271,8 +271,8 @@ class SpectralBasis(StoredBasis):
             return None
         channels = np.vstack([self.analyse(S), self.white])
         rest = np.vstack([S, np.ones(self.grid.size)]) - channels @ self.synthesis.T
-        change = np.linalg.pinv(channels, rcond=_DISTINCT) @ rest
-        if np.abs(rest - channels @ change).max() > _UNLIKE:
+        change = np.linalg.pinv(channels, rcond=_DEPENDENT) @ rest
+        if np.abs(change).max() > _MOST_GAIN or np.abs(rest - channels @ change).max() > _UNLIKE:
             return None
         return replace(self, synthesis=self.synthesis + change.T)
 
