@@ -33,6 +33,8 @@ _SIZES, _SIZES_WITH_GRADIENT, _ROWS = (1024, 65536), (1024, 4096), (64, 256)
 _ON_ENTRY = 1e-6
 # Of points that have a common measure.
 _DECIMALS = 4
+# Of other points: the longest table by the shortest, and an opacity that nobody sees.
+_MOST_LONGER, _UNSEEN = 6, 2e-5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,14 +153,14 @@ class TransferFunction:
             gradients, of_gradients = np.array(self.gradient_opacity).T
             top = float(gradients[-1])
             if rows is None:
-                rows = _table_size("gradients", gradients, 0.0, _ROWS)
+                rows = _table_size("gradients", gradients, of_gradients[:, None], 0.0, _ROWS)
             factors = np.interp(np.linspace(0, top, rows), gradients, of_gradients)
         low, high = values[0], values[-1]
         if low == high:  # a single value, but a table needs two ends
             low, high = low - 0.5, high + 0.5
         limits = _SIZES if factors is None else _SIZES_WITH_GRADIENT
         if size is None:
-            size = _table_size("points", values, low, limits)
+            size = _table_size("points", values, weights[:, :1], low, limits)
         places = _places(values, low, high, size)
         # A step at an end needs an entry on its other side.
         entry = (high - low) / (size - 1)
@@ -235,8 +237,11 @@ def _places(values: Array, low: float, high: float, size: int) -> Array:
     return np.where(moved | (np.abs(places - nearest) < _ON_ENTRY), nearest, places)
 
 
-def _table_size(what: str, points: Array, low: float, limits: tuple[int, int]) -> int:
-    """Return the number of entries: at least four between the closest points, and on the points."""
+def _table_size(what: str, points: Array, curve: Array, low: float, limits: tuple[int, int]) -> int:
+    """Return the number of entries: at least four between the closest points, and on the points.
+
+    ``curve`` is (P, C), the table's values at the points.
+    """
     gaps = np.diff(points, prepend=low)
     if not (gaps > 0).any():
         return limits[0]
@@ -260,7 +265,23 @@ def _table_size(what: str, points: Array, low: float, limits: tuple[int, int]) -
             if times > 0:
                 return cells * times + 1
             break
-    # Otherwise the size for which the points are nearest to entries.
-    sizes = np.arange(least, min(2 * least, most))
-    shares = np.unique((points - low) / span)[:, None] * sizes
-    return int(sizes[np.abs(shares - np.rint(shares)).max(axis=0).argmin()]) + 1
+    # Otherwise the smallest size for which a kink between entries costs next to nothing, or least.
+    cells = np.arange(least, min(_MOST_LONGER * least, most))
+    places = (points - low)[:, None] / span * cells
+    beside = places - np.floor(places)
+    bends = _bends(points, curve)
+    lost = (bends[:, None] * beside * (1 - beside)).max(axis=0) * (span / cells)
+    return int(cells[lost.argmin() if lost.min() > _UNSEEN else (lost <= _UNSEEN).argmax()]) + 1
+
+
+def _bends(points: Array, curve: Array) -> Array:
+    """Return (P,) changes of slope of a curve (P, C) at its points, the largest of its columns.
+
+    Steps, which are moved to an entry, have none.
+    """
+    gaps = np.diff(points)[:, None]
+    rises = np.diff(curve, axis=0)
+    slopes = np.divide(rises, gaps, out=np.zeros_like(rises), where=gaps > 0)
+    bends = np.zeros(len(points))
+    bends[1:-1] = np.abs(np.diff(slopes, axis=0)).max(axis=1)
+    return bends
