@@ -266,12 +266,12 @@ def _table_size(what: str, points: Array, curve: Array, low: float, limits: tupl
                 return cells * times + 1
             break
     # Otherwise the smallest size for which a kink between entries costs next to nothing, or least.
-    cells = np.arange(least, min(_MOST_LONGER * least, most))
-    places = (points - low)[:, None] / span * cells
+    sizes = np.arange(least, min(_MOST_LONGER * least, most))
+    places = (points - low)[:, None] / span * sizes
     beside = places - np.floor(places)
     bends = _bends(points, curve)
-    lost = (bends[:, None] * beside * (1 - beside)).max(axis=0) * (span / cells)
-    return int(cells[lost.argmin() if lost.min() > _UNSEEN else (lost <= _UNSEEN).argmax()]) + 1
+    lost = (bends[:, None] * beside * (1 - beside)).max(axis=0) * (span / sizes)
+    return int(sizes[lost.argmin() if lost.min() > _UNSEEN else (lost <= _UNSEEN).argmax()]) + 1
 
 
 def _bends(points: Array, curve: Array) -> Array:
