@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -30,6 +31,8 @@ from volspec.spectra import (
     light_set,
     white_XYZ,
 )
+
+_Kind = TypeVar("_Kind", SpectralBasis, MaterialBasis)
 
 # Largest CIEDE2000 of a scene's worst pair at which the general basis is accurate enough.
 LARGEST_ERROR = 1.0
@@ -85,9 +88,10 @@ def choose_basis(
     """
     if table.method == "materials":
         return ChosenBasis(_of_materials(table, spectra, name), 'method = "materials"')
-    general = general_basis(table, spectra)
-    if general is None:
+    shipped = general_basis(table)
+    if shipped is None:
         return ChosenBasis(train_basis(table, spectra, name), "the scene requests its own")
+    general = with_samples(shipped, spectra)
     designed = spectra.designed()
     if designed and (mode != "fitted" or general.through_samples() is None):
         reason = f"{', '.join(designed)} came from a designer"
@@ -189,17 +193,19 @@ def _of_materials(table: BasisSpec, spectra: SceneSpectra, name: str) -> Materia
     return MaterialBasis(spectra.materials, name, grid_of(table), table.observer_deg)
 
 
-def general_basis(table: BasisSpec, spectra: SceneSpectra) -> SpectralBasis | None:
-    """Return the shipped basis for scenes without ``[basis]``; None if none fits the table.
-
-    The scene's reflectances become its samples.
-    """
+def general_basis(table: BasisSpec) -> SpectralBasis | None:
+    """Return the shipped basis for scenes without ``[basis]``; None if none fits the table."""
     plain = table.train is None and table.method == "virtual-sensors"
     ending = GRID_ENDINGS.get(grid_of(table))
     if not plain or ending is None or table.observer_deg != 2:
         return None
     name = f"general-{table.size}" + ("-positive" if table.positive else "") + ending
-    if name not in shipped_names():
-        return None
-    surfaces = [*spectra.reflectances.values(), *spectra.walls.values()]
-    return replace(SpectralBasis.load(name), samples=np.array([s.values for s in surfaces]))
+    return SpectralBasis.load(name) if name in shipped_names() else None
+
+
+def with_samples(basis: _Kind, spectra: SceneSpectra) -> _Kind:
+    """Return a basis with the scene's reflectances as samples; one without any stays as it is."""
+    if isinstance(basis, SpectralBasis) and basis.samples is not None:
+        surfaces = [*spectra.reflectances.values(), *spectra.walls.values()]
+        return replace(basis, samples=np.array([each.values for each in surfaces]))
+    return basis

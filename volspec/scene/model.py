@@ -29,7 +29,7 @@ from volspec.raycast.camera import Orbit
 from volspec.raycast.framing import shown_mm
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import RelightSpec
-from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained
+from volspec.scene.basis import ChosenBasis, choose_basis, grid_of, retrained, with_samples
 from volspec.scene.fields import scene_transfer
 from volspec.scene.file import SceneFile, scene_data, scene_file
 from volspec.scene.from_volume import framed, mesh_file, of_own_colours, volume_file, volume_path
@@ -130,10 +130,10 @@ class Scene:
         self.raycast = file.cast if self.room is None else self.room.cast(file.cast)
         self.lights = names.lights(grid, self.raycast, self.room)
         with names.at("basis"):
+            spectra = names.spectra(self.lights, self.materials, filters, self.room)
             if shipped:
-                chosen = ChosenBasis(shipped, "the scene names it")
+                chosen = ChosenBasis(with_samples(shipped, spectra), "the scene names it")
             else:
-                spectra = names.spectra(self.lights, self.materials, filters, self.room)
                 # A title may have control characters; the name of a basis must not.
                 name = visible(file.title or self.path.stem)
                 bands = grid.start_nm, grid.stop_nm, grid.step_nm
