@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
 
 import numpy as np
 
@@ -31,8 +30,6 @@ from volspec.spectra import (
     light_set,
     white_XYZ,
 )
-
-_Kind = TypeVar("_Kind", SpectralBasis, MaterialBasis)
 
 # Largest CIEDE2000 of a scene's worst pair at which the general basis is accurate enough.
 LARGEST_ERROR = 1.0
@@ -203,9 +200,9 @@ def general_basis(table: BasisSpec) -> SpectralBasis | None:
     return SpectralBasis.load(name) if name in shipped_names() else None
 
 
-def with_samples(basis: _Kind, spectra: SceneSpectra) -> _Kind:
+def with_samples(basis: SpectralBasis, spectra: SceneSpectra) -> SpectralBasis:
     """Return a basis with the scene's reflectances as samples; one without any stays as it is."""
-    if isinstance(basis, SpectralBasis) and basis.samples is not None:
-        surfaces = [*spectra.reflectances.values(), *spectra.walls.values()]
-        return replace(basis, samples=np.array([each.values for each in surfaces]))
-    return basis
+    if basis.samples is None:
+        return basis
+    surfaces = [*spectra.reflectances.values(), *spectra.walls.values()]
+    return replace(basis, samples=np.array([each.values for each in surfaces]))

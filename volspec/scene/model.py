@@ -20,7 +20,7 @@ import numpy as np
 
 from volspec._deprecated import renamed_keyword
 from volspec._parse import parse_json
-from volspec.basis import Basis, MaterialBasis
+from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.base import require_reflective
 from volspec.errors import ImageError, MeshError, SceneError, visible
 from volspec.pipeline import Raycaster, raycast
@@ -132,7 +132,9 @@ class Scene:
         with names.at("basis"):
             spectra = names.spectra(self.lights, self.materials, filters, self.room)
             if shipped:
-                chosen = ChosenBasis(with_samples(shipped, spectra), "the scene names it")
+                if isinstance(shipped, SpectralBasis):
+                    shipped = with_samples(shipped, spectra)
+                chosen = ChosenBasis(shipped, "the scene names it")
             else:
                 # A title may have control characters; the name of a basis must not.
                 name = visible(file.title or self.path.stem)
