@@ -12,12 +12,13 @@ from rich.text import Text
 
 from volspec._files import require_suffix, require_writable
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
+from volspec.cli.viewing import in_options
 from volspec.errors import BasisError, nearest
 
 if TYPE_CHECKING:
     from volspec.basis import Basis
     from volspec.scene import NamedLight
-    from volspec.spectra import Spectrum
+    from volspec.spectra import SpectralGrid, Spectrum
 
 Tell = Callable[[str, float], None]
 _DEFAULT = "general-7"
@@ -49,6 +50,7 @@ def basis(
     lights: Annotated[Lights, Strict] = None,
     observer: Annotated[Literal[2, 10] | None, Strict] = None,
     reflectances: str | None = None,
+    step_nm: Annotated[float | None, Strict] = None,
     json: Json = False,
     figure: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
@@ -59,11 +61,11 @@ def basis(
     `volspec basis engine.toml --size 5`
 
     JSON: `classes` has a row for each class of lights (`scene`, `smooth`, `spiky`): `mean`,
-    `median`, `p95` and `max` of the componentwise colours; the same four under `exact`,
-    `linear_model`, `rgb_product` and `products` of `2` and `3` surfaces; and `worst`, the worst
-    pair. At the top level, `rgb_product` pools the RGB renderer over all classes, and `worst` is
-    the worst pair of all: `light`, `reflectance`, `delta_e`, `way` (the mode the method is made
-    for), and its colours in `XYZ` and `sRGB`, exact and as the channels show them (`_shown`).
+    `median`, `p95` and `max` of the colours fitted to each light; the same four under
+    `componentwise`, `exact`, `linear_model`, `rgb_product` and `products` of `2` and `3` surfaces;
+    and `worst`, the worst pair. At the top level, `rgb_product` pools the RGB renderer over all
+    classes, and `worst` is the worst pair of all: `light`, `reflectance`, `delta_e`, `way` (the
+    mode), and its colours in `XYZ` and `sRGB`, exact and as the channels show them (`_shown`).
 
     Parameters
     ----------
@@ -84,6 +86,8 @@ def basis(
     reflectances
         Reflectances to measure with: test, natural, patches, training, or materials (the scene's).
         Default: a scene's materials, else test.
+    step_nm
+        Step of the full spectra, nm, such as 1. Default: the bands of the basis.
     figure
         Figure to write: .png, .pdf or .svg.
     output
@@ -101,13 +105,15 @@ def basis(
     asked = {key: value for key, value in settings.items() if value is not None}
     with bar(quiet=json) as tell:
         case = _case(subject, asked, lights, observer, tell)
-        samples, names, measured_on = _samples(case, reflectances)
+        grid = _full_grid(case.basis.grid, step_nm)
+        samples, names, measured_on = _samples(case, reflectances, grid)
         table = error_table(
             case.basis,
             case.classes,
             samples,
             names,
             measured_on=measured_on,
+            grid=grid,
             progress=lambda share: tell("compare with full spectra", share),
         )
         if output is not None:
@@ -245,7 +251,19 @@ def _require_method(method: str, *, scene: bool) -> None:
         )
 
 
-def _samples(case: _Case, wanted: str | None) -> tuple[Any, list[str] | None, str]:
+def _full_grid(bands: SpectralGrid, step_nm: float | None) -> SpectralGrid:
+    """Return the grid of the full spectra, over the range of the basis' bands."""
+    from volspec.spectra import SpectralGrid
+
+    if step_nm is None:
+        return bands
+    with in_options():
+        return SpectralGrid(bands.start_nm, bands.stop_nm, step_nm)
+
+
+def _samples(
+    case: _Case, wanted: str | None, grid: SpectralGrid
+) -> tuple[Any, list[str] | None, str]:
     """Return the reflectances to measure with, their names, and a description of the set."""
     from volspec.basis import MaterialBasis
     from volspec.spectra import reflectance_set
@@ -266,4 +284,4 @@ def _samples(case: _Case, wanted: str | None) -> tuple[Any, list[str] | None, st
         "patches": "patches",
     }
     words = f"{len(names)} {known.get(wanted, f'{wanted} reflectances')}"
-    return reflectance_set(wanted, case.basis.grid), names, words
+    return reflectance_set(wanted, grid), names, words
