@@ -332,6 +332,8 @@ NOTES = {
     "RLAB": "for cross-media reproduction",
     "Hunt": "the most complete model, 1995",
     "Nayatani95": "for judging lights",
+    "Hellwig2022": "CAM16 with simpler chroma",
+    "ZCAM": "high dynamic range, 2021",
     "none": "no adaptation",
     "von Kries": "adaptation of the cones",
     "Bradford": "as ICC profiles adapt",

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.difference import SYMBOLS, Difference, distance, uniform
 from volspec.basis.display import Mode, visible_white
 from volspec.errors import ShapeError, ViewingError
 from volspec.relight.illumination import Illumination
@@ -45,6 +45,8 @@ class ErrorMap:
     """The light's name."""
     compared: str = "componentwise against the exact light matrix"
     """Names of the two pictures, for the caption."""
+    difference: Difference = "CIEDE2000"
+    """Measure of the values."""
 
     def __str__(self) -> str:
         return "; ".join(self._caption())
@@ -106,7 +108,7 @@ class ErrorMap:
             share = np.sqrt((low - y) / (low - high))
             colour = tuple(round(255 * c) for c in colormaps["inferno"](share)[:3])
             draw.line([(x, y), (x + _BAR, y)], colour)
-        draw.text((x, 8), "ΔE00", _INK, font)
+        draw.text((x, 8), SYMBOLS[self.difference], _INK, font)
         for share in (0, 0.25, 0.5, 0.75, 1):
             y = low - share * (low - high)
             draw.text((x + _BAR + 6, y), f"{share * top:.3g}", _INK, font, anchor="lm")
@@ -123,7 +125,7 @@ class ErrorMap:
         if not self.delta_e.any():
             return title, "no difference"
         figures = f"mean {self.mean:.3g}, 95 % {self.p95:.3g}, max {self.max:.3g}"
-        return title, f"ΔE00 {figures}"
+        return title, f"{SYMBOLS[self.difference]} {figures}"
 
     def _checked_top(self, top: float | None) -> float:
         try:
@@ -143,6 +145,7 @@ def error_map(
     mode: Mode = "componentwise",
     backdrop: float | Spectrum = 0.2,
     every: int = 1,
+    difference: Difference = "CIEDE2000",
 ) -> ErrorMap:
     """Return CIEDE2000 between a picture and one from the exact light matrix, pixel by pixel.
 
@@ -157,6 +160,8 @@ def error_map(
         As `RelightSpec`.
     every : int
         Use only every n-th row and column, for the statistics without the map.
+    difference : {"CIEDE2000", "CAM16-UCS"}
+        CAM16-UCS is also for large differences.
 
     Raises
     ------
@@ -165,7 +170,9 @@ def error_map(
     """
     spec = RelightSpec(mode=mode, backdrop=backdrop)
     compared = f"{mode} against the exact light matrix"
-    return _compared(image, spec, image, replace(spec, mode="exact"), light, every, compared)
+    return _compared(
+        image, spec, image, replace(spec, mode="exact"), light, every, compared, difference
+    )
 
 
 def difference_map(
@@ -199,6 +206,7 @@ def _compared(
     light: Spectrum | LightRig,
     every: int,
     compared: str,
+    difference: Difference = "CIEDE2000",
 ) -> ErrorMap:
     pictures = [
         (
@@ -214,10 +222,10 @@ def _compared(
     for row in range(0, len(delta_e), _ROWS):
         rows = slice(row, row + _ROWS)
         tested, true = (
-            cielab(lit.scene_XYZ(coefficients[rows], opacity[rows]), white)
+            uniform(difference, lit.scene_XYZ(coefficients[rows], opacity[rows]), white)
             for lit, coefficients, opacity in pictures
         )
-        delta_e[rows] = delta_E_2000(true, tested)
+        delta_e[rows] = distance(difference, true, tested)
     lights = (light,) if isinstance(light, Spectrum) else light.lights
     name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
-    return ErrorMap(delta_e, np.asarray(alpha), name, compared)
+    return ErrorMap(delta_e, np.asarray(alpha), name, compared, difference)
