@@ -111,7 +111,7 @@ class Hdr:
             raise ViewingError.refused(
                 "peak_cd_m2",
                 self.peak_cd_m2,
-                f"give at least white_cd_m2, {self.white_cd_m2:g}",
+                f"give at least the white's {self.white_cd_m2:g}",
                 "range",
             )
         low, high = _HLG_PEAKS
@@ -141,7 +141,9 @@ class Hdr:
         shown = linear / self.headroom
         Y = shown @ _LUMA
         lit = np.where(Y > 0.0, Y, 1.0) ** ((1.0 - self._system_gamma) / self._system_gamma)
-        return hlg_encode(shown * lit[..., None])
+        scene = shown * lit[..., None]
+        # The signal's end dims what is both saturated and bright.
+        return hlg_encode(scene / np.maximum(scene.max(axis=-1, keepdims=True), 1.0))
 
     def luminances(self, codes: ArrayLike) -> Array:
         """Return (..., 3) luminances of red, green and blue, cd/m²: the inverse of `codes`."""
