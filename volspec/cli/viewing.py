@@ -103,7 +103,10 @@ class SceneOptions:
             "D": self.D,
             "discount": bool(self.discount),
         }
-        L_A = room.L_A if room and self.L_A is None and self.lux is None else self.L_A
+        L_A = self.L_A
+        if room and L_A is None and self.lux is None:
+            L_A = room.L_A
+            others["white_cd_m2"] = room.white_luminance
         if L_A is not None:
             return ViewingConditions(_white_of(white), L_A, **others)
         lux = default.illuminance_lux if self.lux is None else self.lux

@@ -48,7 +48,7 @@ class ColourModel:
         transform = view_transform(viewing, white_XYZ)
         if not isinstance(transform, ClosedTransform):
             problem = f"{viewing.model!r} has no inverse in closed form to design with"
-            remedy = "use CIECAM02, CAM16, CIELAB, RLAB, an adaptation such as CAT02, or none"
+            remedy = "use CIECAM02, CAM16, CIELAB, RLAB, Hellwig2022, an adaptation such as CAT02, or none"
             raise fault("viewing.model", f"{problem}; {remedy}", "unsupported", viewing.model)
         return cls(transform, viewing.exposure, viewing.display.colours)
 
