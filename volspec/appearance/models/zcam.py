@@ -111,7 +111,7 @@ class ZcamConditions:
     def of_viewing(cls, viewing: ViewingConditions) -> ZcamConditions:
         """Compute the scalars of viewing conditions, with their white's luminance."""
         require_conditions(f"{NAME}.conditions", viewing)
-        scale = viewing.white_luminance / viewing.white_XYZ[1]
+        scale = _scale(viewing)
         white = scale * np.asarray(viewing.white_XYZ)
         D = 1.0 if viewing.discount else viewing.D
         return cls.of(white, viewing.L_A, scale * viewing.Y_b, viewing.factors, D)
