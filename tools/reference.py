@@ -11,6 +11,7 @@ from typing import Any
 
 from volspec._toml import toml_text
 from volspec.appearance import Display
+from volspec.appearance.hdr import Hdr
 from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.spaces import ColourSpace, Transfer
@@ -128,6 +129,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "[export]": ExportSpec,
             "turntable": Turntable,
             "sweep": Sweep,
+            "hdr": Hdr,
             "[[keyframe]]": Keyframe,
             "camera of a keyframe": KeyCamera,
             "transfer of a keyframe": KeyTransfer,

@@ -165,7 +165,7 @@ def _ffmpeg() -> str | None:
     try:
         from imageio_ffmpeg import get_ffmpeg_version
 
-        from volspec.export.film import ffmpeg
+        from volspec.export.ffmpeg import ffmpeg
 
         ffmpeg()
         return f"ffmpeg {get_ffmpeg_version()}, imageio-ffmpeg {version('imageio-ffmpeg')}"

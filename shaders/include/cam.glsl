@@ -1,4 +1,4 @@
-// CIECAM02 or CAM16: forward under the scene's conditions and inverse under the display's, in one.
+// CIECAM02, CAM16 or Hellwig2022: forward under the scene's conditions and inverse under the display's, in one.
 //
 //     R  = sign(r) 400 f / (27.13 + f), f = |r|^0.42, r = response_from_XYZ XYZ
 //     x  = 2R + G + B/20 (p2 - 0.305),  a = R - 12G/11 + B/11,  b = (R + G - 2B) / 9
@@ -7,12 +7,13 @@
 //     R' = 1/1403 (460 x' + 451 a' + 288 b') ...,  r' = sign(R') (|R'| / (400 - |R'|))^(1/0.42)
 //     linear = linear_from_response r'
 //
+// In Hellwig2022, (a', b') = κ (a, b).
 // J, C and h are the same on both sides, so t, e_t and the hue fall out: nothing is divided by
 // t or by a sine, and no angle is formed (CamTransform derives it).
 // The 0.1 of the compression cancels in a and b, and adds up to the 0.305 in p2.
 //
-// NumPy twin: volspec/appearance/models/cam.py, CamTransform.apply. The two models differ only
-// in their matrices.
+// NumPy twin: volspec/appearance/models/cam.py, CamTransform.apply. Models differ only in their
+// matrices and in κ.
 // Total: finite input gives finite output. x <= 0 is black; |R'| is clamped to RESPONSE_LIMIT,
 // below the pole at 400; the fraction's denominator stays above CHROMA_FLOOR (x + 0.305).
 //
@@ -23,8 +24,8 @@
 //                   scene_achromatic, lightness_power, chroma_gain. NumPy twin:
 //                   volspec/appearance/adaptation_grid.py.
 // Host sets SAME_SURROUND if γ = κ = 1 (equal Y_b and surround, the default), which saves a pow
-// and the skew term, a tenth of the frame time; and the constants of
-// volspec.appearance.constants.shader_constants().
+// and the skew term, a tenth of the frame time; PROPORTIONAL if the model is Hellwig2022; and
+// the constants of volspec.appearance.constants.shader_constants().
 
 struct ViewTransform {
     mat3 response_from_XYZ;    // the scene's F_L/100 · HPE · CAT02⁻¹ · diag(D_RGB) · CAT02, or
@@ -50,7 +51,10 @@ vec3 apply_transform(ViewTransform t, vec3 XYZ) {
     float lightness = x / t.scene_achromatic;
 #if SAME_SURROUND
     float x_display = t.display_achromatic * lightness;
-    float chroma = (x_display + ACHROMATIC_NOISE) / p2;
+    float chroma = PROPORTIONAL != 0 ? 1.0 : (x_display + ACHROMATIC_NOISE) / p2;
+#elif PROPORTIONAL
+    float x_display = t.display_achromatic * pow(lightness, t.lightness_power);
+    float chroma = t.chroma_gain;
 #else
     float x_display = t.display_achromatic * pow(lightness, t.lightness_power);
     float skew = (t.chroma_gain - 1.0) * dot(CHROMA_SKEW, ab);

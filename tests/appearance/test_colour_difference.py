@@ -1,4 +1,4 @@
-"""CIEDE2000 against the data it was published with, and against colour-science."""
+"""CIEDE2000 and CAM16-UCS against published data and against colour-science."""
 
 from __future__ import annotations
 
@@ -6,7 +6,18 @@ import colour
 import numpy as np
 import pytest
 
-from volspec.appearance.models.cielab import delta_E_2000
+from tests.appearance._models import CONDITIONS, D65, colours
+from tests.support.errors import raises
+from volspec.appearance import ViewingConditions
+from volspec.appearance.difference import (
+    XYZ_from_cam16_ucs,
+    cam16_ucs,
+    delta_E_CAM16,
+    distance,
+    uniform,
+)
+from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.errors import ViewingError
 
 # Sharma, Wu & Dalal (2005), table 1: pairs about the mean hue's turn (1-16), large differences
 # (17-20) and small ones (25, 31, 34).
@@ -52,3 +63,47 @@ def test_equal_colours_do_not_differ_and_shapes_broadcast() -> None:
     assert (delta_E_2000(one, one) == 0).all()
     assert delta_E_2000(one[:, None], one).shape == (3, 3)
     assert delta_E_2000(one[0], one[1]).shape == ()
+
+
+@pytest.mark.parametrize("where", ["office under D65", "room under A", "television", "cinema"])
+def test_cam16_ucs_is_that_of_colour_science(where: str) -> None:
+    conditions = CONDITIONS[where]
+    XYZ = colours(conditions.white_XYZ, 500)[:-1]
+    theirs = colour.XYZ_to_CAM16UCS(
+        XYZ / 100.0,
+        XYZ_w=np.array(conditions.white_XYZ) / 100.0,
+        L_A=conditions.L_A,
+        Y_b=conditions.Y_b,
+        surround=colour.appearance.InductionFactors_CAM16(*conditions.factors),
+        discount_illuminant=conditions.discount,
+    )
+    ours = cam16_ucs(XYZ, conditions)
+    np.testing.assert_allclose(ours, theirs, atol=1e-9)
+    np.testing.assert_allclose(XYZ_from_cam16_ucs(ours, conditions), XYZ, rtol=1e-9, atol=1e-9)
+    apart = colour.delta_E(ours[1:], ours[:-1], method="CAM16-UCS")
+    np.testing.assert_allclose(delta_E_CAM16(ours[1:], ours[:-1]), apart, rtol=1e-12)
+
+
+def test_cam16_ucs_has_colour_science_s_numbers_in_the_room_that_both_assume() -> None:
+    seen = ViewingConditions((95.047, 100.0, 108.883))
+    found = cam16_ucs([20.654008, 12.197225, 5.136952], seen)
+    np.testing.assert_allclose(found, [46.06573617, 31.02084967, 10.95700456], atol=1e-8)
+
+
+def test_differences_by_name() -> None:
+    one, other = colours(D65, 50)[:40], colours(D65, 50)[10:50]
+    by_name = {
+        name: distance(name, *(uniform(name, XYZ, D65) for XYZ in (one, other)))
+        for name in ("CIEDE2000", "CAM16-UCS")
+    }
+    Lab = [cielab(XYZ, D65) for XYZ in (one, other)]
+    np.testing.assert_array_equal(by_name["CIEDE2000"], delta_E_2000(*Lab))
+    assert np.corrcoef(*by_name.values())[0, 1] > 0.9
+    # The eye is adapted to the white: black and white are 100 apart, and no grey has a colour.
+    black, white = uniform("CAM16-UCS", [[0.0, 0.0, 0.0], D65], D65)
+    assert distance("CAM16-UCS", black, white) == pytest.approx(100.0, abs=1e-9)
+    for bad in ("CIE76", None, 3):
+        with raises(ViewingError, "unknown"):
+            uniform(bad, one, D65)
+        with raises(ViewingError, "unknown"):
+            distance(bad, one, other)

@@ -110,8 +110,10 @@ def test_inverse_gives_what_is_defined_and_looks_so_or_nan(name, where):
     assert seen.defined.all()
     asked, found = opponents(name, J, C, h)[known], opponents(name, seen.J, seen.C, seen.h)
     off = np.abs(found - asked).max(axis=-1) / np.maximum(np.abs(asked).max(axis=-1), 1.0)
-    # Next to the border a hair of J moves XYZ by whites.
-    assert off.max() <= 1e-6 and np.quantile(off, 0.95) <= 1e-9
+    # Next to the border a hair of J moves XYZ by whites. By ZCAM a C of 100 is nearly grey in the
+    # dark: XYZ carry few digits of it.
+    usual = 1e-6 if name == "ZCAM" and conditions.L_A == 0.0 else 1e-9
+    assert off.max() <= 1e-6 and np.quantile(off, 0.95) <= usual
 
 
 @pytest.mark.parametrize("name", APPEARANCE_MODELS)

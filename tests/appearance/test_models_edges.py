@@ -58,7 +58,8 @@ def test_inverse_gives_numbers_or_nan_and_no_warning(name, where):
 def test_white_has_lightness_100_where_it_is_complete(name):
     seen = APPEARANCE_MODELS[name].forward(D65, CONDITIONS["office under D65"])
     # RLAB's matrix has four decimals, and Nayatani's white is as light as its eye is lit.
-    limit = {"RLAB": 0.02, "Nayatani95": 20.0}.get(name, 1e-9)
+    # ZCAM's white is not adapted to the D65 of five digits.
+    limit = {"RLAB": 0.02, "Nayatani95": 20.0, "ZCAM": 1e-3}.get(name, 1e-9)
     assert abs(float(seen.J) - 100.0) <= limit
 
 

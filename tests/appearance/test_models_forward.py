@@ -5,12 +5,26 @@ import warnings
 import colour
 import numpy as np
 import pytest
-from colour.appearance import InductionFactors_CAM16, InductionFactors_CIECAM02
+from colour.appearance import (
+    InductionFactors_CAM16,
+    InductionFactors_CIECAM02,
+    InductionFactors_Hellwig2022,
+    InductionFactors_ZCAM,
+)
 from colour.appearance import hunt as colour_hunt
 
-from tests.appearance._models import CONDITIONS, D65, A, colours, worst, worst_hue
+from tests.appearance._models import CONDITIONS, D65, A, apart, colours, worst, worst_hue
 from volspec.appearance import ViewingConditions
-from volspec.appearance.models import APPEARANCE_MODELS, Appearance, cielab, hunt, nayatani95, rlab
+from volspec.appearance.models import (
+    APPEARANCE_MODELS,
+    Appearance,
+    cielab,
+    hellwig2022,
+    hunt,
+    nayatani95,
+    rlab,
+    zcam,
+)
 from volspec.appearance.models.base import degree_of_discounting
 from volspec.appearance.models.hunt import HuntConditions, cct_mccamy
 
@@ -93,6 +107,52 @@ def test_nayatani_agrees_with_colour_science(seen):
     for correlate in "Qs":
         worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
     np.testing.assert_array_equal(ours.defined, ours.J >= 0.0)
+
+
+def test_hellwig_agrees_with_colour_science(seen):
+    conditions, white, XYZ = seen
+    F, c, N_c = conditions.factors
+    if conditions.D is not None:  # colour-science takes no D but through F
+        F = conditions.D / (1.0 - np.exp(-(conditions.L_A + 42.0) / 92.0) / 3.6)
+    factors = InductionFactors_Hellwig2022(F, c, N_c)
+    given = white, conditions.L_A, conditions.Y_b, factors, conditions.discount
+    theirs = colour.XYZ_to_Hellwig2022(XYZ[:-1], *given)
+    ours = hellwig2022.forward(XYZ[:-1], conditions)
+    worst_hue(ours, theirs, XYZ, LIMIT)
+    for correlate in ("J", "C", "Q", "M", "s"):
+        worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
+    # Of chroma that is rounding alone, this is its 0.587th power.
+    coloured = theirs.C > 1e-6
+    worst(ours.J_HK[coloured], theirs.J_HK[coloured], XYZ[:-1][coloured], LIMIT, "J_HK")
+    back = colour.Hellwig2022_to_XYZ(theirs, *given)
+    own = hellwig2022.inverse(ours.J, ours.C, ours.h, conditions)
+    assert apart(own, back).max() <= LIMIT and ours.defined.all()
+
+
+def test_zcam_agrees_with_colour_science(seen):
+    # In cd/m², with the luminance of the background for Y_b.
+    conditions, white, XYZ = seen
+    luminance = conditions.white_luminance
+    scale = luminance / white[1]
+    c = conditions.factors.c
+    factors = InductionFactors_ZCAM(c, conditions.factors.F, c, conditions.factors.N_c)
+    if conditions.D is not None:
+        F = conditions.D / (1.0 - np.exp(-(conditions.L_A + 42.0) / 92.0) / 3.6)
+        factors = InductionFactors_ZCAM(c, F, c, 1.0)
+    own = scale * white, conditions.L_A, scale * conditions.Y_b, factors, conditions.discount
+    theirs = colour.XYZ_to_ZCAM(scale * XYZ[:-1], *own)
+    ours = zcam.forward(XYZ[:-1], conditions)
+    # Their white D65 is rounded elsewhere: 1e-9 of neutrals' chroma, where it has no slope.
+    coloured = theirs.C > 1e-2
+    worst_hue(ours, theirs, XYZ, 1e-7)
+    for correlate in "JQ":
+        worst(getattr(ours, correlate), getattr(theirs, correlate), XYZ, LIMIT, correlate)
+    for correlate in "CMsH":
+        one, other = (getattr(each, correlate)[coloured] for each in (ours, theirs))
+        worst(one, other, XYZ[:-1][coloured], 1e-8, correlate)
+    back = colour.ZCAM_to_XYZ(theirs, *own) / scale
+    assert apart(zcam.inverse(ours.J, ours.C, ours.h, conditions), back).max() <= 1e-8
+    assert ours.defined.all()
 
 
 def colour_science_hunt(XYZ, conditions, **others):

@@ -13,9 +13,10 @@ from volspec.appearance import ViewingConditions
 from volspec.appearance.adaptation.nonlinear import nayatani_exponent
 from volspec.appearance.constants import D65_CONES_FROM_XYZ, HPE_FROM_XYZ
 from volspec.appearance.hue import CIELAB_HUES, HUNT_HUES, composition, quadrature
-from volspec.appearance.models import hunt, nayatani95, rlab
+from volspec.appearance.models import hellwig2022, hunt, nayatani95, rlab, zcam
 from volspec.appearance.models.base import cone_adaptation, cones_of_white
 from volspec.appearance.models.hunt import HuntConditions, compress
+from volspec.appearance.surround import SURROUNDS
 
 # Four cases that Fairchild, Color Appearance Models (3rd ed.), computes with every model, as
 # colour-science's own tests cite them: XYZ, white, luminance of the adapting field.
@@ -76,6 +77,51 @@ def test_nayatani_gives_the_numbers_fairchild_prints(case, printed):
     XYZ, white, L_A = case
     seen = nayatani95.forward(XYZ, ViewingConditions(white, L_A, Y_b=20.0))
     np.testing.assert_allclose(correlates(seen, "QJhHsCM"), printed, atol=0.11)
+
+
+# XYZ, white, L_A, Y_b, surround; then J, C, h, s, Q, M as Safdar et al. (2021) print them in their
+# supplement, colour-science's tests cite. (Sample 3 is printed for another L_A than it is given.)
+ZCAM = [
+    ((185, 206, 163), (256, 264, 202), 264, 100, "average",
+     (92.2520, 3.0216, 196.3524, 19.1314, 321.3464, 10.5252)),
+    ((89, 96, 120), (256, 264, 202), 264, 100, "average",
+     (71.2071, 6.8539, 250.6422, 32.7963, 248.0394, 23.8744)),
+    ((79, 81, 62), (256, 264, 202), 264, 100, "dim",
+     (68.8890, 0.9774, 58.7532, 12.5916, 196.7686, 2.7918)),
+    ((910, 1114, 500), (2103, 2259, 1401), 359, 16, "dark",
+     (82.6445, 13.0838, 123.9464, 44.7277, 114.7431, 18.1655)),
+    ((96, 67, 28), (2103, 2259, 1401), 359, 16, "dark",
+     (33.0139, 19.4070, 29.7720, 86.1882, 45.8363, 26.9446)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("sample", ZCAM)
+def test_zcam_gives_the_numbers_its_paper_prints(sample):
+    """The paper adapts in one step, which has no inverse: colours are off by up to 2 %."""
+    XYZ, white, L_A, Y_b, surround, printed = sample
+    eye = zcam.ZcamConditions.of(white, L_A, Y_b, SURROUNDS[surround])
+    found = correlates(eye.forward(XYZ), "JChsQM")
+    _, C, _, s, _, M = printed
+    limits = [0.03, 0.02 * C, 2.5 if C < 1.0 else 0.3, 0.01 * s, 0.05, 0.02 * M]
+    for name, one, other, limit in zip("JChsQM", found, printed, limits, strict=True):
+        assert one == pytest.approx(other, abs=limit), name
+
+
+# J, C, h, s, Q, M of the four cases by the authors, as colour-science's tests have them.
+HELLWIG = [
+    (41.731, 0.026, 217.068, 0.061, 55.852, 0.034),
+    (65.428, 31.330, 17.487, 47.200, 64.077, 30.245),
+    (21.361, 30.603, 178.867, 141.223, 28.590, 40.376),
+    (41.064, 31.940, 259.034, 76.669, 40.197, 30.818),
+]
+
+
+@pytest.mark.parametrize("case, printed", list(zip(CASES, HELLWIG, strict=True)))
+def test_hellwig_gives_its_authors_numbers(case, printed):
+    XYZ, white, L_A = case
+    # The last case was computed at 31.38 cd/m².
+    seen = hellwig2022.forward(XYZ, ViewingConditions(white, 31.38 if case is CASES[3] else L_A))
+    np.testing.assert_allclose(correlates(seen, "JChsQM"), printed, atol=6e-4)
 
 
 def test_rlab_matrix_follows_from_its_reference_conditions():

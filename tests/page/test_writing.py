@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.support.errors import raises
+from tests.support.errors import raises, warns
 from tests.support.images import some_rows
+from volspec.appearance import Viewing
 from volspec.cli import main
 from volspec.errors import ImageError, ShapeError, ViewingError
 from volspec.export.page import PageSpec, PageView, page_html, write_page
 from volspec.export.page.build import median_prediction, residual_bytes
+from volspec.export.page.payload import look_numbers, models
 from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec
 from volspec.scene import Scene
@@ -51,6 +54,17 @@ def test_a_page_is_one_file_of_the_size_asked_for(
     assert "<title>Around</title>" in text and '"width":48,"height":32' in text
     assert "planck:2000" in text and "http://" not in text.replace("http://www.w3.org/", "")
     assert list(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.parametrize("model", ["Hunt", "Nayatani95", "ZCAM"])
+def test_a_model_without_closed_form_is_replaced_with_a_warning(
+    model: Any, engine_scene: Scene
+) -> None:
+    with warns(model, "CIECAM02"):
+        look = look_numbers(RelightSpec(Viewing(model=model)), engine_scene.lights)
+    assert look["model"] == "CIECAM02" and model not in models()["appearance"]
+    kept = look_numbers(RelightSpec(Viewing(model="Hellwig2022")), engine_scene.lights)
+    assert kept["model"] == "Hellwig2022"
 
 
 def test_pages_need_a_view_a_light_and_views_alike(

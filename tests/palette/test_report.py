@@ -12,6 +12,8 @@ import pytest
 
 import volspec as vs
 from tests.support.palettes import free_light, lamp, must, surface
+from volspec.appearance import ViewingConditions
+from volspec.appearance.difference import cam16_ucs, delta_E_CAM16
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
 from volspec.palette.file import palette_file
@@ -212,3 +214,22 @@ def test_advice_is_a_deprecated_keyword() -> None:
     made = design(Palette((surface("s"),), (lamp("D65"),), {("s", "D65"): Cell(colour=GREY)}))
     with pytest.warns(DeprecationWarning):
         assert DesignReport.of(made, advice=True) == advised(made)
+
+
+def test_a_report_may_count_differences_in_cam16_ucs(sodium: DesignReport) -> None:
+    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
+    made = design(palette)
+    report = DesignReport.of(made, difference="CAM16-UCS")
+    for cell, usual in zip(report.cells, sodium.cells, strict=True):
+        assert cell.delta_E_CAM16 == usual.delta_E_CAM16 and cell.delta_E == cell.delta_E_CAM16
+        assert usual.delta_E == usual.delta_E_2000 == cell.delta_E_2000
+        if cell.error is not None:
+            codes = np.array([cell.obtained, cell.wanted])
+            space = palette.viewing.display.colours
+            XYZ = space.decode(codes) @ space.XYZ_from_RGB.T
+            white = tuple(space.white_XYZ.tolist())
+            apart = delta_E_CAM16(*cam16_ucs(XYZ, ViewingConditions(white, discount=True)))
+            assert cell.error == pytest.approx(float(apart), abs=1e-6)
+    assert report.max > 0 and report.max != sodium.max
+    assert "ΔE′ mean" in str(report) and "ΔE00 mean" in str(sodium)
+    assert report.to_dict()["difference"] == "CAM16-UCS"

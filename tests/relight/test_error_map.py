@@ -131,3 +131,14 @@ def test_a_sample_is_every_nth_pixel_of_the_map() -> None:
     whole = error_map(chart(), light("FL4"))
     part = error_map(chart(), light("FL4"), every=3)
     assert np.array_equal(part.delta_e, whole.delta_e[::3, ::3])
+
+
+def test_a_map_may_be_of_another_difference() -> None:
+    usual, other = (
+        error_map(chart(), light("FL4"), difference=name) for name in ("CIEDE2000", "CAM16-UCS")
+    )
+    assert 0.3 < other.mean / usual.mean < 3.0 and other.mean != usual.mean
+    assert "ΔE00 mean" in str(usual) and "ΔE′ mean" in str(other)
+    assert error_map(chart(), light("FL4"), "exact", difference="CAM16-UCS").max == 0
+    with raises(ViewingError, "unknown"):
+        error_map(chart(), light("FL4"), difference="CIE94")  # type: ignore[arg-type]

@@ -45,7 +45,7 @@ DISPLAYS = {
     "Display P3 reduce": Display(space="Display P3", gamut="reduce"),
     "Rec. 2020 clip": Display(space="Rec. 2020"),
 }
-TABLES = ("Hunt", "Nayatani95")
+TABLES = ("Hunt", "Nayatani95", "ZCAM")
 
 
 def bright_cube(white: np.ndarray) -> tuple[np.ndarray, np.ndarray, Illumination]:

@@ -31,7 +31,7 @@ from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 pytestmark = pytest.mark.usefixtures("needs_gl")
 LIGHTS = ("A", "FL2")
 # Known colour by colour only: always looked up.
-TABLED = ("Hunt", "Nayatani95")
+TABLED = ("Hunt", "Nayatani95", "ZCAM")
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -145,7 +145,7 @@ ACES_AP0 = 100 * np.array(
 
 
 def engines_of(model: str, coefficients: np.ndarray, alpha: np.ndarray) -> list[Any]:
-    """Closed form and LUT of the shader, and NumPy; two models have no closed form."""
+    """Closed form and LUT of the shader, and NumPy; some models have no closed form."""
     kinds = (True,) if model in TABLED else (False, True)
     engines = [GLEngine(coefficients, alpha, lut3d=table) for table in kinds]
     return [*engines, CpuEngine(coefficients, alpha)]

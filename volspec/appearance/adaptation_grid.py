@@ -203,7 +203,7 @@ class ViewTransformGrid:
         """Make the transforms of an eye that is adapted differently at each node.
 
         ``Y_b`` (percent of the white) and ``L_A`` (cd/m²), both (R, C), replace those of the
-        viewing, with model CIECAM02 or CAM16; so does ``S_R``, (R, C), if the viewing's surround
+        viewing, with a model of `PER_PIXEL`; so does ``S_R``, (R, C), if the viewing's surround
         is to be measured. Raises ViewingError if the white has no lightness at some node.
         """
         model, L_A, Y_b = viewing.model, np.asarray(L_A), np.asarray(Y_b)
@@ -240,9 +240,12 @@ class ViewTransformGrid:
         )
         display = transform.display
         power = c * cam.lightness_exponent(n) / display.lightness_power
-        scale = cam.chroma_scale(n) / display.chroma_scale
-        eccentricity = cam.eccentricity_scale(N_c, n) / display.eccentricity_scale
-        gain = scale ** (1.0 / k.CHROMA_POWER) * eccentricity
+        if transform.is_proportional:
+            gain = N_c / achromatic * (display.white_achromatic / display.surround.N_c)
+        else:
+            scale = cam.chroma_scale(n) / display.chroma_scale
+            eccentricity = cam.eccentricity_scale(N_c, n) / display.eccentricity_scale
+            gain = scale ** (1.0 / k.CHROMA_POWER) * eccentricity
         fourth = np.stack([achromatic, power, gain], axis=-1)
         columns = np.swapaxes(matrix, -1, -2)
         numbers = np.concatenate([columns, fourth[..., None]], axis=-1)

@@ -97,8 +97,8 @@ class Display:
     mark: bool = False
     """Hatch the pixels with colours outside of the display's gamut."""
     white_cd_m2: Annotated[Positive, Unit("cd/m²"), Hint("sRGB's is 80")] = 80.0
-    """Luminance of the display's white. Used only if ``L_A`` is None: appearance models work with
-    luminances relative to the white."""
+    """Luminance of the display's white. Used only if ``L_A`` is None, and by ZCAM: other models
+    work with luminances relative to the white."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
@@ -152,4 +152,7 @@ class Display:
     def conditions(self) -> ViewingConditions:
         """Viewing conditions of a viewer in front of the display; its white has Y = 100."""
         X, Y, Z = self.colours.white_XYZ.tolist()
-        return ViewingConditions((X, Y, Z), self.adapting_luminance, self.Y_b, self.surround)
+        return ViewingConditions(
+            *((X, Y, Z), self.adapting_luminance, self.Y_b, self.surround),
+            white_cd_m2=self.white_cd_m2,
+        )

@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
 from volspec.appearance.display import Display
-from volspec.appearance.models.cam import CamConditions, compress, expand
+from volspec.appearance.models.cam import HELLWIG_2022, CamConditions, compress, expand
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import triples
@@ -213,15 +213,15 @@ class Screen:
 
     @classmethod
     def of(cls, display: Display, model: str = "CIECAM02") -> Screen:
-        """Make the screen of a display; chroma is CAM16's if that is the model, else CIECAM02's.
+        """Make the screen of a display, with the lightness and hue of `gamut_model`.
 
         Errors as `DisplayGamut.of`, if the display reduces chroma.
         """
         space = display.colours
         gamut = None
         if display.gamut == "reduce":
-            cam = "CAM16" if model == "CAM16" else "CIECAM02"
-            gamut = DisplayGamut.of(CamConditions.of_viewing(display.conditions, cam), space)
+            eye = CamConditions.of_viewing(display.conditions, gamut_model(model))
+            gamut = DisplayGamut.of(eye, space)
         return cls(space, space.RGB_from_XYZ, gamut, display.mark)
 
     def linear(self, XYZ: ArrayLike) -> tuple[Array, Mask]:
@@ -257,6 +257,11 @@ def hatch(codes: Array, outside: ArrayLike, first_row: int = 0) -> Array:
     return np.where(np.asarray(outside)[..., None], hatched, codes)
 
 
+def gamut_model(model: str) -> str:
+    """Return CAM16 for a model with its lightness and hue, else CIECAM02."""
+    return "CAM16" if model in ("CAM16", HELLWIG_2022) else "CIECAM02"
+
+
 @lru_cache(maxsize=16)
 def _cached_screen(display: Display, model: str) -> Screen:
     return Screen.of(display, model)
@@ -264,4 +269,4 @@ def _cached_screen(display: Display, model: str) -> Screen:
 
 def screen_for_viewing(viewing: Viewing) -> Screen:
     """Return the screen of a viewing's display; the latest 16 are cached. Errors as `Screen.of`."""
-    return _cached_screen(viewing.display, "CAM16" if viewing.model == "CAM16" else "CIECAM02")
+    return _cached_screen(viewing.display, gamut_model(viewing.model))

@@ -14,6 +14,8 @@ References
 [4] SMPTE ST 431-1:2006 (ISO 26431-1), screen luminance of digital cinema.
 [5] SMPTE 196M-2003, indoor theater screen luminance: 55 cd/m² (16 fL), the gate without film.
 [6] Recommendation ITU-R BT.2035 (2013), reference viewing environment for HDTV.
+[7] Recommendation ITU-R BT.2100-2 (2018), table 3, reference viewing environment; Report ITU-R
+    BT.2408-7 (2023), reference white.
 """
 
 from __future__ import annotations
@@ -71,7 +73,8 @@ class Preset:
 
     def conditions(self, white_XYZ: Triple) -> ViewingConditions:
         """Make the conditions of a scene, under a white with Y = 100."""
-        return ViewingConditions(white_XYZ, self.L_A, self.Y_b, self.surround)
+        given = (white_XYZ, self.L_A, self.Y_b, self.surround)
+        return ViewingConditions(*given, white_cd_m2=self.white_luminance)
 
 
 _FIFTH = "a fifth of the white's"
@@ -106,6 +109,8 @@ _PRESETS = (
             "Moroney 2002, display at home: 38 lx, S_R = 0.15, dim", "Moroney 2002: 20 cd/m²"),
     _preset("television studio", 100.0, "dim", "Rec. 709", None, "BT.2035: 100 cd/m²",
             "BT.2035: a tenth of the white's, S_R = 0.1"),
+    _preset("HDR studio", 203.0, round(5.0 / 203.0, 4), "Rec. 2020", None, "BT.2408: 203 cd/m²",
+            "BT.2100: 5 cd/m², S_R = 5/203"),
     _preset("cinema", 48.0, "dark", "DCI-P3", None, "SMPTE ST 431-1: 48 cd/m²", _THEATRE),
     _preset("film projector", 55.0, "dark", "", None, "SMPTE 196M: 55 cd/m², no film", _THEATRE),
     _preset("projector", 150.0, "dark", "sRGB", 30.0, "Moroney 2002, slides: 150 cd/m²",

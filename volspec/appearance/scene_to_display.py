@@ -20,6 +20,7 @@ from volspec.appearance.models import (
     cam16,
     ciecam02,
     cielab,
+    hellwig2022,
     hunt,
     nayatani95,
     rlab,
@@ -30,7 +31,9 @@ from volspec.appearance.spec import Viewing, ViewingConditions
 from volspec.appearance.transforms import ViewTransform
 
 Forward = Callable[[ArrayLike, ViewingConditions], Appearance]
-CLOSED = MappingProxyType({m.NAME: m.view_transform for m in (ciecam02, cam16, cielab, rlab)})
+CLOSED = MappingProxyType(
+    {m.NAME: m.view_transform for m in (ciecam02, cam16, cielab, rlab, hellwig2022)}
+)
 """View transforms in closed form by the model's name: inverse after forward in one step."""
 
 

@@ -60,6 +60,8 @@ Model = Literal[
     "RLAB",
     "Hunt",
     "Nayatani95",
+    "Hellwig2022",
+    "ZCAM",
     # An adaptation alone:
     "none",
     "von Kries",
@@ -77,7 +79,7 @@ MODELS: tuple[Model, ...] = get_args(Model)
 Adapting = Literal["given", "picture", "pixel"]
 ADAPTING: tuple[Adapting, ...] = get_args(Adapting)
 # Models whose conditions may change from pixel to pixel.
-PER_PIXEL: tuple[Model, ...] = ("CIECAM02", "CAM16")
+PER_PIXEL: tuple[Model, ...] = ("CIECAM02", "CAM16", "Hellwig2022")
 # Twenty stops either way; and the range of angles in which cones of 1° and 11° can be measured.
 EXPOSURES = (1e-6, 1e6)
 FIELDS_OF_VIEW_DEG = (0.1, 170.0)
@@ -137,8 +139,8 @@ class Viewing:
     """Display and room for which the picture is made."""
     adapting: Adapting = "given"
     """given: use Y_b and L_A above; picture: measure both in each relit picture, for an eye that
-    looks at its centre; pixel: for an eye that looks at each pixel in turn (CIECAM02 and CAM16).
-    The measured background replaces ``Y_b``; an ``L_A`` that is given is kept."""
+    looks at its centre; pixel: for an eye that looks at each pixel in turn (CIECAM02, CAM16,
+    Hellwig2022). The measured background replaces ``Y_b``; an ``L_A`` that is given is kept."""
     fov_deg: FieldOfView | None = None
     """The picture's height as an angle, for measuring; if left out, the camera's."""
     hunt: HuntSettings = field(default_factory=HuntSettings)
@@ -205,9 +207,9 @@ class Viewing:
         white = white_XYZ if isinstance(self.adopted_white, str) else self.adopted_white
         X, Y, Z = np.maximum(white, 1e-6 * np.asarray(white)[1]).tolist()
         assert self.surround != "measured"
-        luminance = self.adapting_luminance
         return ViewingConditions(
-            (X, Y, Z), luminance, self.Y_b, self.surround, self.D, self.discount
+            *((X, Y, Z), self.adapting_luminance, self.Y_b, self.surround, self.D, self.discount),
+            white_cd_m2=self.illuminance_lux / math.pi,
         )
 
     def _require_given(self, name: str, measured: bool) -> None:

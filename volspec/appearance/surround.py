@@ -30,6 +30,8 @@ Triple = tuple[float, float, float]
 MOST_BACKGROUND = 20.0
 # Limits of a white: Y is about 100, not 1; X and Z may be close to 0.
 _WHITE_Y, _WHITE_XYZ = (2.0, 1e5), (1e-30, 1e8)
+# From starlight to the sun's glare.
+_WHITE_CD_M2 = (1e-2, 1e6)
 
 
 class Surround(NamedTuple):
@@ -181,6 +183,8 @@ class ViewingConditions:
     discount: bool = False
     """The eye discounts the light's colour, as it does for objects that it knows to be lit: D is 1
     and must be left out."""
+    white_cd_m2: Annotated[Positive, Unit("cd/m²")] | None = None
+    """Luminance of the white, for ZCAM; if left out, that of which the background's is L_A."""
 
     def __post_init__(self) -> None:
         white = self.white_XYZ[1]
@@ -195,8 +199,16 @@ class ViewingConditions:
         if not (is_finite(illuminance_lux) and illuminance_lux > 0.0):
             remedy = f"give {expected(Illuminance)}"
             raise ViewingError.refused("illuminance_lux", illuminance_lux, remedy, "range")
-        dark = cls(white_XYZ, 0.0, **others)
+        dark = cls(white_XYZ, 0.0, **others, white_cd_m2=illuminance_lux / math.pi)
         return replace(dark, L_A=illuminance_lux / math.pi * dark.Y_b / dark.white_XYZ[1])
+
+    @property
+    def white_luminance(self) -> float:
+        """Luminance of the white, cd/m², within 0.01 to 1e6."""
+        given = self.white_cd_m2
+        if given is None:
+            given = self.L_A * self.white_XYZ[1] / max(self.Y_b, 1e-4 * self.white_XYZ[1])
+        return min(max(given, _WHITE_CD_M2[0]), _WHITE_CD_M2[1])
 
     @property
     def factors(self) -> Surround:

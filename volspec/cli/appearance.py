@@ -248,7 +248,7 @@ def _correlates(
     from volspec.appearance.hue import composition
 
     look: Appearance = model.forward(colours, seen, **settings)
-    given = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N")}
+    given = {name: getattr(look, name) for name in (*"JChHQMs", "Q_WB", "L_N", "J_HK")}
     columns = {name: np.asarray(v).tolist() for name, v in given.items() if v is not None}
     rows: list[Row] = [
         {name: column[i] for name, column in columns.items()} for i in range(len(colours))
@@ -332,6 +332,8 @@ NOTES = {
     "RLAB": "for cross-media reproduction",
     "Hunt": "the most complete model, 1995",
     "Nayatani95": "for judging lights",
+    "Hellwig2022": "CAM16 with simpler chroma",
+    "ZCAM": "high dynamic range, 2021",
     "none": "no adaptation",
     "von Kries": "adaptation of the cones",
     "Bradford": "as ICC profiles adapt",

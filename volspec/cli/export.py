@@ -44,7 +44,7 @@ from volspec.cli.shell import (
     note_everyday,
     say,
 )
-from volspec.cli.viewing import in_options
+from volspec.cli.viewing import HDR_OPTIONS, HdrOptions, in_options
 from volspec.errors import ImageError, InputError, nearest
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 _Strict = Parameter(converter=as_written)
 _Whole = Annotated[int | None, _Strict]
 _Number = Annotated[float | None, _Strict]
+_HDR = HdrOptions()
 # The name of all lights of a scene, or of all marks, together.
 _ALL = "all"
 
@@ -76,7 +77,8 @@ def export(
     memory: Memory = None,
     samples: _Whole = None,
     bits: _Whole = None,
-    format: Annotated[Literal["png", "exr", "coefficients"] | None, _Strict] = None,
+    format: Annotated[Literal["png", "avif", "exr", "coefficients"] | None, _Strict] = None,
+    hdr: HdrOptions = _HDR,
     spectral: Annotated[bool, Parameter(negative="")] = False,
     transparent: Annotated[bool, Parameter(negative="")] = False,
     annotate: Annotated[list[str] | None, Parameter(negative="")] = None,
@@ -102,6 +104,8 @@ def export(
 
     Example: `volspec export engine.toml -o shot --format coefficients --turntable 72`
 
+    Example: `volspec export engine.toml -o hdr --format avif --hdr PQ --hdr-peak 600`
+
     Example: `volspec export engine.toml -o poster --size 12000x9000 --samples 2 --bits 16`
 
     Parameters
@@ -124,10 +128,11 @@ def export(
     samples
         n for n × n rays per pixel, 1 to 8.
     bits
-        Bits per channel of PNG, 8 or 16.
+        Bits per channel: 8 or 16 of PNG, 10 or 12 of AVIF.
     format
-        Frame format: png; exr with linear light; or coefficients, one image per camera as
-        `volspec render` writes it, to relight in a compositor.
+        Frame format: png; avif, for `--hdr` (needs `volspec[video]`); exr with linear light; or
+        coefficients, one image per camera as `volspec render` writes it, to relight in a
+        compositor.
     spectral
         With exr: write a spectrum for every pixel.
     transparent
@@ -161,6 +166,8 @@ def export(
             "annotate": MARKS if annotate == [_ALL] else annotate,
             "play": {} if play and own.play is None else None,
         }
+        if shown := hdr.table(own.hdr):
+            changes["hdr"] = (plain(own.hdr) if own.hdr else {}) | shown
         for key, count, table in (
             ("turntable", turntable, own.turntable),
             ("sweep", sweep, own.sweep),
@@ -188,6 +195,7 @@ def export(
             )
         given = {key: value for key, value in changes.items() if value is not None}
         options = {key: f"--{key}" for key in (*given, "size")} | {"lights": "--light"}
+        options |= HDR_OPTIONS
         with in_options(options):
             scene = scene.exporting(**given)
             tell("load the scene", 1)

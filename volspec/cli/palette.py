@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import App, Parameter
 from rich.table import Table
@@ -28,6 +28,9 @@ def design(
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     figure: Path | None = None,
     again: Annotated[bool, Parameter(negative="")] = False,
+    difference: Annotated[
+        Literal["CIEDE2000", "CAM16-UCS"], Parameter(converter=as_written)
+    ] = "CIEDE2000",
     json: Json = False,
 ) -> None:
     """Design a palette's open lights and reflectances to give the wanted colours.
@@ -40,9 +43,9 @@ def design(
     `volspec relight engine.exr --light "designed.toml#split 1" -o frame.png`.
 
     JSON: `cells` has a row for each cell: `reflectance`, `light`, `kind`, `wanted` and
-    `obtained` display codes, `X`, `Y`, `Z`, `delta_E_2000`, `delta_E_1976`, `in_gamut`; besides
-    `metamers`, `spectra` (bands at their bounds), `cost`, `mean`, `max` (CIEDE2000) and
-    `suggestions`.
+    `obtained` display codes, `X`, `Y`, `Z`, `delta_E_2000`, `delta_E_1976`, `delta_E_CAM16`,
+    `in_gamut`; besides `metamers`, `spectra` (bands at their bounds), `cost`, `mean`, `max` (of
+    `difference`) and `suggestions`.
 
     Parameters
     ----------
@@ -54,6 +57,8 @@ def design(
         Figure to write: .png, .svg or .pdf.
     again
         Design on from values that already meet every cell, say, after a change of [criteria].
+    difference
+        Measure of the report's differences: CIEDE2000, or CAM16-UCS, which also suits large ones.
     """
     from volspec.palette import DesignReport, load_palette, save_palette, suggestions
     from volspec.palette import design as solved
@@ -78,7 +83,7 @@ def design(
         if output is not None:
             save_palette(made, output, source=palette)
         tell("report", 0)
-        report = DesignReport.of(made, suggestions(made))
+        report = DesignReport.of(made, suggestions(made), difference=difference)
         tell("report", 1)
         if figure is not None:
             tell("draw the figure", 0)

@@ -13,15 +13,19 @@ from volspec import __version__
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import read_image_setting, require_image
 from volspec.cli.shell import app, as_written, note, note_everyday, say
-from volspec.cli.viewing import PictureOptions, in_options
+from volspec.cli.viewing import HdrOptions, PictureOptions, in_options
 from volspec.errors import ImageError, InputError, VolspecError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from volspec.appearance.hdr import Hdr
     from volspec.raycast import CoefficientImage
     from volspec.relight import LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
-_VIEWING = PictureOptions()
+_VIEWING, _HDR = PictureOptions(), HdrOptions()
 
 
 @app.command
@@ -48,6 +52,7 @@ def relight(
     basis: str | None = None,
     taken_under: str | None = None,
     spectral: Annotated[bool, Parameter(negative="")] = False,
+    hdr: HdrOptions = _HDR,
 ) -> None:
     """Relight a stored coefficient image, or a measured spectral picture.
 
@@ -61,6 +66,8 @@ def relight(
 
     Example: `volspec relight engine.exr --light A --space "Display P3" --gamut reduce -o p3.png`
 
+    Example: `volspec relight engine.exr --light A --lux 500 --hdr PQ -o engine.avif`
+
     Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
 
     Example: `volspec relight engine.exr --light FL2 --spectral -o spectra.exr`
@@ -71,7 +78,8 @@ def relight(
         A coefficient image that `volspec render` or `volspec demo` wrote; or, with `--basis`, an
         OpenEXR picture with a spectrum in every pixel (`T.550,000000nm`, …).
     output
-        The PNG file, with `--spectral` OpenEXR; with several lights, their names are appended:
+        The PNG file, with `--hdr` also AVIF (needs `volspec[video]`), with `--spectral` OpenEXR;
+        with several lights, their names are appended:
         `engine-A.png`.
     errors
         Write a map of the colours' errors next to each frame: `engine-errors.png`.
@@ -95,8 +103,9 @@ def relight(
         `S0.400,000000nm`, …, and red, green, blue as a preview. No appearance model is applied,
         so of the viewing options only `--exposure` and `--lux` count.
     """
-    from volspec.export.frames import BlankFrames, file_stem, write_frame
+    from volspec.export.frames import BlankFrames, file_stem, to_uint16, write_frame
     from volspec.pipeline import Relighter
+    from volspec.relight.hdr import hdr_frame
     from volspec.scene import stored_relight_spec
 
     require_image(
@@ -104,7 +113,8 @@ def relight(
         "relight it: volspec export {file} -o FOLDER; or cast it first: volspec render "
         "{file} -o IMAGE.exr",
     )
-    _check_kind(output, spectral, viewing, model, errors)
+    shown = hdr.display()
+    _check_kind(output, spectral, viewing, model, errors, shown)
     stems = [f"-{file_stem(text)}" if len(light) > 1 else "" for text in light]
     paths = [output.with_name(f"{output.stem}{stem}{output.suffix}") for stem in stems]
     if len({str(path).lower() for path in paths}) < len(paths):
@@ -117,6 +127,8 @@ def relight(
     stored = _picture(image, basis, taken_under)
     scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
+    if shown is not None:
+        lamps = _lit(lamps, viewing.lux, stored)
     own_mode = mode or ("exact" if spectral else None)
     spec = viewing.onto(scene, model=model, mode=own_mode, backdrop=backdrop).for_lights(lamps)
     changes = _reflectances(reflectance or (), stored.basis.grid)
@@ -128,17 +140,22 @@ def relight(
         _tell_of_lux(image, scene, viewing, spec)
         return
     blanks = BlankFrames("--exposure")
+    edited = stored
     with Relighter(stored) as relighter:
         if changes:
             with in_options():
                 relighter.set_reflectances(changes)
+                edited = stored.with_reflectances(changes)
         for text, lamp, path, error_path in zip(light, lamps, paths, maps, strict=True):
             with in_options():
-                frame = relighter.frame(lamp, spec)
+                if shown is None:
+                    frame = relighter.frame(lamp, spec)
+                else:
+                    frame = to_uint16(hdr_frame(edited, lamp, spec, shown))
             notes = {"light": text, "Software": f"volspec {__version__}"}
-            write_frame(path, frame, notes, spec.viewing.display.space)
+            write_frame(path, frame, notes, shown or spec.viewing.display.space)
             blanks.add(str(path), text, frame, stored.alpha)
-            say(path)
+            say(path if shown is None else f"{path}: {_luminances(frame, shown)}")
             note_everyday(text)
             if errors:
                 off = relighter.error_map(lamp, spec.mode, spec.backdrop)
@@ -146,6 +163,36 @@ def relight(
                 say(f"{error_path}: {off}")
     blanks.warn()
     _tell_of_lux(image, scene, viewing, spec)
+
+
+def _lit(
+    lamps: Sequence[Spectrum | LightRig], lux: float | None, image: CoefficientImage
+) -> list[Spectrum | LightRig]:
+    """Return lights with their lux, for HDR; InputError if one has none and --lux is left out."""
+    from volspec.relight import LightRig
+    from volspec.relight.hdr import with_lux
+
+    if lux is not None:
+        return [with_lux(lamp, lux, image.basis.grid) for lamp in lamps]
+    if any(LightRig.of(lamp).illuminance_lux is None for lamp in lamps):
+        raise InputError(
+            "--hdr shows luminances, but --light has no lux; add --lux 500, say", code="missing"
+        )
+    return list(lamps)
+
+
+def _luminances(frame: NDArray[np.uint16], hdr: Hdr) -> str:
+    """Describe the luminances of an HDR frame."""
+    import numpy as np
+
+    from volspec.appearance.spaces import SPACES
+
+    Y = hdr.luminances(frame / 65535.0) @ (SPACES["Rec. 2020"].XYZ_from_RGB[1] / 100.0)
+    above = float(np.mean(1.001 * hdr.white_cd_m2 < Y))
+    return (
+        f"{hdr.transfer}, white {hdr.white_cd_m2:g} cd/m², brightest {Y.max():.0f}, "
+        f"{above:.1%} above white"
+    )
 
 
 def _tell_of_lux(image: Path, scene: RelightSpec, given: PictureOptions, spec: RelightSpec) -> None:
@@ -199,7 +246,12 @@ def _write_spectra(
 
 
 def _check_kind(
-    output: Path, spectral: bool, viewing: PictureOptions, model: str | None, errors: bool
+    output: Path,
+    spectral: bool,
+    viewing: PictureOptions,
+    model: str | None,
+    errors: bool,
+    hdr: Hdr | None,
 ) -> None:
     """Refuse an output of the wrong kind, and options that do not apply to it."""
     suffix = output.suffix.lower()
@@ -209,10 +261,19 @@ def _check_kind(
                 f"{output}: frames are PNG files; name it .png, or add --spectral for a spectrum "
                 "in every pixel"
             )
-        require_suffix(output, "frames", ".png")
+        if hdr is None and suffix == ".avif":
+            raise ImageError(
+                f"{output}: AVIF is for high dynamic range; add --hdr PQ, or name it .png"
+            )
+        require_suffix(output, "frames", ".png", *([".avif"] if hdr else []))
+        if hdr is not None and viewing.space is not None:
+            raise InputError(
+                f"--space {viewing.space} with --hdr, whose space is Rec. 2100; leave one out",
+                code="conflict",
+            )
         return
     require_suffix(output, "spectral pictures", ".exr")
-    given = {"model": model, "errors": errors or None, **asdict(viewing)}
+    given = {"model": model, "errors": errors or None, "hdr": hdr, **asdict(viewing)}
     for name, value in given.items():
         if value is not None and name not in ("exposure", "lux"):
             option = name if name[0].isupper() else name.replace("_", "-")

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
@@ -21,6 +21,7 @@ from volspec.errors import InputError, SpectrumError
 
 if TYPE_CHECKING:
     from volspec.appearance import Viewing, ViewingConditions
+    from volspec.appearance.hdr import Hdr
     from volspec.relight import RelightSpec
 
 _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
@@ -102,7 +103,10 @@ class SceneOptions:
             "D": self.D,
             "discount": bool(self.discount),
         }
-        L_A = room.L_A if room and self.L_A is None and self.lux is None else self.L_A
+        L_A = self.L_A
+        if room and L_A is None and self.lux is None:
+            L_A = room.L_A
+            others["white_cd_m2"] = room.white_luminance
         if L_A is not None:
             return ViewingConditions(_white_of(white), L_A, **others)
         lux = default.illuminance_lux if self.lux is None else self.lux
@@ -228,6 +232,51 @@ class PictureOptions(SceneOptions):
             if getattr(self, name) is not None:
                 option = name.replace("_", "-")
                 raise InputError(f"--{option}: only for pictures; add --image, or leave it out")
+
+
+_HDR = Group("High dynamic range", sort_key=3)
+HDR_OPTIONS = {
+    "transfer": "--hdr",
+    "white_cd_m2": "--hdr-white",
+    "peak_cd_m2": "--hdr-peak",
+    "hdr": "--hdr",
+}
+
+
+@Parameter(name="*", group=_HDR)
+@dataclass(frozen=True, kw_only=True)
+class HdrOptions:
+    """Display of high dynamic range, for pictures whose highlights are brighter than white."""
+
+    hdr: Annotated[
+        Literal["PQ", "HLG"] | None,
+        Parameter(
+            converter=as_written,
+            help="Write PQ or HLG in Rec. 2100's primaries: 16-bit PNG, or .avif.",
+        ),
+    ] = None
+    hdr_white: Annotated[
+        float | None, _number("Luminance of white, cd/m²; default 203.", group=_HDR)
+    ] = None
+    hdr_peak: Annotated[
+        float | None, _number("Largest luminance, cd/m²; default 1000.", group=_HDR)
+    ] = None
+
+    def table(self, scene: Hdr | None = None) -> dict[str, Any]:
+        """Return the settings that were given, by their names in the scene's ``hdr``, if any."""
+        given = _given({"white_cd_m2": self.hdr_white, "peak_cd_m2": self.hdr_peak})
+        if self.hdr is None and scene is None and given:
+            options = " and ".join(HDR_OPTIONS[name] for name in given)
+            raise InputError(f"{options} without --hdr: add --hdr PQ, or leave it out")
+        return _given({"transfer": self.hdr}) | given
+
+    def display(self) -> Hdr | None:
+        """Return the display; None without ``--hdr``."""
+        from volspec.appearance.hdr import Hdr
+
+        with in_options(HDR_OPTIONS):
+            table = self.table()
+            return Hdr(**table) if table else None
 
 
 _OWN = Group("Inputs of Hunt's and Nayatani's models", sort_key=4)

@@ -24,13 +24,13 @@ from volspec._deprecated import renamed_keyword
 from volspec._files import require_writable, require_writable_folder
 from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError
 from volspec.export.annotate import Patch, paint
-from volspec.export.exr import ExrWriter
 from volspec.export.film import SUFFIXES, check_film, write_film
 from volspec.export.frame_files import (
     Array,
     FrameFiles,
     FrameSource,
     RelighterPool,
+    Writer,
     check_adapting,
     measured_shot,
 )
@@ -38,7 +38,6 @@ from volspec.export.frames import BlankFrames
 from volspec.export.manifest import ExportFolder, exclusive_folder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
-from volspec.export.png import PngWriter
 from volspec.export.tiles import Canvas, TileCaster
 from volspec.pipeline import Raycaster
 from volspec.raycast import CoefficientImage
@@ -54,7 +53,7 @@ CasterOf = Callable[[list[Shot]], TileCaster]
 
 # Suffixes that are not a folder's, nor are names close to them, such as ".mp5".
 _OTHER_FILMS = (".mov", ".avi", ".mkv", ".m4v", ".mpg", ".mpeg", ".wmv", ".flv", ".3gp", ".ogv")
-_PICTURES = (".png", ".apng", ".exr", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
+_PICTURES = (".png", ".avif", ".apng", ".exr", ".jpg", ".jpeg", ".webp", ".tif", ".tiff")
 _CLOSE = 0.75
 # Casts that a cluster has begun before the one that is waited for has ended.
 _AHEAD = 1
@@ -195,7 +194,7 @@ def export(
                 )
                 folder.remove()
             elif has_sheet and "sheet.png" in folder.missing():
-                write_overview(path / "sheet.png", scene, plan, frames, table.primaries)
+                write_overview(path / "sheet.png", scene, plan, frames, table)
                 folder.record_sizes()
         except CastCancelled:
             folder.remove()
@@ -216,7 +215,7 @@ def _require_folder_name(target: Path) -> None:
     ):
         return
     what = "is a file" if target.is_file() else f"frames cannot be written as {suffix}"
-    if suffix in (".png", ".exr"):
+    if suffix in (".png", ".avif", ".exr"):
         what = f"an export's {suffix[1:].upper()} frames are many files"
     folder = f"a folder for the frames, such as {target.with_suffix('')}"
     raise InputError(
@@ -439,7 +438,7 @@ class FrameMaker:
     ) -> None:
         """Write each strip under every light before casting the next, so one is in memory."""
         with ExitStack() as stack:
-            files: list[PngWriter | ExrWriter] = []
+            files: list[Writer] = []
             top = 0
             for strip in images:
                 sources = self._sources(strip)

@@ -13,7 +13,6 @@ References
 from __future__ import annotations
 
 import math
-import os
 import subprocess
 import tempfile
 import warnings
@@ -27,7 +26,8 @@ from numpy.typing import NDArray
 
 from volspec._files import write_whole
 from volspec.appearance.spaces import SPACES, ColourSpace
-from volspec.errors import DeviceError, InputError, VolspecWarning, quoted
+from volspec.errors import InputError, VolspecWarning
+from volspec.export.ffmpeg import ffmpeg
 from volspec.export.frames import read_frame
 from volspec.scene.export import ExportSpec
 
@@ -49,13 +49,17 @@ _CODECS = {
 _GIF_TICKS, _LEAST_TICKS = 100, 2
 # Numbers sampled from all frames together for a GIF's palette.
 _PALETTE_NUMBERS = 3_000_000
-# Variable that overrides imageio-ffmpeg's own ffmpeg; time limit of `ffmpeg -version`.
-_VARIABLE, _TIMEOUT_S = "IMAGEIO_FFMPEG_EXE", 20.0
 Progress = Callable[[float], object]
 
 
 def check_film(path: Path, table: ExportSpec, space: ColourSpace) -> None:
     """Refuse a film before its frames are made: unsuitable frames, colour space, or no ffmpeg."""
+    if table.hdr is not None:
+        raise InputError(
+            f"{path}: films end at the display's white, but [export] requests hdr",
+            "give a folder, or leave hdr out",
+            code="conflict",
+        )
     if table.format != "png" or table.transparent or table.bits != 8:
         file = f"{table.bits}-bit PNG" if table.format == "png" else f'format = "{table.format}"'
         what = "transparent ones" if table.transparent else file
@@ -78,39 +82,6 @@ def check_film(path: Path, table: ExportSpec, space: ColourSpace) -> None:
 
 def _is_tagged(space: ColourSpace) -> bool:
     return space.name in _TAGS and SPACES[space.name] == space
-
-
-def ffmpeg() -> str:
-    """Return the path of ffmpeg; `DeviceError` if there is none."""
-    try:
-        from imageio_ffmpeg import get_ffmpeg_exe
-
-        found = str(get_ffmpeg_exe())
-    except (ImportError, RuntimeError) as error:
-        raise DeviceError(
-            "export: .mp4 and .webm need ffmpeg, which is not installed",
-            "pip install 'volspec[video]', or name a .gif or a folder",
-            code="unsupported",
-        ) from error
-    if os.environ.get(_VARIABLE) and not _is_ffmpeg(found):
-        raise DeviceError(
-            f"export: films need ffmpeg, but {_VARIABLE} is {quoted(found)}, which is not ffmpeg",
-            "correct or unset the variable",
-            code="unsupported",
-        )
-    return found
-
-
-def _is_ffmpeg(program: str) -> bool:
-    """Return True if a program identifies as ffmpeg; imageio-ffmpeg does not check the variable."""
-    command = [program, "-version"]
-    try:
-        done = subprocess.run(
-            command, stdin=subprocess.DEVNULL, capture_output=True, timeout=_TIMEOUT_S, check=True
-        )
-    except (OSError, ValueError, subprocess.SubprocessError):
-        return False
-    return done.stdout.startswith(b"ffmpeg")
 
 
 def write_film(

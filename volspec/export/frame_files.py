@@ -21,10 +21,12 @@ from volspec import __version__
 from volspec._exr import to_half
 from volspec._files import write_whole
 from volspec.appearance.display import colour_space
-from volspec.appearance.spaces import to_uint8
+from volspec.appearance.hdr import Hdr
+from volspec.appearance.spaces import ColourSpace, to_uint8
 from volspec.errors import ViewingError
 from volspec.export import exr
 from volspec.export.annotate import MarkedPicture, Patch, material_colours, picture_marks
+from volspec.export.avif import AvifWriter
 from volspec.export.compositing import save_for_compositors, scene_recipe
 from volspec.export.frames import encode, row_file, to_uint16
 from volspec.export.manifest import ExportFolder
@@ -34,6 +36,7 @@ from volspec.export.spectral import SpectralIllumination
 from volspec.export.tiles import row_strips
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
+from volspec.relight.hdr import hdr_frame
 from volspec.relight.illumination import Illumination
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.scene import Scene
@@ -41,6 +44,7 @@ from volspec.scene.export import ExportSpec
 from volspec.volume import Volume
 
 Array = NDArray[Any]
+Writer = PngWriter | AvifWriter | exr.ExrWriter
 
 # Below this opacity a pixel's colour is only rounding error.
 _LEAST_ALPHA = 1e-4
@@ -85,10 +89,14 @@ class FrameSource:
             return self._with_alpha(
                 linear * self._cover[..., None] if table.transparent else linear
             )
-        if table.bits == 8 and not table.transparent:
+        if table.hdr is not None:
+            codes = hdr_frame(self.image, shot.rig, shot.spec, table.hdr)
+        elif table.bits == 8 and not table.transparent:
             return relighter.frame(shot.rig, shot.spec)
-        codes = self._with_alpha(relighter.frame(shot.rig, shot.spec, dtype=np.float32))
-        rounded = to_uint16(codes) if table.bits == 16 else to_uint8(codes)
+        else:
+            codes = relighter.frame(shot.rig, shot.spec, dtype=np.float32)
+        codes = self._with_alpha(codes)
+        rounded = to_uint8(codes) if table.depth == 8 else to_uint16(codes)
         if table.transparent:
             rounded[rounded[..., 3] == 0] = 0  # a fully transparent pixel has no colour
         return rounded
@@ -259,23 +267,25 @@ class FrameFiles:
             pixels = to_half(pixels)
         encoders.put(self._path(shot), partial(encode, pixels, writer))
 
-    def opened(
-        self, shot: Shot, notes: Mapping[str, str]
-    ) -> AbstractContextManager[PngWriter | exr.ExrWriter]:
+    def opened(self, shot: Shot, notes: Mapping[str, str]) -> AbstractContextManager[Writer]:
         """Open a frame's file for rows; it appears when the context ends. Parameters: see `put`."""
         threads = exr.encoding_threads()
         return row_file(self._path(shot), self._writer(shot, notes, threads))
 
     def _writer(
         self, shot: Shot, notes: Mapping[str, str], threads: int = 1
-    ) -> Callable[[BinaryIO], PngWriter | exr.ExrWriter]:
+    ) -> Callable[[BinaryIO], Writer]:
         table, text = self.table, self._text(shot, notes)
         if table.format == "exr":
             return partial(exr.ExrWriter, header=self._header(shot, text), threads=threads)
+        size, hdr = self.size, table.hdr
+        if table.format == "avif" and hdr is not None:
+            return lambda file: AvifWriter(file, size, table.depth, hdr)
         channels = 4 if table.transparent else 3
-        space = colour_space(shot.spec.viewing.display.space)
-        settings = (self.size, channels, table.bits, space, text)
-        return lambda file: PngWriter(file, *settings)
+        space = hdr or colour_space(shot.spec.viewing.display.space)
+        settings: tuple[int, int, ColourSpace | Hdr, Mapping[str, str]]
+        settings = (channels, table.depth, space, text)
+        return lambda file: PngWriter(file, size, *settings)
 
     def save(self, shot: Shot, image: CoefficientImage) -> None:
         """Write a coefficient image as `volspec render` does, with the export's lights."""
@@ -305,6 +315,7 @@ class FrameFiles:
             "viewing": repr(spec.viewing),
             "relight": f"mode {spec.mode}, level {spec.level}, backdrop {spec.backdrop}",
             "samples": f"{samples} x {samples}",
+            "hdr": repr(self.table.hdr) if self.table.hdr else "",
             **{key: notes[key] for key in ("volume", "raycast")},
             **({} if shot.step is None else {"step": str(shot.step)}),
             "export": self.folder.fingerprint,

@@ -17,8 +17,11 @@ from numpy.typing import NDArray
 
 from volspec._files import require_suffix, write_whole
 from volspec.appearance.display import colour_space
+from volspec.appearance.hdr import Hdr
 from volspec.appearance.spaces import ColourSpace
 from volspec.errors import ImageError, InputError, VolspecWarning, one_line
+from volspec.export.avif import BITS as AVIF_BITS
+from volspec.export.avif import AvifWriter
 from volspec.export.png import PngWriter
 
 if TYPE_CHECKING:
@@ -48,24 +51,26 @@ def write_frame(
     path: str | os.PathLike[str],
     frame: NDArray[np.uint8] | NDArray[np.uint16],
     text: Mapping[str, str] | None = None,
-    space: str | Path | ColourSpace = "sRGB",
+    space: str | Path | ColourSpace | Hdr = "sRGB",
 ) -> None:
     """Write a frame.
 
     Parameters
     ----------
     path : str or path
-        Name that ends in ``.png``, else `ImageError`.
+        Name that ends in ``.png``, or in ``.avif`` with an `Hdr`, else `ImageError`.
     frame : (H, W, 3) or (H, W, 4) uint8 or uint16
         Display codes; the fourth channel is straight alpha.
     text : {keyword: text}, optional
-        Metadata (light, scene, software).
-    space : str, path or ColourSpace
+        Metadata (light, scene, software); AVIF has none.
+    space : str, path, ColourSpace or Hdr
         Colour space of the codes: ``viewing.display.space``. sRGB is written as PNG's own chunk,
-        any other space as an ICC profile, Display P3 also as code points.
+        any other space as an ICC profile, Display P3 also as code points; an `Hdr` as code points
+        alone. Of AVIF, which holds 16-bit codes in 10 bits.
     """
-    require_suffix(path, "frames", ".png")
-    colours = colour_space(space)
+    suffixes = (".png", ".avif") if isinstance(space, Hdr) else (".png",)
+    require_suffix(path, "frames", *suffixes)
+    colours = space if isinstance(space, Hdr) else colour_space(space)
     if not (
         isinstance(frame, np.ndarray)
         and frame.dtype in (np.uint8, np.uint16)
@@ -82,9 +87,18 @@ def write_frame(
         )
     height, width, channels = frame.shape
     bits = 8 * frame.dtype.itemsize
-    with row_file(
-        path, lambda file: PngWriter(file, (width, height), channels, bits, colours, text or {})
-    ) as file:
+    is_avif = Path(path).suffix.lower() == ".avif"
+    if is_avif and (bits, channels) != (16, 3):
+        given = f"{frame.dtype} {frame.shape}"
+        remedy = "give (H, W, 3) uint16"
+        raise ImageError.refused(f"{os.fspath(path)}: the frame", given, remedy, "shape")
+
+    def make(file: BinaryIO) -> PngWriter | AvifWriter:
+        if is_avif and isinstance(colours, Hdr):
+            return AvifWriter(file, (width, height), AVIF_BITS[0], colours)
+        return PngWriter(file, (width, height), channels, bits, colours, text or {})
+
+    with row_file(path, make) as file:
         file.rows(frame)
 
 

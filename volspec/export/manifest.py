@@ -170,7 +170,7 @@ class ExportFolder:
     def _remove(self, name: str) -> None:
         """Delete a frame of the last export."""
         path = self._inside(name)
-        if path is not None and path.suffix in (".png", ".exr", ".json"):
+        if path is not None and path.suffix in (".png", ".avif", ".exr", ".json"):
             with suppress(FileNotFoundError):
                 path.unlink()
             if path.parent != self.path.resolve():

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from volspec._exr import read_exr
+from volspec.appearance.hdr import Hdr
 from volspec.appearance.spaces import SPACES, decode_sRGB, encode_sRGB
 from volspec.errors import ImageError
 from volspec.export.contact_sheet import (
@@ -27,6 +28,10 @@ from volspec.export.exr import PRIMARIES, white_adaptation
 from volspec.export.frames import read_frame, write_frame
 from volspec.export.plan import Plan
 from volspec.scene import NamedLight, Scene
+from volspec.scene.export import ExportSpec
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 # Widths of the sheet and a tile in pixels; numbers of frames per light, in all, and per row.
 _WIDTH, _TILE = 2600, 400
@@ -42,7 +47,7 @@ _LEAST_LABEL = 4
 
 
 def write_overview(
-    path: Path, scene: Scene, plan: Plan, frames: Sequence[Path], primaries: str = "Rec. 709"
+    path: Path, scene: Scene, plan: Plan, frames: Sequence[Path], table: ExportSpec
 ) -> None:
     """Write the sheet of a complete export, with frames in the plan's order.
 
@@ -59,7 +64,7 @@ def write_overview(
             SheetColumn(
                 *_captions(light, tile),
                 light.spectrum,
-                [read_picture(frames[i * times + at], tile, primaries) for at in shown],
+                [read_picture(frames[i * times + at], tile, table) for at in shown],
             )
             for i, light in enumerate(plan.lights)
         ]
@@ -73,7 +78,7 @@ def write_overview(
             SheetTile(
                 printable(plan.shots[i].light, 28),
                 f"frame {plan.shots[i].time_index}" if times > 1 else "",
-                read_picture(frames[i], tile, primaries),
+                read_picture(frames[i], tile, table),
             )
             for i in _sample_indices(len(frames), at_most)
         ]
@@ -94,17 +99,19 @@ def _sample_indices(count: int, most: int) -> list[int]:
     return sorted({round(i) for i in np.linspace(0, count - 1, min(count, most))})
 
 
-def read_picture(path: Path, width: int, primaries: str) -> NDArray[np.uint8]:
+def read_picture(path: Path, width: int, table: ExportSpec) -> NDArray[np.uint8]:
     """Read a frame as (H, W, 3) sRGB codes, no larger than a tile needs."""
     from PIL import Image
 
     if path.suffix == ".exr":
-        picture = Image.fromarray(_linear_as_codes(path, 2 * width, primaries))
+        picture = Image.fromarray(_linear_as_codes(path, 2 * width, table.primaries))
     else:
         picture = read_frame(path)
     needed = fitted_size(picture.size, 2 * width)
     if picture.size > needed:
         picture = picture.resize(needed, Image.Resampling.LANCZOS)
+    if table.hdr is not None:
+        picture = _hdr_as_codes(picture, table.hdr)
     if picture.mode == "RGBA":
         paper = Image.fromarray(_chequers(picture.size)).convert("RGBA")
         picture = Image.alpha_composite(paper, picture)
@@ -115,6 +122,17 @@ def _chequers(size: tuple[int, int]) -> NDArray[np.uint8]:
     """Return the (H, W) greys of a chequerboard."""
     y, x = np.ogrid[: size[1], : size[0]]
     return np.array(_CHEQUERS, np.uint8)[(x // _CHEQUER_SIDE + y // _CHEQUER_SIDE) % 2]
+
+
+def _hdr_as_codes(picture: Image.Image, hdr: Hdr) -> Image.Image:
+    """Convert 8 bits of PQ or HLG to sRGB codes, in which white is the end."""
+    from PIL import Image
+
+    codes = np.asarray(picture)
+    linear = hdr.luminances(codes[..., :3] / 255.0) / hdr.white_cd_m2
+    matrix = SPACES["sRGB"].RGB_from_XYZ @ SPACES["Rec. 2020"].XYZ_from_RGB
+    shown = np.rint(encode_sRGB(linear @ matrix.T) * 255.0).astype(np.uint8)
+    return Image.fromarray(np.dstack([shown, codes[..., 3:]]))
 
 
 def _linear_as_codes(path: Path, least: int, primaries: str) -> NDArray[np.uint8]:

@@ -27,6 +27,7 @@ from volspec.raycast import Camera
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import LightRig, RelightSpec
+from volspec.relight.hdr import check_hdr
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import mixed_rig
 from volspec.scene import NamedLight, Scene
@@ -240,7 +241,10 @@ def _require_lit(scene: Scene, table: ExportSpec, shots: Sequence[Shot]) -> None
     for shot in {(id(shot.rig), id(shot.spec)): shot for shot in reversed(shown)}.values():
         when = f" at {at_s[shot.time_index]:g} s" if keys else ""
         with animation.located_in(scene, f"[[light]] {shot.light}{when}"):
-            lit = Illumination.of(scene.basis, shot.rig, shot.spec, shares)
+            spec = shot.spec
+            if table.hdr is not None:
+                spec = check_hdr(shot.rig, spec, table.hdr)
+            lit = Illumination.of(scene.basis, shot.rig, spec, shares)
             if table.has_eye and not shot.spec.viewing.is_measured:
                 view_transform(lit.viewing, lit.white_XYZ)
 

@@ -8,7 +8,7 @@ may be larger than memory.
 References
 ----------
 [1] Portable Network Graphics (PNG) Specification, third edition, W3C 2025: 5 datastream, 9
-    filtering, 11.3 ancillary chunks (cICP, iCCP, sRGB, iTXt).
+    filtering, 11.3 ancillary chunks (cICP, mDCV, iCCP, sRGB, iTXt).
 [2] Recommendation ITU-T H.273: code points of primaries and transfer functions.
 [3] ICC.1:2022, profile version 4: 7.2 header, 8.3 display profiles, 9.2 tags, 10.18
     parametricCurveType; annex E, Bradford adaptation to the connection space's D50.
@@ -24,6 +24,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.hdr import Hdr
 from volspec.appearance.profile import D50_XYZ, D50_from_white
 from volspec.appearance.spaces import SPACES, ColourSpace
 
@@ -31,6 +32,7 @@ _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _COLOUR_TYPES = {3: 2, 4: 6}
 # H.273 code points of primaries and curve, for spaces whose curve is in the list.
 _CODE_POINTS = {"Display P3": (12, 13)}
+_HDR_POINTS = {"PQ": (9, 16), "HLG": (9, 18)}
 # zlib settings. Filtered pictures have runs but hardly any repeated words: run-length coding alone
 # takes a third of the time, and files are 2 % smaller than with the full search.
 _LEVEL, _WINDOW_BITS, _MEMORY = 6, 15, 9
@@ -49,7 +51,7 @@ class PngWriter:
         size: tuple[int, int],
         channels: int,
         bits: int,
-        space: ColourSpace,
+        space: ColourSpace | Hdr,
         text: Mapping[str, str],
     ) -> None:
         self._file = file
@@ -59,7 +61,10 @@ class PngWriter:
         self._before = np.zeros((1, size[0] * self._step), np.uint8)
         file.write(_SIGNATURE)
         self._chunk(b"IHDR", struct.pack(">IIBBBBB", *size, bits, _COLOUR_TYPES[channels], 0, 0, 0))
-        if space == SPACES["sRGB"]:
+        if isinstance(space, Hdr):
+            self._chunk(b"cICP", bytes((*_HDR_POINTS[space.transfer], 0, 1)))
+            self._chunk(b"mDCV", _mastering_display(space))
+        elif space == SPACES["sRGB"]:
             self._chunk(b"sRGB", b"\0")  # perceptual intent, IEC 61966-2-1
         else:
             if points := _CODE_POINTS.get(space.name if SPACES.get(space.name) == space else ""):
@@ -110,6 +115,16 @@ def _paeth(
     to_a, to_b, to_c = np.abs(b - c), np.abs(a - c), np.abs(a + b - 2 * c)
     nearest = np.where(to_b <= to_c, up, corner)
     return np.where((to_a <= to_b) & (to_a <= to_c), left, nearest)
+
+
+def _mastering_display(hdr: Hdr) -> bytes:
+    """Encode the display's volume of colours: primaries, white, and luminances from 0 to its peak.
+
+    Chromaticities are in units of 0.00002, luminances of 0.0001 cd/m².
+    """
+    space = SPACES["Rec. 2020"]
+    xy = np.rint(np.array([*space.primaries_xy, space.white_xy]) * 50_000.0).astype(int)
+    return struct.pack(">8H2I", *xy.ravel(), round(hdr.peak_cd_m2 * 10_000.0), 0)
 
 
 def _fixed(values: ArrayLike) -> bytes:

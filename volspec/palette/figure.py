@@ -31,6 +31,7 @@ from volspec._figures import (
     write_figure,
 )
 from volspec._files import require_suffix
+from volspec.appearance.difference import SYMBOLS
 from volspec.appearance.spaces import spectrum_colours
 from volspec.palette.optimisation import Design
 from volspec.palette.report import CellReport, DesignReport
@@ -230,15 +231,15 @@ def _square(axes: Axes, x: float, y: float, wide: float, tall: float, **style: A
 
 
 def _draw_key(figure: Figure, layout: _Layout, report: DesignReport, grid: SpectralGrid) -> None:
-    kinds = {cell.kind for cell in report.cells}
+    kinds, symbol = {cell.kind for cell in report.cells}, SYMBOLS[report.difference]
     words = ["surround: obtained", "square: wanted"]
     words += ["dashed: left free"] * ("free" in kinds)
     words += ["=: the same as another"] * ("same" in kinds)
     words += ["≠: apart from another"] * ("distinct" in kinds)
-    words += ["number: ΔE00 above 1"] * (report.max > _VISIBLE)
+    words += [f"number: {symbol} above 1"] * (report.max > _VISIBLE)
     words += ["!: outside the display"] * any(not cell.in_gamut for cell in report.cells)
     totals = (
-        f"ΔE00 mean {report.mean:.2f}, largest {report.max:.2f} on {grid.size} bands; "
+        f"{symbol} mean {report.mean:.2f}, largest {report.max:.2f} on {grid.size} bands; "
         f"exposure {report.exposure:.3g}"
     )
     if report.metamers:

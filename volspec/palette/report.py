@@ -16,9 +16,9 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.difference import Difference, distance, uniform
 from volspec.palette.model import Cell, Place, Triple, hexadecimal
 from volspec.palette.optimisation import Design, Phase, compared_colours
 from volspec.palette.state import ColourModel, State
@@ -53,6 +53,10 @@ class CellReport:
         Difference of the two, adapted to the display's white; for a distinct cell, from the other.
     in_gamut : bool
         True if the display shows the obtained colour.
+    delta_E_CAM16 : float, optional
+        The difference in CAM16-UCS.
+    difference : {"CIEDE2000", "CAM16-UCS"}
+        The difference that counts, `delta_E`.
     """
 
     reflectance: str
@@ -65,6 +69,8 @@ class CellReport:
     delta_E_2000: float | None
     delta_E_1976: float | None
     in_gamut: bool
+    delta_E_CAM16: float | None = None
+    difference: Difference = "CIEDE2000"
 
     @property
     def place(self) -> Place:
@@ -72,9 +78,14 @@ class CellReport:
         return self.reflectance, self.light
 
     @property
+    def delta_E(self) -> float | None:
+        """The difference that counts."""
+        return self.delta_E_2000 if self.difference == "CIEDE2000" else self.delta_E_CAM16
+
+    @property
     def error(self) -> float | None:
-        """CIEDE2000 to the wanted colour; None for a distinct cell."""
-        return None if self.kind == "distinct" else self.delta_E_2000
+        """Difference to the wanted colour; None for a distinct cell."""
+        return None if self.kind == "distinct" else self.delta_E
 
     def to_dict(self) -> dict[str, Any]:
         """Return the figures for JSON."""
@@ -94,12 +105,12 @@ class MetamerReport:
     light : str
     reflectances : (str, str)
     delta_E : float
-        CIEDE2000 between them under that light.
+        The report's difference between them under that light.
     delta_E_1nm : float
         The same on bands of 1 nm, between which a design on wider ones is interpolated: what a
         light and paints of these spectra would show.
     apart : {light: float}
-        CIEDE2000 under every other light: the special metamerism indices [1].
+        The difference under every other light: the special metamerism indices [1].
     """
 
     light: str
@@ -140,6 +151,8 @@ class DesignReport:
         Terms ``colours``, ``smoothness`` and ``subspace`` of the sum that the design minimises.
     suggestions : tuple of str
         Changes that would help; see `volspec.suggestions`.
+    difference : {"CIEDE2000", "CAM16-UCS"}
+        Measure of the errors and of the metamers.
     """
 
     cells: tuple[CellReport, ...]
@@ -148,10 +161,16 @@ class DesignReport:
     exposure: float
     cost: dict[str, float]
     suggestions: tuple[str, ...] = ()
+    difference: Difference = "CIEDE2000"
 
     @classmethod
     def of(
-        cls, design: Design, suggestions: Sequence[str] = (), *, advice: bool | None = None
+        cls,
+        design: Design,
+        suggestions: Sequence[str] = (),
+        *,
+        difference: Difference = "CIEDE2000",
+        advice: bool | None = None,
     ) -> DesignReport:
         """Measure a design.
 
@@ -160,6 +179,8 @@ class DesignReport:
         design : Design
         suggestions : sequence of str
             `volspec.suggestions` of the design, to be part of the report.
+        difference : {"CIEDE2000", "CAM16-UCS"}
+            Measure of the errors and of the metamers; suggestions always use CIEDE2000.
         advice : bool, optional
             Deprecated: True finds the suggestions.
         """
@@ -173,19 +194,20 @@ class DesignReport:
         state = design.state
         rows, columns = state.palette.names
         targets = {(rows[i], columns[j]): c for (i, j), c in state.palette.indexed_cells().items()}
-        cells, Lab = report_cells(state, targets)
+        cells, coordinates = report_cells(state, targets, difference)
         return cls(
             cells,
-            tuple(_metamers(state, targets, Lab)),
+            tuple(_metamers(state, targets, coordinates, difference)),
             tuple(_spectra(state)),
             state.palette.viewing.exposure,
             _costs(state, cells),
             tuple(suggestions),
+            difference,
         )
 
     @property
     def errors(self) -> list[float]:
-        """CIEDE2000 of every cell with a wanted colour."""
+        """Difference of every cell with a wanted colour."""
         return [cell.error for cell in self.cells if cell.error is not None]
 
     @property
@@ -208,6 +230,7 @@ class DesignReport:
             "exposure": self.exposure,
             "mean": self.mean,
             "max": self.max,
+            "difference": self.difference,
             "cost": self.cost,
             "cells": [cell.to_dict() for cell in self.cells],
             "metamers": [asdict(pair) for pair in self.metamers],
@@ -223,20 +246,29 @@ class DesignReport:
 
 
 def report_cells(
-    state: State, targets: Mapping[Place, Cell]
+    state: State, targets: Mapping[Place, Cell], difference: Difference = "CIEDE2000"
 ) -> tuple[tuple[CellReport, ...], Array]:
-    """Return reports of every place, row by row, and (R, L, 3) CIELAB at the display's white."""
+    """Return reports of every place, row by row, and (R, L, 3) coordinates of their difference."""
     palette, models = state.palette, state.colour_models()
     RGB, XYZ = state.RGB(models), state.XYZ
     cells = {palette.index(place): cell for place, cell in targets.items()}
     wanted = compared_colours(palette, cells, RGB)
-    Lab = _Lab(RGB, models)
     reports = []
     for i, row in enumerate(palette.names[0]):
         for j, column in enumerate(palette.names[1]):
             cell, target = cells.get((i, j)), wanted.get((i, j))
             codes = models[j].space.encode(RGB[i, j])
-            other = None if target is None else models[j].Lab_from_RGB(target)
+            apart: dict[str, float | None] = dict.fromkeys(("2000", "1976", "CAM16"))
+            if target is not None:
+                Lab, ucs = (
+                    [_coordinates(each, models[j], name) for each in (target, RGB[i, j])]
+                    for name in ("CIEDE2000", "CAM16-UCS")
+                )
+                apart = {
+                    "2000": float(distance("CIEDE2000", *Lab)),
+                    "1976": float(np.linalg.norm(Lab[0] - Lab[1])),
+                    "CAM16": float(distance("CAM16-UCS", *ucs)),
+                }
             distinct = cell is not None and cell.kind == "distinct"
             reports.append(
                 CellReport(
@@ -247,16 +279,25 @@ def report_cells(
                     None if target is None or distinct else _triple(models[j].space.encode(target)),
                     _triple(codes),
                     _triple(XYZ[i, j]),
-                    None if other is None else float(delta_E_2000(other, Lab[i, j])),
-                    None if other is None else float(np.linalg.norm(other - Lab[i, j])),
+                    apart["2000"],
+                    apart["1976"],
                     bool(((codes > -_CODE) & (codes < 1.0 + _CODE)).all()),
+                    apart["CAM16"],
+                    difference,
                 )
             )
-    return tuple(reports), Lab
+    return tuple(reports), _all_coordinates(RGB, models, difference)
 
 
-def _Lab(RGB: Array, models: Sequence[ColourModel]) -> Array:
-    return np.stack([m.Lab_from_RGB(RGB[:, j]) for j, m in enumerate(models)], axis=1)
+def _coordinates(RGB: ArrayLike, model: ColourModel, difference: Difference) -> Array:
+    """Return coordinates of linear RGB relative to the display's white."""
+    space = model.space
+    return uniform(difference, np.asarray(RGB) @ space.XYZ_from_RGB.T, space.white_XYZ)
+
+
+def _all_coordinates(RGB: Array, models: Sequence[ColourModel], difference: Difference) -> Array:
+    columns = [_coordinates(RGB[:, j], m, difference) for j, m in enumerate(models)]
+    return np.stack(columns, axis=1)
 
 
 def _triple(values: Array) -> Triple:
@@ -264,18 +305,20 @@ def _triple(values: Array) -> Triple:
     return one, two, three
 
 
-def _metamers(state: State, targets: Mapping[Place, Cell], Lab: Array) -> Iterator[MetamerReport]:
+def _metamers(
+    state: State, targets: Mapping[Place, Cell], colours: Array, difference: Difference
+) -> Iterator[MetamerReport]:
     """Yield every pair of reflectances with the same target colour, light by light."""
     rows, columns = state.palette.names
     fine = state.at_1_nm()
     models = fine.colour_models()
-    fine_Lab = _Lab(fine.RGB(models), models)
+    fine_colours = _all_coordinates(fine.RGB(models), models, difference)
     for j, column in enumerate(columns):
         for (i, one), (k, other) in combinations(enumerate(rows), 2):
             if _have_one_target(targets, (one, column), (other, column)):
-                between = delta_E_2000(Lab[i], Lab[k])
+                between = distance(difference, colours[i], colours[k])
                 apart = {n: float(d) for n, d in zip(columns, between, strict=True) if n != column}
-                at_1_nm = float(delta_E_2000(fine_Lab[i, j], fine_Lab[k, j]))
+                at_1_nm = float(distance(difference, fine_colours[i, j], fine_colours[k, j]))
                 yield MetamerReport(column, (one, other), float(between[j]), at_1_nm, apart)
 
 

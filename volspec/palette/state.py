@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
-from volspec.appearance.scene_to_display import view_transform
+from volspec.appearance.scene_to_display import CLOSED, view_transform
 from volspec.appearance.spaces import ColourSpace
 from volspec.appearance.spec import Viewing
 from volspec.appearance.transforms import ClosedTransform, LinearTransform
@@ -48,7 +48,7 @@ class ColourModel:
         transform = view_transform(viewing, white_XYZ)
         if not isinstance(transform, ClosedTransform):
             problem = f"{viewing.model!r} has no inverse in closed form to design with"
-            remedy = "use CIECAM02, CAM16, CIELAB, RLAB, an adaptation such as CAT02, or none"
+            remedy = f"use {', '.join(CLOSED)}, an adaptation such as CAT02, or none"
             raise fault("viewing.model", f"{problem}; {remedy}", "unsupported", viewing.model)
         return cls(transform, viewing.exposure, viewing.display.colours)
 

@@ -13,6 +13,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from volspec.appearance.difference import SYMBOLS
 from volspec.palette.model import hexadecimal
 from volspec.palette.variables import mixture_text
 
@@ -48,11 +49,12 @@ def render(report: DesignReport, *, colours: bool) -> Group:
 
 
 def _matrix(report: DesignReport, colours: bool) -> Table:
-    """Reflectances as rows, lights as columns: the obtained colour and its ΔE00."""
+    """Reflectances as rows, lights as columns: the obtained colour and its difference."""
     columns = list(dict.fromkeys(cell.light for cell in report.cells))
     codes = len(columns) <= _MOST_WITH_CODES
     table = Table(box=None, pad_edge=False, show_edge=False, header_style="dim")
-    table.add_column("colour, ΔE00" if codes else "ΔE00", style="bold", no_wrap=True)
+    symbol = SYMBOLS[report.difference]
+    table.add_column(f"colour, {symbol}" if codes else symbol, style="bold", no_wrap=True)
     for column in columns:
         table.add_column(Text(column), justify="left" if codes else "right", no_wrap=codes)
     for row in dict.fromkeys(cell.reflectance for cell in report.cells):
@@ -72,8 +74,8 @@ def _cell(cell: CellReport, codes: bool, colours: bool) -> Text:
     if cell.error is not None:
         digits = 1 if codes or cell.error < 9.95 else 0
         text.append(f"{cell.error:.{digits}f}", style="bold" if cell.error > 1.0 else "")
-    elif cell.delta_E_2000 is not None:
-        text.append(f"≠ {cell.delta_E_2000:.0f}")
+    elif cell.delta_E is not None:
+        text.append(f"≠ {cell.delta_E:.0f}")
     else:
         text.append("–", style="dim")
     return text
@@ -81,7 +83,7 @@ def _cell(cell: CellReport, codes: bool, colours: bool) -> Text:
 
 def _lines(report: DesignReport) -> Iterator[Text]:
     yield Text.assemble(
-        ("ΔE00 ", "dim"),
+        (f"{SYMBOLS[report.difference]} ", "dim"),
         f"mean {report.mean:.2f}, largest {report.max:.2f}; exposure {report.exposure:g}",
     )
     outside = [cell for cell in report.cells if not cell.in_gamut]

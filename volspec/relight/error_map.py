@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.difference import SYMBOLS, Difference, distance, uniform
 from volspec.basis import SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
 from volspec.errors import ShapeError, ViewingError
@@ -54,6 +54,8 @@ class ErrorMap:
     """The light's name."""
     compared: str = "componentwise against the exact light matrix"
     """Names of the two pictures, for the caption."""
+    difference: Difference = "CIEDE2000"
+    """Measure of the values."""
 
     def __str__(self) -> str:
         return "; ".join(self._caption())
@@ -115,7 +117,7 @@ class ErrorMap:
             share = np.sqrt((low - y) / (low - high))
             colour = tuple(round(255 * c) for c in colormaps["inferno"](share)[:3])
             draw.line([(x, y), (x + _BAR, y)], colour)
-        draw.text((x, 8), "ΔE00", _INK, font)
+        draw.text((x, 8), SYMBOLS[self.difference], _INK, font)
         for share in (0, 0.25, 0.5, 0.75, 1):
             y = low - share * (low - high)
             draw.text((x + _BAR + 6, y), f"{share * top:.3g}", _INK, font, anchor="lm")
@@ -132,7 +134,7 @@ class ErrorMap:
         if not self.delta_e.any():
             return title, "no difference"
         figures = f"mean {self.mean:.3g}, 95 % {self.p95:.3g}, max {self.max:.3g}"
-        return title, f"ΔE00 {figures}"
+        return title, f"{SYMBOLS[self.difference]} {figures}"
 
     def _checked_top(self, top: float | None) -> float:
         try:
@@ -153,6 +155,7 @@ def error_map(
     backdrop: float | Spectrum = 0.2,
     every: int = 1,
     against: Against | None = None,
+    difference: Difference = "CIEDE2000",
 ) -> ErrorMap:
     """Return CIEDE2000 between a picture and one from full bands, pixel by pixel.
 
@@ -169,6 +172,8 @@ def error_map(
         (`SpectralBasis.through_samples`) and that was cast with achromatic opacity; or the exact
         light matrix, which has an error of its own, because m channels only approximate a
         reflectance. Default: full bands if possible.
+    difference : {"CIEDE2000", "CAM16-UCS"}
+        CAM16-UCS is also for large differences.
 
     Raises
     ------
@@ -191,7 +196,8 @@ def error_map(
         )
     truth = image if full is None else replace(image, basis=full)
     compared = f"{mode} against {_NAMES['bands' if full else 'exact']}"
-    return _compared(image, spec, truth, replace(spec, mode="exact"), light, every, compared)
+    exact = replace(spec, mode="exact")
+    return _compared(image, spec, truth, exact, light, every, compared, difference)
 
 
 def full_band_basis(image: CoefficientImage) -> Basis | None:
@@ -243,6 +249,7 @@ def _compared(
     light: Spectrum | LightRig,
     every: int,
     compared: str,
+    difference: Difference = "CIEDE2000",
 ) -> ErrorMap:
     pictures = [
         (
@@ -258,10 +265,10 @@ def _compared(
     for row in range(0, len(delta_e), _ROWS):
         rows = slice(row, row + _ROWS)
         tested, true = (
-            cielab(lit.scene_XYZ(coefficients[rows], opacity[rows]), white)
+            uniform(difference, lit.scene_XYZ(coefficients[rows], opacity[rows]), white)
             for lit, coefficients, opacity in pictures
         )
-        delta_e[rows] = delta_E_2000(true, tested)
+        delta_e[rows] = distance(difference, true, tested)
     lights = (light,) if isinstance(light, Spectrum) else light.lights
     name = "+".join(spectrum.name for spectrum in lights if spectrum.name)
-    return ErrorMap(delta_e, np.asarray(alpha), name, compared)
+    return ErrorMap(delta_e, np.asarray(alpha), name, compared, difference)

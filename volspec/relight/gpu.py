@@ -151,6 +151,7 @@ class GLEngine:
             "FORM": FORMS[CamTransform],
             "SAME_SURROUND": 1,
             "OUTER": 0,
+            "PROPORTIONAL": 0,
             "FIELD": 0,
             "CHECKED": 0,
         }

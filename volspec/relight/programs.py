@@ -73,12 +73,15 @@ def shader_form(transform: DrawnTransform) -> dict[str, int]:
         checked = int(transform.closed is not None)
         linear = shader_form(LinearTransform(np.eye(3)))
         return linear | {"FORM": FORMS[LutTransform], "CHECKED": checked}
+    cam = transform.transform if isinstance(transform, ViewTransformGrid) else transform
+    proportional = isinstance(cam, CamTransform) and cam.is_proportional
     same = isinstance(transform, CamTransform) and all(
         bool(np.all(np.abs(np.asarray(value) - 1.0) < 1e-7))
         for value in (transform.lightness_power, transform.chroma_gain)
     )
     outer = isinstance(transform, CurveTransform) and bool(np.any(transform.outer != 1))
     form = {"FORM": FORMS[type(transform)], "SAME_SURROUND": int(same), "OUTER": int(outer)}
+    form["PROPORTIONAL"] = int(proportional)
     return form | {"FIELD": int(isinstance(transform, ViewTransformGrid)), "CHECKED": 0}
 
 

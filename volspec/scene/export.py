@@ -14,6 +14,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
+from volspec.appearance.hdr import Hdr
 from volspec.errors import SceneError, nearest
 from volspec.scene.specs import CameraSpec, fault
 from volspec.scene.transfer import PointSpec
@@ -80,6 +81,10 @@ Mark = Literal["scale", "orientation", "title", "light", "materials"]
 MARKS: tuple[Mark, ...] = get_args(Mark)
 
 
+# Bits per channel of pictures for displays.
+_BITS: Mapping[str, tuple[int, ...]] = {"png": (8, 16), "avif": (8, 10, 12)}
+
+
 @settings(SceneError)
 @dataclass(frozen=True, slots=True)
 class ExportSpec:
@@ -95,10 +100,15 @@ class ExportSpec:
     """The time steps of a series follow each other; default: that of [volume] step."""
     fps: Annotated[float, Field(gt=0, le=240, allow_inf_nan=False)] = 25.0
     """Frames per second, of films and keyframes."""
-    format: Literal["png", "exr", "coefficients"] = "png"
-    """Frame format in a folder; coefficients: one image per camera, for compositors to relight."""
-    bits: Literal[8, 16] = 8
-    """Bits per channel of PNG."""
+    format: Literal["png", "avif", "exr", "coefficients"] = "png"
+    """Frame format in a folder; avif is for hdr; coefficients: one image per camera, for
+    compositors to relight."""
+    bits: Literal[8, 10, 12, 16] = 8
+    """Bits per channel: 8 or 16 of PNG, 10 or 12 of AVIF. With hdr, PNG has 16 and AVIF at least
+    10."""
+    hdr: Hdr | None = None
+    """PNG and AVIF for displays of high dynamic range: highlights are brighter than white. The
+    lights must have illuminance_lux."""
     samples: Annotated[int, Field(ge=1, le=8)] = 1
     """n for n × n rays per pixel: smooth edges."""
     transparent: bool = False
@@ -131,13 +141,25 @@ class ExportSpec:
             ),
             (
                 "bits",
-                form != "png" and self.bits != 8,
-                f'{self.bits} is for format = "png", not "{form}"',
+                self.bits not in _BITS.get(form, (8,)),
+                f'{self.bits} is for format = "{"png" if self.bits == 16 else "avif"}", '
+                f'not "{form}"',
             ),
             (
+                "hdr",
+                form not in _BITS and self.hdr is not None,
+                f'is for format = "png" or "avif", not "{form}"',
+            ),
+            (
+                "hdr",
+                self.hdr is not None and bool(self.annotate),
+                "annotate marks pictures whose white is their end",
+            ),
+            ("transparent", form == "avif" and self.transparent, 'format = "avif" has no opacity'),
+            (
                 "primaries",
-                form == "png" and self.primaries != "Rec. 709",
-                'are for format = "exr"; PNG uses the display\'s',
+                form in _BITS and self.primaries != "Rec. 709",
+                f'are for format = "exr"; {form.upper()} uses the display\'s',
             ),
             (
                 "transparent",
@@ -178,16 +200,25 @@ class ExportSpec:
         ):
             if refused:
                 raise fault(field, problem, "leave out one of them")
+        if form == "avif" and self.hdr is None:
+            raise fault("hdr", 'missing, but format = "avif" is for it', "give hdr", "missing")
 
     @property
     def suffix(self) -> str:
         """File name suffix."""
-        return ".png" if self.format == "png" else ".exr"
+        return f".{self.format}" if self.format in _BITS else ".exr"
+
+    @property
+    def depth(self) -> int:
+        """Bits per channel of PNG and AVIF."""
+        if self.hdr is None:
+            return self.bits
+        return 16 if self.format == "png" else max(self.bits, 10)
 
     @property
     def has_eye(self) -> bool:
         """True if the appearance model is applied, False for the light that reaches the eye."""
-        return self.format == "png" or (
+        return self.format in _BITS or (
             self.format == "exr" and self.shows == "display" and not self.spectral
         )
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from volspec._deprecated import renamed
-from volspec.appearance.models import cielab, hunt, nayatani95, rlab
+from volspec.appearance.models import cielab, hellwig2022, hunt, nayatani95, rlab, zcam
 from volspec.appearance.models.base import Appearance, Model
 from volspec.appearance.models.cam import cam16, ciecam02
 from volspec.errors import ViewingError, nearest
@@ -17,7 +17,10 @@ from volspec.errors import ViewingError, nearest
 __all__ = ["APPEARANCE_MODELS", "Appearance", "Model", "cam16", "ciecam02", "model"]
 
 APPEARANCE_MODELS: Mapping[str, Model] = MappingProxyType(
-    {each.NAME: each for each in (ciecam02, cam16, cielab, rlab, hunt, nayatani95)}
+    {
+        each.NAME: each
+        for each in (ciecam02, cam16, cielab, rlab, hunt, nayatani95, hellwig2022, zcam)
+    }
 )
 """Every model by its ``NAME``."""
 

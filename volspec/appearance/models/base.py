@@ -53,6 +53,8 @@ class Appearance:
     """Whiteness-blackness: above 0 if brighter than the background, below 0 if darker."""
     L_N: Array | None = None
     """Normalised lightness: brightness relative to the white's, 100 for the white."""
+    J_HK: Array | None = None
+    """Lightness with the Helmholtz-Kohlrausch effect: saturated colours look lighter."""
 
 
 class Model(Protocol):

@@ -1,5 +1,7 @@
 """CIECAM02 and CAM16: forward, inverse, and the shader's transform between two conditions.
 
+Hellwig2022 has CAM16's responses and lightness, so it shares their conditions and transform.
+
     ViewingConditions -> [CamConditions] -> [CamTransform] -> uniforms of shaders/relight.frag
     XYZ -> [forward] -> J, C, h -> [inverse] -> XYZ
 
@@ -42,17 +44,19 @@ from volspec.appearance.surround import (
 from volspec.appearance.transforms import triples
 from volspec.errors import ShapeError, ViewingError
 
+HELLWIG_2022 = "Hellwig2022"
 # XYZ -> the responses that are adapted -> those that are compressed.
 _RESPONSES = {
     "CIECAM02": (k.CAT02_FROM_XYZ, k.HPE_FROM_CAT02),
     "CAM16": (k.CAT16_FROM_XYZ, np.eye(3)),
+    HELLWIG_2022: (k.CAT16_FROM_XYZ, np.eye(3)),
 }
 # Below these the results equal their limits in float32; above is brighter than the sun's disc.
 _LEAST_L_A, _LEAST_N = 1e-6, 1e-4
 _MOST_L_A = 1e9
 # The inverse is defined as far as `forward`, with a little slack for rounding.
 _LEAST_UNDER = k.CHROMA_FLOOR * (1.0 - 1e-9)
-_MOST = k.RESPONSE_LIMIT * (1.0 + 1e-12)
+MOST_RESPONSE = k.RESPONSE_LIMIT * (1.0 + 1e-12)
 
 
 def level_factor(L_A: ArrayLike) -> Array:
@@ -110,9 +114,9 @@ def expand(compressed: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class CamConditions:
-    """Scalars of CIECAM02 or CAM16; ViewingError if the white has no lightness."""
+    """Scalars of CIECAM02, CAM16 or Hellwig2022; ViewingError if the white has no lightness."""
 
-    model: str  # "CIECAM02" or "CAM16": selects the responses to adapt and to compress
+    model: str  # selects the responses to adapt and to compress
     white_XYZ: Triple  # the adopted white; Y is usually 100
     L_A: float  # luminance of the adapting field, cd/m²
     Y_b: float  # luminance factor of the background
@@ -214,6 +218,14 @@ class CamConditions:
         """50000/13 N_c N_cb / 4, the factor of cos(h + 2) + 3.8 in t (eq. 33-34)."""
         return float(eccentricity_scale(self.surround.N_c, self.n))
 
+    def chroma_gain(self, display: CamConditions) -> float:
+        """Return κ of `CamTransform`, from these conditions to a display's."""
+        if self.model == HELLWIG_2022:  # C is proportional to N_c √(a² + b²) / w
+            own, other = (eye.surround.N_c / eye.white_achromatic for eye in (self, display))
+            return own / other
+        chroma = (self.chroma_scale / display.chroma_scale) ** (1.0 / k.CHROMA_POWER)
+        return chroma * self.eccentricity_scale / display.eccentricity_scale
+
     def response_from_XYZ(self) -> Array:
         """(3, 3): XYZ -> the argument of `compress` (eq. 23, 25, 26, and F_L / 100 of eq. 27)."""
         adapted_from_XYZ, compressed_from_adapted = _RESPONSES[self.model]
@@ -239,6 +251,7 @@ class CamTransform:
     where w, w' are the whites' p2 - 0.305. The second line is the inverse model's
     23 t p2' (cos h, sin h) / (23 p1' + 11 t cos h + 108 t sin h) multiplied out with
     t = p1 √(a² + b²) / (R + G + 21/20 B) and 23 (R + G + 21/20 B) + 11 a + 108 b = 23 p2.
+    In Hellwig2022 chroma is proportional to √(a² + b²), and (a', b') = κ (a, b).
     """
 
     scene: CamConditions  # the source's conditions
@@ -251,7 +264,8 @@ class CamTransform:
     display_achromatic: float  # w': p2 - 0.305 of the display's white
     lightness_power: float | Array  # γ = cz / (c'z')
     chroma_gain: float | Array
-    """κ = (chroma scale / chroma scale')^(1/0.9) · N_c N_cb / (N_c' N_cb')."""
+    """κ = (chroma scale / chroma scale')^(1/0.9) · N_c N_cb / (N_c' N_cb'); in Hellwig2022
+    N_c w' / (N_c' w)."""
 
     @classmethod
     def between(cls, scene: CamConditions, display: CamConditions) -> CamTransform:
@@ -265,7 +279,6 @@ class CamTransform:
                 code="impossible",
                 field="viewing conditions",
             ) from error
-        chroma = (scene.chroma_scale / display.chroma_scale) ** (1.0 / k.CHROMA_POWER)
         return cls(
             scene=scene,
             display=display,
@@ -274,16 +287,21 @@ class CamTransform:
             scene_achromatic=scene.white_achromatic,
             display_achromatic=display.white_achromatic,
             lightness_power=scene.lightness_power / display.lightness_power,
-            chroma_gain=chroma * scene.eccentricity_scale / display.eccentricity_scale,
+            chroma_gain=scene.chroma_gain(display),
         )
 
     @classmethod
     def for_viewing(
         cls, model: str, source: ViewingConditions, target: ViewingConditions
     ) -> CamTransform:
-        """Make the transform between viewing conditions; model ``"CIECAM02"`` or ``"CAM16"``."""
+        """Make the transform between viewing conditions, by a model of `CamConditions`."""
         scene, display = (CamConditions.of_viewing(each, model) for each in (source, target))
         return cls.between(scene, display)
+
+    @property
+    def is_proportional(self) -> bool:
+        """True if (a', b') = κ (a, b)."""
+        return self.scene.model == HELLWIG_2022
 
     def apply(self, XYZ: ArrayLike) -> Array:
         """Return the display XYZ (..., 3) of equal J, C and h: inverse after forward.
@@ -303,9 +321,12 @@ class CamTransform:
         display = (
             self.display_achromatic * (achromatic / self.scene_achromatic) ** self.lightness_power
         )
-        skew = (self.chroma_gain - 1.0) * (k.CHROMA_SKEW[0] * a + k.CHROMA_SKEW[1] * b)
-        chroma = self.chroma_gain * (display + k.ACHROMATIC_NOISE)
-        chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
+        if self.is_proportional:
+            chroma = np.where(lit, self.chroma_gain, 0.0)
+        else:
+            skew = (self.chroma_gain - 1.0) * (k.CHROMA_SKEW[0] * a + k.CHROMA_SKEW[1] * b)
+            chroma = self.chroma_gain * (display + k.ACHROMATIC_NOISE)
+            chroma = np.where(lit, chroma / np.maximum(p2 + skew, k.CHROMA_FLOOR * p2), 0.0)
         opponent = np.stack([display, chroma * a, chroma * b], axis=-1)
         return expand(opponent @ k.RESPONSE_FROM_OPPONENT.T) @ self.XYZ_from_response.T
 
@@ -374,7 +395,7 @@ def inverse(J: ArrayLike, C: ArrayLike, h: ArrayLike, conditions: CamConditions)
     chroma = t * p2 / np.maximum(under, k.CHROMA_FLOOR * p1)
     opponent = np.stack([achromatic, chroma * cos_h, chroma * sin_h], axis=-1)
     compressed = opponent @ k.RESPONSE_FROM_OPPONENT.T
-    known = (under > _LEAST_UNDER * p1) & np.all(np.abs(compressed) <= _MOST, axis=-1)
+    known = (under > _LEAST_UNDER * p1) & np.all(np.abs(compressed) <= MOST_RESPONSE, axis=-1)
     XYZ_from_response = np.linalg.inv(conditions.response_from_XYZ())
     scale = k.RESPONSE_HALF ** (1.0 / k.RESPONSE_POWER)
     XYZ = np.where(known[..., None], expand(compressed) @ XYZ_from_response.T * scale, np.nan)

@@ -3,7 +3,7 @@
     lights, basis, RelightSpec -> [payload] -> web/*.js
 
 The page has spectra and computes mixtures, matrices and white like the desktop, for any weights,
-model and surround. The two models without a closed form are left out.
+model and surround. Models without a closed form are left out.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from volspec.appearance.adaptation import ADAPTATIONS, linear, nonlinear
 from volspec.appearance.constants import D65_CONES_FROM_XYZ
 from volspec.appearance.display import Gamut
 from volspec.appearance.gamut_mapping import Screen
-from volspec.appearance.models import rlab
+from volspec.appearance.models import hellwig2022, rlab
 from volspec.appearance.scene_to_display import CLOSED
 from volspec.appearance.spaces import SPACES, spectrum_colours
 from volspec.appearance.spec import SURROUND_RATIOS, SURROUNDS, Display, Viewing
@@ -58,6 +58,8 @@ def constants() -> dict[str, Any]:
     return numbers | {
         "RGB_FROM_XYZ": _plain(SPACES["sRGB"].RGB_from_XYZ),
         "CONES_FROM_XYZ": _plain(D65_CONES_FROM_XYZ),
+        "HELLWIG_COSINES": _plain(hellwig2022.COSINES),
+        "HELLWIG_SINES": _plain(hellwig2022.SINES),
         "RLAB_REFERENCE": _plain(rlab.REFERENCE_FROM_ADAPTED),
         "adaptation_spaces": {name: _plain(m) for name, (m, _) in linear.VON_KRIES.items()},
         "guth": {

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from volspec.errors import DeviceError, ViewingError
 from volspec.export.exporter import export
-from volspec.export.film import SUFFIXES, ffmpeg
+from volspec.export.ffmpeg import ffmpeg
+from volspec.export.film import SUFFIXES
 from volspec.export.page import PageSpec, scene_views, write_page
 from volspec.export.plan import Plan, Shot
 from volspec.pipeline import Raycaster

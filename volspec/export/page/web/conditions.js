@@ -1,4 +1,4 @@
-// Viewing conditions as scalars of CIECAM02 and CAM16, and the transform between two conditions.
+// Viewing conditions as scalars of CIECAM02, CAM16 and Hellwig2022, and the transform between two conditions.
 //
 // Twin of volspec/appearance/models/cam.py and level.py; `k` has the constants of
 // volspec/appearance/constants.py.
@@ -23,11 +23,15 @@ function levelFactor(L_A) {
   return 0.1 * (2 * k4 * five + (1 - k4) ** 2 * Math.cbrt(five));
 }
 
-// seen: {white, L_A, Y_b, surround (a ratio), D, discount}; model: CIECAM02 or CAM16.
+// The model of gamut mapping: CAM16 for models with its lightness and hue.
+const gamutModel = (model) => (['CAM16', 'Hellwig2022'].includes(model) ? 'CAM16' : 'CIECAM02');
+
+// seen: {white, L_A, Y_b, surround (a ratio), D, discount}; model: CIECAM02, CAM16 or Hellwig2022.
 function conditionsOf(k, seen, model) {
   const { F, c, N_c } = surroundAt(k, seen.surround);
-  const adaptedFromXYZ = model === 'CAM16' ? k.CAT16_FROM_XYZ : k.CAT02_FROM_XYZ;
-  const compressedFromAdapted = model === 'CAM16' ? identity() : k.HPE_FROM_CAT02;
+  const sharp = gamutModel(model) === 'CAM16';
+  const adaptedFromXYZ = sharp ? k.CAT16_FROM_XYZ : k.CAT02_FROM_XYZ;
+  const compressedFromAdapted = sharp ? identity() : k.HPE_FROM_CAT02;
   const Y_w = seen.white[1];
   const D = seen.discount ? 1 : seen.D === null ? degreeOfAdaptation(F, seen.L_A) : seen.D;
   const F_L = levelFactor(seen.L_A), n = Math.max(seen.Y_b / Y_w, 1e-4);
@@ -43,7 +47,7 @@ function conditionsOf(k, seen, model) {
   const achromatic = dot(
     k.ACHROMATIC, applied(response, seen.white).map((r) => compressed(k, r)));
   return {
-    model, D, F_L, n, c, N_bb, responseFromXYZ: response, achromatic,
+    model, D, F_L, n, c, N_c, N_bb, responseFromXYZ: response, achromatic,
     A_w: N_bb * achromatic,
     lightnessPower: c * (1.48 + Math.sqrt(n)),
     chromaScale: (1.64 - 0.29 ** n) ** 0.73,
@@ -54,15 +58,18 @@ function conditionsOf(k, seen, model) {
 // Transform of J, C and h from the scene to the display: uniforms of shaders/include/cam.glsl.
 function camTransform(k, model, scene, display) {
   const [from, to] = [scene, display].map((seen) => conditionsOf(k, seen, model));
+  const proportional = model === 'Hellwig2022';
   const chroma = (from.chromaScale / to.chromaScale) ** (1 / k.CHROMA_POWER);
   return {
-    form: 'CAM',
+    form: 'CAM', proportional,
     response_from_XYZ: from.responseFromXYZ,
     XYZ_from_response: scaled(
       inverted(to.responseFromXYZ), k.RESPONSE_HALF ** (1 / k.RESPONSE_POWER)),
     scene_achromatic: from.achromatic,
     display_achromatic: to.achromatic,
     lightness_power: from.lightnessPower / to.lightnessPower,
-    chroma_gain: chroma * from.eccentricityScale / to.eccentricityScale,
+    chroma_gain: proportional
+      ? from.N_c / from.achromatic * to.achromatic / to.N_c
+      : chroma * from.eccentricityScale / to.eccentricityScale,
   };
 }

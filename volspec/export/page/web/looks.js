@@ -1,21 +1,31 @@
 // Appearance of a colour, for the probe, and colour differences.
 //
-// Twins of volspec/appearance/models/{cam,cielab,rlab}.py and of delta_E_2000.
+// Twins of volspec/appearance/models/{cam,hellwig2022,cielab,rlab}.py and of delta_E_2000.
 
-// J, C and h of CIECAM02 or CAM16; null where the model is undefined.
+// J, C and h of CIECAM02, CAM16 or Hellwig2022; null where the model is undefined.
 function camLook(k, XYZ, scene, model) {
   const own = conditionsOf(k, scene, model);
-  const R = applied(own.responseFromXYZ, XYZ).map((r) => compressed(k, r));
+  const linear = applied(own.responseFromXYZ, XYZ);
+  const R = linear.map((r) => compressed(k, r));
   const signal = dot(k.ACHROMATIC, R), achromatic = Math.max(signal, 0);
   const a = dot(k.OPPONENT_A, R), b = dot(k.OPPONENT_B, R), radius = Math.hypot(a, b);
   const h = polarAngle(a, b);
   const J = 100 * (achromatic / own.achromatic) ** own.lightnessPower;
+  if (R.some((r) => Math.abs(r) > k.RESPONSE_LIMIT)) return null;
+  const black = R.every((r) => r === 0);
+  if (model === 'Hellwig2022') {
+    if (linear.some((r) => r < -1e-12)) return null;
+    const e_t = 1 + k.HELLWIG_COSINES.reduce((sum, c, i) => {
+      const angle = (i + 1) * h * Math.PI / 180;
+      return sum + c * Math.cos(angle) + k.HELLWIG_SINES[i] * Math.sin(angle);
+    }, 0);
+    const M = 43 * own.N_c * e_t * radius, Q = 2 / own.c * J / 100 * own.achromatic;
+    return { J, C: 35 * M / own.achromatic, h, Q, M, s: Q > 0 ? 100 * M / Q : 0 };
+  }
   const p2 = achromatic + k.ACHROMATIC_NOISE;
   const sum = dot(k.CHROMA_SUM, R) + k.RESPONSE_NOISE * k.CHROMA_SUM.reduce((x, y) => x + y, 0);
   const sound = sum >= k.CHROMA_FLOOR * p2 && p2 >= k.CHROMA_FLOOR * sum && signal > 0;
-  if (!(sound || R.every((r) => r === 0)) || R.some((r) => Math.abs(r) > k.RESPONSE_LIMIT)) {
-    return null;
-  }
+  if (!(sound || black)) return null;
   const eccentricity = Math.cos(h * Math.PI / 180 + 2) + k.ECCENTRICITY_OFFSET;
   const t = own.eccentricityScale * eccentricity * radius / Math.max(sum, k.CHROMA_FLOOR * p2);
   const C = t ** k.CHROMA_POWER * Math.sqrt(J / 100) * own.chromaScale;
@@ -49,7 +59,8 @@ function lookOf(k, XYZ, scene, model) {
     const [X, Y, Z] = reference.map((x) => signedPower(x, sigma));
     return polarLook([100 * Y, 430 * (X - Y), 170 * (Y - Z)]);
   }
-  return camLook(k, XYZ, scene, model === 'CAM16' ? 'CAM16' : 'CIECAM02');
+  const cams = ['CAM16', 'Hellwig2022'];
+  return camLook(k, XYZ, scene, cams.includes(model) ? model : 'CIECAM02');
 }
 
 const saturated = (C) => Math.sqrt(C ** 7 / (C ** 7 + 25 ** 7));

@@ -21,7 +21,9 @@ function drawingOf(page, light, look) {
     XYZ_from_layer: columns.flatMap((column) => applied(first, column)),
     backdrop_XYZ: applied(first, light.backdrop),
   };
-  const form = { FORM: transform.form, SAME_SURROUND: 0, OUTER: 0, FIELD: 0, CHECKED: 0 };
+  const form = {
+    FORM: transform.form, SAME_SURROUND: 0, OUTER: 0, PROPORTIONAL: 0, FIELD: 0, CHECKED: 0,
+  };
   if (transform.form !== 'LINEAR') {
     uniforms['view_transform.response_from_XYZ'] = transposed(transform.response_from_XYZ).flat();
     uniforms['view_transform.linear_from_response'] = transposed(
@@ -33,13 +35,13 @@ function drawingOf(page, light, look) {
     names = ['gain', 'power', 'shift', 'offset', ...(form.OUTER ? ['outer'] : [])];
   } else if (transform.form === 'CAM') {
     const near = (x) => Math.abs(x - 1) < 1e-7;
+    form.PROPORTIONAL = transform.proportional ? 1 : 0;
     form.SAME_SURROUND = near(transform.lightness_power) && near(transform.chroma_gain) ? 1 : 0;
     names = ['scene_achromatic', 'display_achromatic'];
     if (!form.SAME_SURROUND) names.push('lightness_power', 'chroma_gain');
   }
   for (const name of names) uniforms[`view_transform.${name}`] = [transform[name]].flat();
-  const eye = look.model === 'CAM16' ? 'CAM16' : 'CIECAM02';
-  const gamut = look.gamut === 'reduce' && page.gamut[eye];
+  const gamut = look.gamut === 'reduce' && page.gamut[gamutModel(look.model)];
   if (gamut) Object.assign(uniforms, gamut);
   return { uniforms, form: { ...form, REDUCE: gamut ? 1 : 0, MARK: look.mark ? 1 : 0 } };
 }

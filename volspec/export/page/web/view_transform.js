@@ -122,6 +122,7 @@ function rlabReference(k, seen) {
 const TRANSFORMS = {
   CIECAM02: (k, scene, display) => camTransform(k, 'CIECAM02', scene, display),
   CAM16: (k, scene, display) => camTransform(k, 'CAM16', scene, display),
+  Hellwig2022: (k, scene, display) => camTransform(k, 'Hellwig2022', scene, display),
   CIELAB: (k, scene, display) => linear(diagonal(display.white.map((x, i) => x / scene.white[i]))),
   RLAB: (k, scene, display) => curve(
     rlabReference(k, scene), inverted(rlabReference(k, display)),

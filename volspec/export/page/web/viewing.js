@@ -42,7 +42,7 @@ function degreeShown(page, look, scene) {
   if (look.discount) return 1;
   if (look.D !== null) return look.D;
   if (look.model === 'RLAB') return 0;
-  const byLuminance = ['CIECAM02', 'CAM16', 'CAT02', 'CAT16'].includes(look.model);
+  const byLuminance = ['CIECAM02', 'CAM16', 'Hellwig2022', 'CAT02', 'CAT16'].includes(look.model);
   const { F } = surroundAt(page.constants, look.surround);
   return byLuminance ? degreeOfAdaptation(F, scene.L_A) : 1;
 }

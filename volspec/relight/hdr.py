@@ -1,0 +1,104 @@
+"""Relight for a display of high dynamic range: code values whose white is not their end.
+
+    coefficient image + light with lux -> [hdr] -> PQ or HLG codes
+
+In NumPy and float64 for every model: shaders clip at the display's white, and 3-D LUTs end at 1.3
+times of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.appearance.hdr import Hdr
+from volspec.appearance.scene_to_display import view_transform
+from volspec.appearance.transforms import ViewTransform
+from volspec.errors import ViewingError
+from volspec.relight.illumination import Illumination
+from volspec.relight.measured_viewing import ViewingMeter
+from volspec.relight.spec import LightRig, RelightSpec
+from volspec.spectra.photometry import illuminance_lux
+from volspec.spectra.spectrum import Spectrum, light_power
+
+if TYPE_CHECKING:
+    from volspec.raycast.image import CoefficientImage
+    from volspec.spectra import SpectralGrid
+
+# Rows at a time, so that a large picture needs no more memory than its codes.
+_ROWS = 64
+
+
+def hdr_frame(
+    image: CoefficientImage, light: Spectrum | LightRig, spec: RelightSpec, hdr: Hdr
+) -> NDArray[np.float32]:
+    """Return the (H, W, 3) code values, 0 to 1, of a picture under a light.
+
+    The eye in the scene is adapted to the light's lux, the eye before the display to the room of
+    ``spec.viewing.display``, whose white is ``hdr``'s.
+
+    Raises
+    ------
+    ViewingError
+        As `check_hdr`, and as `Illumination.of` and `view_transform`.
+    """
+    spec = check_hdr(light, spec, hdr)
+    lit = Illumination.of(image.basis, light, spec, image.groups)
+    viewing, grid = ViewingMeter().measure_viewing(image, lit)
+    if grid is None:
+        transform: ViewTransform = view_transform(viewing, lit.white_XYZ)
+    codes = np.empty((*image.alpha.shape, 3), np.float32)
+    for row in range(0, len(codes), _ROWS):
+        rows = slice(row, row + _ROWS)
+        if grid is not None:
+            transform = grid.interpolate(image.alpha.shape, rows)
+        XYZ = lit.scene_XYZ(image.coefficients[rows], image.alpha[rows])
+        codes[rows] = hdr.codes(transform.apply(XYZ))
+    return codes
+
+
+def check_hdr(light: Spectrum | LightRig, spec: RelightSpec, hdr: Hdr) -> RelightSpec:
+    """Return the settings with the display of ``hdr``.
+
+    Raises ViewingError if the light has no lux, without which no luminance is known, or the display
+    maps or marks colours, as that is for a gamut that ends at the white.
+    """
+    if LightRig.of(light).illuminance_lux is None:
+        raise ViewingError(
+            "an HDR picture shows luminances, but the light has no lux",
+            "give its illuminance_lux",
+            code="missing",
+            field="illuminance_lux",
+        )
+    display = spec.viewing.display
+    for name, plain in (("gamut", "clip"), ("mark", False)):
+        if (given := getattr(display, name)) != plain:
+            raise ViewingError(
+                f"{given!r} is for a gamut that ends at the white, which HDR's does not",
+                "leave it out",
+                code="conflict",
+                field=name,
+                given=given,
+            )
+    return replace(spec, viewing=replace(spec.viewing, display=hdr.display(display)))
+
+
+def with_lux(light: Spectrum | LightRig, lux: float, grid: SpectralGrid) -> LightRig:
+    """Return a rig of ``lux`` on a surface that faces every light, of any group.
+
+    >>> from volspec.spectra import DEFAULT_GRID, light
+    >>> day, lamp = light("D65"), light("A")
+    >>> rig = with_lux(LightRig((day, lamp), (1.0, 0.5)), 500.0, DEFAULT_GRID)
+    >>> round(rig.total_lux, 6)
+    500.0
+    """
+    rig = LightRig.of(light)
+    own = [
+        illuminance_lux(Spectrum(grid.wavelengths_nm, light_power(each, grid)))
+        for each in rig.lights
+    ]
+    total = sum(weight * each for weight, each in zip(rig.weights, own, strict=True))
+    return replace(rig, illuminance_lux=tuple(lux * each / total for each in own))
