@@ -40,6 +40,10 @@ from volspec.appearance.spaces import SPACES, ColourSpace
 Array = NDArray[np.float64]
 DeficiencyName = Literal["none", "protan", "deutan", "tritan"]
 DEFICIENCIES: tuple[DeficiencyName, ...] = get_args(DeficiencyName)
+VISION: Mapping[str, str] = MappingProxyType(
+    {name: "normal" if name == "none" else name for name in DEFICIENCIES}
+)
+"""Names of colour vision for readers, by deficiency."""
 
 # Linear sRGB at severities 0, 0.1, ..., 1 [1, table 1].
 # fmt: off

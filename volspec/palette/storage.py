@@ -100,6 +100,8 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
     space = document.get("viewing", {}).get("display", {}).get("space")
     if elsewhere and isinstance(space, str) and is_profile(space):
         document["viewing"]["display"]["space"] = rebase_path(space, *folders)
+    if palette.apart != table.apart:
+        document["apart"] = _table_array([plain(row) for row in palette.apart])
     if table.auto_exposure:
         document["viewing"]["exposure"] = float(f"{palette.viewing.exposure:.6g}")
     if (basis := table.criteria.basis) and basis.endswith(".json"):
@@ -130,6 +132,8 @@ def _new_document(palette: Palette, comment: str) -> TOMLDocument:
         document[kind] = _table_array([_spectrum_keys(member, palette) for member in members])
     cells = [{"at": list(at), **dict(_cell_keys(cell))} for at, cell in palette.cells.items()]
     document["cell"] = _table_array(cells)
+    if palette.apart:
+        document["apart"] = _table_array([plain(row) for row in palette.apart])
     for kind in ("light", "reflectance"):
         for entry in document[kind]:
             if "values" in entry:

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from volspec.appearance import Viewing
 from volspec.errors import PaletteError
-from volspec.palette.model import Criteria, Level
+from volspec.palette.model import Apart, Criteria, Level, Names
 from volspec.palette.variables import fault
 from volspec.settings import FLAT, PYTHON_ONLY, Hint, Name, Pair, Unit, Vector, settings
 
@@ -25,13 +25,7 @@ Colour = Annotated[
     str | Annotated[tuple[float, ...], Field(strict=False)],
     Hint("a name, #RRGGBB or three numbers", whole=True),
 ]
-Names = Annotated[
-    str | Annotated[tuple[str, ...], Field(strict=False)],
-    Hint('a name, several, or "*" for all', whole=True),
-]
 Bound = float | Literal["none"]
-EVERY = "*"
-"""In a cell: every light, or every reflectance."""
 WANTS = ("colour", "free", "black", "same", "distinct")
 
 
@@ -190,6 +184,8 @@ class PaletteFile:
     """Rows."""
     cell: Annotated[tuple[CellSpec, ...], Field(strict=False, min_length=1)]
     """Wanted colours."""
+    apart: Annotated[tuple[Apart, ...], Field(strict=False)] = ()
+    """Reflectances to be told apart."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:

@@ -232,7 +232,9 @@ def _palette_targets(
         for light in palette.lights
         if light.mixture and all(lamp.name in light_names() for lamp in light.mixture)
     }
-    return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria)
+    moved = (row.renamed(rows, names) for row in palette.apart)
+    apart = tuple(row for row in moved if row is not None)
+    return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria, apart)
 
 
 def _match_spectra(

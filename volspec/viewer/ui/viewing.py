@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
-from volspec.appearance.deficiency import DEFICIENCIES
+from volspec.appearance.deficiency import VISION
 from volspec.appearance.display import GAMUTS, Display
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES, ColourSpace
@@ -35,7 +35,6 @@ _WHITE = (1.0, 4000.0)
 _LABELS = 92
 _LOG = imgui.SliderFlags_.logarithmic
 _OWN = "own numbers"
-_VISION = {name: "normal" if name == "none" else name for name in DEFICIENCIES}
 _ADAPTING = {"given": "as set below", "picture": "by the picture", "pixel": "by each pixel"}
 SETTINGS = (
     "Illuminance",
@@ -169,9 +168,9 @@ def _vision(state: ViewState, ui: UiContext) -> ViewState:
     """Draw the colour-vision deficiency that is simulated, and its severity."""
     viewing = state.relight.viewing
     focus_if_wanted("Vision", ui)
-    picked = pick("Vision", _VISION[viewing.deficiency], _VISION.values())
+    picked = pick("Vision", VISION[viewing.deficiency], VISION.values())
     tip(describe_field(Viewing, "deficiency"))
-    names = {title: name for name, title in _VISION.items()}
+    names = {title: name for name, title in VISION.items()}
     new = state if picked is None else edits.set_deficiency(state, names[picked])
     if viewing.deficiency == "none":
         return new
