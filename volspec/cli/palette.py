@@ -50,7 +50,7 @@ def design(
     JSON: `cells` has a row for each cell: `reflectance`, `light`, `kind`, `wanted` and
     `obtained` display codes, `X`, `Y`, `Z`, `delta_E_2000`, `delta_E_1976`, `in_gamut`; besides
     `metamers`, `spectra` (bands at their bounds), `cost`, `mean`, `max` (CIEDE2000),
-    `suggestions`, and `apart`: of each pair to be told apart, the CIEDE2000 under each of its
+    `suggestions`, and `apart`: of each pair to be distinguished, the CIEDE2000 under each of its
     `lights` and the `smallest`, for normal vision (`none`) and each deficiency.
 
     Parameters
@@ -64,12 +64,12 @@ def design(
     again
         Design on from values that already meet every cell, say, after a change of [criteria].
     apart
-        Reflectance to be told apart from the others named so; repeatable, "*" for all. Adds an
+        Reflectance to distinguish from the others named so; repeatable, "*" for all. Adds an
         [[apart]] to the palette.
     under
-        Light under which to tell them apart; repeatable, all if omitted.
+        Light under which to distinguish them; repeatable, all if omitted.
     deficiency
-        Colour-vision deficiency with which to tell them apart, too: protan, deutan or tritan;
+        Colour-vision deficiency with which to distinguish them, too: protan, deutan or tritan;
         repeatable. Without --apart, it is added to the palette's [[apart]].
     distance
         Sufficient ΔE (CIELAB) between them; 20 if omitted.
@@ -123,7 +123,7 @@ def _with_apart(
     deficiencies: list[str],
     distance: float | None,
 ) -> Palette:
-    """Return the palette with the reflectances to be told apart that the options give."""
+    """Return the palette with the reflectances to distinguish that the options give."""
     from volspec.palette import Apart
 
     with in_options(_APART):
@@ -139,14 +139,14 @@ def _with_apart(
         for option, value in (("--under", lights), ("--distance", distance)):
             if value:
                 raise InputError(
-                    f"{option} without --apart; name the reflectances to be told apart, or leave "
-                    "it out",
+                    f"{option} without --apart; name the reflectances to be distinguished, or "
+                    "leave it out",
                     code="conflict",
                 )
         if deficiencies and not palette.apart:
             raise InputError(
                 f"--deficiency {deficiencies[0]}: the palette has no [[apart]] to add it to; name "
-                "the reflectances to be told apart: --apart",
+                "the reflectances to be distinguished: --apart",
                 code="conflict",
             )
         if not deficiencies:

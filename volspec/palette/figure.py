@@ -3,7 +3,7 @@
 design, report -> [figure] -> PNG, PDF, SVG
 
 After figures 1 and 2 of [1]: in each cell the surround is the colour obtained, and the framed
-square is the colour wanted; the spectra are in the margins. If reflectances are to be told apart
+square is the colour wanted; the spectra are in the margins. If reflectances are to be distinguished
 with a colour-vision deficiency, a strip in each cell shows its colour as simulated.
 
 References
@@ -99,7 +99,7 @@ def save_palette_figure(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Vision:
-    """Deficiencies that a palette's reflectances are to be told apart with."""
+    """Deficiencies that a palette's reflectances are to be distinguished with."""
 
     space: ColourSpace
     simulations: Mapping[str, Simulation]

@@ -217,7 +217,7 @@ class CellEquations:
         return blocks, [*shows, far.equality(enough, cell.weight, label)]
 
     def _apart_equations(self) -> tuple[dict[str, Block], list[Term]]:
-        """Return equations by which viewers tell pairs of colours apart, one for each deficiency.
+        """Return equations by which viewers distinguish pairs of colours, one for each deficiency.
 
         Along the direction u in which the viewer sees the two differ now,
 

@@ -1,6 +1,6 @@
 """Palettes: lights are columns, reflectances are rows, and cells have the wanted colours.
 
-Colours that any observer must be able to tell apart are rows of their own, `Apart`.
+Colours that any viewer must be able to distinguish are rows of their own, `Apart`.
 
     spectra, appearance -> [model] -> linearisation -> optimisation -> report
 
@@ -165,7 +165,7 @@ def hexadecimal(codes: Iterable[float]) -> str:
 @settings(PaletteError)
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Apart:
-    """Reflectances to be told apart, pair by pair, by viewers with and without a deficiency.
+    """Reflectances to be distinguished, pair by pair, by viewers with and without a deficiency.
 
     Examples
     --------
@@ -174,9 +174,9 @@ class Apart:
     """
 
     reflectance: Annotated[Names, Field(examples=[["vein", "nerve"]])] = EVERY
-    """Reflectances, each to be told apart from each other."""
+    """Reflectances, each to be distinguished from each other."""
     light: Annotated[Names, Field(examples=["day"])] = EVERY
-    """Lights under which to tell them apart."""
+    """Lights under which to distinguish them."""
     deficiency: Annotated[
         DeficiencyName | Annotated[tuple[DeficiencyName, ...], Field(strict=False, min_length=1)],
         Hint("none, protan, deutan, tritan, or several", whole=True),
@@ -212,7 +212,7 @@ def _listed(given: str | tuple[str, ...], known: Iterable[str]) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class ApartPair:
-    """Two cells that a row of `Apart` asks to be told apart."""
+    """Two cells that a row of `Apart` asks to be distinguished."""
 
     row: Apart
     one: Index
@@ -258,7 +258,7 @@ class Palette:
     basis : SpectralBasis, optional
         For `Criteria.subspace`; on the palette's grid.
     apart : tuple of Apart
-        Reflectances to be told apart, also by viewers with a colour-vision deficiency.
+        Reflectances to be distinguished, also by viewers with a colour-vision deficiency.
 
     Raises
     ------
@@ -364,7 +364,7 @@ class Palette:
         return found[0], found[1]
 
     def apart_pairs(self) -> Iterator[ApartPair]:
-        """Yield every pair of cells to be told apart, light by light."""
+        """Yield every pair of cells to be distinguished, light by light."""
         for number, row in enumerate(self.apart, start=1):
             rows, columns = self._apart_names(number, row)
             for column in columns:

@@ -214,7 +214,7 @@ def true_cost(state: State) -> float:
 
 
 def shortfalls(state: State, RGB: Array) -> Iterator[tuple[float, float]]:
-    """Yield (weight, ΔE that is lacking) of each pair to be told apart, for each deficiency."""
+    """Yield (weight, ΔE that is lacking) of each pair to be distinguished, for each deficiency."""
     model = state.colour_models()[0]
     for pair in state.palette.apart_pairs():
         row = pair.row
@@ -229,7 +229,7 @@ def shortfalls(state: State, RGB: Array) -> Iterator[tuple[float, float]]:
 
 
 def apart_cost(state: State, RGB: Array) -> float:
-    """Return the weighted squared shortfalls of pairs to be told apart."""
+    """Return the weighted squared shortfalls of pairs to be distinguished."""
     return sum((weight * 0.01 * lacking) ** 2 / 3.0 for weight, lacking in shortfalls(state, RGB))
 
 

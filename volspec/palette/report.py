@@ -112,7 +112,7 @@ class MetamerReport:
 
 @dataclass(frozen=True, slots=True)
 class ApartReport:
-    """Two reflectances to be told apart, as viewers with and without a deficiency see them.
+    """Two reflectances to be distinguished, as viewers with and without a deficiency see them.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ class ApartReport:
     severity : float
         Of all deficiencies.
     lights : tuple of str
-        Those under which to tell them apart.
+        Those under which to distinguish them.
     delta_E : {light: {deficiency: float}}
         CIEDE2000 between the two on the display, for every light and every deficiency.
     """
@@ -297,7 +297,7 @@ def report_cells(
 
 
 def apart_reports(state: State, targets: Mapping[Place, Cell]) -> Iterator[ApartReport]:
-    """Yield a report of each pair to be told apart, those of distinct cells under a light too."""
+    """Yield a report of each pair to be distinguished, those of distinct cells included."""
     models = state.colour_models()
     RGB, (rows, columns) = state.RGB(models), state.palette.names
     asked: dict[tuple[Any, ...], list[str]] = {}

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -157,7 +158,9 @@ def _viewing_keys(palette: Palette) -> dict[str, Any]:
     if viewing.is_measured or viewing.fov_deg is not None:
         problem = "it adapts to a picture, but a palette has none; give fixed conditions"
         raise fault("Palette.viewing", problem, "unsupported")
-    return {"model": viewing.model, **plain(viewing)}
+    # Designs compare colours before a simulation.
+    own = replace(viewing, deficiency="none", severity=1.0)
+    return {"model": viewing.model, **plain(own)}
 
 
 def _criteria_keys(palette: Palette) -> dict[str, Any]:

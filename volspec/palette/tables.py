@@ -185,7 +185,7 @@ class PaletteFile:
     cell: Annotated[tuple[CellSpec, ...], Field(strict=False, min_length=1)]
     """Wanted colours."""
     apart: Annotated[tuple[Apart, ...], Field(strict=False)] = ()
-    """Reflectances to be told apart."""
+    """Reflectances to be distinguished."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
@@ -196,6 +196,10 @@ class PaletteFile:
         for key in ("adapting", "fov_deg"):
             if key in given:
                 raise fault(f"viewing.{key}", "measured in pictures; leave it out", "unknown")
+        for key in ("deficiency", "severity"):
+            if key in given:
+                problem = "a design compares colours before a simulation"
+                raise fault(f"viewing.{key}", f"{problem}; give it in [[apart]]", "unknown")
         for key, measured in (("surround", "measured"), ("adopted_white", "scene")):
             if given.get(key) == measured:
                 problem = f"{measured!r} is of pictures; leave it out"

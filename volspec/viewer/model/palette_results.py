@@ -195,6 +195,8 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
         palette.viewing,
         adapting=with_model(state.relight, palette.viewing.model).viewing.adapting,
         fov_deg=state.relight.viewing.fov_deg,
+        deficiency=state.relight.viewing.deficiency,
+        severity=state.relight.viewing.severity,
     )
     return replace(
         state,

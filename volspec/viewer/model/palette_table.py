@@ -142,7 +142,7 @@ class Table:
     spectra: Mapping[Member, Spectrum]
     cells: Mapping[Place, CellReport]  # target and obtained colours by row and column
     complaint: str = ""  # error message if there are no cells
-    apart: tuple[ApartReport, ...] = ()  # materials to be told apart
+    apart: tuple[ApartReport, ...] = ()  # materials to be distinguished
 
     @property
     def errors(self) -> tuple[float, ...]:

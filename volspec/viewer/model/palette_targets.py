@@ -39,7 +39,7 @@ class DesignTargets:
     # Real lamps by free light: the light must be a sum of them.
     lamps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     criteria: Criteria = field(default_factory=Criteria)
-    apart: tuple[Apart, ...] = ()  # materials to be told apart, listed by name
+    apart: tuple[Apart, ...] = ()  # materials to be distinguished, listed by name
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))

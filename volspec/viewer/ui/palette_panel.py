@@ -182,7 +182,7 @@ _MISSED = (
 )
 _MOST_LINES = 3
 _APART = (
-    "CIEDE2000 between two materials to be told apart, as viewers with normal vision and with a "
+    "CIEDE2000 between two materials to be distinguished, as viewers with normal vision and with a "
     "lacking cone see them: the least under these lights"
 )
 # Commands of the menu, in three parts.
@@ -286,7 +286,7 @@ def _legend(state: ViewState, ui: UiContext) -> None:
 
 
 def _apart(table: Table) -> None:
-    """Draw how far materials that are to be told apart are, by colour vision."""
+    """Draw how far materials to be distinguished are, by colour vision."""
     for pair in table.apart[:_MOST_LINES]:
         imgui.text_wrapped(apart_text(pair))
         tip(_APART)
