@@ -111,6 +111,7 @@ class CellEquations:
     Lab_at_black: Array  # (R, L, 3): value of the chords or tangents at linear RGB 0
     wanted: Mapping[Index, tuple[Array, Array]]  # linear RGB and CIELAB, black included
     model: ColourModel  # between linear RGB and CIELAB, the same under every light
+    RGB: Array  # (R, L, 3): current colours; in the first iteration, those wanted
     free: Mapping[str, tuple[Array, Array]]  # slopes and value at linear RGB 0, by group
     at_current: Linearisation
     at_wanted: Linearisation  # for equality constraints, and in the first iteration
@@ -146,6 +147,7 @@ class CellEquations:
             Lab - (slopes @ current[..., None])[..., 0],
             wanted,
             model,
+            ends if variables.first else current,
             {group: _tangent(model, colour) for group, colour in free.items()},
             Linearisation.at(variables, models, XYZ),
             Linearisation.at(variables, models, anchors),
@@ -219,7 +221,8 @@ class CellEquations:
     def _apart_equations(self) -> tuple[dict[str, Block], list[Term]]:
         """Return equations by which viewers distinguish pairs of colours, one for each deficiency.
 
-        Along the direction u in which the viewer sees the two differ now,
+        Along the direction u in which the viewer sees the two differ now, or as they are wanted in
+        the first iteration,
 
             u · (Lab(M c) - Lab(M c')) - excess = distance,   excess >= 0
 
@@ -229,14 +232,13 @@ class CellEquations:
         blocks: dict[str, Block] = {}
         terms: list[Term] = []
         weights: dict[Index, float] = {}
-        RGB = self.at_current.variables.state.RGB()
         for number, pair in enumerate(self._palette.apart_pairs()):
             for place in (pair.one, pair.other):
                 weights[place] = max(weights.get(place, 0.0), pair.row.weight)
             for deficiency in pair.row.deficiencies:
                 excess = f"excess of pair {number} for {deficiency}"
                 blocks[excess] = Block(1, np.zeros(1), np.full(1, math.inf))
-                terms.append(self._apart_equation(pair, deficiency, RGB, excess))
+                terms.append(self._apart_equation(pair, deficiency, excess))
         for place, weight in weights.items():
             name, shown = _variable_colour(_shown_name(place))
             blocks[name] = Block(3, np.zeros(3), np.ones(3))
@@ -244,8 +246,8 @@ class CellEquations:
             terms.append(self.at_current.colour(place).equality(shown, _GAMUT * weight, label))
         return blocks, terms
 
-    def _apart_equation(self, pair: ApartPair, deficiency: str, RGB: Array, excess: str) -> Term:
-        row, ends = pair.row, (pair.one, pair.other)
+    def _apart_equation(self, pair: ApartPair, deficiency: str, excess: str) -> Term:
+        row, ends, RGB = pair.row, (pair.one, pair.other), self.RGB
         seen = [self.model.simulated_Lab(RGB[place], deficiency, row.severity) for place in ends]
         compared = np.array([float(row.lightness), 1.0, 1.0])
         way = compared * (seen[0] - seen[1])
