@@ -142,6 +142,7 @@ def test_colour_vision_is_simulated_as_on_the_desktop(
             engine_image, engine_scene.lights[0], replace(engine_scene.relight, viewing=seen)
         )
         assert mean_difference(engine_page.picture(), wanted) <= EIGHT, deficiency
+        assert deficiency in engine_page.page.text_content("#label-a")
 
 
 def test_two_settings_stand_on_the_sides_of_the_divide(

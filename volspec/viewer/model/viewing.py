@@ -68,6 +68,18 @@ def luminance(rig: LightRig | None, viewing: Viewing) -> float:
     return given_viewing(viewing, rig.total_lux if rig else None).adapting_luminance
 
 
+def vision_text(viewing: Viewing) -> str:
+    """Return the colour vision that a picture simulates; empty for normal vision.
+
+    >>> vision_text(Viewing(deficiency="deutan", severity=0.5)), vision_text(Viewing())
+    ('deutan vision 0.5, simulated', '')
+    """
+    if viewing.deficiency == "none" or viewing.severity == 0.0:
+        return ""
+    severity = "" if viewing.severity == 1.0 else f" {viewing.severity:.2g}"
+    return f"{viewing.deficiency} vision{severity}, simulated"
+
+
 def _change(state: ViewState, **changes: Any) -> ViewState:
     """Change the spec only if anything differs, as specs are compared by identity."""
     spec = state.relight
