@@ -2,7 +2,7 @@
 //
 //     XYZ   = Σ D_g (e_g ∘ C_g) + (1 - alpha) XYZ_backdrop    over light groups g;
 //                                                              P_E C_g in exact mode
-//     frame = encode(gamut(appearance(XYZ)))
+//     frame = encode(simulated(gamut(appearance(XYZ))))        a colour-vision deficiency, if any
 //
 // NumPy twin: volspec/relight/reference.py; truth: tests/support/relight_reference.py (colour-science).
 //
@@ -18,12 +18,14 @@
 //                        absent if it is a matrix, which the host multiplies into
 //                        XYZ_from_layer and backdrop_XYZ.
 //         gamut          the display's gamut, see include/gamut.glsl; if REDUCE.
+//         deficiency     the observer's colour vision, see include/display.glsl; if SIMULATE.
 // Writes  frame          code values of the display, 0 to 1, alpha 1.
 // Host    LAYERS, FORM (LINEAR, CURVE, CAM or LUT), CHECKED, the forms' constants, FIELD (1 if the
 //         view transform varies over the picture; CAM only), FIRST_ROW_AT_BOTTOM (1 if the
 //         picture will be read back, GL's rows running up; 0 for a canvas or window),
 //         IMAGE_HEIGHT (pixels; used if FIRST_ROW_AT_BOTTOM is 0), EVERY (1 draws all pixels, 2
-//         every second column and row), REDUCE and MARK (1 if the display does so), and the
+//         every second column and row), REDUCE and MARK (1 if the display does so), SIMULATE (1 if
+//         a colour-vision deficiency is simulated), and the
 //         numbers of volspec.appearance.constants.shader_constants(), of the display's
 //         ColourSpace.shader_constants() and of volspec.appearance.gamut_mapping.SHADER_CONSTANTS.
 //
@@ -64,7 +66,7 @@ void main() {
     pixel.y = EVERY * ((IMAGE_HEIGHT - 1) / EVERY) - pixel.y;
 #endif
     vec3 XYZ = scene_XYZ(pixel);
-#if FORM == LUT && !(REDUCE || MARK)
+#if FORM == LUT && !(REDUCE || MARK || SIMULATE)
     vec3 code = clamp(code_from_adapted(XYZ), 0.0, 1.0);
 #else
 #if FORM == LINEAR
@@ -82,6 +84,9 @@ void main() {
 #endif
 #if REDUCE
     if (outside) linear = reduce_chroma(linear);
+#endif
+#if SIMULATE
+    linear = simulated(clamp(linear, 0.0, 1.0));
 #endif
     vec3 code = encode(linear);
 #endif

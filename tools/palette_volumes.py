@@ -1,20 +1,22 @@
-"""Remake docs/images/palette-6, palette-7, palette-volume: ``python -m tools.palette_volumes``.
+"""Remake docs/images/palette-6, -7, -volume and -vision: ``python -m tools.palette_volumes``.
 
-The scenes data/scenes/figure-6, figure-7 and figure-2, each cast once and relit under its lights:
-a contact sheet with the lights' spectra above the frames.
+The scenes data/scenes/figure-6, figure-7, figure-2 and colour-vision, each cast once and relit
+under its lights: a contact sheet with the lights' spectra above the frames.
 """
 
 from __future__ import annotations
 
 import argparse
 import io
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from PIL import Image
 
 import volspec as vs
 from benchmarks.scenes import ROOT, stored
+from volspec.appearance.deficiency import DeficiencyName
 from volspec.export import SheetColumn, contact_sheet
 
 IMAGES = ROOT / "docs" / "images"
@@ -23,18 +25,23 @@ _BYTES, _QUALITY = 200_000, 92
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A picture: its scene, its title, and the width of a frame."""
+    """A picture: its scene, its rows, and the width of a frame."""
 
     scene: str
     file: str
-    said: str
+    rows: Mapping[str, DeficiencyName]  # captions, and the deficiency that each simulates
     tile: int = 400
 
 
 SHEETS = {
-    "6": Sheet("figure-6", "palette-6", "Three lights designed with three materials"),
-    "7": Sheet("figure-7", "palette-7", "From a light that hides to one that shows", 300),
-    "volume": Sheet("figure-2", "palette-volume", "Daylight, and two lights that part"),
+    "6": Sheet("figure-6", "palette-6", {"Three lights designed with three materials": "none"}),
+    "7": Sheet("figure-7", "palette-7", {"From a light that hides to one that shows": "none"}, 300),
+    "volume": Sheet("figure-2", "palette-volume", {"Daylight, and two lights that part": "none"}),
+    "vision": Sheet(
+        "colour-vision",
+        "palette-vision",
+        {"Normal vision": "none", "Deuteranope, simulated": "deutan"},
+    ),
 }
 
 
@@ -69,11 +76,14 @@ def make(scene: vs.Scene, volume: vs.Volume, sheet: Sheet, path: Path) -> int:
     columns = []
     with vs.Relighter(image) as relighter:
         for light in scene.lights:
-            frame = relighter.frame(light.rig, relit)
+            frames = []
+            for deficiency in sheet.rows.values():
+                viewing = replace(relit.viewing, deficiency=deficiency)
+                frames.append(relighter.frame(light.rig, replace(relit, viewing=viewing)))
             label = light.label if light.label != light.name else ""
-            columns.append(SheetColumn(light.name, label, light.spectrum, [frame]))
+            columns.append(SheetColumn(light.name, label, light.spectrum, frames))
     title = f"{scene.file.title} (cast once)"
-    picture = Image.fromarray(contact_sheet(title, [sheet.said], columns, sheet.tile))
+    picture = Image.fromarray(contact_sheet(title, list(sheet.rows), columns, sheet.tile))
     for quality in range(_QUALITY, 40, -4):
         memory = io.BytesIO()
         picture.save(memory, "JPEG", quality=quality, subsampling=0, optimize=True)

@@ -17,6 +17,7 @@ from volspec.appearance.models.nayatani95 import NayataniSettings
 from volspec.appearance.spaces import ColourSpace, Transfer
 from volspec.export.page.build import PageSpec
 from volspec.mesh.grating import Grating
+from volspec.palette.model import Apart
 from volspec.palette.tables import (
     CellSpec,
     CriteriaSpec,
@@ -144,6 +145,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "[[light]]": LightMember,
             "[[reflectance]]": ReflectanceMember,
             "[[cell]]": CellSpec,
+            "[[apart]]": Apart,
         },
     ),
     "rooms": (

@@ -1,7 +1,10 @@
-// The display's code values: its transfer function, a power with a toe, odd about 0.
+// The display's code values: its transfer function, a power with a toe, odd about 0; and what an
+// observer with a colour-vision deficiency sees on it.
 //
-// NumPy twin: volspec/appearance/spaces.py, Transfer.encode and decode.
-// Host sets OETF_TOE (0 without a toe), OETF_SLOPE, OETF_GAIN, OETF_POWER.
+// NumPy twins: volspec/appearance/spaces.py, Transfer.encode and decode;
+//              volspec/appearance/deficiency.py, Simulation.apply.
+// Reads   deficiency  if SIMULATE; computed when the deficiency, its severity or the display changes
+// Host sets OETF_TOE (0 without a toe), OETF_SLOPE, OETF_GAIN, OETF_POWER, SIMULATE.
 
 vec3 curve(vec3 x) {
     vec3 power = OETF_GAIN * pow(x, vec3(OETF_POWER)) - (OETF_GAIN - 1.0);
@@ -20,3 +23,17 @@ vec3 decode(vec3 code) {
     vec3 linear = mix(power, x / OETF_SLOPE, lessThanEqual(x, vec3(OETF_SLOPE * OETF_TOE)));
     return sign(code) * linear;
 }
+
+#if SIMULATE
+// A linear map of linear RGB on each side of a plane, on which both agree.
+struct Deficiency {
+    mat3 above;  // where dot(plane, linear) >= 0
+    mat3 below;
+    vec3 plane;
+};
+uniform Deficiency deficiency;
+
+vec3 simulated(vec3 linear) {
+    return (dot(deficiency.plane, linear) >= 0.0 ? deficiency.above : deficiency.below) * linear;
+}
+#endif

@@ -10,6 +10,7 @@ import pytest
 
 import volspec as vs
 from tests.support.commands import PALETTE, call, figures
+from volspec.palette import Apart
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -58,6 +59,50 @@ def test_a_designed_palette_can_be_designed_again(
     palette.write_text(other, encoding="utf-8")
     assert call("design", palette, "-o", palette) == 0
     assert palette.read_text(encoding="utf-8") != other, "a cell is not met"
+
+
+def test_options_add_reflectances_to_be_told_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, out = GALLERY / "colour-vision.toml", tmp_path / "out.toml"
+    options = "--apart", "*", "--under", "for all", "--deficiency", "tritan", "--distance", "25"
+    data = figures(capsys, "design", own, *options, "-o", out)
+    (asked, added) = data["apart"]
+    assert added["deficiencies"] == ["none", "tritan"] and added["lights"] == ["for all"]
+    assert asked["smallest"] == added["smallest"] and added["smallest"]["tritan"] > 25
+    assert vs.load_palette(out).apart[1] == Apart(
+        light=("for all",), deficiency=("none", "tritan"), distance=25.0
+    )
+    data = figures(capsys, "design", own, "--deficiency", "tritan")
+    assert data["apart"][0]["deficiencies"] == ["none", "protan", "deutan", "tritan"]
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--apart", "bone", "--apart", "grey matter"),
+        ("--apart", "grey matter"),
+        ("--apart", "*", "--under", "moon"),
+        ("--apart", "*", "--deficiency", "green"),
+        ("--apart", "*", "--distance", "0"),
+        ("--under", "daylight"),
+        ("--distance", "5"),
+        ("--deficiency", "green"),
+    ],
+)
+def test_options_that_cannot_be_are_refused_in_one_line(
+    options: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("design", GALLERY / "colour-vision.toml", *options) != 0
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert options[0] in line or options[-2] in line
+
+
+def test_a_deficiency_alone_needs_reflectances_to_be_told_apart(
+    palette: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert call("design", palette, "--deficiency", "deutan") != 0
+    assert "--apart" in capsys.readouterr().err
 
 
 GALLERY = ROOT / "data" / "palettes"

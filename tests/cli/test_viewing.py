@@ -60,6 +60,19 @@ def test_what_is_left_out_is_as_in_the_scene() -> None:
     assert onto(space="sRGB", gamut="reduce", mark=False) == replace(own, display=shown)
 
 
+def test_colour_vision_is_simulated_as_asked() -> None:
+    own = OWN.viewing
+    assert onto(deficiency="deutan") == replace(own, deficiency="deutan")
+    mild = replace(own, deficiency="tritan", severity=0.25)
+    assert onto(deficiency="tritan", severity=0.25) == mild
+    with raises(InputError, "conflict"):
+        onto(severity=0.5)
+    with raises(InputError, "unknown", "--deficiency"):
+        onto(deficiency="green")
+    with raises(InputError, "range", "--severity"):
+        onto(deficiency="deutan", severity=2.0)
+
+
 def test_what_says_the_same_in_the_scene_gives_way() -> None:
     own = OWN.viewing
     assert onto(lux=50.0) == replace(own, illuminance_lux=50.0, L_A=None)

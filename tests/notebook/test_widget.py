@@ -46,6 +46,8 @@ LOOK: dict[str, Any] = {
     "exposure": 2,
     "gamut": "reduce",
     "mark": True,
+    "deficiency": "protan",
+    "severity": 0.5,
 }
 
 
@@ -87,7 +89,8 @@ def test_what_the_page_tells_becomes_traits_and_is_not_sent_back(
     widget.set_state({**state, "level": "relative", "probe": [5, 6]})
     assert dict(widget.weights) == {"D65": 0.0, "A": 0.5, "FL2": 1.0}
     display = Display(gamut="reduce", mark=True)
-    assert widget.viewing == Viewing("CAM16", 300, 12.5, 35, "dim", exposure=2, display=display)
+    seen = Viewing("CAM16", 300, 12.5, 35, "dim", exposure=2, display=display)
+    assert widget.viewing == replace(seen, deficiency="protan", severity=0.5)
     assert (widget.mode, widget.backdrop, widget.probe) == ("exact", 0.5, (5, 6))
     # Other views get what came (echo_update); an update would move back a slider in hand.
     assert [message["method"] for message in sent] == ["echo_update"]

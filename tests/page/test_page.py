@@ -127,6 +127,24 @@ def test_every_model_gives_the_desktops_frame(
     assert mean_difference(engine_page.picture(), wanted) <= EIGHT
 
 
+def test_colour_vision_is_simulated_as_on_the_desktop(
+    engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
+) -> None:
+    row = engine_page.page.locator("#severity-row")
+    engine_page.show()
+    assert not row.is_visible()
+    for deficiency, severity in (("protan", 1.0), ("deutan", 0.35), ("tritan", 0.8)):
+        engine_page.show(**{"a.deficiency": deficiency, "a.severity": severity})
+        assert row.is_visible() and engine_page.page.input_value("#deficiency") == deficiency
+        viewing = engine_scene.relight.viewing
+        seen = replace(viewing, deficiency=deficiency, severity=severity)
+        wanted = frame(
+            engine_image, engine_scene.lights[0], replace(engine_scene.relight, viewing=seen)
+        )
+        assert mean_difference(engine_page.picture(), wanted) <= EIGHT, deficiency
+        assert deficiency in engine_page.page.text_content("#label-a")
+
+
 def test_two_settings_stand_on_the_sides_of_the_divide(
     engine_page: Opened, engine_scene: Scene, engine_image: CoefficientImage
 ) -> None:

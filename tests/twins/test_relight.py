@@ -136,7 +136,7 @@ def test_a_canvas_shows_row_0_at_the_top(monkeypatch):
 def test_compiler_errors_name_the_file_and_line(context):
     vertex = assemble("shaders/fullscreen.vert", "", glsl_version="330 core")
     form = {"FORM": 2, "LINEAR": 0, "CURVE": 1, "CAM": 2, "TABLE": 3, "SAME_SURROUND": 0}
-    form |= {"PROPORTIONAL": 0, "FIELD": 0, "REDUCE": 0, "MARK": 0}
+    form |= {"PROPORTIONAL": 0, "FIELD": 0, "REDUCE": 0, "MARK": 0, "SIMULATE": 0}
     constants = {"LAYERS": 2, "FIRST_ROW_AT_BOTTOM": 1, "IMAGE_HEIGHT": 4, **form}
     lines = prelude({**constants, **shader_constants()}, "glsl")
     fragment = assemble("shaders/relight.frag", lines, glsl_version="330 core")

@@ -17,6 +17,7 @@ from tests.support.relighting import (
     opaque,
 )
 from volspec.appearance import Display, Viewing, view_transform
+from volspec.appearance.deficiency import DEFICIENCIES
 from volspec.appearance.gamut_mapping import (
     GAMUT_SLACK,
     HATCH_CODE,
@@ -193,9 +194,54 @@ def test_the_screen_is_gamut_s_mapping_but_for_the_shader_s_steps(gamut: str) ->
     np.testing.assert_allclose(shown, np.clip(truth @ space.RGB_from_XYZ.T, 0.0, 1.0), atol=6e-3)
 
 
+@pytest.mark.parametrize("model", ["CIECAM02", "CIELAB", "none"])
+@pytest.mark.parametrize("deficiency", DEFICIENCIES[1:])
+def test_the_shader_simulates_a_deficiency_as_numpy_does(model: str, deficiency: str) -> None:
+    """All forms of view transforms, clipped and with reduced chroma."""
+    coefficients, alpha, lit = bright_cube(white_XYZ(light("A")))
+    gl = GLEngine(coefficients, alpha)
+    plain = {}
+    for display in (Display(), Display(space="Display P3", gamut="reduce")):
+        viewing = Viewing(model=model, display=display)
+        plain[display.gamut] = gl.render(lit, viewing, np.float32)
+        for severity in (0.35, 1.0):
+            simulated = replace(viewing, deficiency=deficiency, severity=severity)
+            frame = gl.render(lit, simulated, np.float32)
+            truth = cpu_frame(coefficients, alpha, lit, simulated)
+            error = ciede2000(frame, truth, display.colours, f"{deficiency} {severity}, {model}")
+            # As without a simulation: see above.
+            assert error.mean() <= 0.005
+            assert error.max() <= (0.1 if display.gamut == "reduce" else 0.01)
+            assert np.abs(frame - plain[display.gamut]).max() > 0.05
+        none = replace(viewing, deficiency=deficiency, severity=0.0)
+        assert np.array_equal(gl.render(lit, none, np.float32), plain[display.gamut])
+    gl.close()
+
+
+def test_a_lut_is_looked_up_and_then_simulated() -> None:
+    given = bright_cube(white_XYZ(light("D65")))
+    viewing = Viewing(model="CIECAM02", deficiency="deutan", display=Display(mark=True))
+    by_lut, closed = (gl_frame(*given, viewing, lut3d=lut) for lut in (True, False))
+    # The closed form is drawn if a colour is outside of the LUT, else CIEDE2000 0.03 from it.
+    assert ciede2000(by_lut, closed).mean() < 0.1
+
+
+def test_another_deficiency_or_severity_costs_uniforms_alone() -> None:
+    coefficients, alpha, lit = bright_cube(white_XYZ(light("A")))
+    gl = GLEngine(coefficients, alpha)
+    gl.render(lit, Viewing(deficiency="protan"), np.uint8)
+    programs = len(gl._programs._compiled)
+    for deficiency in DEFICIENCIES[1:]:
+        for severity in (0.2, 0.9):
+            gl.render(lit, Viewing(deficiency=deficiency, severity=severity), np.uint8)
+    assert len(gl._programs._compiled) == programs
+    gl.close()
+
+
 def test_displays_draw_the_same_picture_as_webgl_2(monkeypatch: pytest.MonkeyPatch) -> None:
     display = Display(space="Rec. 2020", gamut="reduce", mark=True)
-    given = *bright_cube(white_XYZ(light("A"))), Viewing(display=display), np.uint8
+    viewing = Viewing(display=display, deficiency="tritan", severity=0.8)
+    given = *bright_cube(white_XYZ(light("A"))), viewing, np.uint8
     assert_drawn_alike_by_webgl_2(lambda: gl_frame(*given), monkeypatch)
 
 

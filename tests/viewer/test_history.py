@@ -142,6 +142,7 @@ _WORDS = {
     "viewing.set_space": "Display P3",
     "viewing.set_display_surround": "dim",
     "viewing.set_gamut": "reduce",
+    "viewing.set_deficiency": "tritan",
     "viewing.set_filter": "longpass:500",
     "viewing.set_mode": "exact",
     "viewing.set_level": "absolute",

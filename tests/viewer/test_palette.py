@@ -16,7 +16,7 @@ from tests.support.viewer import KINDS, VISIBLE, of_kind, run_command, with_desi
 from tests.viewer._edits import MODULES, drawn
 from volspec.basis import MaterialBasis
 from volspec.errors import PaletteError
-from volspec.palette import Cell, Criteria, load_palette, save_palette
+from volspec.palette import Apart, Cell, Criteria, load_palette, save_palette
 from volspec.pipeline import raycast
 from volspec.raycast import Ambient, LightGroup
 from volspec.relight import LightRig, relight
@@ -301,3 +301,32 @@ def test_any_kind_of_transfer_function_is_a_scene_to_wizards(state: ViewState, k
     assert type(scene.transfer) is type(state.transfer)
     assert [each.name for each in scene.lights] == list(column_names(state.lights))
     assert scene.relight.viewing == state.relight.viewing
+
+
+def test_materials_to_be_told_apart_come_with_a_palette_and_go_into_its_file(
+    state: ViewState, tmp_path: Path
+) -> None:
+    row = Apart(light=("D65", "A"), deficiency=("none", "deutan"), distance=30.0)
+    targets = replace(with_target(state, 0).palette.targets, apart=(row,))
+    begun = with_target(state, 0)
+    seen = replace(begun.relight.viewing, deficiency="deutan", severity=0.5)
+    begun = replace(
+        begun, palette=PaletteState(targets), relight=replace(begun.relight, viewing=seen)
+    )
+    save_palette(palette_from_state(begun), tmp_path / "palette.toml")
+    palette = load_palette(tmp_path / "palette.toml")
+    own = replace(row, reflectance=("copper", "gold"))
+    assert palette.apart == (own,) and palette.viewing.deficiency == "none"
+    loaded = palette_results.with_palette(state, palette)
+    assert loaded.palette.targets.apart == (own,)
+    assert loaded.relight.viewing.deficiency == state.relight.viewing.deficiency
+    kept = palette_results.with_palette(begun, palette).relight.viewing
+    assert (kept.deficiency, kept.severity) == ("deutan", 0.5)
+    (pair,) = colour_table(loaded).apart
+    assert pair.reflectances == ("copper", "gold") and pair.lights == ("D65", "A")
+    renamed = loaded.palette.targets.with_light_renamed("A", "lamp")
+    assert renamed.apart == (replace(own, light=("D65", "lamp")),)
+    # Lights that have been removed are left out, and a row without any.
+    less = replace(loaded, lights=loaded.lights[:1])
+    assert colour_table(less).apart[0].lights == ("D65",)
+    assert colour_table(replace(loaded, lights=loaded.lights[2:])).apart == ()

@@ -314,6 +314,9 @@ def test_settings_are_reached_by_name(state: ViewState) -> None:
             setting = row(f"setting {name}")
             assert (setting.panel, setting.item) == (panel, name) and setting.change is not None
             assert panel in after(setting.change, closed).state.interface.panels
+    deutan = row("deuteranopia deutan").change
+    assert deutan is not None
+    assert after(deutan, state).state.relight.viewing.deficiency == "deutan"
     dim, reduce = row("surround dim").change, row("gamut reduce").change
     assert dim is not None and reduce is not None
     assert after(dim, state).state.relight.viewing.surround == "dim"

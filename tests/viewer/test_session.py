@@ -20,6 +20,7 @@ import pytest
 from tests.support.errors import raises
 from tests.support.viewer import opened, picture
 from volspec.errors import Code, SceneError
+from volspec.palette import Apart
 from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene
@@ -27,6 +28,7 @@ from volspec.spectra import Spectrum, light
 from volspec.viewer.model import camera, lights, transfer_edits
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import Fade, LightRow
+from volspec.viewer.model.palette_targets import DesignTargets, PaletteState
 from volspec.viewer.model.state import Interface, ViewState
 from volspec.viewer.work import session_store
 from volspec.viewer.work.session import (
@@ -65,11 +67,13 @@ def worked_on(state: ViewState) -> ViewState:
         crop_voxels=((0, 9), (0, 11), (0, 11)),
     )
     display = replace(state.relight.viewing.display, gamut="reduce", mark=True)
-    seen = replace(
-        state.relight, viewing=replace(state.relight.viewing, model="CAM16", display=display)
-    )
+    eye = {"model": "CAM16", "deficiency": "protan", "severity": 0.7}
+    seen = replace(state.relight, viewing=replace(state.relight.viewing, **eye, display=display))
     window = Interface(dark=False, light=2, panels=frozenset({"Lights"}))
+    apart = Apart(light=("day",), deficiency=("none", "deutan"), severity=0.5)
+    palette = PaletteState(DesignTargets(apart=(apart,)))
     changes: dict[str, Any] = {"lights": rows, "other": state.lights, "divide": 0.3}
+    changes["palette"] = palette
     return replace(state, shading=shading, relight=seen, interface=window, **changes)
 
 
@@ -81,6 +85,7 @@ def test_all_that_was_made_comes_back_to_the_last_bit(tmp_path: Path) -> None:
     state = worked_on(opened(tmp_path))
     back = again(state, tmp_path)
     assert session_from_state(back).data == session_from_state(state).data
+    assert back.palette.targets.apart == state.palette.targets.apart != ()
     for name in ("view", "shift", "size", "divide", "interface", "shading"):
         assert getattr(back, name) == getattr(state, name), name
     lit = replace(state, size=(40, 30)), replace(back, size=(40, 30))

@@ -108,7 +108,7 @@ def test_a_volume_that_does_not_ship_is_missed_in_one_line() -> None:
         scene.volume()
 
 
-@pytest.mark.parametrize("name", ["figure-2-volume", "figure-6", "figure-7"])
+@pytest.mark.parametrize("name", ["figure-2-volume", "figure-6", "figure-7", "colour-vision"])
 def test_a_scene_is_exposed_as_its_palette(name: str) -> None:
     palette = load_palette(DATA / "palettes" / f"{name}.toml")
     path = DATA / "scenes" / f"{name.removesuffix('-volume')}.toml"

@@ -1,4 +1,4 @@
-"""Display XYZ to codes: colours outside of the display's gamut mapped or hatched, then encoded.
+"""Display XYZ to codes: gamut mapping, simulated colour vision, hatching and encoding.
 
     view transform -> [screen] -> frame | shaders/include/gamut.glsl, display.glsl
 
@@ -38,6 +38,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance import constants as k
+from volspec.appearance.deficiency import Simulation, simulation
 from volspec.appearance.display import Display
 from volspec.appearance.models.cam import HELLWIG_2022, CamConditions, compress, expand
 from volspec.appearance.spaces import ColourSpace
@@ -204,15 +205,22 @@ def reduce_chroma_opponent(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Screen:
-    """The last stage of a frame: gamut mapping, hatching and encoding for one display."""
+    """The last stage of a frame: gamut mapping, simulation, encoding and hatching."""
 
     space: ColourSpace
     RGB_from_XYZ: Array
     gamut: DisplayGamut | None  # reduces chroma; None clips
     mark: bool  # hatch the pixels with colours outside of the gamut
+    simulation: Simulation | None = None  # of a colour-vision deficiency
 
     @classmethod
-    def of(cls, display: Display, model: str = "CIECAM02") -> Screen:
+    def of(
+        cls,
+        display: Display,
+        model: str = "CIECAM02",
+        deficiency: str = "none",
+        severity: float = 1.0,
+    ) -> Screen:
         """Make the screen of a display, with the lightness and hue of `gamut_model`.
 
         Errors as `DisplayGamut.of`, if the display reduces chroma.
@@ -222,7 +230,8 @@ class Screen:
         if display.gamut == "reduce":
             eye = CamConditions.of_viewing(display.conditions, gamut_model(model))
             gamut = DisplayGamut.of(eye, space)
-        return cls(space, space.RGB_from_XYZ, gamut, display.mark)
+        simulated = simulation(deficiency, severity, space)
+        return cls(space, space.RGB_from_XYZ, gamut, display.mark, simulated)
 
     def linear(self, XYZ: ArrayLike) -> tuple[Array, Mask]:
         """Return linear RGB, not clipped, and a mask of the colours out of gamut.
@@ -243,7 +252,10 @@ class Screen:
         ``first_row`` is the first row's index in the picture; the hatch depends on it.
         """
         linear, outside = self.linear(XYZ)
-        codes = self.space.encode(np.clip(linear, 0.0, 1.0))
+        linear = np.clip(linear, 0.0, 1.0)
+        if self.simulation is not None:
+            linear = np.clip(self.simulation.apply(linear), 0.0, 1.0)
+        codes = self.space.encode(linear)
         return hatch(codes, outside, first_row) if self.mark else codes
 
 
@@ -263,10 +275,11 @@ def gamut_model(model: str) -> str:
 
 
 @lru_cache(maxsize=16)
-def _cached_screen(display: Display, model: str) -> Screen:
-    return Screen.of(display, model)
+def _cached_screen(display: Display, model: str, deficiency: str, severity: float) -> Screen:
+    return Screen.of(display, model, deficiency, severity)
 
 
 def screen_for_viewing(viewing: Viewing) -> Screen:
     """Return the screen of a viewing's display; the latest 16 are cached. Errors as `Screen.of`."""
-    return _cached_screen(viewing.display, gamut_model(viewing.model))
+    model = gamut_model(viewing.model)
+    return _cached_screen(viewing.display, model, viewing.deficiency, viewing.severity)

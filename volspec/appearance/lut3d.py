@@ -200,7 +200,7 @@ def needs_host_lut(model: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class LutKey:
-    """The inputs of a LUT: a viewing, gamut and mark at their defaults, and a light's white."""
+    """The inputs of a LUT: a viewing without what the screen applies, and a light's white."""
 
     viewing: Viewing
     white_XYZ: tuple[float, ...]
@@ -208,10 +208,10 @@ class LutKey:
     @classmethod
     def of(cls, viewing: Viewing, white_XYZ: Array) -> LutKey:
         """Make the key of a viewing, without conditions yet to be measured, under a light."""
-        # Transforms do not depend on gamut mapping.
+        # Transforms do not depend on gamut mapping, nor on who looks at the display.
         display = replace(viewing.display, gamut="clip", mark=False)
         white = tuple(float(value) for value in white_XYZ)
-        return cls(replace(viewing, display=display), white)
+        return cls(replace(viewing, display=display, deficiency="none", severity=1.0), white)
 
 
 class LutCache:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from volspec.appearance.deficiency import DeficiencyName
 from volspec.appearance.display import Display
 from volspec.appearance.models.hunt import HuntSettings
 from volspec.appearance.models.nayatani95 import NayataniSettings
@@ -150,6 +151,12 @@ class Viewing:
     Y_A: Background | None = None
     """Luminance factor of the scene's adapting field, if it is not the background's: L_A, if left
     out, is E_v/π · Y_A/100."""
+    deficiency: DeficiencyName = "none"
+    """Colour-vision deficiency to simulate, for a viewer with normal vision: protan lacks L cones,
+    deutan M cones, tritan S cones. Applied to the display's linear RGB, after gamut mapping."""
+    severity: Annotated[Fraction, Hint("1: the cone is lacking")] = 1.0
+    """Severity of the deficiency; below 1 the cone is there, but its sensitivity is shifted towards
+    another's (anomalous trichromacy). At 0 pictures are those of normal vision."""
 
     def __post_init__(self) -> None:
         refuse_two_degrees(self.D, self.discount)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 from rich.table import Table
@@ -16,6 +17,7 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError, PaletteError
 
 if TYPE_CHECKING:
+    from volspec.palette import Palette
     from volspec.scene import Scene
     from volspec.wizard import LightEvaluation, Redesigned
 
@@ -31,6 +33,10 @@ def design(
     difference: Annotated[
         Literal["CIEDE2000", "CAM16-UCS"], Parameter(converter=as_written)
     ] = "CIEDE2000",
+    apart: Annotated[list[str] | None, Parameter(negative="")] = None,
+    under: Annotated[list[str] | None, Parameter(negative="")] = None,
+    deficiency: Annotated[list[str] | None, Parameter(negative="")] = None,
+    distance: Annotated[float | None, Parameter(converter=as_written)] = None,
     json: Json = False,
 ) -> None:
     """Design a palette's open lights and reflectances to give the wanted colours.
@@ -39,13 +45,16 @@ def design(
 
     Example: `volspec design palette.toml -o designed.toml --figure palette.png`
 
+    Example: `volspec design palette.toml --apart vein --apart nerve --deficiency deutan`
+
     Use the designed spectra as `designed.toml#name` wherever a light or a reflectance is given:
     `volspec relight engine.exr --light "designed.toml#split 1" -o frame.png`.
 
     JSON: `cells` has a row for each cell: `reflectance`, `light`, `kind`, `wanted` and
     `obtained` display codes, `X`, `Y`, `Z`, `delta_E_2000`, `delta_E_1976`, `delta_E_CAM16`,
     `in_gamut`; besides `metamers`, `spectra` (bands at their bounds), `cost`, `mean`, `max` (of
-    `difference`) and `suggestions`.
+    `difference`), `suggestions`, and `apart`: of each pair to be distinguished, the CIEDE2000
+    under each of its `lights` and the `smallest`, for normal vision (`none`) and each deficiency.
 
     Parameters
     ----------
@@ -59,6 +68,16 @@ def design(
         Design on from values that already meet every cell, say, after a change of [criteria].
     difference
         Measure of the report's differences: CIEDE2000, or CAM16-UCS, which also suits large ones.
+    apart
+        Reflectance to distinguish from the others named so; repeatable, "*" for all. Adds an
+        [[apart]] to the palette.
+    under
+        Light under which to distinguish them; repeatable, all if omitted.
+    deficiency
+        Colour-vision deficiency with which to distinguish them, too: protan, deutan or tritan;
+        repeatable. Without --apart, it is added to the palette's [[apart]].
+    distance
+        Sufficient ΔE (CIELAB) between them; 20 if omitted.
     """
     from volspec.palette import DesignReport, load_palette, save_palette, suggestions
     from volspec.palette import design as solved
@@ -75,6 +94,7 @@ def design(
     with bar(quiet=json) as tell:
         tell("design", 0)
         asked = load_palette(palette)
+        asked = _with_apart(asked, apart or [], under or [], deficiency or [], distance)
         try:
             made = solved(asked, again=again)
         except InputError as error:
@@ -101,6 +121,48 @@ def design(
             say(path)
 
 
+def _with_apart(
+    palette: Palette,
+    reflectances: list[str],
+    lights: list[str],
+    deficiencies: list[str],
+    distance: float | None,
+) -> Palette:
+    """Return the palette with the reflectances to distinguish that the options give."""
+    from volspec.palette import Apart
+
+    with in_options(_APART):
+        if reflectances:
+            given: dict[str, Any] = {"reflectance": tuple(reflectances), "light": tuple(lights)}
+            given = {
+                key: "*" if "*" in names or not names else names for key, names in given.items()
+            }
+            if distance is not None:
+                given["distance"] = distance
+            given["deficiency"] = ("none", *deficiencies)
+            return replace(palette, apart=(*palette.apart, Apart(**given)))
+        for option, value in (("--under", lights), ("--distance", distance)):
+            if value:
+                raise InputError(
+                    f"{option} without --apart; name the reflectances to be distinguished, or "
+                    "leave it out",
+                    code="conflict",
+                )
+        if deficiencies and not palette.apart:
+            raise InputError(
+                f"--deficiency {deficiencies[0]}: the palette has no [[apart]] to add it to; name "
+                "the reflectances to be distinguished: --apart",
+                code="conflict",
+            )
+        if not deficiencies:
+            return palette
+        rows = []
+        for row in palette.apart:
+            wanted: Any = tuple(dict.fromkeys((*row.deficiencies, *deficiencies)))
+            rows.append(replace(row, deficiency=wanted))
+        return replace(palette, apart=tuple(rows))
+
+
 wizard = App(
     name="wizard", help="Hide, reveal, merge or keep materials; writes a new scene and its palette."
 )
@@ -118,6 +180,14 @@ Lamps = Annotated[
     list[str] | None,
     Parameter(name="--lamp", negative="", help="Lamp to mix the new light from; repeatable."),
 ]
+# Options by the fields of `volspec.palette.Apart`.
+_APART = {
+    "apart": "--apart",
+    "reflectance": "--apart",
+    "light": "--under",
+    "deficiency": "--deficiency",
+    "distance": "--distance",
+}
 # Options by the names of their parameters in `volspec.wizard`.
 _OPTIONS = {name: f"--{name}" for name in ("under", "distance", "like", "split")} | {
     "within": "--in",

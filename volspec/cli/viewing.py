@@ -49,7 +49,10 @@ _OPTIONS = {
     **_HUNT,
     **_NAYATANI,
 }
-_EYE_FIELDS = ("L_A", "Y_b", "surround", "D", "discount", "exposure", "adapting")
+_EYE_FIELDS = (
+    *("L_A", "Y_b", "surround", "D", "discount", "exposure", "adapting"),
+    *("deficiency", "severity"),
+)
 _LOOK_FIELDS = ("space", "gamut", "mark", "preset", "model", "mode", "backdrop")
 _OPTIONS |= {name: f"--{name}" for name in (*_EYE_FIELDS, *_LOOK_FIELDS)}
 
@@ -163,6 +166,18 @@ class PictureOptions(SceneOptions):
     mark: Annotated[bool | None, Parameter(group=_PICTURE, help="Hatch out-of-gamut colours.")] = (
         None
     )
+    deficiency: Annotated[
+        str | None,
+        Parameter(
+            group=_PICTURE,
+            help="Colour-vision deficiency to simulate for a viewer without one: protan, deutan, "
+            "tritan or none.",
+        ),
+    ] = None
+    severity: Annotated[
+        float | None,
+        _number("Severity of the deficiency, 0 to 1, a lacking cone.", group=_PICTURE),
+    ] = None
     adapting: Annotated[
         str | None,
         Parameter(
@@ -223,11 +238,20 @@ class PictureOptions(SceneOptions):
                     "--adapting picture or pixel, --surround measured or --adopted-white scene",
                     code="conflict",
                 )
+            if self.severity is not None and viewing.deficiency == "none":
+                raise InputError(
+                    f"--severity {self.severity:g}: no deficiency is simulated; add --deficiency "
+                    "protan, deutan or tritan",
+                    code="conflict",
+                )
             return replace(spec, viewing=viewing, **_given(others))
 
     def require_no_picture(self) -> None:
         """Refuse options that apply only to pictures."""
-        names = ("exposure", "space", "gamut", "mark", "adapting", "adopted_white", "fov_deg")
+        names = (
+            *("exposure", "space", "gamut", "mark", "deficiency", "severity"),
+            *("adapting", "adopted_white", "fov_deg"),
+        )
         for name in names:
             if getattr(self, name) is not None:
                 option = name.replace("_", "-")

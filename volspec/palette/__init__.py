@@ -2,13 +2,21 @@
 
 from volspec.palette.advice import suggestions
 from volspec.palette.file import load_palette
-from volspec.palette.model import Cell, Criteria, Palette
+from volspec.palette.model import Apart, Cell, Criteria, Palette
 from volspec.palette.optimisation import Design, design, fitted_exposure
-from volspec.palette.report import CellReport, DesignReport, MetamerReport, SpectrumReport
+from volspec.palette.report import (
+    ApartReport,
+    CellReport,
+    DesignReport,
+    MetamerReport,
+    SpectrumReport,
+)
 from volspec.palette.storage import save_palette
 from volspec.palette.variables import PaletteSpectrum
 
 __all__ = [
+    "Apart",
+    "ApartReport",
     "Cell",
     "CellReport",
     "Criteria",

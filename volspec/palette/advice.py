@@ -154,6 +154,7 @@ def _nearest_if_out_of_reach(palette: Palette, cell: CellReport) -> CellReport |
         lights=(column,),
         cells={cell.place: replace(own, weight=1.0)},
         criteria=criteria,
+        apart=(),
     )
     found = _report(alone)
     if found is None or found.max <= VISIBLE:

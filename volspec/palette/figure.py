@@ -3,7 +3,8 @@
 design, report -> [figure] -> PNG, PDF, SVG
 
 After figures 1 and 2 of [1]: in each cell the surround is the colour obtained, and the framed
-square is the colour wanted; the spectra are in the margins.
+square is the colour wanted; the spectra are in the margins. If reflectances are to be distinguished
+with a colour-vision deficiency, a strip in each cell shows its colour as simulated.
 
 References
 ----------
@@ -13,6 +14,8 @@ References
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,8 +34,10 @@ from volspec._figures import (
     write_figure,
 )
 from volspec._files import require_suffix
+from volspec.appearance.deficiency import DEFICIENCIES, Simulation, simulation
 from volspec.appearance.difference import SYMBOLS
-from volspec.appearance.spaces import spectrum_colours
+from volspec.appearance.spaces import ColourSpace, spectrum_colours
+from volspec.palette.model import Palette
 from volspec.palette.optimisation import Design
 from volspec.palette.report import CellReport, DesignReport
 from volspec.spectra import SpectralGrid
@@ -54,6 +59,8 @@ _GREY = "#777777"
 # Luma above which black is easier to read than white.
 _LIGHT = 0.55
 _VISIBLE = 1.0
+# Height of the strip of simulated colours, as a fraction of a cell.
+_STRIP = 0.18
 
 
 def palette_figure(design: Design, report: DesignReport | None = None, title: str = "") -> Figure:
@@ -68,8 +75,9 @@ def palette_figure(design: Design, report: DesignReport | None = None, title: st
         shorten(text, layout.width - 2 * _MARGIN)
     _draw_lights(figure, layout, design)
     _draw_reflectances(figure, layout, design)
-    _draw_cells(figure, layout, report)
-    _draw_key(figure, layout, report, design.palette.grid)
+    vision = _Vision.of(design.palette)
+    _draw_cells(figure, layout, report, vision)
+    _draw_key(figure, layout, report, design.palette.grid, vision)
     return figure
 
 
@@ -88,6 +96,35 @@ def save_palette_figure(
     """
     require_suffix(path, "figures", *SUFFIXES)
     write_figure(palette_figure(design, report, title), path)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Vision:
+    """Deficiencies that a palette's reflectances are to be distinguished with."""
+
+    space: ColourSpace
+    simulations: Mapping[str, Simulation]
+
+    @classmethod
+    def of(cls, palette: Palette) -> _Vision:
+        """Return the simulations that a palette asks for, each at its greatest severity."""
+        space, severities = (
+            palette.viewing.display.colours,
+            dict[str, float].fromkeys(DEFICIENCIES, 0.0),
+        )
+        for row in palette.apart:
+            for name in row.deficiencies:
+                severities[name] = max(severities[name], row.severity)
+        made = {name: simulation(name, severity, space) for name, severity in severities.items()}
+        return cls(space, {name: each for name, each in made.items() if each is not None})
+
+    def codes(self, shown: Array) -> dict[str, Array]:
+        """Return a colour's codes as simulated, by deficiency."""
+        linear = self.space.decode(shown)
+        return {
+            name: self.space.encode(np.clip(each.apply(linear), 0.0, 1.0))
+            for name, each in self.simulations.items()
+        }
 
 
 class _Layout:
@@ -185,7 +222,7 @@ def _draw_ticks(axes: Axes, grid: SpectralGrid, font: float) -> None:
               fontsize=0.8 * font, color=FAINT)  # fmt: skip
 
 
-def _draw_cells(figure: Figure, layout: _Layout, report: DesignReport) -> None:
+def _draw_cells(figure: Figure, layout: _Layout, report: DesignReport, vision: _Vision) -> None:
     pitch = layout.side + _GAP
     wide, tall = layout.columns * pitch + _GAP, layout.rows * pitch + _GAP
     axes = inch_axes(figure, layout.left, layout.bottom, wide, tall)
@@ -194,13 +231,23 @@ def _draw_cells(figure: Figure, layout: _Layout, report: DesignReport) -> None:
     _square(axes, 0, 0, wide, tall, facecolor=_GREY)
     for number, cell in enumerate(report.cells):
         x, y = layout.cell(*divmod(number, layout.columns))
-        _draw_cell(axes, x - layout.left, y - layout.bottom, layout, cell)
+        x, y = x - layout.left, y - layout.bottom
+        _draw_cell(axes, x, y, layout, cell, bool(vision.simulations))
+        seen = vision.codes(np.clip(cell.obtained, 0.0, 1.0))
+        for place, (name, codes) in enumerate(seen.items()):
+            wide, left = layout.side / len(seen), x + place * layout.side / len(seen)
+            _square(axes, left, y, wide, _STRIP * layout.side, facecolor=codes)
+            write(axes, left + 0.04, y + _STRIP * layout.side / 2, name, va="center",
+                  fontsize=0.7 * layout.font, color=_legible(codes))  # fmt: skip
 
 
-def _draw_cell(axes: Axes, x: float, y: float, layout: _Layout, cell: CellReport) -> None:
+def _draw_cell(
+    axes: Axes, x: float, y: float, layout: _Layout, cell: CellReport, striped: bool
+) -> None:
+    low = y + (_STRIP * layout.side if striped else 0.0)
     side, codes = layout.side, np.clip(cell.obtained, 0.0, 1.0)
     _square(axes, x, y, side, side, facecolor=codes)
-    on = "black" if float(codes @ (0.299, 0.587, 0.114)) > _LIGHT else "white"
+    on = _legible(codes)
     size = 0.44 * side
     at = x + (side - size) / 2, y + (side - size) / 2
     middle = x + side / 2, y + side / 2
@@ -217,11 +264,16 @@ def _draw_cell(axes: Axes, x: float, y: float, layout: _Layout, cell: CellReport
         write(axes, *middle, mark, ha="center", va="center", fontsize=1.1 * layout.font,
               color=on, alpha=0.7)  # fmt: skip
     if cell.error is not None and cell.error > _VISIBLE:
-        write(axes, x + side - 0.05, y + 0.05, f"{cell.error:.{1 if cell.error < 9.95 else 0}f}",
+        write(axes, x + side - 0.05, low + 0.05, f"{cell.error:.{1 if cell.error < 9.95 else 0}f}",
               ha="right", va="bottom", fontsize=0.85 * layout.font, color=on)  # fmt: skip
     if not cell.in_gamut:
         write(axes, x + side - 0.06, y + side - 0.05, "!", ha="right", va="top",
               fontsize=0.85 * layout.font, weight="bold", color=on)  # fmt: skip
+
+
+def _legible(codes: Array) -> str:
+    """Return the colour of writing on a colour."""
+    return "black" if float(codes @ (0.299, 0.587, 0.114)) > _LIGHT else "white"
 
 
 def _square(axes: Axes, x: float, y: float, wide: float, tall: float, **style: Any) -> None:
@@ -230,12 +282,15 @@ def _square(axes: Axes, x: float, y: float, wide: float, tall: float, **style: A
     axes.add_patch(Rectangle((x, y), wide, tall, **{"linewidth": 0.0, **style}))
 
 
-def _draw_key(figure: Figure, layout: _Layout, report: DesignReport, grid: SpectralGrid) -> None:
+def _draw_key(
+    figure: Figure, layout: _Layout, report: DesignReport, grid: SpectralGrid, vision: _Vision
+) -> None:
     kinds, symbol = {cell.kind for cell in report.cells}, SYMBOLS[report.difference]
     words = ["surround: obtained", "square: wanted"]
     words += ["dashed: left free"] * ("free" in kinds)
     words += ["=: the same as another"] * ("same" in kinds)
     words += ["≠: apart from another"] * ("distinct" in kinds)
+    words += ["strip: as simulated"] * bool(vision.simulations)
     words += [f"number: {symbol} above 1"] * (report.max > _VISIBLE)
     words += ["!: outside the display"] * any(not cell.in_gamut for cell in report.cells)
     totals = (

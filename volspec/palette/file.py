@@ -18,10 +18,9 @@ import numpy as np
 from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.basis import SpectralBasis, load_basis
 from volspec.errors import InputError, PaletteError, nearest
-from volspec.palette.model import Cell, Palette, Place, parse_colour
+from volspec.palette.model import EVERY, Cell, Palette, Place, parse_colour
 from volspec.palette.optimisation import fitted_exposure
 from volspec.palette.tables import (
-    EVERY,
     CellSpec,
     CriteriaSpec,
     LightMember,
@@ -38,7 +37,7 @@ _NOTES: dict[bool, dict[str, str]] = {True: {"designed": "volspec design"}, Fals
 # The time of a design grows with the cube of the number of bands.
 _MOST_BANDS = 1000
 # Classes whose fields a file's tables fill in.
-_OWNERS = ("Cell", "Criteria", "Palette", "PaletteSpectrum", "criteria")
+_OWNERS = ("Apart", "Cell", "Criteria", "Palette", "PaletteSpectrum", "criteria")
 FileName = str | os.PathLike[str]
 
 
@@ -147,6 +146,7 @@ class _Reader:
                 *(reflectances, lights, cells, table.viewing, grid, criteria),
                 level=table.criteria.level,
                 basis=basis,
+                apart=table.apart,
             )
 
     def _basis(self, table: CriteriaSpec) -> SpectralBasis | None:

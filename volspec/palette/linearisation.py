@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from volspec.palette.model import Cell, Index, Palette
+from volspec.palette.model import ApartPair, Cell, Index, Palette
 from volspec.palette.quadratic_program import Block, Term
 from volspec.palette.state import ColourModel, State
 
@@ -47,6 +47,10 @@ class AffineColour:
         """Return matrix · colour + shift."""
         parts = {name: matrix @ rows for name, rows in self.parts.items()}
         return AffineColour(parts, matrix @ self.constant + shift)
+
+    def plus(self, other: AffineColour) -> AffineColour:
+        """Return the sum with another of other variables."""
+        return AffineColour({**self.parts, **other.parts}, self.constant + other.constant)
 
     def equality(self, other: AffineColour, weight: float, label: str) -> Term:
         """Return the equations by which the colour equals another."""
@@ -106,6 +110,8 @@ class CellEquations:
     Lab_slopes: Array  # (R, L, 3, 3): CIELAB by linear RGB, chords or tangents
     Lab_at_black: Array  # (R, L, 3): value of the chords or tangents at linear RGB 0
     wanted: Mapping[Index, tuple[Array, Array]]  # linear RGB and CIELAB, black included
+    model: ColourModel  # between linear RGB and CIELAB, the same under every light
+    RGB: Array  # (R, L, 3): current colours; in the first iteration, those wanted
     free: Mapping[str, tuple[Array, Array]]  # slopes and value at linear RGB 0, by group
     at_current: Linearisation
     at_wanted: Linearisation  # for equality constraints, and in the first iteration
@@ -140,6 +146,8 @@ class CellEquations:
             slopes,
             Lab - (slopes @ current[..., None])[..., 0],
             wanted,
+            model,
+            ends if variables.first else current,
             {group: _tangent(model, colour) for group, colour in free.items()},
             Linearisation.at(variables, models, XYZ),
             Linearisation.at(variables, models, anchors),
@@ -153,7 +161,8 @@ class CellEquations:
             more, rows = self._equations(place, cell)
             blocks |= more
             terms += [term for term in rows if term.parts]
-        return blocks, terms
+        more, rows = self._apart_equations()
+        return blocks | more, [*terms, *rows]
 
     def _equations(self, place: Index, cell: Cell) -> tuple[dict[str, Block], list[Term]]:
         palette, first = self._palette, self.at_current.variables.first
@@ -209,6 +218,52 @@ class CellEquations:
         far = self._metric(shown, place, in_RGB=False).transform(along)
         return blocks, [*shows, far.equality(enough, cell.weight, label)]
 
+    def _apart_equations(self) -> tuple[dict[str, Block], list[Term]]:
+        """Return equations by which viewers distinguish pairs of colours, one for each deficiency.
+
+        Along the direction u in which the viewer sees the two differ now, or as they are wanted in
+        the first iteration,
+
+            u · (Lab(M c) - Lab(M c')) - excess = distance,   excess >= 0
+
+        where M c is the simulated colour, and c lies within the display's gamut; linearised, this
+        is convex. Pairs that already differ by more cost nothing, as the excess is free.
+        """
+        blocks: dict[str, Block] = {}
+        terms: list[Term] = []
+        weights: dict[Index, float] = {}
+        for number, pair in enumerate(self._palette.apart_pairs()):
+            for place in (pair.one, pair.other):
+                weights[place] = max(weights.get(place, 0.0), pair.row.weight)
+            for deficiency in pair.row.deficiencies:
+                excess = f"excess of pair {number} for {deficiency}"
+                blocks[excess] = Block(1, np.zeros(1), np.full(1, math.inf))
+                terms.append(self._apart_equation(pair, deficiency, excess))
+        for place, weight in weights.items():
+            name, shown = _variable_colour(_shown_name(place))
+            blocks[name] = Block(3, np.zeros(3), np.ones(3))
+            label = f"the gamut at {place}"
+            terms.append(self.at_current.colour(place).equality(shown, _GAMUT * weight, label))
+        return blocks, terms
+
+    def _apart_equation(self, pair: ApartPair, deficiency: str, excess: str) -> Term:
+        row, ends, RGB = pair.row, (pair.one, pair.other), self.RGB
+        seen = [self.model.simulated_Lab(RGB[place], deficiency, row.severity) for place in ends]
+        compared = np.array([float(row.lightness), 1.0, 1.0])
+        way = compared * (seen[0] - seen[1])
+        if np.linalg.norm(way) < _ALIKE:
+            way = way + _ALIKE * np.array([0.0, 1.0, 1.0])
+        unit = ROW_WEIGHT * _Lab_UNIT
+        along = unit * (way / np.linalg.norm(way))[None]
+        colours = []
+        for place in ends:
+            slopes, at_black = self.model.simulated_tangent(RGB[place], deficiency, row.severity)
+            _, shown = _variable_colour(_shown_name(place))
+            colours.append(shown.transform(along @ slopes, along @ at_black))
+        over = AffineColour({excess: unit * np.eye(1)}, np.array([unit * row.distance]))
+        far = colours[1].plus(over)
+        return colours[0].equality(far, row.weight, excess)
+
     def _metric(self, colour: AffineColour, place: Index, in_RGB: bool) -> AffineColour:
         """Transform a colour near the colour of a place to the metric's coordinates."""
         if in_RGB:
@@ -239,6 +294,10 @@ def _tangent(model: ColourModel, colour: Array) -> tuple[Array, Array]:
     """Return the slopes of CIELAB at a colour and the tangent's value at linear RGB 0."""
     slopes = model.Lab_chord(colour, colour)
     return slopes, model.Lab_from_RGB(colour) - slopes @ colour
+
+
+def _shown_name(place: Index) -> str:
+    return f"the colour shown at {place}"
 
 
 def _variable_colour(name: str) -> tuple[str, AffineColour]:

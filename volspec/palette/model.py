@@ -1,5 +1,7 @@
 """Palettes: lights are columns, reflectances are rows, and cells have the wanted colours.
 
+Colours that any viewer must be able to distinguish are rows of their own, `Apart`.
+
     spectra, appearance -> [model] -> linearisation -> optimisation -> report
 
 References
@@ -10,19 +12,21 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 from types import MappingProxyType
 from typing import Annotated, Literal, get_args
 
 import numpy as np
 from pydantic import Field
 
+from volspec.appearance.deficiency import DeficiencyName
 from volspec.appearance.spec import Viewing
 from volspec.basis import SpectralBasis
 from volspec.errors import Code, PaletteError, SpectrumError, nearest, quoted
 from volspec.palette.variables import PaletteSpectrum, fault
-from volspec.settings import NotNegative, settings
+from volspec.settings import Fraction, Hint, NotNegative, Positive, settings
 from volspec.spectra import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.construct.colours import sRGB_from_word
 
@@ -38,6 +42,12 @@ METRICS: tuple[Metric, ...] = get_args(Metric)
 Level = Literal["relative", "absolute"]
 LEVELS: tuple[Level, ...] = get_args(Level)
 _CODES_REMEDY = "give three display codes from 0 to 1"
+EVERY = "*"
+"""Instead of names: every light, or every reflectance."""
+Names = Annotated[
+    str | Annotated[tuple[str, ...], Field(strict=False)],
+    Hint('a name, several, or "*" for all', whole=True),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +163,63 @@ def hexadecimal(codes: Iterable[float]) -> str:
 
 
 @settings(PaletteError)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Apart:
+    """Reflectances to be distinguished, pair by pair, by viewers with and without a deficiency.
+
+    Examples
+    --------
+    >>> Apart(reflectance=("vein", "nerve"), deficiency=("none", "deutan")).distance
+    20.0
+    """
+
+    reflectance: Annotated[Names, Field(examples=[["vein", "nerve"]])] = EVERY
+    """Reflectances, each to be distinguished from each other."""
+    light: Annotated[Names, Field(examples=["day"])] = EVERY
+    """Lights under which to distinguish them."""
+    deficiency: Annotated[
+        DeficiencyName | Annotated[tuple[DeficiencyName, ...], Field(strict=False, min_length=1)],
+        Hint("none, protan, deutan, tritan, or several", whole=True),
+    ] = "none"
+    """Colour-vision deficiencies of the viewers; none is normal vision, which is not implied."""
+    severity: Fraction = 1.0
+    """Severity of the deficiencies; 1 is dichromacy."""
+    distance: Annotated[Positive, Field(le=100)] = 20.0
+    """Sufficient ΔE (CIELAB) between the two colours as these viewers see them."""
+    lightness: bool = True
+    """false: only differences of a* and b* count, as shading changes lightness anyway."""
+    weight: Positive = 1.0
+    """Importance relative to the cells."""
+
+    @property
+    def deficiencies(self) -> tuple[DeficiencyName, ...]:
+        """The deficiencies, each once."""
+        own = self.deficiency
+        return (own,) if isinstance(own, str) else tuple(dict.fromkeys(own))
+
+    def renamed(self, reflectances: Mapping[str, str], lights: Mapping[str, str]) -> Apart | None:
+        """Return the row with new names, without those that have none; None if no pair is left."""
+        rows = tuple(reflectances[name] for name in _listed(self.reflectance, reflectances))
+        columns = tuple(lights[name] for name in _listed(self.light, lights))
+        return replace(self, reflectance=rows, light=columns) if rows[1:] and columns else None
+
+
+def _listed(given: str | tuple[str, ...], known: Iterable[str]) -> list[str]:
+    """Return those of the given names that are known, each once, in their order."""
+    names = known if given == EVERY else (given,) if isinstance(given, str) else given
+    return [name for name in dict.fromkeys(names) if name in known]
+
+
+@dataclass(frozen=True, slots=True)
+class ApartPair:
+    """Two cells that a row of `Apart` asks to be distinguished."""
+
+    row: Apart
+    one: Index
+    other: Index
+
+
+@settings(PaletteError)
 @dataclass(frozen=True, slots=True)
 class Criteria:
     """Criteria of a design besides its cells."""
@@ -190,6 +257,8 @@ class Palette:
         Given lights have Y = 100.
     basis : SpectralBasis, optional
         For `Criteria.subspace`; on the palette's grid.
+    apart : tuple of Apart
+        Reflectances to be distinguished, also by viewers with a colour-vision deficiency.
 
     Raises
     ------
@@ -206,6 +275,7 @@ class Palette:
     criteria: Criteria = field(default_factory=Criteria)
     level: Level = "relative"
     basis: SpectralBasis | None = None
+    apart: tuple[Apart, ...] = ()
 
     def __post_init__(self) -> None:
         for name in ("reflectances", "lights"):
@@ -218,6 +288,7 @@ class Palette:
                 problem = f"two are named {twice!r}; rename one"
                 raise fault(f"Palette.{name}", problem, "duplicate", twice)
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))
+        object.__setattr__(self, "apart", tuple(self.apart))
         if not self.cells:
             problem = "is empty; give at least one wanted colour"
             raise fault("Palette.cells", problem, "missing")
@@ -227,6 +298,11 @@ class Palette:
         if self.criteria.subspace:
             self._check_basis()
         self._check_cells()
+        for number, row in enumerate(self.apart, start=1):
+            rows, _ = self._apart_names(number, row)
+            if len(rows) < 2:
+                problem = f"row {number} has one reflectance, {rows[0]!r}; name another"
+                raise fault("Palette.apart", problem, "missing", rows[0])
         if not any(member.free for member in (*self.reflectances, *self.lights)):
             problem = "every spectrum is given; make one free to design it"
             raise fault("Palette.reflectances", problem, "missing")
@@ -270,6 +346,30 @@ class Palette:
         low = np.max([(0.0, 0.0, 0.0), *(cell.low for cell in own)], axis=0)
         high = np.min([(1.0, 1.0, 1.0), *(cell.high for cell in own)], axis=0)
         return tuple(low.tolist()), tuple(high.tolist())
+
+    def _apart_names(self, number: int, row: Apart) -> tuple[list[str], list[str]]:
+        """Return the reflectances and lights of a row, each once; refuse unknown names."""
+        found = []
+        for kind, given, known in (
+            ("reflectance", row.reflectance, self.names[0]),
+            ("light", row.light, self.names[1]),
+        ):
+            names = known if given == EVERY else (given,) if isinstance(given, str) else given
+            unknown = next((name for name in names if name not in known), None)
+            if unknown is not None or not names:
+                hint = f"{nearest(unknown or '', known)}known: {', '.join(known)}"
+                problem = f"no {kind} is named {unknown!r}" if names else f"{kind} is empty"
+                raise fault("Palette.apart", f"row {number}: {problem}; {hint}", "unknown", unknown)
+            found.append(list(dict.fromkeys(names)))
+        return found[0], found[1]
+
+    def apart_pairs(self) -> Iterator[ApartPair]:
+        """Yield every pair of cells to be distinguished, light by light."""
+        for number, row in enumerate(self.apart, start=1):
+            rows, columns = self._apart_names(number, row)
+            for column in columns:
+                for one, other in combinations(rows, 2):
+                    yield ApartPair(row, self.index((one, column)), self.index((other, column)))
 
     def index(self, place: Place) -> Index:
         """Return the row and column of a place."""

@@ -209,7 +209,28 @@ def true_cost(state: State) -> float:
         if cell.kind == "distinct":
             off = np.array([max(cell.distance - float(np.linalg.norm(off)), 0.0)])
         total += float(((_finite_weight(cell) * unit * off) ** 2).sum()) / 3.0
+    total += apart_cost(state, state.RGB(models))
     return total + palette.criteria.smoothness**2 * _roughness(state)
+
+
+def shortfalls(state: State, RGB: Array) -> Iterator[tuple[float, float]]:
+    """Yield (weight, ΔE that is lacking) of each pair to be distinguished, for each deficiency."""
+    model = state.colour_models()[0]
+    for pair in state.palette.apart_pairs():
+        row = pair.row
+        for deficiency in row.deficiencies:
+            one, other = (
+                model.simulated_Lab(RGB[place], deficiency, row.severity)[
+                    0 if row.lightness else 1 :
+                ]
+                for place in (pair.one, pair.other)
+            )
+            yield row.weight, max(row.distance - float(np.linalg.norm(one - other)), 0.0)
+
+
+def apart_cost(state: State, RGB: Array) -> float:
+    """Return the weighted squared shortfalls of pairs to be distinguished."""
+    return sum((weight * 0.01 * lacking) ** 2 / 3.0 for weight, lacking in shortfalls(state, RGB))
 
 
 def _finite_weight(cell: Cell) -> float:
@@ -392,7 +413,7 @@ def _is_designed(state: State) -> bool:
             away = max(away, float(np.linalg.norm(Lab[place] - inside)))
         if away > _KEPT_dE:
             return False
-    return True
+    return all(lacking <= _KEPT_dE for _, lacking in shortfalls(state, RGB))
 
 
 def _spectrum(member: PaletteSpectrum) -> Spectrum:

@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.deficiency import DEFICIENCIES
 from volspec.appearance.difference import Difference, distance, uniform
+from volspec.appearance.models.cielab import delta_E_2000
 from volspec.palette.model import Cell, Place, Triple, hexadecimal
-from volspec.palette.optimisation import Design, Phase, compared_colours
+from volspec.palette.optimisation import Design, Phase, apart_cost, compared_colours
 from volspec.palette.state import ColourModel, State
 from volspec.spectra import Spectrum
 
@@ -121,6 +123,41 @@ class MetamerReport:
 
 
 @dataclass(frozen=True, slots=True)
+class ApartReport:
+    """Two reflectances to be distinguished, as viewers with and without a deficiency see them.
+
+    Parameters
+    ----------
+    reflectances : (str, str)
+    deficiencies : tuple of str
+        Those asked for; ``"none"`` is normal vision.
+    severity : float
+        Of all deficiencies.
+    lights : tuple of str
+        Those under which to distinguish them.
+    delta_E : {light: {deficiency: float}}
+        CIEDE2000 between the two on the display, for every light and every deficiency.
+    """
+
+    reflectances: tuple[str, str]
+    deficiencies: tuple[str, ...]
+    severity: float
+    lights: tuple[str, ...]
+    delta_E: dict[str, dict[str, float]]
+
+    @property
+    def smallest(self) -> dict[str, float]:
+        """Least CIEDE2000 under ``lights`` by deficiency, ``"none"`` included."""
+        return {
+            name: min(self.delta_E[light][name] for light in self.lights) for name in DEFICIENCIES
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the figures for JSON."""
+        return asdict(self) | {"smallest": self.smallest}
+
+
+@dataclass(frozen=True, slots=True)
 class SpectrumReport:
     """Counts of a free spectrum's bands (or lamps), and of the bands that touch its bounds.
 
@@ -148,11 +185,13 @@ class DesignReport:
     spectra : tuple of SpectrumReport
     exposure : float
     cost : {criterion: float}
-        Terms ``colours``, ``smoothness`` and ``subspace`` of the sum that the design minimises.
+        Terms ``colours``, ``smoothness``, ``subspace`` and ``apart`` of the sum that the design
+        minimises.
     suggestions : tuple of str
         Changes that would help; see `volspec.suggestions`.
     difference : {"CIEDE2000", "CAM16-UCS"}
         Measure of the errors and of the metamers.
+    apart : tuple of ApartReport
     """
 
     cells: tuple[CellReport, ...]
@@ -162,6 +201,7 @@ class DesignReport:
     cost: dict[str, float]
     suggestions: tuple[str, ...] = ()
     difference: Difference = "CIEDE2000"
+    apart: tuple[ApartReport, ...] = ()
 
     @classmethod
     def of(
@@ -203,6 +243,7 @@ class DesignReport:
             _costs(state, cells),
             tuple(suggestions),
             difference,
+            tuple(apart_reports(state, targets)),
         )
 
     @property
@@ -236,6 +277,7 @@ class DesignReport:
             "metamers": [asdict(pair) for pair in self.metamers],
             "spectra": [asdict(spectrum) for spectrum in self.spectra],
             "suggestions": list(self.suggestions),
+            "apart": [pair.to_dict() for pair in self.apart],
         }
 
     def __str__(self) -> str:
@@ -298,6 +340,29 @@ def _coordinates(RGB: ArrayLike, model: ColourModel, difference: Difference) -> 
 def _all_coordinates(RGB: Array, models: Sequence[ColourModel], difference: Difference) -> Array:
     columns = [_coordinates(RGB[:, j], m, difference) for j, m in enumerate(models)]
     return np.stack(columns, axis=1)
+
+
+def apart_reports(state: State, targets: Mapping[Place, Cell]) -> Iterator[ApartReport]:
+    """Yield a report of each pair to be distinguished, those of distinct cells included."""
+    models = state.colour_models()
+    RGB, (rows, columns) = state.RGB(models), state.palette.names
+    asked: dict[tuple[Any, ...], list[str]] = {}
+    for pair in state.palette.apart_pairs():
+        (one, column), (other, _) = pair.one, pair.other
+        key = rows[one], rows[other], pair.row.deficiencies, pair.row.severity
+        asked.setdefault(key, []).append(columns[column])
+    for (row, light), cell in targets.items():
+        if cell.kind == "distinct" and cell.other is not None and cell.other[1] == light:
+            asked.setdefault((row, cell.other[0], ("none",), 1.0), []).append(light)
+    for (one, other, deficiencies, severity), lights in asked.items():
+        found: dict[str, dict[str, float]] = {}
+        for light in columns:
+            at = [RGB[state.palette.index((row, light))] for row in (one, other)]
+            found[light] = {
+                name: float(delta_E_2000(*(models[0].simulated_Lab(c, name, severity) for c in at)))
+                for name in DEFICIENCIES
+            }
+        yield ApartReport((one, other), deficiencies, severity, tuple(dict.fromkeys(lights)), found)
 
 
 def _triple(values: Array) -> Triple:
@@ -377,4 +442,5 @@ def _costs(state: State, cells: tuple[CellReport, ...]) -> dict[str, float]:
             off = float(np.linalg.norm(space.decode(cell.wanted) - space.decode(cell.obtained)))
         colours += (cell.weight * off) ** 2 / 3.0
     phases = Phase(state, lights=False).costs(), Phase(state, lights=True).costs()
-    return {"colours": colours} | {name: sum(p[name] for p in phases) for name in phases[0]}
+    costs = {"colours": colours} | {name: sum(p[name] for p in phases) for name in phases[0]}
+    return costs | {"apart": apart_cost(state, state.RGB())}

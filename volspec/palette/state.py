@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from volspec.appearance.deficiency import Simulation, simulation
 from volspec.appearance.models.cielab import XYZ_from_cielab, cielab, cielab_chord
 from volspec.appearance.scene_to_display import CLOSED, view_transform
 from volspec.appearance.spaces import ColourSpace
@@ -82,6 +83,28 @@ class ColourModel:
         """Return (..., 3) linear RGB: the inverse of `Lab_from_RGB`."""
         return XYZ_from_cielab(Lab, self.space.white_XYZ) @ _RGB_from_XYZ(self.space).T
 
+    def simulated_Lab(
+        self, RGB: ArrayLike, deficiency: str = "none", severity: float = 1.0
+    ) -> Array:
+        """Return (..., 3) CIELAB of colours on the display as a deficient observer sees them."""
+        shown: Array = np.clip(RGB, 0.0, 1.0)
+        simulated = _simulation(deficiency, severity, self.space)
+        if simulated is not None:
+            shown = np.clip(simulated.apply(shown), 0.0, 1.0)
+        return self.Lab_from_RGB(shown)
+
+    def simulated_tangent(
+        self, RGB: Array, deficiency: str, severity: float
+    ) -> tuple[Array, Array]:
+        """Return slopes of `simulated_Lab` by linear RGB, and the value of its tangent at 0."""
+        shown, matrix = np.clip(RGB, 0.0, 1.0), np.eye(3)
+        simulated = _simulation(deficiency, severity, self.space)
+        if simulated is not None:
+            matrix = simulated.matrix(shown)
+        seen = matrix @ shown
+        slopes = self.Lab_chord(seen, seen) @ matrix
+        return slopes, self.Lab_from_RGB(seen) - slopes @ shown
+
     def Lab_chord(self, one: ArrayLike, other: ArrayLike) -> Array:
         """Return the (..., 3, 3) chord W of two RGBs: Lab(one) - Lab(other) = W (one - other)."""
         ratio_from_RGB = _XYZ_from_RGB(self.space) / self.space.white_XYZ[:, None]
@@ -97,6 +120,11 @@ def _XYZ_from_RGB(space: ColourSpace) -> Array:
 @lru_cache(maxsize=16)
 def _RGB_from_XYZ(space: ColourSpace) -> Array:
     return space.RGB_from_XYZ
+
+
+@lru_cache(maxsize=64)
+def _simulation(deficiency: str, severity: float, space: ColourSpace) -> Simulation | None:
+    return simulation(deficiency, severity, space)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

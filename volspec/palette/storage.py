@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,6 +101,8 @@ def _filled_source(palette: Palette, source: Path, target: Path) -> TOMLDocument
     space = document.get("viewing", {}).get("display", {}).get("space")
     if elsewhere and isinstance(space, str) and is_profile(space):
         document["viewing"]["display"]["space"] = rebase_path(space, *folders)
+    if palette.apart != table.apart:
+        document["apart"] = _table_array([plain(row) for row in palette.apart])
     if table.auto_exposure:
         document["viewing"]["exposure"] = float(f"{palette.viewing.exposure:.6g}")
     if (basis := table.criteria.basis) and basis.endswith(".json"):
@@ -130,6 +133,8 @@ def _new_document(palette: Palette, comment: str) -> TOMLDocument:
         document[kind] = _table_array([_spectrum_keys(member, palette) for member in members])
     cells = [{"at": list(at), **dict(_cell_keys(cell))} for at, cell in palette.cells.items()]
     document["cell"] = _table_array(cells)
+    if palette.apart:
+        document["apart"] = _table_array([plain(row) for row in palette.apart])
     for kind in ("light", "reflectance"):
         for entry in document[kind]:
             if "values" in entry:
@@ -153,7 +158,9 @@ def _viewing_keys(palette: Palette) -> dict[str, Any]:
     if viewing.is_measured or viewing.fov_deg is not None:
         problem = "it adapts to a picture, but a palette has none; give fixed conditions"
         raise fault("Palette.viewing", problem, "unsupported")
-    return {"model": viewing.model, **plain(viewing)}
+    # Designs compare colours before a simulation.
+    own = replace(viewing, deficiency="none", severity=1.0)
+    return {"model": viewing.model, **plain(own)}
 
 
 def _criteria_keys(palette: Palette) -> dict[str, Any]:

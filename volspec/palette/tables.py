@@ -16,7 +16,7 @@ from pydantic import Field
 
 from volspec.appearance import Viewing
 from volspec.errors import PaletteError
-from volspec.palette.model import Criteria, Level
+from volspec.palette.model import Apart, Criteria, Level, Names
 from volspec.palette.variables import fault
 from volspec.settings import FLAT, PYTHON_ONLY, Hint, Name, Pair, Unit, Vector, settings
 
@@ -25,13 +25,7 @@ Colour = Annotated[
     str | Annotated[tuple[float, ...], Field(strict=False)],
     Hint("a name, #RRGGBB or three numbers", whole=True),
 ]
-Names = Annotated[
-    str | Annotated[tuple[str, ...], Field(strict=False)],
-    Hint('a name, several, or "*" for all', whole=True),
-]
 Bound = float | Literal["none"]
-EVERY = "*"
-"""In a cell: every light, or every reflectance."""
 WANTS = ("colour", "free", "black", "same", "distinct")
 
 
@@ -191,6 +185,8 @@ class PaletteFile:
     """Rows."""
     cell: Annotated[tuple[CellSpec, ...], Field(strict=False, min_length=1)]
     """Wanted colours."""
+    apart: Annotated[tuple[Apart, ...], Field(strict=False)] = ()
+    """Reflectances to be distinguished."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:
@@ -201,6 +197,10 @@ class PaletteFile:
         for key in ("adapting", "fov_deg"):
             if key in given:
                 raise fault(f"viewing.{key}", "measured in pictures; leave it out", "unknown")
+        for key in ("deficiency", "severity"):
+            if key in given:
+                problem = "a design compares colours before a simulation"
+                raise fault(f"viewing.{key}", f"{problem}; give it in [[apart]]", "unknown")
         for key, measured in (("surround", "measured"), ("adopted_white", "scene")):
             if given.get(key) == measured:
                 problem = f"{measured!r} is of pictures; leave it out"

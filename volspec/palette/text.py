@@ -6,19 +6,20 @@ DesignReport -> [text] -> rich
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from volspec.appearance.deficiency import VISION
 from volspec.appearance.difference import SYMBOLS
 from volspec.palette.model import hexadecimal
 from volspec.palette.variables import mixture_text
 
 if TYPE_CHECKING:
-    from volspec.palette.report import CellReport, DesignReport, MetamerReport
+    from volspec.palette.report import ApartReport, CellReport, DesignReport, MetamerReport
 
 # With more lights than this there is no room for codes and differences.
 _MOST_WITH_CODES = 6
@@ -38,7 +39,10 @@ def plain_text(report: DesignReport) -> str:
 
 def render(report: DesignReport, *, colours: bool) -> Group:
     """Return the report as rich renderables, with swatches if ``colours``."""
-    blocks: list[RenderableType] = [_matrix(report, colours), Text(""), *_lines(report)]
+    blocks: list[RenderableType] = [_matrix(report, colours), Text("")]
+    if report.apart:
+        blocks += [_apart(report.apart), Text("")]
+    blocks += _lines(report)
     if report.suggestions:
         blocks += [Text(""), Text("what would help", style="dim")]
         bullets = Table.grid(padding=(0, 1))
@@ -124,6 +128,35 @@ def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
     most = f"at most ΔE {there}" if len(pairs) > 1 else f"ΔE {there}"
     apart = f", apart {', '.join(elsewhere)}" if elsewhere else ""
     return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart}")
+
+
+def _apart(pairs: Sequence[ApartReport]) -> Table:
+    """Pairs as rows, kinds of colour vision as columns: least ΔE00 under the lights asked for."""
+    table = Table(box=None, pad_edge=False, show_edge=False, header_style="dim")
+    table.add_column("apart, least ΔE00", style="bold")
+    table.add_column("under")
+    for name in VISION.values():
+        table.add_column(name, justify="right")
+    for pair in pairs:
+        severity = "" if pair.severity == 1.0 else f", severity {pair.severity:g}"
+        title = f"{' and '.join(pair.reflectances)}{severity}"
+        figures = (
+            Text(f"{value:.0f}", style="bold" if name in pair.deficiencies else "")
+            for name, value in pair.smallest.items()
+        )
+        table.add_row(Text(title), Text(", ".join(pair.lights)), *figures)
+        others = [light for light in pair.delta_E if light not in pair.lights]
+        for light in others if len(others) <= _MOST_NAMED else ():
+            numbers = (Text(f"{value:.0f}", style="dim") for value in pair.delta_E[light].values())
+            table.add_row("", Text(light, style="dim"), *numbers)
+    return table
+
+
+def apart_text(pair: ApartReport) -> str:
+    """Return a pair's lights, reflectances, and smallest CIEDE2000 by colour vision."""
+    severity = "" if pair.severity == 1.0 else f" (severity {pair.severity:g})"
+    figures = ", ".join(f"{VISION[name]} {value:.0f}" for name, value in pair.smallest.items())
+    return f"{', '.join(pair.lights)}: {' – '.join(pair.reflectances)} ΔE {figures}{severity}"
 
 
 def _range(values: list[float]) -> str:

@@ -21,7 +21,8 @@ from volspec._gpu.sources import assemble
 from volspec.appearance import gamut_mapping, lut3d
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.constants import shader_constants
-from volspec.appearance.gamut_mapping import SHADER_STEPS, Screen
+from volspec.appearance.deficiency import Simulation
+from volspec.appearance.gamut_mapping import SHADER_STEPS, DisplayGamut, Screen
 from volspec.appearance.lut3d import NODES, LutSpace
 from volspec.appearance.models.cam import CamTransform
 from volspec.appearance.spaces import ColourSpace
@@ -127,13 +128,25 @@ def transform_uniforms(transform: DrawnTransform, target: Screen) -> Uniforms:
 
 
 def screen_form(target: Screen) -> dict[str, int]:
-    """Return the constants with which ``shaders/include/gamut.glsl`` is compiled."""
-    return {"REDUCE": int(target.gamut is not None), "MARK": int(target.mark)}
+    """Return the constants with which ``gamut.glsl`` and ``display.glsl`` are compiled."""
+    reduce, simulate = target.gamut is not None, target.simulation is not None
+    return {"REDUCE": int(reduce), "MARK": int(target.mark), "SIMULATE": int(simulate)}
 
 
 def screen_uniforms(target: Screen) -> Uniforms:
-    """Return the uniforms of a display: ``gamut.*`` if it reduces chroma, else nothing."""
-    gamut = target.gamut
+    """Return a display's uniforms: ``gamut.*`` and ``deficiency.*``, as far as it needs them."""
+    return _gamut_uniforms(target.gamut) | _deficiency_uniforms(target.simulation)
+
+
+def _deficiency_uniforms(simulation: Simulation | None) -> Uniforms:
+    if simulation is None:
+        return {}
+    above, below = simulation.above.T, simulation.below.T
+    values = {"above": above, "below": below, "plane": simulation.plane}
+    return _flat({f"deficiency.{name}": value for name, value in values.items()})
+
+
+def _gamut_uniforms(gamut: DisplayGamut | None) -> Uniforms:
     if gamut is None:
         return {}
     # XYZ cancel out: the shader starts from the display's linear RGB.

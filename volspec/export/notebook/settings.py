@@ -30,7 +30,10 @@ LightLike = str | Spectrum | LightRig
 # Lights offered for an image without lights of its own.
 DEFAULT_LIGHTS = ("D65", "A", "FL11", "HP1")
 # Keys of a look in web/state.js that are fields of a Viewing.
-_LOOK = ("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure", "gamut", "mark")
+_LOOK = (
+    *("model", "lux", "L_A", "Y_b", "surround", "D", "discount", "exposure", "gamut", "mark"),
+    *("deficiency", "severity"),
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,7 @@ from volspec._gpu.sources import assemble
 from volspec.appearance import constants as k
 from volspec.appearance.adaptation import ADAPTATIONS, linear, nonlinear
 from volspec.appearance.constants import D65_CONES_FROM_XYZ
+from volspec.appearance.deficiency import severity_steps
 from volspec.appearance.display import Gamut
 from volspec.appearance.gamut_mapping import Screen
 from volspec.appearance.models import hellwig2022, rlab
@@ -173,11 +174,13 @@ def look_numbers(spec: RelightSpec, lights: Sequence[NamedLight]) -> dict[str, A
         "level": spec.level,
         "gamut": viewing.display.gamut,
         "mark": viewing.display.mark,
+        "deficiency": viewing.deficiency,
+        "severity": viewing.severity,
     }
 
 
 def page_viewing(viewing: Viewing) -> dict[str, Any]:
-    """Return the sRGB display's conditions and its gamut mapping."""
+    """Return the sRGB display's conditions, its gamut mapping, and simulations of deficiencies."""
     display = viewing.display
     conditions = _srgb(display).conditions
     return {
@@ -190,6 +193,10 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
             "discount": False,
         },
         "gamut": {model: _gamut(display, model) for model in ("CIECAM02", "CAM16")},
+        "deficiencies": {
+            name: {key: _plain(getattr(steps, key)) for key in ("above", "below", "plane")}
+            for name, steps in severity_steps(SPACES["sRGB"]).items()
+        },
     }
 
 

@@ -195,6 +195,8 @@ def with_palette(state: ViewState, palette: Palette) -> ViewState:
         palette.viewing,
         adapting=with_model(state.relight, palette.viewing.model).viewing.adapting,
         fov_deg=state.relight.viewing.fov_deg,
+        deficiency=state.relight.viewing.deficiency,
+        severity=state.relight.viewing.severity,
     )
     return replace(
         state,
@@ -232,7 +234,9 @@ def _palette_targets(
         for light in palette.lights
         if light.mixture and all(lamp.name in light_names() for lamp in light.mixture)
     }
-    return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria)
+    moved = (row.renamed(rows, names) for row in palette.apart)
+    apart = tuple(row for row in moved if row is not None)
+    return DesignTargets(cells, frozenset(opened), constant, lamps, palette.criteria, apart)
 
 
 def _match_spectra(

@@ -13,9 +13,17 @@ from itertools import groupby
 import numpy as np
 
 from volspec.errors import PaletteError, VolspecError, one_line
-from volspec.palette import Cell, CellReport, Design, Palette, PaletteSpectrum
+from volspec.palette import (
+    Apart,
+    ApartReport,
+    Cell,
+    CellReport,
+    Design,
+    Palette,
+    PaletteSpectrum,
+)
 from volspec.palette.model import Place
-from volspec.palette.report import report_cells
+from volspec.palette.report import apart_reports, report_cells
 from volspec.palette.state import State
 from volspec.relight import LightRig, RelightSpec
 from volspec.spectra import SpectralGrid, Spectrum
@@ -134,6 +142,7 @@ class Table:
     spectra: Mapping[Member, Spectrum]
     cells: Mapping[Place, CellReport]  # target and obtained colours by row and column
     complaint: str = ""  # error message if there are no cells
+    apart: tuple[ApartReport, ...] = ()  # materials to be distinguished
 
     @property
     def errors(self) -> tuple[float, ...]:
@@ -209,11 +218,15 @@ def _table(transfer: Transfer, lights: Columns, spec: RelightSpec, targets: Desi
     some_cells = cells or {(rows[0], names[0]): _NONE}
     try:
         viewing = spec.viewing.unmeasured()
-        palette = Palette(members, given, some_cells, viewing, transfer.basis.grid)
-        reports, _ = report_cells(State.start(palette), cells)
+        apart = _existing_apart(targets.apart, rows, names)
+        palette = Palette(members, given, some_cells, viewing, transfer.basis.grid, apart=apart)
+        begun = State.start(palette)
+        reports, _ = report_cells(begun, cells)
+        pairs = tuple(apart_reports(begun, cells))
     except VolspecError as error:
         return Table(rows, names, spectra, {}, one_line(error))
-    return Table(rows, names, spectra, {report.place: report for report in reports})
+    by_place = {report.place: report for report in reports}
+    return Table(rows, names, spectra, by_place, apart=pairs)
 
 
 def _existing_cells(
@@ -225,6 +238,14 @@ def _existing_cells(
         return place[0] in rows and place[1] in names
 
     return {at: cell for at, cell in cells.items() if exists(at) and exists(cell.other or at)}
+
+
+def _existing_apart(
+    apart: tuple[Apart, ...], rows: tuple[str, ...], names: tuple[str, ...]
+) -> tuple[Apart, ...]:
+    """Return the rows with the materials and lights that still exist."""
+    known = {name: name for name in rows}, {name: name for name in names}
+    return tuple(found for row in apart if (found := row.renamed(*known)) is not None)
 
 
 def palette_from_state(state: ViewState) -> Palette:
@@ -255,9 +276,12 @@ def palette_from_state(state: ViewState) -> Palette:
         else:
             member = PaletteSpectrum(name, begin, True, upper=_MOST_POWER, band_nm=_BAND_NM)
         lights.append(member)
-    cells = _existing_cells(targets.cells, tuple(transfer.materials), column_names(state.lights))
-    viewing = shown_spec(state).viewing.unmeasured()
-    return Palette(tuple(reflectances), tuple(lights), cells, viewing, grid, targets.criteria)
+    names = tuple(transfer.materials), column_names(state.lights)
+    return Palette(
+        *(tuple(reflectances), tuple(lights), _existing_cells(targets.cells, *names)),
+        *(shown_spec(state).viewing.unmeasured(), grid, targets.criteria),
+        apart=_existing_apart(targets.apart, *names),
+    )
 
 
 def initial_spectrum(grid: SpectralGrid, number: int) -> Spectrum:

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from volspec.palette import Cell, Criteria
+from volspec.palette import Apart, Cell, Criteria
 from volspec.palette.model import Place, Triple
 from volspec.viewer.model.view import clamp
 
@@ -39,6 +39,7 @@ class DesignTargets:
     # Real lamps by free light: the light must be a sum of them.
     lamps: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     criteria: Criteria = field(default_factory=Criteria)
+    apart: tuple[Apart, ...] = ()  # materials to be distinguished, listed by name
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cells", MappingProxyType(dict(self.cells)))
@@ -56,9 +57,14 @@ class DesignTargets:
         }
         free = frozenset(renamed(each) if each[0] == LIGHT else each for each in self.free)
         lamps = {new if name == old else name: own for name, own in self.lamps.items()}
-        if (cells, free, lamps) == (self.cells, self.free, self.lamps):
+        apart = tuple(
+            replace(row, light=tuple(new if name == old else name for name in row.light))
+            for row in self.apart
+        )
+        own = self.cells, self.free, self.lamps, self.apart
+        if (cells, free, lamps, apart) == own:
             return self
-        return replace(self, cells=cells, free=free, lamps=lamps)
+        return replace(self, cells=cells, free=free, lamps=lamps, apart=apart)
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from volspec.appearance import Viewing
+from volspec.appearance.deficiency import DEFICIENCIES
 from volspec.appearance.display import GAMUTS
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES
@@ -67,6 +68,18 @@ def luminance(rig: LightRig | None, viewing: Viewing) -> float:
     return given_viewing(viewing, rig.total_lux if rig else None).adapting_luminance
 
 
+def vision_text(viewing: Viewing) -> str:
+    """Return the colour vision that a picture simulates; empty for normal vision.
+
+    >>> vision_text(Viewing(deficiency="deutan", severity=0.5)), vision_text(Viewing())
+    ('deutan vision 0.5, simulated', '')
+    """
+    if viewing.deficiency == "none" or viewing.severity == 0.0:
+        return ""
+    severity = "" if viewing.severity == 1.0 else f" {viewing.severity:.2g}"
+    return f"{viewing.deficiency} vision{severity}, simulated"
+
+
 def _change(state: ViewState, **changes: Any) -> ViewState:
     """Change the spec only if anything differs, as specs are compared by identity."""
     spec = state.relight
@@ -103,6 +116,7 @@ FILTERS = (NO_FILTER, "longpass:420", "longpass:500", "longpass:575", "longpass:
 set_adapting = _choice(_set, "adapting", ADAPTING)
 set_surround = _choice(_set, "surround", SCENE_SURROUNDS)
 set_adopted_white = _choice(_set, "adopted_white", ADOPTED_WHITES)
+set_deficiency = _choice(_set, "deficiency", DEFICIENCIES)
 set_space = _choice(_set_display, "space", SPACES)
 set_display_surround = _choice(_set_display, "surround", SURROUNDS)
 set_gamut = _choice(_set_display, "gamut", GAMUTS)
@@ -157,6 +171,12 @@ def set_adaptation(state: ViewState, D: float) -> ViewState:
 def toggle_discount(state: ViewState) -> ViewState:
     """Turn discounting of the light's colour on or off."""
     return _set(state, discount=not state.relight.viewing.discount, D=None)
+
+
+@edit
+def set_severity(state: ViewState, severity: float) -> ViewState:
+    """Set the severity of the simulated deficiency."""
+    return _set(state, severity=clamp(severity, 0.0, 1.0))
 
 
 @edit

@@ -7,12 +7,14 @@ imgui-bundle's own palette shows no keys and keeps one list for the whole proces
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache, partial
+from types import MappingProxyType
 
 from imgui_bundle import imgui
 
+from volspec.appearance.deficiency import DEFICIENCIES, VISION
 from volspec.appearance.display import GAMUTS
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES
@@ -39,6 +41,7 @@ _SETTINGS = {
     PANEL: room.SETTINGS,
     "Quality": quality.SETTINGS,
 }
+_VISION_NAMES = "colour blind deficiency CVD simulate protanopia deuteranopia tritanopia"
 # Other names of settings.
 _OTHER_NAMES = {
     "Illuminance": "lux brightness light level",
@@ -57,6 +60,7 @@ _OTHER_NAMES = {
     "Light cells": "shadow occlusion detail quality",
     "Paint": "wall floor ceiling room colour",
     "Alpha stop": "early termination opacity limit",
+    "Vision": _VISION_NAMES,
 }
 _FLAGS = BARE_WINDOW | imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_move
 
@@ -131,6 +135,7 @@ def _entries(
         *_choices("Surround", SURROUNDS, viewing.set_surround),
         *_choices("Space", SPACES, viewing.set_space),
         *_choices("Gamut", GAMUTS, viewing.set_gamut),
+        *_choices("Vision", DEFICIENCIES, viewing.set_deficiency, VISION, _VISION_NAMES),
         *(
             Entry(
                 "Setting",
@@ -174,12 +179,18 @@ def _entries(
 
 
 def _choices(
-    group: str, names: Iterable[str], change: Callable[[ViewState, str], ViewState | Edited]
+    group: str,
+    names: Iterable[str],
+    change: Callable[[ViewState, str], ViewState | Edited],
+    titles: Mapping[str, str] = MappingProxyType({}),
+    words: str = "",
 ) -> list[Entry]:
     def choose(name: str) -> Change:
         return lambda state: change(state, name)
 
-    return [Entry(group, name, change=choose(name)) for name in names]
+    return [
+        Entry(group, titles.get(name, name), change=choose(name), words=words) for name in names
+    ]
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:

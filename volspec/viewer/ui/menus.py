@@ -10,6 +10,7 @@ from volspec.viewer.model.choices import TITLES, value_text
 from volspec.viewer.model.commands import COMMANDS, MENUS, format_key
 from volspec.viewer.model.edit import Command
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.model.viewing import vision_text
 from volspec.viewer.ui.context import UiContext
 from volspec.viewer.ui.messages import draw_sign
 from volspec.viewer.ui.overlays import BARE_WINDOW
@@ -122,7 +123,9 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState:
     imgui.internal.begin_viewport_side_bar(
         "##status", viewport, imgui.Dir.down, ui.px(_HEIGHT), flags
     )
-    texts = (as_one_line(state.document.title), sizes(state, ui), f"H: keys    {timings(ui)}")
+    shown = (sizes(state, ui), vision_text(state.relight.viewing))
+    title, times = as_one_line(state.document.title), f"H: keys    {timings(ui)}"
+    texts = (title, "    ".join(filter(None, shown)), times)
     errors = sum(message.kind == "error" for message in ui.results.messages)
     counted = f"{errors} error{'s' * (errors > 1)}" if errors else ""
     taken = text_width(counted) + ui.px(40) if errors else 0.0
@@ -130,13 +133,13 @@ def draw_status(state: ViewState, ui: UiContext) -> ViewState:
     labels = [_choice_label(choice) for choice in choices]
     taken += sum(text_width(label) + ui.px(52) for label in labels)
     room = imgui.get_content_region_avail().x - taken
-    title, shown, times = fitting_texts(texts, room, ui.px(16), text_width)
+    title, notes, times = fitting_texts(texts, room, ui.px(16), text_width)
     imgui.text(title)
     for choice, label in zip(choices, labels, strict=True):
         _draw_choice(choice, label, ui)
-    if shown:
+    if notes:
         imgui.same_line(0, ui.px(16))
-        imgui.text_disabled(shown)
+        imgui.text_disabled(notes)
     if errors:
         imgui.same_line(0, ui.px(16))
         imgui.begin_group()

@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from volspec.palette.advice import VISIBLE
 from volspec.palette.model import METRICS
+from volspec.palette.text import apart_text
 from volspec.transfer import TransferFunction
 from volspec.viewer.model import palette_edits, palette_table
 from volspec.viewer.model.commands import BY_NAME
@@ -180,6 +181,10 @@ _MISSED = (
     "No choice of the ticked spectra meets all targets."
 )
 _MOST_LINES = 3
+_APART = (
+    "CIEDE2000 between two materials to be distinguished, as viewers with normal vision and with a "
+    "lacking cone see them: the least under these lights"
+)
 # Commands of the menu, in three parts.
 _MENU = (
     ("palette-light", "palette-restart"),
@@ -204,6 +209,7 @@ def draw(state: ViewState, ui: UiContext) -> ViewState | None:
         new = palette_cells.draw(new, table, ui)
         new = palette_editor.draw(new, table, ui)
         _legend(state, ui)
+        _apart(table)
     _status(ui)
     for title, name, section in _SECTIONS:
         opened = imgui.collapsing_header(title)
@@ -277,6 +283,16 @@ def _legend(state: ViewState, ui: UiContext) -> None:
     imgui.same_line(0, ui.px(6))
     imgui.text_disabled("missed, and how far")
     tip(_MISSED, greyed=True)
+
+
+def _apart(table: Table) -> None:
+    """Draw how far materials to be distinguished are, by colour vision."""
+    for pair in table.apart[:_MOST_LINES]:
+        imgui.text_wrapped(apart_text(pair))
+        tip(_APART)
+    if rest := table.apart[_MOST_LINES:]:
+        imgui.text_disabled(f"and {len(rest)} more pairs")
+        tip("\n".join(map(apart_text, rest)), at_once=True)
 
 
 def _status(ui: UiContext) -> None:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 from imgui_bundle import imgui
 
+from volspec.appearance.deficiency import VISION
 from volspec.appearance.display import GAMUTS, Display
 from volspec.appearance.presets import PRESETS
 from volspec.appearance.spaces import SPACES, ColourSpace
-from volspec.appearance.spec import ADAPTING, MODELS, PER_PIXEL, SURROUNDS
+from volspec.appearance.spec import ADAPTING, MODELS, PER_PIXEL, SURROUNDS, Viewing
 from volspec.basis import MODES
 from volspec.relight.spec import LEVELS
 from volspec.spectra import Spectrum
@@ -21,7 +22,7 @@ from volspec.viewer.model.room import shown_spec
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import white_from_rig
-from volspec.viewer.ui.widgets import focus_if_wanted, pick
+from volspec.viewer.ui.widgets import describe_field, focus_if_wanted, pick
 
 if TYPE_CHECKING:
     from volspec.scene.room import SceneRoom
@@ -44,6 +45,7 @@ SETTINGS = (
     "Space",
     "White",
     "Gamut",
+    "Vision",
     "Exposure",
     "Backdrop",
 )
@@ -159,7 +161,23 @@ def _display(state: ViewState, ui: UiContext) -> ViewState:
     new = _combo(new, ui, edits.set_display_surround, "Surround##display", surround, SURROUNDS)
     new = _combo(new, ui, edits.set_gamut, "Gamut", display.gamut, GAMUTS)
     pressed, _ = imgui.checkbox("Mark colours out of gamut", display.mark)
-    return ui.run(new, "mark") if pressed else new
+    return _vision(ui.run(new, "mark") if pressed else new, ui)
+
+
+def _vision(state: ViewState, ui: UiContext) -> ViewState:
+    """Draw the colour-vision deficiency that is simulated, and its severity."""
+    viewing = state.relight.viewing
+    focus_if_wanted("Vision", ui)
+    picked = pick("Vision", VISION[viewing.deficiency], VISION.values())
+    tip(describe_field(Viewing, "deficiency"))
+    names = {title: name for name, title in VISION.items()}
+    new = state if picked is None else edits.set_deficiency(state, names[picked])
+    if viewing.deficiency == "none":
+        return new
+    limits = 0.0, 1.0
+    new = _slider(new, ui, edits.set_severity, "Severity", viewing.severity, limits, "%.2f")
+    tip(describe_field(Viewing, "severity"))
+    return new
 
 
 def _picture(state: ViewState, ui: UiContext) -> ViewState:

@@ -306,7 +306,10 @@ function comparing(app) {
 function labels(app) {
   const describe = (look) => {
     const model = look.model === 'none' ? 'no adaptation' : look.model;
-    return `${namesOf(app.page, look)} \u00b7 ${model}`;
+    const { deficiency, severity } = look;
+    const vision = deficiency !== 'none' && severity > 0 ? ` \u00b7 ${deficiency}`
+      + (severity < 1 ? ` ${severity.toFixed(2)}` : '') : '';
+    return `${namesOf(app.page, look)} \u00b7 ${model}${vision}`;
   };
   return () => {
     const { compare, sides } = app.state;

@@ -43,7 +43,21 @@ function drawingOf(page, light, look) {
   for (const name of names) uniforms[`view_transform.${name}`] = [transform[name]].flat();
   const gamut = look.gamut === 'reduce' && page.gamut[gamutModel(look.model)];
   if (gamut) Object.assign(uniforms, gamut);
-  return { uniforms, form: { ...form, REDUCE: gamut ? 1 : 0, MARK: look.mark ? 1 : 0 } };
+  const simulate = look.deficiency !== 'none' && look.severity > 0;
+  if (simulate) {
+    Object.assign(uniforms, simulationOf(page.deficiencies[look.deficiency], look.severity));
+  }
+  const ends = { REDUCE: gamut ? 1 : 0, MARK: look.mark ? 1 : 0, SIMULATE: simulate ? 1 : 0 };
+  return { uniforms, form: { ...form, ...ends } };
+}
+
+// Uniforms of a colour-vision deficiency: linear between equal steps of severity.
+function simulationOf({ above, below, plane }, severity) {
+  const place = severity * (above.length - 1), low = Math.min(Math.floor(place), above.length - 2);
+  const at = (maps) => transposed(maps[low].map((row, i) => row.map(
+    (x, j) => x + (place - low) * (maps[low + 1][i][j] - x)))).flat();
+  return {
+    'deficiency.above': at(above), 'deficiency.below': at(below), 'deficiency.plane': plane };
 }
 
 class Relighter {

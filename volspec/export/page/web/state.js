@@ -45,7 +45,8 @@ function lookFields(page) {
     exposure: within(1e-6, 1e6), backdrop: within(0, 1), mode: choice(...page.models.modes),
     level: choice('relative', ...(counted ? ['absolute'] : [])),
     gamut: choice('clip', ...(page.gamut.CIECAM02 && page.gamut.CAM16 ? ['reduce'] : [])),
-    mark: yesOrNo,
+    mark: yesOrNo, deficiency: choice('none', ...Object.keys(page.deficiencies)),
+    severity: within(0, 1),
   };
 }
 

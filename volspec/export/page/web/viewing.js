@@ -14,6 +14,7 @@ const READ_OUT = {
   D: (x) => x.toFixed(2),
   exposure: (x) => `${Math.log2(x) < 0 ? '\u2212' : '+'}${Math.abs(Math.log2(x)).toFixed(2)} EV`,
   backdrop: (x) => x.toFixed(2),
+  severity: (x) => x.toFixed(2),
 };
 
 function viewingPanel(app) {
@@ -30,6 +31,7 @@ function viewingPanel(app) {
     byId('L_A').disabled = look.L_A === null;
     byId('D').disabled = look.D === null || look.discount;
     byId('own-D').disabled = look.discount;
+    byId('severity-row').hidden = look.deficiency === 'none';
     byId('model-kind').textContent = page.models.appearance.includes(look.model)
       ? 'Lightness, chroma and hue as the eye in the scene sees them.'
       : look.model === 'none' ? 'Colours as they are, to an eye that does not adapt.'
@@ -57,6 +59,8 @@ function fillChoices(page) {
   if (!ratios.some(([ratio]) => ratio === own)) ratios.push([own, `ratio ${own}`]);
   byId('surround').append(
     ...ratios.reverse().map(([ratio, name]) => el('option', { value: ratio }, name)));
+  byId('deficiency').append(
+    el('option', { value: 'none' }, 'normal'), ...options(Object.keys(page.deficiencies)));
   const fields = lookFields(page);
   byId('filter').textContent = page.filter;
   byId('filter-row').hidden = !page.filter;
