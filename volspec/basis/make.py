@@ -15,6 +15,7 @@ import numpy as np
 from volspec._gpu.sources import asset
 from volspec.basis.model import SpectralBasis
 from volspec.errors import BasisError, nearest
+from volspec.spectra.datasets import Observer
 from volspec.spectra.lights import light_set
 from volspec.spectra.reflectances import reflectance_set
 
@@ -39,7 +40,7 @@ def fit_library(
     method: str = "virtual-sensors",
     positive: bool = False,
     lights: Literal["smooth", "all"] | None = None,
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
 ) -> SpectralBasis:
     """Fit a basis on the library's lights and its 128 training reflectances.
 

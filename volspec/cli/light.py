@@ -13,8 +13,8 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecWarning
 
 # nm: bands for the colour, the whole range of the CIE 1931 observer, without which a radiator of
-# 7500 K comes out at 7497 K; and bands whose power counts as radiated, which most files cover.
-_COLOUR_NM, _RADIATED_NM = (360.0, 830.0, 1.0), (380.0, 780.0, 5.0)
+# 7500 K comes out at 7497 K; and bands whose power counts as radiated, 380 to 780 nm exactly.
+_COLOUR_NM, _RADIATED_NM = (360.0, 830.0, 1.0), (380.5, 779.5, 1.0)
 
 
 @app.command
@@ -38,7 +38,7 @@ def light(
     """Print a light's colour, temperature and lumens; for a lamp, also the lux at a distance.
 
     Computed for the 2 degree observer over 360 to 830 nm; the efficacy counts the power radiated
-    between 380 and 780 nm.
+    from 380 to 780 nm, exactly.
 
     Example: `volspec light D65*0.7+A*0.3`
 
