@@ -1,20 +1,27 @@
-"""``volspec light``: colour, temperature and lumens of a light, and the lux of a lamp."""
+"""``volspec light``: colour, lumens and colour rendition of a light, and the lux of a lamp."""
 
 from __future__ import annotations
 
 import warnings
-from typing import Annotated
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
 
+from volspec._files import require_suffix, require_writable
 from volspec.cli.shell import Json, Row, app, as_written, print_json, print_table, say
 from volspec.cli.viewing import in_options
-from volspec.errors import InputError, VolspecWarning
+from volspec.errors import InputError, SpectrumError, VolspecWarning
+
+if TYPE_CHECKING:
+    from volspec.spectra.photometry import Temperature
 
 # nm: bands for the colour, the whole range of the CIE 1931 observer, without which a radiator of
 # 7500 K comes out at 7497 K; and bands whose power counts as radiated, 380 to 780 nm exactly.
 _COLOUR_NM, _RADIATED_NM = (360.0, 830.0, 1.0), (380.5, 779.5, 1.0)
+_FIGURES = (".png", ".pdf", ".svg")
 
 
 @app.command
@@ -33,20 +40,35 @@ def light(
         float | None,
         Parameter(converter=as_written, help="Full angle of a spotlight; default: all around."),
     ] = None,
+    against: Annotated[str | None, Parameter(help="A LIGHT to compare with.")] = None,
+    pair: Annotated[
+        tuple[str, str] | None,
+        Parameter(help="Two reflectances, alike under --against or else D65: their metamerism."),
+    ] = None,
+    figure: Path | None = None,
     json: Json = False,
 ) -> None:
-    """Print a light's colour, temperature and lumens; for a lamp, also the lux at a distance.
+    """Print a light's colour, lumens and colour rendition; for a lamp, the lux at a distance.
 
     Computed for the 2 degree observer over 360 to 830 nm; the efficacy counts the power radiated
-    from 380 to 780 nm, exactly.
+    from 380 to 780 nm, exactly. R_a and R_9 are of CIE 13.3, R_f of CIE 224 and ANSI/IES TM-30-18,
+    R_g of TM-30, and SSI of SMPTE ST 2122, by default against the Planck radiator (below 4000 K) or
+    the daylight of the same temperature.
 
     Example: `volspec light D65*0.7+A*0.3`
 
     Example: `volspec light lamp:tungsten-2850 --power-W 100 --distance-m 2 --beam-deg 60`
 
+    Example: `volspec light LED-B3 --against D65 --figure led.png`
+
+    Example: `volspec light A --pair spectra.csv#paint spectra.csv#cloth`
+
     Example: `volspec light sodium`
 
     Example: `volspec light --list LED`
+
+    JSON: `R` has R_1 to R_14; `R_f_samples` the 99 of CIE 224; `R_f_hue`, `R_cs_hue` (a fraction)
+    and `R_hs_hue` (radians) the 16 hue bins of TM-30; `metamerism` the figures of `--pair`.
 
     Parameters
     ----------
@@ -55,6 +77,11 @@ def light(
         words to search for.
     listed
         Print names and descriptions of lights instead: those that have the words, or all.
+    against
+        Reference of the spectral similarity index; with `--pair`, the light under which the two are
+        alike, and LIGHT the one to which it changes.
+    figure
+        Figure of the colour vector graphic to write: .png, .pdf or .svg.
     """
     from volspec.spectra import SpectralGrid
     from volspec.spectra import light as find
@@ -80,6 +107,9 @@ def light(
         return
     if spectrum is None:
         raise InputError("no light; give one, such as D65, or --list for all names")
+    if figure is not None:
+        require_suffix(figure, "figures", *_FIGURES)
+        require_writable(figure)
     found = find(spectrum, SpectralGrid(*_RADIATED_NM))
     with warnings.catch_warnings():
         # A file that ends within the range is mentioned above; its end values continue.
@@ -100,6 +130,11 @@ def light(
         "radiation_lm_per_W": lumens_per_watt(found),
         "lamp_lm_per_W": lamp and lamp.efficacy_lm_per_W,
     }
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", VolspecWarning)
+        row |= _rendition(spectrum, near, against, figure)
+        if pair is not None:
+            row["metamerism"] = _metamerism(pair, against or "D65", spectrum)
     with in_options():
         if power_W is not None:
             row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(found.name), power_W)}
@@ -110,6 +145,73 @@ def light(
         print_json(row)
     else:
         print_table(row["light"], _table(row))
+        if figure is not None:
+            say(figure)
+
+
+def _rendition(
+    spectrum: str, near: Temperature | None, against: str | None, figure: Path | None
+) -> Row:
+    """Return the figures of a light's colour rendition, None without a reference; draw them."""
+    from volspec.appearance.rendition import (
+        RENDITION_GRID,
+        SIMILARITY_GRID,
+        colour_rendition,
+        rendition_reference,
+        similarity_reference,
+        spectral_similarity,
+    )
+    from volspec.spectra import light as find
+
+    own = find(spectrum, RENDITION_GRID)
+    found = colour_rendition(own)
+    reference = against or (near and similarity_reference(near.kelvin))
+    similar = None
+    if reference:
+        try:
+            bands = find(spectrum, SIMILARITY_GRID)
+        except SpectrumError:  # it was found above: all of its power is beyond these bands
+            if against:
+                problem = f"{own.name} has no power from 375 to 675 nm, which SSI compares"
+                raise InputError(f"--against: {problem}; leave it out") from None
+        else:
+            similar = spectral_similarity(bands, find(reference, SIMILARITY_GRID))
+    row: Row = {"R_a": found and found.R_a, "R_9": found and float(found.R[8])}
+    row |= {"R": found and found.R.tolist(), "near_white": found and found.is_white}
+    row |= {"R_f": found and found.R_f, "R_g": found and found.R_g}
+    row |= {"R_f_samples": found and found.fidelity.tolist()}
+    row |= {"R_f_hue": found and found.hue_fidelity.tolist()}
+    row |= {"R_cs_hue": found and found.chroma_shift.tolist()}
+    row |= {"R_hs_hue": found and found.hue_shift.tolist()}
+    row |= {"SSI": similar, "SSI_reference": reference}
+    if figure is not None:
+        if found is None or near is None:
+            problem = f"{own.name} has no correlated temperature, and so no reference to draw"
+            raise InputError(f"--figure: {problem}; give a light nearer to white")
+        from volspec.basis.light_figure import save_light_figure
+
+        other = find(against, RENDITION_GRID) if against else rendition_reference(near.kelvin)
+        facts = "" if similar is None else f"SSI {similar:.0f} against {reference}"
+        save_light_figure(own, other, replace(found, temperature=near), figure, facts)
+    return row
+
+
+def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
+    """Return the metamerism of two reflectances that are alike under a reference light."""
+    from volspec.appearance.rendition import RENDITION_GRID, metamerism
+    from volspec.spectra import light as find
+    from volspec.spectra import reflectance
+
+    one, other = (reflectance(each, RENDITION_GRID) for each in pair)
+    found = metamerism(one, other, *(find(each, RENDITION_GRID) for each in (reference, test)))
+    return {
+        "reflectances": list(pair),
+        "reference": reference,
+        "delta_E": found.delta_E,
+        "general": found.general,
+        "change_in_illuminant": found.illuminant,
+        "change_in_observer": {str(observer): d for observer, d in found.observers.items()},
+    }
 
 
 def _list(text: str, as_json: bool) -> None:
@@ -149,6 +251,14 @@ def _table(row: Row) -> Table:
         "correlated temperature": near,
         "efficacy of radiation": f"{row['radiation_lm_per_W']:.1f} lm/W",
     }
+    if row["R_a"] is not None:
+        far = "" if row["near_white"] else "; Duv beyond ±0.0054: off-white for CIE 13.3"
+        lines["colour rendering"] = f"R_a {row['R_a']:.0f}, R_9 {row['R_9']:.0f}{far}"
+        lines["fidelity, gamut"] = f"R_f {row['R_f']:.0f}, R_g {row['R_g']:.0f}"
+    if row["SSI"] is not None:
+        lines["spectral similarity"] = f"SSI {row['SSI']:.0f} against {row['SSI_reference']}"
+    if "metamerism" in row:
+        lines |= _metameric_lines(row["metamerism"], row["light"])
     if row["lamp_lm_per_W"] is not None:
         lines["efficacy of the lamp"] = f"{row['lamp_lm_per_W']:g} lm/W"
     if "flux_lm" in row:
@@ -159,3 +269,14 @@ def _table(row: Row) -> Table:
     for label, words in lines.items():
         table.add_row(label, words)
     return table
+
+
+def _metameric_lines(of: Row, test: str) -> dict[str, str]:
+    """Return lines on two metameric reflectances."""
+    others = ", ".join(f"{each}° {d:.2f}" for each, d in of["change_in_observer"].items())
+    return {
+        "pair": f"{' and '.join(of['reflectances'])}: ΔE00 {of['delta_E']:.2f} under "
+        f"{of['reference']}, general metamerism {of['general']:.4f}",
+        "change in illuminant": f"ΔE00 {of['change_in_illuminant']:.2f} under {test}",
+        "change in observer": f"ΔE00 {others} under {of['reference']}",
+    }
