@@ -20,6 +20,8 @@ References
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, reduce
 from operator import add
@@ -30,12 +32,19 @@ from numpy.typing import NDArray
 from volspec.appearance.models.cam import CamConditions, forward, inverse
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ
+from volspec.errors import SpectrumError
 from volspec.spectra import SpectralGrid, Spectrum, XYZ_from_spectra, light, white_XYZ
 from volspec.spectra.datasets import Observer, colour_matching_functions, reflectances
+from volspec.spectra.lamps import lumens_per_watt
 from volspec.spectra.photometry import Temperature, correlated_temperature
 
 Array = NDArray[np.float64]
 
+COLOUR_GRID = SpectralGrid(360, 830, 1)
+"""Bands of colour and temperature: the whole range of the CIE 1931 observer, without which a
+radiator of 7500 K comes out at 7497 K."""
+RADIATED_GRID = SpectralGrid(380.5, 779.5, 1)
+"""Bands whose power counts as radiated: 380 to 780 nm exactly."""
 RENDITION_GRID = SpectralGrid(380, 780, 5)
 """Bands of R_a, R_f, R_g and metamerism."""
 SIMILARITY_GRID = SpectralGrid(377.5, 672.5, 5)
@@ -248,6 +257,57 @@ def spectral_similarity(test: Spectrum, reference: Spectrum) -> float:
 _SIMILARITY_WEIGHTS = np.concatenate(
     [np.array([12, 22, 32, 40, 44]) / 45, np.ones(23), np.array([11, 3]) / 15]
 )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LightFigures:
+    """Figures of a light that do not depend on its brightness.
+
+    Parameters
+    ----------
+    white_XYZ : (3,) array
+        Y = 100.
+    temperature : Temperature, optional
+        None far from Planck's locus; then there is no rendition either.
+    lm_per_W : float
+        Luminous efficacy of the radiation from 380 to 780 nm.
+    rendition : Rendition, optional
+    similarity : float, optional
+        SSI, not rounded; None without a reference or without power from 375 to 675 nm.
+    reference : str
+        The light that SSI compares with; empty for none.
+    """
+
+    white_XYZ: Array
+    temperature: Temperature | None
+    lm_per_W: float
+    rendition: Rendition | None
+    similarity: float | None
+    reference: str
+
+
+def light_figures(
+    on: Callable[[SpectralGrid], Spectrum], reference: str | None = None
+) -> LightFigures:
+    """Measure a light, given by a function that returns it on a grid.
+
+    ``reference`` is the light for SSI, by default `similarity_reference`. Raises SpectrumError if
+    the light does not cover the visible, or the reference is unknown.
+    """
+    white = white_XYZ(on(COLOUR_GRID))
+    near = correlated_temperature(white)
+    rendition = colour_rendition(on(RENDITION_GRID))
+    if rendition is not None and near is not None:
+        rendition = replace(rendition, temperature=near)  # of finer bands
+    text = reference or (near and similarity_reference(near.kelvin)) or ""
+    similarity = None
+    if text:
+        compared = light(text, SIMILARITY_GRID)
+        with suppress(SpectrumError):  # no power there
+            similarity = spectral_similarity(on(SIMILARITY_GRID), compared)
+    return LightFigures(
+        white, near, lumens_per_watt(on(RADIATED_GRID)), rendition, similarity, text
+    )
 
 
 @dataclass(frozen=True, slots=True)

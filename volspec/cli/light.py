@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,14 +12,11 @@ from rich.table import Table
 from volspec._files import require_suffix, require_writable
 from volspec.cli.shell import Json, Row, app, as_written, print_json, print_table, say
 from volspec.cli.viewing import in_options
-from volspec.errors import InputError, SpectrumError, VolspecWarning
+from volspec.errors import InputError, VolspecWarning
 
 if TYPE_CHECKING:
-    from volspec.spectra.photometry import Temperature
+    from volspec.appearance.rendition import LightFigures
 
-# nm: bands for the colour, the whole range of the CIE 1931 observer, without which a radiator of
-# 7500 K comes out at 7497 K; and bands whose power counts as radiated, 380 to 780 nm exactly.
-_COLOUR_NM, _RADIATED_NM = (360.0, 830.0, 1.0), (380.5, 779.5, 1.0)
 _FIGURES = (".png", ".pdf", ".svg")
 
 
@@ -83,7 +79,7 @@ def light(
     figure
         Figure of the colour vector graphic to write: .png, .pdf or .svg.
     """
-    from volspec.spectra import SpectralGrid
+    from volspec.appearance.rendition import RADIATED_GRID, light_figures
     from volspec.spectra import light as find
     from volspec.spectra.lamps import (
         LAMPS,
@@ -91,10 +87,8 @@ def light(
         flux_lm,
         lamp_for_light,
         lamp_illuminance_lux,
-        lumens_per_watt,
     )
     from volspec.spectra.library import describe_light, library_names
-    from volspec.spectra.photometry import correlated_temperature, white_XYZ
 
     for name, value, other, its in (
         ("--beam-deg", beam_deg, "--distance-m", distance_m),
@@ -110,12 +104,19 @@ def light(
     if figure is not None:
         require_suffix(figure, "figures", *_FIGURES)
         require_writable(figure)
-    found = find(spectrum, SpectralGrid(*_RADIATED_NM))
+    found = find(spectrum, RADIATED_GRID)
     with warnings.catch_warnings():
         # A file that ends within the range is mentioned above; its end values continue.
         warnings.simplefilter("ignore", VolspecWarning)
-        X, Y, Z = white_XYZ(find(spectrum, SpectralGrid(*_COLOUR_NM))).tolist()
-    near = correlated_temperature((X, Y, Z))
+        measured = light_figures(lambda grid: find(spectrum, grid), against)
+        metameric = _metamerism(pair, against or "D65", spectrum) if pair else {}
+        if figure is not None:
+            _draw(measured, spectrum, against, figure)
+    if against and measured.similarity is None:
+        problem = f"{found.name} has no power from 375 to 675 nm, which SSI compares"
+        raise InputError(f"--against: {problem}; leave it out")
+    X, Y, Z = measured.white_XYZ.tolist()
+    near = measured.temperature
     lamp = LAMPS.get(found.name.removeprefix(f"{PREFIX}:"))
     row: Row = {
         "light": found.name,
@@ -127,14 +128,10 @@ def light(
         "Z": Z,
         "kelvin": near and near.kelvin,
         "Duv": near and near.Duv,
-        "radiation_lm_per_W": lumens_per_watt(found),
+        "radiation_lm_per_W": measured.lm_per_W,
         "lamp_lm_per_W": lamp and lamp.efficacy_lm_per_W,
     }
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", VolspecWarning)
-        row |= _rendition(spectrum, near, against, figure)
-        if pair is not None:
-            row["metamerism"] = _metamerism(pair, against or "D65", spectrum)
+    row |= _rendition(measured) | metameric
     with in_options():
         if power_W is not None:
             row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(found.name), power_W)}
@@ -149,33 +146,9 @@ def light(
             say(figure)
 
 
-def _rendition(
-    spectrum: str, near: Temperature | None, against: str | None, figure: Path | None
-) -> Row:
-    """Return the figures of a light's colour rendition, None without a reference; draw them."""
-    from volspec.appearance.rendition import (
-        RENDITION_GRID,
-        SIMILARITY_GRID,
-        colour_rendition,
-        rendition_reference,
-        similarity_reference,
-        spectral_similarity,
-    )
-    from volspec.spectra import light as find
-
-    own = find(spectrum, RENDITION_GRID)
-    found = colour_rendition(own)
-    reference = against or (near and similarity_reference(near.kelvin))
-    similar = None
-    if reference:
-        try:
-            bands = find(spectrum, SIMILARITY_GRID)
-        except SpectrumError:  # it was found above: all of its power is beyond these bands
-            if against:
-                problem = f"{own.name} has no power from 375 to 675 nm, which SSI compares"
-                raise InputError(f"--against: {problem}; leave it out") from None
-        else:
-            similar = spectral_similarity(bands, find(reference, SIMILARITY_GRID))
+def _rendition(measured: LightFigures) -> Row:
+    """Return the figures of a light's colour rendition, None without a reference."""
+    found = measured.rendition
     row: Row = {"R_a": found and found.R_a, "R_9": found and float(found.R[8])}
     row |= {"R": found and found.R.tolist(), "near_white": found and found.is_white}
     row |= {"R_f": found and found.R_f, "R_g": found and found.R_g}
@@ -183,17 +156,24 @@ def _rendition(
     row |= {"R_f_hue": found and found.hue_fidelity.tolist()}
     row |= {"R_cs_hue": found and found.chroma_shift.tolist()}
     row |= {"R_hs_hue": found and found.hue_shift.tolist()}
-    row |= {"SSI": similar, "SSI_reference": reference}
-    if figure is not None:
-        if found is None or near is None:
-            problem = f"{own.name} has no correlated temperature, and so no reference to draw"
-            raise InputError(f"--figure: {problem}; give a light nearer to white")
-        from volspec.basis.light_figure import save_light_figure
+    return row | {"SSI": measured.similarity, "SSI_reference": measured.reference or None}
 
-        other = find(against, RENDITION_GRID) if against else rendition_reference(near.kelvin)
-        facts = "" if similar is None else f"SSI {similar:.0f} against {reference}"
-        save_light_figure(own, other, replace(found, temperature=near), figure, facts)
-    return row
+
+def _draw(measured: LightFigures, spectrum: str, against: str | None, figure: Path) -> None:
+    """Write the figure of a light and what it is compared with."""
+    from volspec.appearance.rendition import RENDITION_GRID, rendition_reference
+    from volspec.basis.light_figure import save_light_figure
+    from volspec.spectra import light as find
+
+    own, found = find(spectrum, RENDITION_GRID), measured.rendition
+    if found is None:
+        problem = f"{own.name} has no correlated temperature, and so no reference to draw"
+        raise InputError(f"--figure: {problem}; give a light nearer to white")
+    kelvin = found.temperature.kelvin
+    other = find(against, RENDITION_GRID) if against else rendition_reference(kelvin)
+    similar = measured.similarity
+    facts = "" if similar is None else f"SSI {similar:.0f} against {measured.reference}"
+    save_light_figure(own, other, found, figure, facts)
 
 
 def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
@@ -204,7 +184,7 @@ def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
 
     one, other = (reflectance(each, RENDITION_GRID) for each in pair)
     found = metamerism(one, other, *(find(each, RENDITION_GRID) for each in (reference, test)))
-    return {
+    row = {
         "reflectances": list(pair),
         "reference": reference,
         "delta_E": found.delta_E,
@@ -212,6 +192,7 @@ def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
         "change_in_illuminant": found.illuminant,
         "change_in_observer": {str(observer): d for observer, d in found.observers.items()},
     }
+    return {"metamerism": row}
 
 
 def _list(text: str, as_json: bool) -> None:
