@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from functools import partial
 
 import numpy as np
@@ -9,13 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from volspec.appearance.rendition import light_figures
 from volspec.relight import LightRig
 from volspec.spectra import DEFAULT_GRID, light
 from volspec.spectra.library import library_names
 from volspec.viewer.model import light_parts, lights
 from volspec.viewer.model.lights import rim_places
+from volspec.viewer.model.rendition import Measured, chosen_lights, measure
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lights_dial
+from volspec.viewer.ui.lights_rendition import number_lines
+from volspec.viewer.work.rendition import RenditionService
 
 AREA = (0, 20, 900, 600)
 
@@ -161,3 +166,65 @@ def test_a_light_is_found_at_the_rim_and_by_its_name() -> None:
     assert lights_dial.label_at(labels, *ring.middle) == -1
     for x, y, found in ((0.05, -1.0, 0), (1.0, 0.02, 1), (0.0, 0.0, -1)):
         assert lights_dial.light_at(4, x, y, 0.1) == found
+
+
+def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(
+    state: ViewState,
+) -> None:
+    """The document's bands are 400 to 700 nm every 10 nm; the figures do not depend on them."""
+    state = lights.add(state, text="FL2").state
+    at = len(state.lights) - 1
+    found = measure(asked(lights.choose(state, at), False))
+    assert found is not None and found.rendition is not None
+    assert number_lines(found) == [
+        *("R_f 70   R_g 86", "R_a 64   R_9 -84", "SSI 62, daylight:4225"),
+        *("4225 K, Duv +0.0019", "337 lm/W"),
+    ]
+    # Once drawn, it has the document's bands only, and lines of 10 nm.
+    drawn = light_parts.draw(lights.choose(state, at), at, 0, (0.1, 0.5), (0.1, 0.5))
+    other = measure(asked(drawn, False))
+    assert other is not None and other.rendition is not None
+    assert 0.5 < abs(other.rendition.R_f - found.rendition.R_f) < 20
+
+
+def test_rendition_of_the_mix_counts_what_shines(state: ViewState) -> None:
+    for text in ("FL2", "FL12"):
+        state = lights.add(state, text=text).state
+    count = len(state.lights)
+    for i in range(count):
+        state = lights.set_weight(state, i, 0.5 if i == count - 1 else 0.0)
+    mix = measure(asked(state, True))
+    alone = measure(asked(lights.choose(state, count - 1), False))
+    assert mix is not None and alone is not None and mix.rendition is not None
+    assert mix.lm_per_W == pytest.approx(alone.lm_per_W)
+    state = lights.set_weight(state, count - 2, 0.5)
+    both = measure(asked(state, True))
+    assert both is not None and both.rendition is not None
+    mixed = light_figures(lambda grid: light("FL2*0.5+FL12*0.5", grid))
+    assert mixed.rendition is not None
+    assert both.rendition.R_f == pytest.approx(mixed.rendition.R_f)
+    dark = lights.set_weight(lights.set_weight(state, count - 1, 0.0), count - 2, 0.0)
+    assert chosen_lights(dark, True) is None
+
+
+def test_lights_are_measured_in_the_background_once_for_each_change(state: ViewState) -> None:
+    woken = threading.Event()
+    service = RenditionService(woken.set)
+    first = asked(state, False)
+    for _ in range(3):
+        service.follow(first)
+    assert woken.wait(30)
+    while service.busy:
+        service.take()
+    assert service.shown is not None and service.shown[0] == first and not service.take()
+    service.follow(asked(state, False))
+    assert not service.busy, "the same lights again"
+    service.follow(asked(lights.choose(state, 1), False))
+    assert service.busy
+    service.close()
+
+
+def asked(state: ViewState, whole: bool) -> Measured:
+    found = chosen_lights(state, whole)
+    assert found is not None
+    return found
