@@ -41,8 +41,9 @@ def design(
 
     JSON: `cells` has a row for each cell: `reflectance`, `light`, `kind`, `wanted` and
     `obtained` display codes, `X`, `Y`, `Z`, `delta_E_2000`, `delta_E_1976`, `in_gamut`; besides
-    `metamers`, `spectra` (bands at their bounds), `cost`, `mean`, `max` (CIEDE2000) and
-    `suggestions`.
+    `metamers` (in `observers` what individual observers see instead of the standard one: the
+    fraction to whom a pair is `alike`, below CIEDE2000 1, and `median` and `p95`), `spectra` (bands
+    at their bounds), `cost`, `mean`, `max` (CIEDE2000) and `suggestions`.
 
     Parameters
     ----------

@@ -4,7 +4,13 @@ from volspec.palette.advice import suggestions
 from volspec.palette.file import load_palette
 from volspec.palette.model import Cell, Criteria, Palette
 from volspec.palette.optimisation import Design, design, fitted_exposure
-from volspec.palette.report import CellReport, DesignReport, MetamerReport, SpectrumReport
+from volspec.palette.report import (
+    CellReport,
+    DesignReport,
+    MetamerReport,
+    ObserverReport,
+    SpectrumReport,
+)
 from volspec.palette.storage import save_palette
 from volspec.palette.variables import PaletteSpectrum
 
@@ -15,6 +21,7 @@ __all__ = [
     "Design",
     "DesignReport",
     "MetamerReport",
+    "ObserverReport",
     "Palette",
     "PaletteSpectrum",
     "SpectrumReport",
