@@ -36,11 +36,8 @@ def light(
         float | None,
         Parameter(converter=as_written, help="Full angle of a spotlight; default: all around."),
     ] = None,
-    against: Annotated[str | None, Parameter(help="A LIGHT to compare with.")] = None,
-    pair: Annotated[
-        tuple[str, str] | None,
-        Parameter(help="Two reflectances, alike under --against or else D65: their metamerism."),
-    ] = None,
+    against: str | None = None,
+    pair: Annotated[tuple[str, str] | None, Parameter(negative="")] = None,
     figure: Path | None = None,
     json: Json = False,
 ) -> None:
@@ -74,8 +71,11 @@ def light(
     listed
         Print names and descriptions of lights instead: those that have the words, or all.
     against
-        Reference of the spectral similarity index; with `--pair`, the light under which the two are
-        alike, and LIGHT the one to which it changes.
+        A LIGHT, the reference of the spectral similarity index; with `--pair`, that under which the
+        two are alike.
+    pair
+        Two reflectances that are alike under D65, or under `--against`: their differences if the
+        light changes to SPECTRUM, and for other observers.
     figure
         Figure of the colour vector graphic to write: .png, .pdf or .svg.
     """
@@ -256,8 +256,9 @@ def _metameric_lines(of: Row, test: str) -> dict[str, str]:
     """Return lines on two metameric reflectances."""
     others = ", ".join(f"{each}° {d:.2f}" for each, d in of["change_in_observer"].items())
     return {
-        "pair": f"{' and '.join(of['reflectances'])}: ΔE00 {of['delta_E']:.2f} under "
-        f"{of['reference']}, general metamerism {of['general']:.4f}",
+        "pair": ", ".join(of["reflectances"]),
+        f"under {of['reference']}": f"ΔE00 {of['delta_E']:.2f}, general metamerism "
+        f"{of['general']:.4f}",
         "change in illuminant": f"ΔE00 {of['change_in_illuminant']:.2f} under {test}",
-        "change in observer": f"ΔE00 {others} under {of['reference']}",
+        "change in observer": f"ΔE00 {others}",
     }
