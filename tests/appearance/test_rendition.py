@@ -98,6 +98,11 @@ def test_similarity_is_the_academy_s() -> None:
     assert round(similarity("C", "D65")) == 94  # an example of the Academy's overview
     assert similarity("D65", "D65") == pytest.approx(100)
     colour: Any = colour_science()
+    from colour.quality.tests.test_ssi import DATA_HMI
+
+    lamp = Spectrum(*map(list, zip(*DATA_HMI.items(), strict=True)))
+    daylight = light("D50", SIMILARITY_GRID)
+    assert round(spectral_similarity(lamp, daylight)) == 72  # a metal-halide lamp, another one
     for name in ("C", "LED-B3", "FL2", "HP1", "A"):
         theirs = colour.spectral_similarity_index(
             colour.SDS_ILLUMINANTS[name], colour.SDS_ILLUMINANTS["D65"], round_result=False

@@ -79,7 +79,7 @@ def light(
     figure
         Figure of the colour vector graphic to write: .png, .pdf or .svg.
     """
-    from volspec.appearance.rendition import RADIATED_GRID, light_figures
+    from volspec.appearance.rendition import RENDITION_GRID, light_figures
     from volspec.spectra import light as find
     from volspec.spectra.lamps import (
         LAMPS,
@@ -104,7 +104,7 @@ def light(
     if figure is not None:
         require_suffix(figure, "figures", *_FIGURES)
         require_writable(figure)
-    found = find(spectrum, RADIATED_GRID)
+    found = find(spectrum, RENDITION_GRID)
     with warnings.catch_warnings():
         # A file that ends within the range is mentioned above; its end values continue.
         warnings.simplefilter("ignore", VolspecWarning)

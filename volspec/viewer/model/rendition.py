@@ -6,16 +6,27 @@ rows -> [rendition] -> LightFigures -> panel
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import NamedTuple
 
-from volspec.appearance.rendition import LightFigures, light_figures
+from volspec.appearance.rendition import (
+    RENDITION_GRID,
+    LightFigures,
+    Metamerism,
+    light_figures,
+    metamerism,
+)
 from volspec.errors import VolspecError
+from volspec.palette.report import ALIKE
 from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, Spectrum, light
 from volspec.spectra.photometry import extended_band_means
 from volspec.viewer.model.light_rows import LightRow, Rows, light_rig, row_at
 from volspec.viewer.model.state import ViewState
+
+# Materials whose pairs are compared: 28 pairs take some milliseconds.
+_MOST_MATERIALS = 8
 
 
 class Measured(NamedTuple):
@@ -24,6 +35,20 @@ class Measured(NamedTuple):
     rows: Rows
     whole: bool
     folder: str  # of the names of files
+    materials: tuple[tuple[str, Spectrum], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Figures:
+    """Figures of a light, and of the scene's materials under it.
+
+    ``pair`` are the two materials that are alike in daylight, D65, and differ most under the light;
+    None if no two are alike.
+    """
+
+    light: LightFigures
+    pair: tuple[str, str] | None = None
+    metamerism: Metamerism | None = None
 
 
 def chosen_lights(state: ViewState, whole: bool) -> Measured | None:
@@ -31,14 +56,15 @@ def chosen_lights(state: ViewState, whole: bool) -> Measured | None:
 
     In a room both are the lamps' light, before the walls reflect it.
     """
-    folder = state.document.folder
+    folder, materials = state.document.folder, tuple(state.transfer.materials.items())
     if whole:
-        return Measured(state.lights, True, folder) if light_rig(state.lights) else None
+        lit = light_rig(state.lights) is not None
+        return Measured(state.lights, True, folder, materials) if lit else None
     row = row_at(state.lights, state.interface.light)
-    return None if row is None else Measured((row,), False, folder)
+    return None if row is None else Measured((row,), False, folder, materials)
 
 
-def measure(measured: Measured) -> LightFigures | None:
+def measure(measured: Measured) -> Figures | None:
     """Return the figures, which takes milliseconds; None if the bands of a light are too few."""
 
     def on(grid: SpectralGrid) -> Spectrum:
@@ -48,9 +74,26 @@ def measure(measured: Measured) -> LightFigures | None:
         return rig.mixed(grid)
 
     try:
-        return light_figures(on)
+        figures = light_figures(on)
     except VolspecError:
         return None
+    with suppress(VolspecError):
+        return Figures(figures, *_metamers(measured.materials, on(RENDITION_GRID)))
+    return Figures(figures)
+
+
+def _metamers(
+    materials: tuple[tuple[str, Spectrum], ...], lamp: Spectrum
+) -> tuple[tuple[str, str], Metamerism] | tuple[()]:
+    """Return the materials alike in daylight that differ most under a light, if any are alike."""
+    daylight = light("D65", RENDITION_GRID)
+    wide = {name: _wider(spectrum, RENDITION_GRID) for name, spectrum in materials}
+    found = [
+        (pair, metamerism(wide[pair[0]], wide[pair[1]], daylight, lamp))
+        for pair in combinations(list(wide)[:_MOST_MATERIALS], 2)
+    ]
+    alike = [each for each in found if each[1].delta_E < ALIKE]
+    return max(alike, key=lambda each: each[1].illuminant) if alike else ()
 
 
 def _on(row: LightRow, grid: SpectralGrid, folder: str) -> LightRig:
@@ -64,5 +107,9 @@ def _spectrum(text: str | None, spectrum: Spectrum, grid: SpectralGrid, folder: 
     if text:
         with suppress(VolspecError):
             return light(text, grid, folder=folder)
+    return _wider(spectrum, grid)
+
+
+def _wider(spectrum: Spectrum, grid: SpectralGrid) -> Spectrum:
     values = extended_band_means(spectrum.wavelengths_nm, spectrum.values, grid)
     return Spectrum(grid.wavelengths_nm, values, spectrum.name)

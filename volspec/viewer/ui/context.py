@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 
 from imgui_bundle import imgui
 
-from volspec.appearance.rendition import LightFigures
 from volspec.raycast import CoefficientImage
 from volspec.raycast.projection import Projection
 from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import DesignStatus
-from volspec.viewer.model.rendition import Measured
+from volspec.viewer.model.rendition import Figures, Measured
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.notify import Message
@@ -122,7 +121,7 @@ class Results:
     recent: tuple[RecentFile, ...] = ()
     messages: tuple[Message, ...] = ()  # the last is the newest
     thumbnails: Thumbnails | None = None
-    rendition: tuple[Measured, LightFigures | None] | None = None  # of the lights measured last
+    rendition: tuple[Measured, Figures | None] | None = None  # of the lights measured last
 
 
 # Frames to ask for a text's focus after a click: imgui takes move, press and release one per frame.

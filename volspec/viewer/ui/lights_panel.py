@@ -334,11 +334,14 @@ def _tab(name: str, state: ViewState, ui: UiContext) -> ViewState:
         return _dial(state, ui, height)
     if name == "Spectrum":
         return draw_pen(state, ui, height)
-    if name == "Rendition":
-        return lights_rendition.draw(state, ui, height)
     new = state
     if imgui.begin_child(f"tab {name}", (0, height)):
-        new = lights_detail.draw(state, ui) if name == "Light" else draw_states(state, ui)
+        if name == "Light":
+            new = lights_detail.draw(state, ui)
+        elif name == "Rendition":
+            lights_rendition.draw(state, ui, height)
+        else:
+            new = draw_states(state, ui)
     imgui.end_child()
     return new
 

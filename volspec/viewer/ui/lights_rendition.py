@@ -11,15 +11,14 @@ from imgui_bundle import imgui
 from volspec.appearance.rendition import (
     FARTHEST,
     HUE_BINS,
-    LightFigures,
     Rendition,
     hue_colours,
 )
-from volspec.viewer.model.rendition import chosen_lights
+from volspec.viewer.model.rendition import Figures, chosen_lights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import as_colour
-from volspec.viewer.ui.widgets import pack_colour, wrap_text
+from volspec.viewer.ui.widgets import as_one_line, pack_colour, wrap_text
 
 # Radius of the graphic's reference circle and inner edge of its ring of hues, of the outer edge.
 _CIRCLE, _RING = 0.64, 0.93
@@ -34,16 +33,21 @@ _TIP = (
     "Circle: colours under the Planck radiator or daylight of the same temperature;\n"
     "line: under this light. Inwards is duller, outwards more vivid, along a change of hue"
 )
+_METAMER_TIP = (
+    "The scene’s materials that match in daylight and differ most in this light.\n"
+    "Special metamerism indices of CIE 15: change in illuminant, and in observer;\n"
+    "CIEDE2000, of which 1 is just visible"
+)
 
 
-def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
+def draw(state: ViewState, ui: UiContext, height: float) -> None:
     """Draw the tab within a height."""
     panel = ui.lights
     width, gap = imgui.get_content_region_avail().x, imgui.get_style().item_spacing.x
     beside = width - height - gap > ui.px(_NUMBERS)
-    side = height if beside else min(width, max(0.6 * height, height - ui.px(150)))
+    side = height if beside else min(width, max(0.5 * height, height - ui.px(230)))
     found = _figures(state, ui)
-    rendition = None if found is None else found.rendition
+    rendition = None if found is None else found.light.rendition
     if rendition is not None:
         x, y = imgui.get_cursor_screen_pos()
         imgui.dummy((side, side))
@@ -63,10 +67,12 @@ def draw(state: ViewState, ui: UiContext, height: float) -> ViewState:
     _draw_numbers(state, ui, found)
     imgui.pop_style_var()
     imgui.end_group()
-    return state
+    for line in [] if found is None else metamer_lines(found):
+        wrap_text(line, imgui.Col_.text_disabled)
+        tip(_METAMER_TIP)
 
 
-def _figures(state: ViewState, ui: UiContext) -> LightFigures | None:
+def _figures(state: ViewState, ui: UiContext) -> Figures | None:
     """Return the last figures, which may be of the lights as they were a moment ago."""
     done = ui.results.rendition
     wanted = chosen_lights(state, ui.lights.whole)
@@ -75,7 +81,7 @@ def _figures(state: ViewState, ui: UiContext) -> LightFigures | None:
     return done[1]
 
 
-def _draw_numbers(state: ViewState, ui: UiContext, found: LightFigures | None) -> None:
+def _draw_numbers(state: ViewState, ui: UiContext, found: Figures | None) -> None:
     if found is None:
         dark = chosen_lights(state, ui.lights.whole) is None
         waiting = ui.results.rendition is None or ui.results.rendition[1] is not None
@@ -84,26 +90,40 @@ def _draw_numbers(state: ViewState, ui: UiContext, found: LightFigures | None) -
         return
     for line in number_lines(found):
         imgui.text(line)
-    near = found.temperature
+    near = found.light.temperature
     if near is None:
         wrap_text("Too far from white for rendition", imgui.Col_.text_disabled)
     elif abs(near.Duv) > FARTHEST:
         wrap_text("Off-white for CIE 13.3", imgui.Col_.text_disabled)
 
 
-def number_lines(found: LightFigures) -> list[str]:
-    """Return a light's figures as lines of the panel."""
-    lines, near, rendition = [], found.temperature, found.rendition
+def number_lines(found: Figures) -> list[str]:
+    """Return the figures as lines of the panel."""
+    lines, measured = [], found.light
+    near, rendition = measured.temperature, measured.rendition
     if rendition is not None:
         lines += [
             f"R_f {rendition.R_f:.0f}   R_g {rendition.R_g:.0f}",
             f"R_a {rendition.R_a:.0f}   R_9 {rendition.R[8]:.0f}",
         ]
-    if found.similarity is not None:
-        lines.append(f"SSI {found.similarity:.0f}, {found.reference}")
+    if measured.similarity is not None:
+        lines.append(f"SSI {measured.similarity:.0f}, {measured.reference}")
     if near is not None:
         lines.append(f"{near.kelvin:.0f} K, Duv {round(near.Duv, 4) + 0.0:+.4f}")
-    return [*lines, f"{found.lm_per_W:.0f} lm/W"]
+    return [*lines, f"{measured.lm_per_W:.0f} lm/W"]
+
+
+def metamer_lines(found: Figures) -> list[str]:
+    """Return lines on two materials that are alike in daylight; none if no two are."""
+    if found.pair is None or found.metamerism is None:
+        return []
+    of = found.metamerism
+    others = ", ".join(f"{observer}° {d:.1f}" for observer, d in of.observers.items())
+    return [
+        f"{' and '.join(as_one_line(name) for name in found.pair)}: ΔE {of.delta_E:.1f} in D65",
+        f"ΔE {of.illuminant:.1f} in this light",
+        f"To others in D65: {others}",
+    ]
 
 
 def _draw_vectors(

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from volspec.appearance.rendition import LightFigures
-from volspec.viewer.model.rendition import Measured, measure
+from volspec.viewer.model.rendition import Figures, Measured, measure
 from volspec.viewer.work.background import LatestWorker
 
 # Longest wait on closing for tables that are being made.
 _PATIENCE_S = 0.1
 
-Done = tuple[Measured, LightFigures | None]
+Done = tuple[Measured, Figures | None]
 
 
 class _Worker(LatestWorker[Measured, Done]):
