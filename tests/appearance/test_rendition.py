@@ -21,7 +21,7 @@ from volspec.basis.light_figure import light_figure, save_light_figure
 from volspec.spectra import Spectrum, colour_matching_functions, light, reflectance
 from volspec.spectra.datasets import colour_science
 
-# R_a of CIE 15:2004, table T.7.
+# R_a that CIE 15 gives with FL1 to FL12.
 PUBLISHED_R_A = dict(
     zip(
         [f"FL{number}" for number in range(1, 13)],
@@ -80,7 +80,7 @@ def test_figures_are_those_of_colour_science() -> None:
 
 
 def test_fl2_has_tm_30_s_hue_bins() -> None:
-    """Numbers of the IES calculator for TM-30-18, as colour-science's tests list them."""
+    """Rounded figures that colour-science's tests list."""
     found = rendition("FL2")
     assert (round(found.R_f), round(found.R_g)) == (70, 86)
     cs = [-25, -18, -9, 5, 11, 4, -8, -15, -17, -15, -4, 5, 11, 7, -6, -16]
@@ -94,8 +94,8 @@ def test_saturated_lights_have_no_reference() -> None:
     assert rendition("FL1").is_white is False and rendition("FL2").is_white is True
 
 
-def test_similarity_is_the_academy_s() -> None:
-    assert round(similarity("C", "D65")) == 94  # an example of the Academy's overview
+def test_similarity_is_that_of_colour_science() -> None:
+    assert round(similarity("C", "D65")) == 94
     assert similarity("D65", "D65") == pytest.approx(100)
     colour: Any = colour_science()
     from colour.quality.tests.test_ssi import DATA_HMI

@@ -51,7 +51,7 @@ SIMILARITY_GRID = SpectralGrid(377.5, 672.5, 5)
 """Bands of the spectral similarity index: 375 to 675 nm, halves of its intervals."""
 HUE_BINS = 16
 FARTHEST = 0.0054
-"""Duv beyond which CIE 13.3 gives no R_a: the light is not white."""
+"""Duv beyond CIE 13.3's tolerance: R_a is less accurate for a light so far from white."""
 
 # CIE 13.3: a daylight is the reference from here on; CIE 224 mixes both kinds from 4000 K on.
 _DAYLIGHT_K, _MIXED_K = 5000.0, 4000.0
@@ -97,7 +97,7 @@ class Rendition:
 
     @property
     def is_white(self) -> bool:
-        """True if CIE 13.3 defines R_a for so small a distance from Planck's locus."""
+        """True if the light is within CIE 13.3's tolerance of Planck's locus."""
         return abs(self.temperature.Duv) <= FARTHEST
 
     def vectors(self) -> tuple[Array, Array]:

@@ -233,7 +233,7 @@ def _table(row: Row) -> Table:
         "efficacy of radiation": f"{row['radiation_lm_per_W']:.1f} lm/W",
     }
     if row["R_a"] is not None:
-        far = "" if row["near_white"] else "; Duv beyond ±0.0054: off-white for CIE 13.3"
+        far = "" if row["near_white"] else "; Duv is beyond CIE 13.3's ±0.0054"
         lines["colour rendering"] = f"R_a {row['R_a']:.0f}, R_9 {row['R_9']:.0f}{far}"
         lines["fidelity, gamut"] = f"R_f {row['R_f']:.0f}, R_g {row['R_g']:.0f}"
     if row["SSI"] is not None:

@@ -94,7 +94,7 @@ def _draw_numbers(state: ViewState, ui: UiContext, found: Figures | None) -> Non
     if near is None:
         wrap_text("Too far from white for rendition", imgui.Col_.text_disabled)
     elif abs(near.Duv) > FARTHEST:
-        wrap_text("Off-white for CIE 13.3", imgui.Col_.text_disabled)
+        wrap_text("Duv is beyond CIE 13.3’s ±0.0054", imgui.Col_.text_disabled)
 
 
 def number_lines(found: Figures) -> list[str]:
