@@ -170,6 +170,7 @@ def test_the_viewer_s_floors_import_only_from_below() -> None:
             (
                 "_figures.py",
                 "basis/figure.py",
+                "basis/light_figure.py",
                 "basis/reflectance_figure.py",
                 "palette/figure.py",
                 "relight/error_map.py",

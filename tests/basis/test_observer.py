@@ -1,8 +1,10 @@
-"""The 2 and the 10 degree observer."""
+"""Standard observers: 2 and 10 degrees, and those of cone fundamentals."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from tests.support.errors import raises
 from volspec.basis import MaterialBasis, SpectralBasis
 from volspec.basis.display import MODES
 from volspec.basis.report import basis_report
+from volspec.cli import arguments
 from volspec.errors import SpectrumError
 from volspec.relight import Illumination, RelightSpec
 from volspec.spectra import (
@@ -26,6 +29,7 @@ from volspec.spectra import (
     reflectance_set,
     white_XYZ,
 )
+from volspec.spectra.datasets import Observer
 
 SMOOTH, TRAINING = light_set("smooth"), reflectance_set("training")
 LAMPS = [light("A"), light("FL2")]
@@ -51,6 +55,26 @@ def test_whites_are_those_of_the_standard() -> None:
         assert white_XYZ(light(name, grid), observer) == pytest.approx(white, abs=0.02)
 
 
+CONES = ("CIE 2015 2", "CIE 2015 10")
+
+
+@pytest.mark.parametrize("observer", CONES)
+def test_observers_of_cone_fundamentals_see_equal_energy_as_white_and_nothing_below_390_nm(
+    observer: str,
+) -> None:
+    Q = colour_matching_functions(SpectralGrid(360, 830, 1), observer)
+    assert (Q[:, :30] == 0).all() and (Q[:, 30] > 0).all()
+    # CIE 170-2:2015 scales x and z so that their sums equal that of y.
+    assert Q.sum(1) / Q[1].sum() == pytest.approx([1, 1, 1], abs=2e-4)
+    grid = SpectralGrid(380, 780, 5)
+    own, older = (white_XYZ(light("D65", grid), each) for each in (observer, int(observer[9:])))
+    assert own == pytest.approx(older, abs=1.5) and np.abs(own - older).max() > 0.1
+
+
+def test_the_command_line_offers_the_observers_that_spectra_have() -> None:
+    assert get_args(arguments.Observer) == get_args(Observer)
+
+
 def test_lux_stay_with_the_2_degree_observer() -> None:
     lamp = light("A")
     V = colour_matching_functions(lamp.grid)[1]
@@ -58,7 +82,7 @@ def test_lux_stay_with_the_2_degree_observer() -> None:
     assert colour_matching_functions(lamp.grid, 10)[1] @ lamp.values > 1.05 * V @ lamp.values
 
 
-@pytest.mark.parametrize("observer", [3, True, "2", None, 2.5])
+@pytest.mark.parametrize("observer", [3, True, "2", None, 2.5, "CIE 2015"])
 def test_other_observers_are_refused(observer: object) -> None:
     with raises(SpectrumError, "unknown", "observer_deg"):
         colour_matching_functions(DEFAULT_GRID, observer)
@@ -82,10 +106,11 @@ def test_a_basis_for_10_degrees_shows_the_10_degree_colours(method: str, mean: f
             assert shown == pytest.approx(white_XYZ(lamp, 10), abs=1e-6)
 
 
-def test_observer_is_stored_and_part_of_the_fingerprint() -> None:
-    basis = SpectralBasis.fit(SMOOTH[:3], TRAINING[::9], method="pca", observer_deg=10)
-    back = SpectralBasis.from_dict(basis.to_dict())
-    assert back.observer_deg == 10
+@pytest.mark.parametrize("observer", [10, "CIE 2015 10"])
+def test_observer_is_stored_and_part_of_the_fingerprint(observer: int | str) -> None:
+    basis = SpectralBasis.fit(SMOOTH[:3], TRAINING[::9], method="pca", observer_deg=observer)
+    back = SpectralBasis.from_dict(json.loads(json.dumps(basis.to_dict())))
+    assert back.observer_deg == observer
     assert back.fingerprint == basis.fingerprint
     assert dataclasses.replace(basis, observer_deg=2).fingerprint != basis.fingerprint
 

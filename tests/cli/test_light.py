@@ -82,3 +82,36 @@ def test_names_are_listed_for_people_and_programs(
     assert known in names and all(search in line.casefold() for line in found)
     assert all(line.startswith(name) for line, name in zip(found, names, strict=True))
     assert len(found) < len(listed().splitlines())
+
+
+def test_rendition_and_metamerism_are_figures_for_programs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = tmp_path / "f.png"
+    call("light", "FL2", "--figure", str(picture), "--json")
+    found = json.loads(capsys.readouterr().out)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert (round(found["R_a"]), round(found["R_9"])) == (64, -84)
+    assert (round(found["R_f"]), round(found["R_g"]), found["near_white"]) == (70, 86, True)
+    lengths = [len(found[key]) for key in ("R", "R_f_samples", "R_f_hue", "R_cs_hue", "R_hs_hue")]
+    assert lengths == [14, 99, 16, 16, 16]
+    assert found["SSI_reference"] == "daylight:4225" and 50 < found["SSI"] < 70
+    call("light", "A", "--pair", "ColorChecker/red", "TCS/9", "--against", "D50", "--json")
+    pair = json.loads(capsys.readouterr().out)["metamerism"]
+    assert pair["reference"] == "D50" and list(pair["change_in_observer"]) == [
+        *("10", "CIE 2015 2", "CIE 2015 10")
+    ]
+    assert pair["delta_E"] > 0 and 0 < pair["general"] < 1
+
+
+def test_the_efficacy_counts_380_to_780_nm_exactly(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Power just within the range counts, and power just beyond does not."""
+    found = {}
+    for line in ("778,0\n779,2\n780,0", "780,0\n781,2\n782,0"):
+        file = tmp_path / "lines.csv"
+        file.write_text(f"360,0\n554,0\n555,1\n556,0\n{line}\n830,0\n")
+        found[line] = figures(capsys, str(file))["radiation_lm_per_W"]
+    within, beyond = found.values()
+    assert within is not None and beyond == pytest.approx(3 * within, rel=1e-3)

@@ -233,3 +233,23 @@ def test_a_report_may_count_differences_in_cam16_ucs(sodium: DesignReport) -> No
     assert report.max > 0 and report.max != sodium.max
     assert "ΔE′ mean" in str(report) and "ΔE00 mean" in str(sodium)
     assert report.to_dict()["difference"] == "CAM16-UCS"
+
+
+def test_metamers_are_alike_to_some_observers_and_equal_paints_to_all(
+    sodium: DesignReport,
+) -> None:
+    (pair,) = sodium.metamers
+    seen = pair.observers
+    assert seen.count == 1000 and pair.delta_E < 0.2
+    assert 0.2 < seen.alike < 0.7 and 0.8 < seen.median < seen.p95 < 6
+    assert f"alike to {100 * seen.alike:.0f} % of 1000 observers" in " ".join(str(sodium).split())
+    assert sodium.to_dict()["metamers"][0]["observers"]["alike"] == seen.alike
+    palette = vs.load_palette(ROOT / "data/palettes/figure-1.toml")
+    assert DesignReport.of(design(palette)).metamers == sodium.metamers, "the same observers"
+
+    paint = PaletteSpectrum("paint", vs.reflectance("ColorChecker/red"))
+    twin = replace(paint, name="twin")
+    same = {("paint", "D65"): Cell(colour=GREY), ("twin", "D65"): Cell(colour=GREY)}
+    palette = Palette((paint, twin), (lamp("D65"), free_light("open")), same)
+    (equal,) = DesignReport.of(design(replace(palette, criteria=Criteria(rounds=1)))).metamers
+    assert (equal.observers.alike, equal.observers.p95) == (1.0, 0.0)

@@ -201,6 +201,8 @@ def test_a_scene_may_name_ask_or_make_its_materials_the_channels(tmp_path: Path)
     fine = scene(tmp_path, "[basis]\ngrid_nm = [380, 730, 5]\nobserver_deg = 10\nsize = 5")
     assert isinstance(fine.basis, SpectralBasis)
     assert fine.basis.grid.size == 71 and fine.basis.observer_deg == 10
+    cones = scene(tmp_path, '[basis]\nmethod = "materials"\nobserver_deg = "CIE 2015 10"').basis
+    assert cones.observer_deg == "CIE 2015 10"
     materials = scene(tmp_path, '[basis]\nmethod = "materials"').basis
     assert isinstance(materials, MaterialBasis) and list(materials.materials) == ["block", "part"]
 
@@ -222,6 +224,7 @@ def test_other_settings_are_tried_without_writing_them(tmp_path: Path) -> None:
         ('method = "materials"\nsize = 5', "conflict basis.method"),
         ('name = "general-8"', "unknown basis"),
         ('method = "magic"', "unknown basis.method"),
+        ('observer_deg = "CIE 2006 2"', "unknown basis.observer_deg"),
         ("observer_deg = 4", "type basis.observer_deg"),
         ("grid_nm = [400, 705, 10]", "range basis"),
     ],

@@ -18,7 +18,8 @@ from volspec.spectra import DEFAULT_GRID, datasets, light
 from volspec.spectra.photometry import extended_band_means
 
 ROOT = Path(__file__).resolve().parents[2]
-OBSERVERS = ("CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer")
+YEARS = {"CIE 1931": 2, "CIE 1964": 10, "CIE 2015 2": 2, "CIE 2015 10": 10}
+OBSERVERS = [f"{name[:8]} {field} Degree Standard Observer" for name, field in YEARS.items()]
 # What our groups are called there.
 GROUPS: dict[str, Mapping[str, Any]] = {
     "observers": {name: colour.MSDS_CMFS[name] for name in OBSERVERS},

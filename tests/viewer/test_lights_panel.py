@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+import threading
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from volspec.appearance.rendition import light_figures
 from volspec.relight import LightRig
-from volspec.spectra import DEFAULT_GRID, light
+from volspec.spectra import DEFAULT_GRID, light, reflectance
 from volspec.spectra.library import library_names
 from volspec.viewer.model import light_parts, lights
 from volspec.viewer.model.lights import rim_places
+from volspec.viewer.model.rendition import Measured, chosen_lights, measure
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import lights_dial
+from volspec.viewer.ui.lights_rendition import metamer_lines, number_lines
+from volspec.viewer.work.rendition import RenditionService
 
 AREA = (0, 20, 900, 600)
 
@@ -161,3 +167,84 @@ def test_a_light_is_found_at_the_rim_and_by_its_name() -> None:
     assert lights_dial.label_at(labels, *ring.middle) == -1
     for x, y, found in ((0.05, -1.0, 0), (1.0, 0.02, 1), (0.0, 0.0, -1)):
         assert lights_dial.light_at(4, x, y, 0.1) == found
+
+
+def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(
+    state: ViewState,
+) -> None:
+    """The document's bands are 400 to 700 nm every 10 nm; the figures do not depend on them."""
+    state = lights.add(state, text="FL2").state
+    at = len(state.lights) - 1
+    found = measure(asked(lights.choose(state, at), False))
+    assert found is not None and found.light.rendition is not None
+    assert number_lines(found) == [
+        *("R_f 70   R_g 86", "R_a 64   R_9 -84", "SSI 62, daylight:4225"),
+        *("4225 K, Duv +0.0019", "337 lm/W"),
+    ]
+    # Once drawn, it has the document's bands only, and lines of 10 nm.
+    drawn = light_parts.draw(lights.choose(state, at), at, 0, (0.1, 0.5), (0.1, 0.5))
+    other = measure(asked(drawn, False))
+    assert other is not None and other.light.rendition is not None
+    assert 0.5 < abs(other.light.rendition.R_f - found.light.rendition.R_f) < 20
+
+
+def test_rendition_of_the_mix_counts_what_shines(state: ViewState) -> None:
+    for text in ("FL2", "FL12"):
+        state = lights.add(state, text=text).state
+    count = len(state.lights)
+    for i in range(count):
+        state = lights.set_weight(state, i, 0.5 if i == count - 1 else 0.0)
+    mix = measure(asked(state, True))
+    alone = measure(asked(lights.choose(state, count - 1), False))
+    assert mix is not None and alone is not None and mix.light.rendition is not None
+    assert mix.light.lm_per_W == pytest.approx(alone.light.lm_per_W)
+    state = lights.set_weight(state, count - 2, 0.5)
+    both = measure(asked(state, True))
+    assert both is not None and both.light.rendition is not None
+    mixed = light_figures(lambda grid: light("FL2*0.5+FL12*0.5", grid))
+    assert mixed.rendition is not None
+    assert both.light.rendition.R_f == pytest.approx(mixed.rendition.R_f)
+    dark = lights.set_weight(lights.set_weight(state, count - 1, 0.0), count - 2, 0.0)
+    assert chosen_lights(dark, True) is None
+
+
+def test_materials_alike_in_daylight_are_named_with_what_parts_them(state: ViewState) -> None:
+    """The engine's block and inserts are a metameric pair, designed on the document's bands."""
+    data = Path(__file__).resolve().parents[2] / "data" / "spectra"
+    names = ("copper", "block", "inserts")
+    files = ("copper", *(str(data / f"engine-{name}.csv") for name in names[1:]))
+    engine = tuple((name, reflectance(file)) for name, file in zip(names, files, strict=True))
+    state = lights.add(state, text="A").state
+    tungsten = asked(lights.choose(state, len(state.lights) - 1), False)
+    found = measure(tungsten._replace(materials=engine))
+    assert found is not None and found.metamerism is not None
+    assert found.pair == ("block", "inserts") and found.metamerism.delta_E < 1
+    assert found.metamerism.illuminant > 15
+    first, second, third = metamer_lines(found)
+    assert first.startswith("block and inserts: ΔE 0.") and second.startswith("ΔE 2")
+    assert third.count("CIE 2015") == 2
+    plain = measure(tungsten._replace(materials=engine[:2]))
+    assert plain is not None and plain.pair is None and metamer_lines(plain) == []
+
+
+def test_lights_are_measured_in_the_background_once_for_each_change(state: ViewState) -> None:
+    woken = threading.Event()
+    service = RenditionService(woken.set)
+    first = asked(state, False)
+    for _ in range(3):
+        service.follow(first)
+    assert woken.wait(30)
+    while service.busy:
+        service.take()
+    assert service.shown is not None and service.shown[0] == first and not service.take()
+    service.follow(asked(state, False))
+    assert not service.busy, "the same lights again"
+    service.follow(asked(lights.choose(state, 1), False))
+    assert service.busy
+    service.close()
+
+
+def asked(state: ViewState, whole: bool) -> Measured:
+    found = chosen_lights(state, whole)
+    assert found is not None
+    return found

@@ -42,6 +42,12 @@ def test_lights_are_drawn_given_lux_saved_and_faded_without_a_cast(tmp_path: Pat
         # How much depends on how many of the stroke's places a slow window sees; 1 is rounding.
         assert np.abs(drawn - plain).max() > 1
 
+        # The figures of the drawn light, and of the mix.
+        click("tab Rendition")
+        click("rendition of Mix")
+        robot.rest()
+        assert robot.area("rendition")[2] > 80
+
         # Lux: an eye adapted to little light sees the picture otherwise.
         click("tab Light")
         click("lux given")

@@ -22,7 +22,7 @@ from volspec._deprecated import renamed_attribute
 from volspec.basis import storage
 from volspec.basis.display import DEFAULT_MODE
 from volspec.errors import BasisError, SpectrumError
-from volspec.spectra.datasets import check_observer
+from volspec.spectra.datasets import Observer, check_observer
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Spectrum, real_array, reflectance_values
 
@@ -167,8 +167,8 @@ def require_text(value: Any, what: str) -> str:
     return value
 
 
-def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
-    """Return the observer as a plain int; raise BasisError if either is wrong."""
+def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> Observer:
+    """Return the observer, a number as a plain int; raise BasisError if either is wrong."""
     if not isinstance(grid, SpectralGrid):
         raise BasisError.refused(
             f"{label}: grid",
@@ -177,8 +177,7 @@ def require_grid_and_observer(grid: Any, observer_deg: Any, label: str) -> int:
             "type",
         )
     with basis_errors(label):
-        check_observer(observer_deg)
-    return int(observer_deg)
+        return check_observer(observer_deg)
 
 
 def require_matrices(basis: SpectralBasis) -> dict[str, Array]:

@@ -16,6 +16,7 @@ from volspec._gpu.sources import asset
 from volspec.basis.model import SpectralBasis
 from volspec.basis.storage import GRID_ENDINGS
 from volspec.errors import BasisError, nearest
+from volspec.spectra.datasets import Observer
 from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 from volspec.spectra.lights import light_set
 from volspec.spectra.reflectances import reflectance_set
@@ -45,7 +46,7 @@ def fit_library(
     method: str = "virtual-sensors",
     positive: bool = False,
     lights: Literal["smooth", "all"] | None = None,
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
     grid: SpectralGrid = DEFAULT_GRID,
 ) -> SpectralBasis:
     """Fit a basis on the library's lights and its 128 training reflectances.

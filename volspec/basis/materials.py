@@ -36,7 +36,7 @@ from volspec.basis.base import (
 )
 from volspec.basis.model import SpectralBasis
 from volspec.errors import BasisError, nearest
-from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.fluorescence import Fluorescence
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.spectrum import (
@@ -64,7 +64,7 @@ class MaterialBasis(StoredBasis):
     name : str
     grid : SpectralGrid
         N bands.
-    observer_deg : 2 or 10
+    observer_deg : Observer
         Standard observer.
 
     Raises
@@ -88,7 +88,7 @@ class MaterialBasis(StoredBasis):
     materials: Mapping[str, Spectrum]
     name: str = METHOD
     grid: SpectralGrid = DEFAULT_GRID
-    observer_deg: int = 2
+    observer_deg: Observer = 2
 
     def __post_init__(self) -> None:
         require_materials(self.materials, "material basis")

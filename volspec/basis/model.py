@@ -38,7 +38,7 @@ from volspec.basis.base import (
     require_text,
 )
 from volspec.errors import BasisError
-from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 from volspec.spectra.reflectances import reflectance_set
@@ -73,7 +73,7 @@ class SpectralBasis(StoredBasis):
         D; scaled so that flat light (ones) on a perfect diffuser has Y near 100.
     trained_on : str
         Description of the lights and reflectances.
-    observer_deg : {2, 10}
+    observer_deg : Observer
         Observer of D: CIE 1931 2 degrees or CIE 1964 10 degrees.
     samples : (K, N) array, optional
         Reflectances, such as a scene's, whose colours `fitted_matrix` gives best, before those of
@@ -94,7 +94,7 @@ class SpectralBasis(StoredBasis):
     synthesis: NDArray[np.float64]
     XYZ_from_channels: NDArray[np.float64]
     trained_on: str = ""
-    observer_deg: int = 2
+    observer_deg: Observer = 2
     samples: NDArray[np.float64] | None = None
 
     analyze = renamed_attribute("analyse")
@@ -298,7 +298,7 @@ class SpectralBasis(StoredBasis):
         grid: SpectralGrid = DEFAULT_GRID,
         name: str = "",
         trained_on: str = "",
-        observer_deg: int = 2,
+        observer_deg: Observer = 2,
         smoothness: float | None = None,
         restarts: int | None = None,
         light_weights: ArrayLike | None = None,
@@ -316,7 +316,7 @@ class SpectralBasis(StoredBasis):
             See `volspec.basis.fit`.
         positive : bool
             Constrain A >= 0, so that reflectances have channels in 0..1 (``virtual-sensors``).
-        observer_deg : {2, 10}
+        observer_deg : Observer
             Observer of the colours.
         smoothness : float, optional
             Weight of the second-difference penalty on A's rows (``virtual-sensors``).
@@ -361,7 +361,7 @@ class SpectralBasis(StoredBasis):
         )
 
     @classmethod
-    def bands(cls, grid: SpectralGrid = DEFAULT_GRID, observer_deg: int = 2) -> SpectralBasis:
+    def bands(cls, grid: SpectralGrid = DEFAULT_GRID, observer_deg: Observer = 2) -> SpectralBasis:
         """Return the basis without reduction: every band is a channel, and every product is exact.
 
         Reference for other bases, if a picture can be cast with this many channels.

@@ -29,6 +29,7 @@ from volspec.appearance.spaces import encode_sRGB
 from volspec.basis.figure import line_colour
 from volspec.spectra import Spectrum, XYZ_from_spectra, white_XYZ
 from volspec.spectra.construct.colours import XYZ_from_linear_sRGB
+from volspec.spectra.datasets import Observer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,7 +45,7 @@ def reflectance_figure(
     made: Spectrum,
     parts: Mapping[str, tuple[float, Array]],
     lights: Sequence[Spectrum],
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
 ) -> Figure:
     """Draw a reflectance, its base spectra, and its colour under lights of its grid.
 
@@ -94,13 +95,13 @@ def save_reflectance_figure(
     parts: Mapping[str, tuple[float, Array]],
     lights: Sequence[Spectrum],
     path: str | os.PathLike[str],
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
 ) -> None:
     """Write `reflectance_figure` in the format of the file's suffix; whole or not at all."""
     write_figure(reflectance_figure(made, parts, lights, observer_deg), path)
 
 
-def _shown(made: Spectrum, lamp: Spectrum, observer_deg: int) -> tuple[float, float, float]:
+def _shown(made: Spectrum, lamp: Spectrum, observer_deg: Observer) -> tuple[float, float, float]:
     """Return encoded sRGB of a surface under a light, adapted to its white."""
     to_linear = np.linalg.inv(XYZ_from_linear_sRGB(white_XYZ(lamp, observer_deg)))
     red, green, blue = encode_sRGB(to_linear @ XYZ_from_spectra(lamp, made, observer_deg)).tolist()

@@ -26,7 +26,7 @@ from volspec.appearance.spaces import encode_sRGB, linear_sRGB_from_XYZ, to_uint
 from volspec.basis.display import DEFAULT_MODE, MODES, Mode, visible_white
 from volspec.basis.materials import MaterialBasis, alike
 from volspec.errors import BasisError
-from volspec.spectra.datasets import colour_matching_functions, colour_science
+from volspec.spectra.datasets import Observer, colour_matching_functions, colour_science
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.lights import light_set
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
@@ -162,7 +162,7 @@ def product_rows(count: int, factors: int) -> Indices:
     return np.sort(drawn, axis=1)
 
 
-def sharp_surfaces(reflectances: Array, grid: SpectralGrid, observer_deg: int) -> Array:
+def sharp_surfaces(reflectances: Array, grid: SpectralGrid, observer_deg: Observer) -> Array:
     """Return (K, 3) Sharp-sensor responses of surfaces under the flat light, 1 for white."""
     Q = colour_matching_functions(grid, observer_deg)
     sharp = _sharp()

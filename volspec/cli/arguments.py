@@ -12,7 +12,7 @@ import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 Lights = Annotated[list[str] | None, Parameter(name=["--light", "-l"], negative="")]
 """Parameter of lights: names or `volspec.light`'s notation; repeatable."""
+# As in `volspec.spectra.datasets`, which imports NumPy.
+Observer = Literal[2, 10, "CIE 2015 2", "CIE 2015 10"]
+"""Standard observers by their field in degrees."""
 # Files that are neither scene nor volume.
 _NO_VOLUME = (".png", ".jpg", ".jpeg", ".csv", ".json", ".html", ".py", ".txt", ".mp4", ".gif")
 # Remedy for a coefficient image where a scene is expected.

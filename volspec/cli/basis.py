@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 from rich.text import Text
 
 from volspec._files import require_suffix, require_writable
+from volspec.cli.arguments import Observer
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
 from volspec.cli.viewing import in_options
 from volspec.errors import BasisError, nearest
@@ -48,7 +50,7 @@ def basis(
     method: str | None = None,
     positive: Flag = False,
     lights: Annotated[Lights, Strict] = None,
-    observer: Annotated[Literal[2, 10] | None, Strict] = None,
+    observer: Annotated[Observer | None, Strict] = None,
     reflectances: str | None = None,
     step_nm: Annotated[float | None, Strict] = None,
     json: Json = False,
@@ -82,7 +84,8 @@ def basis(
         Lights to fit under: the 26 smooth lights, or all, which adds the 89 spiky ones (with a
         small weight for virtual-sensors). Default: smooth for pca and pca-sharpened, else all.
     observer
-        Colour-matching functions of 2 or 10 degrees; default: 2.
+        Colour-matching functions: 2 (CIE 1931, the default), 10 (CIE 1964), "CIE 2015 2" or
+        "CIE 2015 10".
     reflectances
         Reflectances to measure with: test, natural, patches, training, or materials (the scene's).
         Default: a scene's materials, else test.
@@ -157,7 +160,11 @@ def _print(table: Any, reason: str) -> None:
 
 
 def _case(
-    subject: str | None, asked: dict[str, Any], lights: Lights, observer: int | None, tell: Tell
+    subject: str | None,
+    asked: dict[str, Any],
+    lights: Lights,
+    observer: Observer | None,
+    tell: Tell,
 ) -> _Case:
     """Return the basis for a subject and settings, with the subject's lights and materials."""
     from volspec.basis import load_basis
@@ -196,13 +203,14 @@ def _case(
     if observer not in (None, loaded.observer_deg):
         raise BasisError(
             f"{name} was made for the {loaded.observer_deg}° observer, not {observer}°; leave out "
-            f"--observer, or fit a basis: volspec basis --size {loaded.size} --observer {observer}"
+            f"--observer, or fit a basis: volspec basis --size {loaded.size} --observer "
+            f"{quote(str(observer))}"
         )
     return _Case(loaded)
 
 
 def _of_scene(
-    path: Path, asked: dict[str, Any], lights: str | None, observer: int | None, tell: Tell
+    path: Path, asked: dict[str, Any], lights: str | None, observer: Observer | None, tell: Tell
 ) -> _Case:
     from volspec.basis.report_table import CLASSES
     from volspec.scene import Scene

@@ -1,20 +1,23 @@
-"""``volspec light``: colour, temperature and lumens of a light, and the lux of a lamp."""
+"""``volspec light``: colour, lumens and colour rendition of a light, and the lux of a lamp."""
 
 from __future__ import annotations
 
 import warnings
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
 
+from volspec._files import require_suffix, require_writable
 from volspec.cli.shell import Json, Row, app, as_written, print_json, print_table, say
 from volspec.cli.viewing import in_options
 from volspec.errors import InputError, VolspecWarning
 
-# nm: bands for the colour, the whole range of the CIE 1931 observer, without which a radiator of
-# 7500 K comes out at 7497 K; and bands whose power counts as radiated, which most files cover.
-_COLOUR_NM, _RADIATED_NM = (360.0, 830.0, 1.0), (380.0, 780.0, 5.0)
+if TYPE_CHECKING:
+    from volspec.appearance.rendition import LightFigures
+
+_FIGURES = (".png", ".pdf", ".svg")
 
 
 @app.command
@@ -33,20 +36,32 @@ def light(
         float | None,
         Parameter(converter=as_written, help="Full angle of a spotlight; default: all around."),
     ] = None,
+    against: str | None = None,
+    pair: Annotated[tuple[str, str] | None, Parameter(negative="")] = None,
+    figure: Path | None = None,
     json: Json = False,
 ) -> None:
-    """Print a light's colour, temperature and lumens; for a lamp, also the lux at a distance.
+    """Print a light's colour, lumens and colour rendition; for a lamp, the lux at a distance.
 
     Computed for the 2 degree observer over 360 to 830 nm; the efficacy counts the power radiated
-    between 380 and 780 nm.
+    from 380 to 780 nm, exactly. R_a and R_9 are of CIE 13.3, R_f of CIE 224 and ANSI/IES TM-30-18,
+    R_g of TM-30, and SSI of SMPTE ST 2122, by default against the Planck radiator (below 4000 K) or
+    the daylight of the same temperature.
 
     Example: `volspec light D65*0.7+A*0.3`
 
     Example: `volspec light lamp:tungsten-2850 --power-W 100 --distance-m 2 --beam-deg 60`
 
+    Example: `volspec light LED-B3 --against D65 --figure led.png`
+
+    Example: `volspec light A --pair spectra.csv#paint spectra.csv#cloth`
+
     Example: `volspec light sodium`
 
     Example: `volspec light --list LED`
+
+    JSON: `R` has R_1 to R_14; `R_f_samples` the 99 of CIE 224; `R_f_hue`, `R_cs_hue` (a fraction)
+    and `R_hs_hue` (radians) the 16 hue bins of TM-30; `metamerism` the figures of `--pair`.
 
     Parameters
     ----------
@@ -55,8 +70,16 @@ def light(
         words to search for.
     listed
         Print names and descriptions of lights instead: those that have the words, or all.
+    against
+        A LIGHT, the reference of the spectral similarity index; with `--pair`, that under which the
+        two are alike.
+    pair
+        Two reflectances that are alike under D65, or under `--against`: their differences if the
+        light changes to SPECTRUM, and for other observers.
+    figure
+        Figure of the colour vector graphic to write: .png, .pdf or .svg.
     """
-    from volspec.spectra import SpectralGrid
+    from volspec.appearance.rendition import RENDITION_GRID, light_figures
     from volspec.spectra import light as find
     from volspec.spectra.lamps import (
         LAMPS,
@@ -64,10 +87,8 @@ def light(
         flux_lm,
         lamp_for_light,
         lamp_illuminance_lux,
-        lumens_per_watt,
     )
     from volspec.spectra.library import describe_light, library_names
-    from volspec.spectra.photometry import correlated_temperature, white_XYZ
 
     for name, value, other, its in (
         ("--beam-deg", beam_deg, "--distance-m", distance_m),
@@ -80,12 +101,22 @@ def light(
         return
     if spectrum is None:
         raise InputError("no light; give one, such as D65, or --list for all names")
-    found = find(spectrum, SpectralGrid(*_RADIATED_NM))
+    if figure is not None:
+        require_suffix(figure, "figures", *_FIGURES)
+        require_writable(figure)
+    found = find(spectrum, RENDITION_GRID)
     with warnings.catch_warnings():
         # A file that ends within the range is mentioned above; its end values continue.
         warnings.simplefilter("ignore", VolspecWarning)
-        X, Y, Z = white_XYZ(find(spectrum, SpectralGrid(*_COLOUR_NM))).tolist()
-    near = correlated_temperature((X, Y, Z))
+        measured = light_figures(lambda grid: find(spectrum, grid), against)
+        metameric = _metamerism(pair, against or "D65", spectrum) if pair else {}
+        if figure is not None:
+            _draw(measured, spectrum, against, figure)
+    if against and measured.similarity is None:
+        problem = f"{found.name} has no power from 375 to 675 nm, which SSI compares"
+        raise InputError(f"--against: {problem}; leave it out")
+    X, Y, Z = measured.white_XYZ.tolist()
+    near = measured.temperature
     lamp = LAMPS.get(found.name.removeprefix(f"{PREFIX}:"))
     row: Row = {
         "light": found.name,
@@ -97,9 +128,10 @@ def light(
         "Z": Z,
         "kelvin": near and near.kelvin,
         "Duv": near and near.Duv,
-        "radiation_lm_per_W": lumens_per_watt(found),
+        "radiation_lm_per_W": measured.lm_per_W,
         "lamp_lm_per_W": lamp and lamp.efficacy_lm_per_W,
     }
+    row |= _rendition(measured) | metameric
     with in_options():
         if power_W is not None:
             row |= {"power_W": power_W, "flux_lm": flux_lm(lamp_for_light(found.name), power_W)}
@@ -110,6 +142,57 @@ def light(
         print_json(row)
     else:
         print_table(row["light"], _table(row))
+        if figure is not None:
+            say(figure)
+
+
+def _rendition(measured: LightFigures) -> Row:
+    """Return the figures of a light's colour rendition, None without a reference."""
+    found = measured.rendition
+    row: Row = {"R_a": found and found.R_a, "R_9": found and float(found.R[8])}
+    row |= {"R": found and found.R.tolist(), "near_white": found and found.is_white}
+    row |= {"R_f": found and found.R_f, "R_g": found and found.R_g}
+    row |= {"R_f_samples": found and found.fidelity.tolist()}
+    row |= {"R_f_hue": found and found.hue_fidelity.tolist()}
+    row |= {"R_cs_hue": found and found.chroma_shift.tolist()}
+    row |= {"R_hs_hue": found and found.hue_shift.tolist()}
+    return row | {"SSI": measured.similarity, "SSI_reference": measured.reference or None}
+
+
+def _draw(measured: LightFigures, spectrum: str, against: str | None, figure: Path) -> None:
+    """Write the figure of a light and what it is compared with."""
+    from volspec.appearance.rendition import RENDITION_GRID, rendition_reference
+    from volspec.basis.light_figure import save_light_figure
+    from volspec.spectra import light as find
+
+    own, found = find(spectrum, RENDITION_GRID), measured.rendition
+    if found is None:
+        problem = f"{own.name} has no correlated temperature, and so no reference to draw"
+        raise InputError(f"--figure: {problem}; give a light nearer to white")
+    kelvin = found.temperature.kelvin
+    other = find(against, RENDITION_GRID) if against else rendition_reference(kelvin)
+    similar = measured.similarity
+    facts = "" if similar is None else f"SSI {similar:.0f} against {measured.reference}"
+    save_light_figure(own, other, found, figure, facts)
+
+
+def _metamerism(pair: tuple[str, str], reference: str, test: str) -> Row:
+    """Return the metamerism of two reflectances that are alike under a reference light."""
+    from volspec.appearance.rendition import RENDITION_GRID, metamerism
+    from volspec.spectra import light as find
+    from volspec.spectra import reflectance
+
+    one, other = (reflectance(each, RENDITION_GRID) for each in pair)
+    found = metamerism(one, other, *(find(each, RENDITION_GRID) for each in (reference, test)))
+    row = {
+        "reflectances": list(pair),
+        "reference": reference,
+        "delta_E": found.delta_E,
+        "general": found.general,
+        "change_in_illuminant": found.illuminant,
+        "change_in_observer": {str(observer): d for observer, d in found.observers.items()},
+    }
+    return {"metamerism": row}
 
 
 def _list(text: str, as_json: bool) -> None:
@@ -149,6 +232,14 @@ def _table(row: Row) -> Table:
         "correlated temperature": near,
         "efficacy of radiation": f"{row['radiation_lm_per_W']:.1f} lm/W",
     }
+    if row["R_a"] is not None:
+        far = "" if row["near_white"] else "; Duv is beyond CIE 13.3's ±0.0054"
+        lines["colour rendering"] = f"R_a {row['R_a']:.0f}, R_9 {row['R_9']:.0f}{far}"
+        lines["fidelity, gamut"] = f"R_f {row['R_f']:.0f}, R_g {row['R_g']:.0f}"
+    if row["SSI"] is not None:
+        lines["spectral similarity"] = f"SSI {row['SSI']:.0f} against {row['SSI_reference']}"
+    if "metamerism" in row:
+        lines |= _metameric_lines(row["metamerism"], row["light"])
     if row["lamp_lm_per_W"] is not None:
         lines["efficacy of the lamp"] = f"{row['lamp_lm_per_W']:g} lm/W"
     if "flux_lm" in row:
@@ -159,3 +250,15 @@ def _table(row: Row) -> Table:
     for label, words in lines.items():
         table.add_row(label, words)
     return table
+
+
+def _metameric_lines(of: Row, test: str) -> dict[str, str]:
+    """Return lines on two metameric reflectances."""
+    others = ", ".join(f"{each}° {d:.2f}" for each, d in of["change_in_observer"].items())
+    return {
+        "pair": ", ".join(of["reflectances"]),
+        f"under {of['reference']}": f"ΔE00 {of['delta_E']:.2f}, general metamerism "
+        f"{of['general']:.4f}",
+        "change in illuminant": f"ΔE00 {of['change_in_illuminant']:.2f} under {test}",
+        "change in observer": f"ΔE00 {others}",
+    }

@@ -52,9 +52,11 @@ def design(
 
     JSON: `cells` has a row for each cell: `reflectance`, `light`, `kind`, `wanted` and
     `obtained` display codes, `X`, `Y`, `Z`, `delta_E_2000`, `delta_E_1976`, `delta_E_CAM16`,
-    `in_gamut`; besides `metamers`, `spectra` (bands at their bounds), `cost`, `mean`, `max` (of
-    `difference`), `suggestions`, and `apart`: of each pair to be distinguished, the CIEDE2000
-    under each of its `lights` and the `smallest`, for normal vision (`none`) and each deficiency.
+    `in_gamut`; besides `metamers` (in `observers` what individual observers see instead of the
+    standard one: the fraction to whom a pair is `alike`, below CIEDE2000 1, and `median` and
+    `p95`), `spectra` (bands at their bounds), `cost`, `mean`, `max` (of `difference`),
+    `suggestions`, and `apart`: of each pair to be distinguished, the CIEDE2000 under each of its
+    `lights` and the `smallest`, for normal vision (`none`) and each deficiency.
 
     Parameters
     ----------

@@ -5,12 +5,13 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 from rich.text import Text
 
 from volspec._files import require_suffix, require_writable
+from volspec.cli.arguments import Observer
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say, show_names
 from volspec.errors import ImageError, InputError, VolspecWarning, one_line
 
@@ -31,7 +32,7 @@ class _Asked:
 
     light: str
     method: str
-    observer: int
+    observer: Observer
 
 
 @app.command
@@ -43,7 +44,7 @@ def reflectance(
     light: str = "D65",
     method: str = "delaunay",
     under: Annotated[list[str] | None, Parameter(negative="", help="Repeatable.")] = None,
-    observer: Annotated[Literal[2, 10], Parameter(converter=as_written)] = 2,
+    observer: Annotated[Observer, Parameter(converter=as_written)] = 2,
     image: Path | None = None,
     output: Annotated[Path | None, Parameter(name=["--output", "-o"])] = None,
     figure: Path | None = None,
@@ -79,7 +80,7 @@ def reflectance(
     under
         Other lights to compute the colour under; default: D65 and A.
     observer
-        Colour-matching functions of 2 or 10 degrees.
+        Colour-matching functions: 2 (CIE 1931), 10 (CIE 1964), "CIE 2015 2" or "CIE 2015 10".
     image
         An sRGB picture instead of a colour; each pixel counts as an evenly lit surface.
     output
@@ -159,7 +160,7 @@ def _construct(
 
 
 def _under(
-    paint: Spectrum, lamps: list[Spectrum], XYZ: NDArray[np.float64], observer: int
+    paint: Spectrum, lamps: list[Spectrum], XYZ: NDArray[np.float64], observer: Observer
 ) -> list[dict[str, Any]]:
     """Return the reflectance's colour under each light, and its ΔE from the wanted colour."""
     from volspec.appearance.models.cielab import cielab, delta_E_2000

@@ -33,7 +33,7 @@ from volspec.raycast.image_file import ONE_GROUP
 from volspec.relight import LightRig, RelightSpec
 from volspec.relight.illumination import Illumination
 from volspec.spectra import SpectralGrid, Spectrum
-from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.photometry import illuminance_lux
 from volspec.spectra.spectrum import stack
 
@@ -54,7 +54,7 @@ class SpectralIllumination:
     bands_from_channels: Array  # (N, L·M)
     backdrop: Array  # (N,)
     grid: SpectralGrid
-    observer_deg: int  # standard observer of the colours
+    observer_deg: Observer  # standard observer of the colours
     # W / (m² sr nm) of 1 in a band: white has the lights' lux, or if they have none the viewing's.
     radiance_of_one: float
 

@@ -9,6 +9,7 @@ from volspec.palette.report import (
     CellReport,
     DesignReport,
     MetamerReport,
+    ObserverReport,
     SpectrumReport,
 )
 from volspec.palette.storage import save_palette
@@ -23,6 +24,7 @@ __all__ = [
     "Design",
     "DesignReport",
     "MetamerReport",
+    "ObserverReport",
     "Palette",
     "PaletteSpectrum",
     "SpectrumReport",

@@ -5,6 +5,7 @@ state, design -> [report] -> advice, figure, text, JSON
 References
 ----------
 [1] CIE 15:2018, "Colorimetry", section 9.2: special metamerism index, change in illuminant.
+[2] Asano, Fairchild & Blondé (2016), "Individual Colorimetric Observer Model", PLoS ONE 11(2).
 """
 
 from __future__ import annotations
@@ -20,16 +21,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.appearance.deficiency import DEFICIENCIES
 from volspec.appearance.difference import Difference, distance, uniform
-from volspec.appearance.models.cielab import delta_E_2000
+from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.palette.model import Cell, Place, Triple, hexadecimal
 from volspec.palette.optimisation import Design, Phase, apart_cost, compared_colours
 from volspec.palette.state import ColourModel, State
 from volspec.spectra import Spectrum
+from volspec.spectra.observers import population
 
 Array = NDArray[np.float64]
 
 # Half an 8-bit step: codes this far outside the display's range are not visibly clipped.
 _CODE = 0.5 / 255.0
+# CIEDE2000 below which two colours are alike.
+ALIKE = 1.0
+# A white's least tristimulus value, as a fraction of its largest.
+_LEAST_WHITE = 1e-6
 # A bound counts as touched within this fraction of the spectrum's largest value.
 _TOUCH = 1e-4
 
@@ -99,6 +105,27 @@ class CellReport:
 
 
 @dataclass(frozen=True, slots=True)
+class ObserverReport:
+    """CIEDE2000 between two reflectances to individual observers, `spectra.observers` [2].
+
+    Every observer's CIELAB is relative to their own white under the light.
+
+    Parameters
+    ----------
+    count : int
+    alike : float
+        Fraction of the observers to whom the difference is below `ALIKE`.
+    median, p95 : float
+        CIEDE2000 that half, and 95 %, of the observers see at most.
+    """
+
+    count: int
+    alike: float
+    median: float
+    p95: float
+
+
+@dataclass(frozen=True, slots=True)
 class MetamerReport:
     """Two reflectances that should have the same colour under a light.
 
@@ -113,6 +140,8 @@ class MetamerReport:
         light and paints of these spectra would show.
     apart : {light: float}
         The difference under every other light: the special metamerism indices [1].
+    observers : ObserverReport
+        What a population sees under the light, on bands of 1 nm, instead of the standard observer.
     """
 
     light: str
@@ -120,6 +149,7 @@ class MetamerReport:
     delta_E: float
     delta_E_1nm: float
     apart: dict[str, float]
+    observers: ObserverReport
 
 
 @dataclass(frozen=True, slots=True)
@@ -379,12 +409,32 @@ def _metamers(
     models = fine.colour_models()
     fine_colours = _all_coordinates(fine.RGB(models), models, difference)
     for j, column in enumerate(columns):
-        for (i, one), (k, other) in combinations(enumerate(rows), 2):
-            if _have_one_target(targets, (one, column), (other, column)):
-                between = distance(difference, colours[i], colours[k])
-                apart = {n: float(d) for n, d in zip(columns, between, strict=True) if n != column}
-                at_1_nm = float(distance(difference, fine_colours[i, j], fine_colours[k, j]))
-                yield MetamerReport(column, (one, other), float(between[j]), at_1_nm, apart)
+        pairs = [
+            (i, k)
+            for (i, one), (k, other) in combinations(enumerate(rows), 2)
+            if _have_one_target(targets, (one, column), (other, column))
+        ]
+        observed = _observers(fine, j) if pairs else np.zeros(0)
+        for i, k in pairs:
+            between = distance(difference, colours[i], colours[k])
+            apart = {n: float(d) for n, d in zip(columns, between, strict=True) if n != column}
+            at_1_nm = float(distance(difference, fine_colours[i, j], fine_colours[k, j]))
+            differences = delta_E_2000(observed[:, i], observed[:, k])
+            seen = ObserverReport(
+                differences.size,
+                float((differences < ALIKE).mean()),
+                *np.percentile(differences, (50, 95)).tolist(),
+            )
+            pair = rows[i], rows[k]
+            yield MetamerReport(column, pair, float(between[j]), at_1_nm, apart, seen)
+
+
+def _observers(state: State, light: int) -> Array:
+    """Return CIELAB (n, R, 3) of all reflectances under a light to a population of observers."""
+    Q = population(state.palette.grid) * state.E[light]
+    white = Q.sum(axis=2)[:, None]
+    white = np.maximum(white, _LEAST_WHITE * white.max(axis=2, keepdims=True))
+    return cielab(np.swapaxes(Q @ state.S.T, 1, 2) / white, np.ones(3))
 
 
 def _have_one_target(targets: Mapping[Place, Cell], one: Place, other: Place) -> bool:

@@ -116,7 +116,7 @@ def _lines(report: DesignReport) -> Iterator[Text]:
 
 
 def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
-    """Largest ΔE of metamers under their light, and the range under others."""
+    """Largest ΔE of metamers under their light, the range under others, and who sees them alike."""
     many = f"{len(pairs)} pairs" if len(pairs) > 1 else " and ".join(pairs[0].reflectances)
     others = list(pairs[0].apart)
     elsewhere = [f"{_range([p.apart[n] for p in pairs])} under {n}" for n in others]
@@ -127,7 +127,9 @@ def _metamers(light: str, pairs: list[MetamerReport]) -> Text:
     there += f" ({fine} at 1 nm)" if fine != there else ""
     most = f"at most ΔE {there}" if len(pairs) > 1 else f"ΔE {there}"
     apart = f", apart {', '.join(elsewhere)}" if elsewhere else ""
-    return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart}")
+    shares = _range([100.0 * pair.observers.alike for pair in pairs])
+    people = f"; alike to {shares} % of {pairs[0].observers.count} observers"
+    return Text.assemble(("alike under ", "dim"), f"{light}: {many}, {most}{apart}{people}")
 
 
 def _apart(pairs: Sequence[ApartReport]) -> Table:

@@ -32,6 +32,7 @@ from volspec.settings import (
     value_or_table,
 )
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectance
+from volspec.spectra.datasets import Observer
 from volspec.spectra.lights import as_light
 from volspec.spectra.reflectances import as_reflectance
 
@@ -205,8 +206,8 @@ class BasisSpec:
     grid_nm: Annotated[Vector, Unit("nm")] | None = None
     """First, last and step of the bands; default: those of the palettes that spectra are from, else
     380 to 780 by 5."""
-    observer_deg: Literal[2, 10] = 2
-    """Field of the CIE observer."""
+    observer_deg: Observer = 2
+    """Standard observer: 2° (CIE 1931), 10° (CIE 1964), or those of CIE 2015, of cones."""
 
     @staticmethod
     def from_table(table: Mapping[str, Any], folder: Path | None) -> Mapping[str, Any]:

@@ -15,7 +15,7 @@ from functools import cache, lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,11 +27,14 @@ from volspec.spectra.grid import SpectralGrid
 Table = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Wavelengths (L,), nm, and values (L,) or (L, K); read-only."""
 
+Observer = Literal[2, 10, "CIE 2015 2", "CIE 2015 10"]
+"""Standard observers by their field in degrees: CIE 1931 and CIE 1964, and those of CIE 2015."""
+
 
 @cache
 def observers() -> Mapping[str, Table]:
     """Colour-matching functions x, y, z by colour-science's name: values are (L, 3)."""
-    names = ("CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer")
+    names = _OBSERVERS.values()
     return _cached("observers", lambda: _tables(colour_science().MSDS_CMFS, names))
 
 
@@ -129,29 +132,42 @@ def colour_science() -> ModuleType:
     return colour
 
 
-_OBSERVERS = {2: "CIE 1931 2 Degree Standard Observer", 10: "CIE 1964 10 Degree Standard Observer"}
+_OBSERVERS: Mapping[Observer, str] = {
+    2: "CIE 1931 2 Degree Standard Observer",
+    10: "CIE 1964 10 Degree Standard Observer",
+    "CIE 2015 2": "CIE 2015 2 Degree Standard Observer",
+    "CIE 2015 10": "CIE 2015 10 Degree Standard Observer",
+}
+# The range of the first two. CIE 170-2's tables begin at 390 nm: nothing is seen below.
+_FIRST_NM = 360.0
 
 
 # Most programs use one grid; measured or experimental spectra bring their own.
 @lru_cache(maxsize=64)
-def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDArray[np.float64]:
+def colour_matching_functions(
+    grid: SpectralGrid, observer_deg: Observer = 2
+) -> NDArray[np.float64]:
     """Return a standard observer's colour-matching functions x, y, z: (3, N) band means.
 
     Parameters
     ----------
     grid : SpectralGrid
         Within 360-830 nm.
-    observer_deg : {2, 10}
-        CIE 1931 2 degrees, or CIE 1964 10 degrees.
+    observer_deg : {2, 10, "CIE 2015 2", "CIE 2015 10"}
+        CIE 1931 2 degrees, CIE 1964 10 degrees, or the observers of CIE 170-2:2015, which are
+        linear transforms of cone fundamentals; these are 0 below 390 nm.
 
     Raises
     ------
     SpectrumError
         If the grid exceeds 360-830 nm or the observer is not one of these.
     """
-    check_observer(observer_deg)
+    nm, xyz = observers()[_OBSERVERS[check_observer(observer_deg)]]
+    if nm[0] > _FIRST_NM:
+        unseen = np.arange(_FIRST_NM, nm[0])
+        nm, xyz = np.append(unseen, nm), np.vstack([np.zeros((unseen.size, 3)), xyz])
     try:
-        Q = grid.band_means(*observers()[_OBSERVERS[observer_deg]]).T
+        Q = grid.band_means(nm, xyz).T
     except SpectrumError:
         raise SpectrumError(
             f"grid {grid}: the colour-matching functions span 360-830 nm; stay within that range"
@@ -161,10 +177,14 @@ def colour_matching_functions(grid: SpectralGrid, observer_deg: int = 2) -> NDAr
     return Q
 
 
-def check_observer(observer_deg: object) -> None:
-    """Raise SpectrumError unless the observer is 2 or 10 degrees."""
+def check_observer(observer_deg: object) -> Observer:
+    """Return a standard observer, numbers as plain ints; raise SpectrumError if it is none."""
     whole = isinstance(observer_deg, int | np.integer) and not isinstance(observer_deg, bool)
-    if not whole or observer_deg not in (2, 10):
+    if not (whole or isinstance(observer_deg, str)) or observer_deg not in get_args(Observer):
         raise SpectrumError.refused(
-            "observer_deg", observer_deg, "use 2 (CIE 1931) or 10 (CIE 1964)", "unknown"
+            "observer_deg",
+            observer_deg,
+            'use 2 (CIE 1931), 10 (CIE 1964), "CIE 2015 2" or "CIE 2015 10"',
+            "unknown",
         )
+    return cast(Observer, int(cast(int, observer_deg)) if whole else observer_deg)

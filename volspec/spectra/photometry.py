@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.spectra.datasets import colour_matching_functions, observers
+from volspec.spectra.datasets import Observer, colour_matching_functions, observers
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Spectrum, light_leaving, light_power
 
@@ -34,7 +34,9 @@ _FULL_RANGE_NM = (360.0, 830.0)
 
 
 def XYZ_from_spectra(
-    light: Spectrum, reflectances: Spectrum | Sequence[Spectrum] | ArrayLike, observer_deg: int = 2
+    light: Spectrum,
+    reflectances: Spectrum | Sequence[Spectrum] | ArrayLike,
+    observer_deg: Observer = 2,
 ) -> NDArray[np.float64]:
     """Return the colour (..., 3) of reflectances under a light; Y = 100 for a perfect diffuser.
 
@@ -46,7 +48,7 @@ def XYZ_from_spectra(
         On an equidistant grid of N bands.
     reflectances : Spectrum, list of Spectrum, or (..., N) array
         Spectra are resampled to the light's grid; arrays must be on that grid.
-    observer_deg : {2, 10}
+    observer_deg : Observer
         See `colour_matching_functions`.
 
     Raises
@@ -60,7 +62,7 @@ def XYZ_from_spectra(
     return light_leaving(reflectances, E, grid) @ (Q.T * (100.0 / (Q[1] @ E)))
 
 
-def white_XYZ(light: Spectrum, observer_deg: int = 2) -> NDArray[np.float64]:
+def white_XYZ(light: Spectrum, observer_deg: Observer = 2) -> NDArray[np.float64]:
     """Return the (3,) XYZ of the perfect diffuser, Y = 100: the light's adopted white."""
     return XYZ_from_spectra(light, np.ones(light.values.size), observer_deg)
 
@@ -72,13 +74,17 @@ def illuminance_lux(spectrum: Spectrum) -> float:
     return float(LUMINOUS_EFFICACY * grid.step_nm * (V @ spectrum.values))
 
 
-def luminous_mean(power: NDArray[np.float64], grid: SpectralGrid, observer_deg: int = 2) -> float:
+def luminous_mean(
+    power: NDArray[np.float64], grid: SpectralGrid, observer_deg: Observer = 2
+) -> float:
     """Return the V-weighted mean of a light's (N,) power, 1 for flat light of ones."""
     V = colour_matching_functions(grid, observer_deg)[1]
     return float(V @ power / V.sum())
 
 
-def light_level(power: NDArray[np.float64], grid: SpectralGrid, observer_deg: int = 2) -> float:
+def light_level(
+    power: NDArray[np.float64], grid: SpectralGrid, observer_deg: Observer = 2
+) -> float:
     """Return `luminous_mean`; of a nearly invisible light, such as ultraviolet, its mean power."""
     seen, mean = luminous_mean(power, grid, observer_deg), float(power.mean())
     return seen if seen >= INVISIBLE * mean else mean

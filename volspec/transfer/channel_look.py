@@ -14,6 +14,7 @@ import numpy as np
 
 from volspec.basis import MaterialBasis
 from volspec.spectra import SpectralGrid, reflectance
+from volspec.spectra.datasets import Observer
 from volspec.transfer.fields import OWN, FieldFunctions
 from volspec.transfer.label_look import mix_text, smits_weights
 from volspec.transfer.model import TransferFunction
@@ -50,7 +51,7 @@ _DIGITS = 4
 
 
 def channel_functions(
-    steps: Sequence[Volume], grid: SpectralGrid, observer_deg: int = 2
+    steps: Sequence[Volume], grid: SpectralGrid, observer_deg: Observer = 2
 ) -> tuple[FieldFunctions, dict[str, str]]:
     """Return the transfer functions of a volume's fields, and the reflectance of each material.
 

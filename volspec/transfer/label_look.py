@@ -26,6 +26,7 @@ from volspec.appearance.spaces import decode_sRGB, encode_sRGB
 from volspec.basis import MaterialBasis
 from volspec.errors import VolumeError
 from volspec.spectra import SpectralGrid, reflectance
+from volspec.spectra.datasets import Observer
 from volspec.transfer.discrete import LabelFunction
 from volspec.volume import Volume
 from volspec.volume.labels import Labels, find_labels
@@ -66,7 +67,7 @@ def with_labels(volume: Volume) -> Volume:
 
 
 def label_function(
-    volume: Volume, grid: SpectralGrid, observer_deg: int = 2
+    volume: Volume, grid: SpectralGrid, observer_deg: Observer = 2
 ) -> tuple[LabelFunction, dict[str, str]]:
     """Return a volume's labels as a transfer function, and the reflectance of each material.
 

@@ -20,6 +20,7 @@ from volspec.basis import MaterialBasis
 from volspec.errors import InputError, nearest
 from volspec.settings import Pair, read_table, settings
 from volspec.spectra import SpectralGrid, reflectance
+from volspec.spectra.datasets import Observer
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction
 from volspec.volume import Volume
 
@@ -160,7 +161,7 @@ def fit_preset(
     volume: Volume,
     counts: NDArray[np.float64],
     grid: SpectralGrid,
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
 ) -> Transfer:
     """Return a preset's transfer function for a volume, with its materials as the basis.
 

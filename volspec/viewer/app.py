@@ -23,6 +23,7 @@ from volspec.viewer.model.effects import EFFECT
 from volspec.viewer.model.history import Difference, History, without_cast
 from volspec.viewer.model.light_rows import Fade
 from volspec.viewer.model.light_states import after_fade, during_fade
+from volspec.viewer.model.rendition import chosen_lights
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.ui import menus, messages, start
 from volspec.viewer.ui.context import CLICK_FRAMES, Results, UiContext
@@ -39,6 +40,7 @@ from volspec.viewer.work.designs import DesignService
 from volspec.viewer.work.documents import Opened, open_path
 from volspec.viewer.work.notify import SHORT_SECONDS, Notice, Trace, WarningQueue, collect_warnings
 from volspec.viewer.work.pictures import return_large_blocks
+from volspec.viewer.work.rendition import RenditionService
 from volspec.viewer.work.screen import Area, Meter, Screen
 from volspec.viewer.work.session import SUFFIX
 from volspec.viewer.work.steps import Steps
@@ -110,6 +112,7 @@ class _App:
         self._screen = Screen(window.context, Window.wake, self._meter, self._notice)
         self._thumbnails = Thumbnails(window.context)
         self._designs = DesignService(Window.wake, self._notice)
+        self._renditions = RenditionService(Window.wake)
         self._steps = Steps(Window.wake, self._notice)
         self._file_commands = FileCommands(
             tasks,
@@ -184,6 +187,7 @@ class _App:
             faulty = isinstance(sys.exception(), Exception)
             self._file_commands.close(self._present, faulty)
             self._designs.close()
+            self._renditions.close()
             self._steps.close()
             self._scheduler.close()
             self._thumbnails.close()
@@ -201,7 +205,10 @@ class _App:
 
     def _rest(self) -> None:
         """Note in the trace when everything is done and drawn."""
-        services = self._scheduler, self._steps, self._designs, self._screen, self._file_commands
+        services = (
+            *(self._scheduler, self._steps, self._designs, self._renditions),
+            *(self._screen, self._file_commands),
+        )
         moves = self._settle > 0 or self._moves
         rests = not moves and not any(service.busy for service in services)
         if rests and not self._rested:
@@ -240,6 +247,7 @@ class _App:
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.take_tables()
+        news |= self._renditions.take()
         if pictures and self._steps.playing:
             # Steps leave the layout as it is; more frames would take the casts' time.
             self._settle, pictures = max(self._settle, 1), False
@@ -289,6 +297,8 @@ class _App:
                 state = self._with_own_materials(present, state)
             self._history = self._history.then(state, self._mouse.gestures.number)
             self._do_requests()
+            if self._ui.lights.tab == "Rendition":
+                self._renditions.follow(chosen_lights(state, self._ui.lights.whole))
             if self._docks.settled:
                 self._designs.follow(self._history.present)  # the fade's end
                 now = self._during_fade(self._history.present, started)
@@ -404,6 +414,7 @@ class _App:
             recent=self._file_commands.documents.recent,
             messages=self._notice.messages,
             thumbnails=self._thumbnails,
+            rendition=self._renditions.shown,
         )
 
     def _next(self, state: ViewState, inputs: list[Input], area: Area) -> ViewState:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis.base import basis_errors
 from volspec.errors import BasisError, SpectrumError
-from volspec.spectra.datasets import colour_matching_functions
+from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.grid import SpectralGrid
 from volspec.spectra.spectrum import Spectrum, light_power, real_array, reflectance_values, stack
 
@@ -39,7 +39,7 @@ class Training:
     light_weights: Array  # (J,), mean 1
     reflectance_weights: Array  # (K,), mean 1
     grid: SpectralGrid
-    observer_deg: int
+    observer_deg: Observer
 
     @property
     def Q(self) -> Array:
@@ -75,7 +75,7 @@ def training_set(
     reflectances: Sequence[Spectrum] | ArrayLike,
     grid: SpectralGrid,
     *,
-    observer_deg: int,
+    observer_deg: Observer,
     light_weights: ArrayLike | None,
     reflectance_weights: ArrayLike | None,
 ) -> Training:

@@ -40,7 +40,7 @@ from volspec.spectra.construct.search import (
     select_distinct,
     smoothest_reflectances,
 )
-from volspec.spectra.datasets import colour_matching_functions, colour_science
+from volspec.spectra.datasets import Observer, colour_matching_functions, colour_science
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lights import light as named_light
 from volspec.spectra.photometry import XYZ_from_spectra, extended_band_means, white_XYZ
@@ -49,7 +49,7 @@ from volspec.spectra.spectrum import Spectrum
 Array = NDArray[np.float64]
 
 
-def recover_reflectances(method: str, XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+def recover_reflectances(method: str, XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
     """Return (n, N) reflectances of (n, 3) XYZ by a method of `RECOVERIES`, clipped to 0 to 1.
 
     Raises SpectrumError if an optimiser does not converge or the tables do not cover the grid.
@@ -61,7 +61,7 @@ def recover_reflectances(method: str, XYZ: Array, light: Spectrum, observer_deg:
         return np.clip(RECOVERIES[method](XYZ, light, observer_deg), 0.0, 1.0)
 
 
-def _otsu(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+def _otsu(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
     """Fit the mean and three basis functions of each colour's cluster; one 3 x 3 system each."""
     recovery = colour_science().recovery
     shape = recovery.SPECTRAL_SHAPE_OTSU2018
@@ -84,7 +84,7 @@ def _otsu(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
     return values
 
 
-def _mallett(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+def _mallett(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
     recovery = colour_science().recovery
     basis = recovery.MSDS_BASIS_FUNCTIONS_sRGB_MALLETT2019
     return (
@@ -93,20 +93,20 @@ def _mallett(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
     )
 
 
-def _smits(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+def _smits(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
     recovery = colour_science().recovery
     spectra = [recovery.RGB_to_sd_Smits1999(rgb) for rgb in _linear_sRGB(XYZ, light, observer_deg)]
     columns = np.column_stack([spectrum.values for spectrum in spectra])
     return extended_band_means(spectra[0].wavelengths, columns, light.grid).T
 
 
-def _linear_sRGB(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+def _linear_sRGB(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
     white = XYZ_from_spectra(light, np.ones(light.values.size), observer_deg)
     return np.clip(XYZ @ np.linalg.inv(XYZ_from_linear_sRGB(white)).T, 0.0, 1.0)
 
 
-def _optimiser(name: str) -> Callable[[Array, Spectrum, int], Array]:
-    def made(XYZ: Array, light: Spectrum, observer_deg: int) -> Array:
+def _optimiser(name: str) -> Callable[[Array, Spectrum, Observer], Array]:
+    def made(XYZ: Array, light: Spectrum, observer_deg: Observer) -> Array:
         colour = colour_science()
         # Exact wavelengths: rounded ones would have another spectral shape.
         w = light.wavelengths_nm
@@ -129,7 +129,7 @@ def _optimiser(name: str) -> Callable[[Array, Spectrum, int], Array]:
     return made
 
 
-RECOVERIES: dict[str, Callable[[Array, Spectrum, int], Array]] = {
+RECOVERIES: dict[str, Callable[[Array, Spectrum, Observer], Array]] = {
     "otsu-2018": _otsu,
     "jakob-2019": _optimiser("XYZ_to_sd_Jakob2019"),
     "meng-2015": _optimiser("XYZ_to_sd_Meng2015"),
@@ -149,7 +149,7 @@ def reflectance_from_colour(
     method: str = "delaunay",
     light: str | Spectrum = "D65",
     *,
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
     grid: SpectralGrid = DEFAULT_GRID,
     base: BaseSpectra | None = None,
 ) -> Spectrum:
@@ -200,7 +200,7 @@ def constructed_spectrum(
     XYZ: Array,
     light: Spectrum,
     method: str,
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
 ) -> Spectrum:
     """Return the reflectance made for one colour as a spectrum with notes and a name.
 
@@ -235,7 +235,7 @@ def reflectances_from_colours(
     method: str = "delaunay",
     light: str | Spectrum = "D65",
     *,
-    observer_deg: int = 2,
+    observer_deg: Observer = 2,
     grid: SpectralGrid = DEFAULT_GRID,
     base: BaseSpectra | None = None,
     progress: Callable[[float], None] | None = None,
@@ -259,7 +259,7 @@ def reflectances_from_colours(
           recovered with colour-science, clipped to 0 to 1; the colour may be off.
     light : str or Spectrum
         The colours' light; a name for `light`.
-    observer_deg : {2, 10}
+    observer_deg : Observer
     grid : SpectralGrid
         N bands. The light is resampled to this grid.
     base : BaseSpectra, optional
@@ -346,7 +346,7 @@ def _lamp(light: str | Spectrum, grid: SpectralGrid) -> Spectrum:
 
 @lru_cache(maxsize=8)
 def _mesh(
-    base: BaseSpectra, power: bytes, observer_deg: int
+    base: BaseSpectra, power: bytes, observer_deg: Observer
 ) -> tuple[Array, NDArray[np.intp], Mesh]:
     """Return the light's white, the base spectra to search, and their colours relative to it.
 

@@ -19,6 +19,7 @@ from volspec.basis import MaterialBasis
 from volspec.errors import SpectrumError, TransferError, quoted
 from volspec.scene.specs import MeshSpec
 from volspec.spectra import SpectralGrid, Spectrum, reflectance, reflectance_from_colour
+from volspec.spectra.datasets import Observer
 from volspec.transfer import (
     MAX_CHANNELS,
     Isosurfaces,
@@ -69,7 +70,7 @@ def is_colour(text: str) -> bool:
     return word.startswith("#") or word in colour_names()
 
 
-def reflectance_for(text: str, grid: SpectralGrid, observer_deg: int, folder: str) -> Spectrum:
+def reflectance_for(text: str, grid: SpectralGrid, observer_deg: Observer, folder: str) -> Spectrum:
     """Return a reflectance on a grid from a name or file that `volspec.reflectance` accepts.
 
     Other text is a CSS colour or ``#rrggbb`` under D65; ``gold`` is the metal, not the colour.

@@ -257,9 +257,8 @@ def palette_from_state(state: ViewState) -> Palette:
     board, transfer, grid = state.palette, state.transfer, state.document.grid
     targets = board.targets
     if transfer.basis.observer_deg != 2:
-        raise PaletteError(
-            "palette: the scene uses the 10° observer; palettes need the 2° one", code="unsupported"
-        )
+        uses = f"the scene uses the {transfer.basis.observer_deg}° observer"
+        raise PaletteError(f"palette: {uses}; palettes need the 2° one", code="unsupported")
     reflectances, lights = [], []
     for name, spectrum in transfer.materials.items():
         is_open = (REFLECTANCE, name) in targets.free

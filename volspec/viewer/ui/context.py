@@ -19,6 +19,7 @@ from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.edit import Change, Command, after
 from volspec.viewer.model.light_rows import Rows
 from volspec.viewer.model.palette_targets import DesignStatus
+from volspec.viewer.model.rendition import Figures, Measured
 from volspec.viewer.model.state import ViewState
 from volspec.viewer.work.demonstrations import Thumbnails
 from volspec.viewer.work.notify import Message
@@ -63,6 +64,7 @@ class LightsPanelState:
     tab: str = ""
     to_tab: str = ""  # the tab to open; empty for none
     part: int = 0  # the spectrum of the chosen light that the pen edits
+    whole: bool = False  # rendition is that of the mix
     pen: tuple[float, float] | None = None  # (x, y) in the last frame, while it draws
     top: float = 1.0  # power at the plot's upper edge, which stays while the pen draws
     text: str = ""  # a notation that is being typed,
@@ -119,6 +121,7 @@ class Results:
     recent: tuple[RecentFile, ...] = ()
     messages: tuple[Message, ...] = ()  # the last is the newest
     thumbnails: Thumbnails | None = None
+    rendition: tuple[Measured, Figures | None] | None = None  # of the lights measured last
 
 
 # Frames to ask for a text's focus after a click: imgui takes move, press and release one per frame.

@@ -13,7 +13,7 @@ from volspec.viewer.model.commands import BY_NAME
 from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.light_states import MOST_SECONDS, recalled_rows
 from volspec.viewer.model.state import ViewState
-from volspec.viewer.ui import effects, lights_detail, lights_dial, lights_library
+from volspec.viewer.ui import effects, lights_detail, lights_dial, lights_library, lights_rendition
 from volspec.viewer.ui.context import UiContext, tip
 from volspec.viewer.ui.light_look import adapted_colour, fill_box, raw_colour, spark
 from volspec.viewer.ui.lights_spectrum import draw_mix, draw_pen
@@ -109,7 +109,7 @@ def _row_name(new: ViewState, state: ViewState, ui: UiContext, i: int, lit: bool
     (x, y), shown = imgui.get_cursor_screen_pos(), shorten(row.name, room)
     if imgui.selectable(f"{shown}##name", state.interface.light == i)[0]:
         new = lights.choose(new, i)
-        if panel.tab != "Spectrum":
+        if panel.tab not in ("Spectrum", "Rendition"):
             panel.to_tab = "Light"
     imgui.pop_style_color()
     ui.note(f"name {i}")
@@ -298,7 +298,7 @@ _LEAST_TABS, _BUTTONS, _TABS_FRACTION = 134.0, 34.0, 0.4
 _LEAST_ROWS = 3
 # Least width of the spectrum next to the dial; from this height on, it is below the dial.
 _LEAST_MIX, _TALL = 84.0, 300.0
-TABS = ("Dial", "Light", "Spectrum", "States")
+TABS = ("Dial", "Light", "Spectrum", "Rendition", "States")
 
 
 def draw(state: ViewState, ui: UiContext) -> ViewState | None:
@@ -336,7 +336,12 @@ def _tab(name: str, state: ViewState, ui: UiContext) -> ViewState:
         return draw_pen(state, ui, height)
     new = state
     if imgui.begin_child(f"tab {name}", (0, height)):
-        new = lights_detail.draw(state, ui) if name == "Light" else draw_states(state, ui)
+        if name == "Light":
+            new = lights_detail.draw(state, ui)
+        elif name == "Rendition":
+            lights_rendition.draw(state, ui, height)
+        else:
+            new = draw_states(state, ui)
     imgui.end_child()
     return new
 

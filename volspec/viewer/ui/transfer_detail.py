@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from volspec.basis import Basis
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, reflectance_names
+from volspec.spectra.datasets import Observer
 from volspec.spectra.files import split_address
 from volspec.spectra.fluorophores import PREFIX as FLUOROPHORE
 from volspec.transfer import presets
@@ -137,7 +138,7 @@ def _is_pending(basis: Basis, name: str) -> bool:
 
 
 @lru_cache(maxsize=1024)
-def _look_up(name: str, grid: SpectralGrid, observer_deg: int) -> Spectrum | None:
+def _look_up(name: str, grid: SpectralGrid, observer_deg: Observer) -> Spectrum | None:
     if split_address(name) is not None:  # a file, read on Enter
         return None
     try:

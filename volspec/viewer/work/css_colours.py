@@ -16,18 +16,19 @@ from functools import lru_cache, partial
 from volspec.errors import VolspecError
 from volspec.spectra import SpectralGrid, Spectrum, light, reflectances_from_colours, white_XYZ
 from volspec.spectra.construct.colours import colour_XYZ
+from volspec.spectra.datasets import Observer
 from volspec.viewer.model.materials import colour_names
 
 
 class Colours:
     """Reflectances by name: None until they are made, empty if they cannot be."""
 
-    def __init__(self, grid: SpectralGrid, observer_deg: int) -> None:
+    def __init__(self, grid: SpectralGrid, observer_deg: Observer) -> None:
         self.spectra: Mapping[str, Spectrum] | None = None
         make = partial(self._make, grid, observer_deg)
         threading.Thread(target=make, name="volspec-colours", daemon=True).start()
 
-    def _make(self, grid: SpectralGrid, observer_deg: int) -> None:
+    def _make(self, grid: SpectralGrid, observer_deg: Observer) -> None:
         made: Mapping[str, Spectrum] = {}
         try:
             with suppress(VolspecError):
@@ -37,12 +38,12 @@ class Colours:
 
 
 @lru_cache(maxsize=1)
-def colours(grid: SpectralGrid, observer_deg: int) -> Colours:
+def colours(grid: SpectralGrid, observer_deg: Observer) -> Colours:
     """Return the colours on a grid; the first call starts making them."""
     return Colours(grid, observer_deg)
 
 
-def _reflectances(grid: SpectralGrid, observer_deg: int) -> dict[str, Spectrum]:
+def _reflectances(grid: SpectralGrid, observer_deg: Observer) -> dict[str, Spectrum]:
     lamp = light("D65", grid)
     white = white_XYZ(lamp, observer_deg)
     XYZ = [colour_XYZ(name, white) for name in colour_names()]
