@@ -220,6 +220,7 @@ def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> Non
     scene = written(
         tmp_path,
         """
+        version = 2
         volume = { file = "none.nrrd" }
         material = [{ name = "m", reflectance = "small.toml#red" }]
         transfer = { points = [{ value = 0, opacity = 0.1, material = "m" }] }

@@ -22,6 +22,7 @@ from volspec.spectra import SpectralGrid, light, light_set, reflectance
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENE = """
+version = 2
 [volume]
 file = "none.nrrd"
 [[material]]

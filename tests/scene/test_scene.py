@@ -19,6 +19,7 @@ from volspec.spectra import light
 from volspec.volume import Volume, phantom
 
 GOOD = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

@@ -14,7 +14,7 @@ from volspec.errors import SceneError
 from volspec.scene import Scene, file
 from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 
-TEXT = f"# A ball.{BALL}# By day.\n{DAY}"
+TEXT = f"# A ball.{BALL}# By day.\n{DAY}".replace("version = 2\n", "")
 COARSE = SpectralGrid(380, 780, 10)
 
 

@@ -92,8 +92,8 @@ def relight(
         Reflectance of the diffuser behind, 0 to 1. Default: the scene's.
     spectral
         Write the light that reaches the eye as a spectrum in every pixel: 81 half-float channels
-        `S0.380,000000nm`, … (those of its basis), and red, green, blue as a preview. No appearance model is applied,
-        so of the viewing options only `--exposure` and `--lux` count.
+        `S0.380,000000nm`, …, or the bands of its basis, and red, green, blue as a preview. No
+        appearance model is applied, so of the viewing options only `--exposure` and `--lux` count.
     """
     from volspec.export.frames import BlankFrames, file_stem, write_frame
     from volspec.pipeline import Relighter
