@@ -150,10 +150,11 @@ def error(
 
 
 def live() -> Palette:
-    """Return a palette as in the designer: 10 × 10, all open, bounds, CIELAB, lights of Y = 100."""
+    """Return a palette as in the designer, on the papers' 31 bands: 10 × 10, all open, CIELAB."""
     wishes = drawn(MODELS[0], 10, 10, 0, "Lab", "codes")
     surfaces = tuple(PaletteSpectrum(r.name, None, True, 0.0, 1.0) for r in wishes.reflectances)
-    return Palette(surfaces, wishes.lights, wishes.cells, criteria=Criteria(rounds=1))
+    criteria = Criteria(rounds=1)
+    return Palette(surfaces, wishes.lights, wishes.cells, grid=wishes.grid, criteria=criteria)
 
 
 def joint() -> Palette:
@@ -162,7 +163,8 @@ def joint() -> Palette:
     lights = tuple(PaletteSpectrum(lamp.name, lamp.spectrum) for lamp in wishes.lights[:3])
     cells = {place: cell for place, cell in wishes.cells.items() if place[1] in ("l1", "l2")}
     cells |= {(row.name, "l0"): Cell("free", group="m", weight=10.0) for row in wishes.reflectances}
-    return Palette(wishes.reflectances, lights, cells, criteria=Criteria(rounds=1))
+    criteria = Criteria(rounds=1)
+    return Palette(wishes.reflectances, lights, cells, grid=wishes.grid, criteria=criteria)
 
 
 def by_scipy(palette: Palette) -> Callable[[], object]:

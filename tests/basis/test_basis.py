@@ -27,6 +27,7 @@ from volspec.spectra import (
 )
 from volspec.spectra.datasets import colour_science
 
+BANDS = DEFAULT_GRID.size
 LIGHTS = [light(n) for n in ("D65", "A", "FL2")]
 REFLECTANCES = [reflectance(f"ColorChecker/{n}") for n in ("red", "green", "blue", "yellow")]
 
@@ -174,8 +175,8 @@ def test_a_basis_that_loses_white_is_refused(general: SpectralBasis) -> None:
 
 
 def test_rounding_below_zero_is_taken_as_no_power(general: SpectralBasis) -> None:
-    dip = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - (1.0 + 1e-7) * np.eye(31)[3])
-    none = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - np.eye(31)[3])
+    dip = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - (1.0 + 1e-7) * np.eye(BANDS)[3])
+    none = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - np.eye(BANDS)[3])
     assert np.array_equal(general.light_matrix(dip), general.light_matrix(none))
 
 
@@ -186,19 +187,19 @@ def test_matrices_are_read_only(general: SpectralBasis) -> None:
 def test_foreign_coefficients_and_dark_lights_are_refused(general: SpectralBasis) -> None:
     with raises(BasisError, "shape"):
         general.xyz(np.ones(5), LIGHTS[0])
-    minus = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - 1.01 * np.eye(31)[3], "minus")
+    minus = Spectrum(DEFAULT_GRID.wavelengths_nm, 1.0 - 1.01 * np.eye(BANDS)[3], "minus")
     for matrix in (general.display_matrix, general.light_matrix, white_XYZ):
         with raises(SpectrumError, "conflict"):
             matrix(DARK)
         with raises(SpectrumError, "range"):
             matrix(minus)
     with raises(SpectrumError, "shape"):
-        general.light_matrix(np.ones((2, 31)))
+        general.light_matrix(np.ones((2, BANDS)))
     with raises(SpectrumError, "shape"):
         general.analyse(np.ones(30))
 
 
-DARK = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(31), "dark")
+DARK = Spectrum(DEFAULT_GRID.wavelengths_nm, np.zeros(BANDS), "dark")
 SHORT = Spectrum(np.array([450.0, 600.0]), np.ones(2), "short")
 
 
@@ -207,7 +208,7 @@ SHORT = Spectrum(np.array([450.0, 600.0]), np.ones(2), "short")
     [
         ([LIGHTS[0], DARK], REFLECTANCES, "conflict"),
         ([], REFLECTANCES, "missing"),
-        (LIGHTS, np.zeros((2, 31)), "impossible"),
+        (LIGHTS, np.zeros((2, BANDS)), "impossible"),
         (LIGHTS, [SHORT], "range reflectances: 'short'"),
         ([SHORT], REFLECTANCES, "range lights: 'short'"),
         (LIGHTS, np.ones((2, 30)), "shape reflectances"),

@@ -21,6 +21,7 @@ from volspec.errors import BasisError, SpectrumError
 from volspec.spectra import DEFAULT_GRID, SpectralGrid, light, reflectance
 from volspec.spectra.spectrum import reflectance_values
 
+BANDS = DEFAULT_GRID.size
 LIGHTS = [light(n) for n in ("D65", "A", "FL2")]
 GOLD, COPPER = reflectance("gold"), reflectance("copper")
 GENERAL = SpectralBasis.load("general-7")
@@ -29,7 +30,7 @@ BOTH = pytest.mark.parametrize("basis", [GENERAL, PAINTS], ids=["sensors", "mate
 
 
 def test_reflectances_are_between_black_and_fluorescent() -> None:
-    S = np.full((3, 31), 0.5)
+    S = np.full((3, BANDS), 0.5)
     S[1, 2] = -4e-7
     assert reflectance_values(S, DEFAULT_GRID, "paints")[1, 2] == 0
     S[2, 3] = -0.25
@@ -97,9 +98,9 @@ def test_bad_options_of_a_fit_are_refused(options: dict[str, Any], code: str) ->
     [
         (None, "type"),
         ((lamp for lamp in LIGHTS), "type"),
-        ([LIGHTS[0], np.ones((2, 31))], "shape"),
-        ([LIGHTS[0], np.full(31, np.nan)], "range"),
-        (np.array([np.ones(31), np.full(31, np.nan)]), "range"),
+        ([LIGHTS[0], np.ones((2, BANDS))], "shape"),
+        ([LIGHTS[0], np.full(BANDS, np.nan)], "range"),
+        (np.array([np.ones(BANDS), np.full(BANDS, np.nan)]), "range"),
         ([LIGHTS[0] * 1e-320], "conflict"),
     ],
 )

@@ -16,6 +16,7 @@ from volspec.pipeline import Relighter, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.gpu import Raycaster
 from volspec.spectra import (
+    DEFAULT_GRID,
     SpectralGrid,
     Spectrum,
     XYZ_from_spectra,
@@ -109,7 +110,7 @@ def test_unknown_materials_are_named_with_the_nearest() -> None:
     with raises(BasisError, "missing"):
         MaterialBasis({})
     with raises(BasisError, "type", "material 'gold'"):
-        MaterialBasis({"gold": np.ones(31)})
+        MaterialBasis({"gold": np.ones(DEFAULT_GRID.size)})
     with raises(BasisError, "range"):
         MaterialBasis({"dye": Spectrum([380, 450, 720], [-0.5, -0.5, 1])})
     with raises(BasisError, "range", "material 'dye'"):

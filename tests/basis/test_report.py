@@ -16,8 +16,17 @@ import pytest
 from tests.support.errors import raises
 from volspec._figures import spread_apart
 from volspec.basis import MaterialBasis, SpectralBasis, figure
+from volspec.basis.display import MODES
 from volspec.basis.figure import basis_figure, save_figure, worst_pairs
-from volspec.basis.report import ErrorSummary, WorstPair, basis_report, product_rows, sRGB_codes
+from volspec.basis.report import (
+    PRODUCT_MODES,
+    RGB_PRODUCT,
+    ErrorSummary,
+    WorstPair,
+    basis_report,
+    product_rows,
+    sRGB_codes,
+)
 from volspec.basis.report_table import (
     ErrorTable,
     error_table,
@@ -31,6 +40,7 @@ from volspec.spectra import XYZ_from_spectra, light, reflectance, white_XYZ
 LAMPS = {"smooth": [light("D65"), light("A")], "spiky": [light("FL2"), light("HP1")]}
 SAMPLES = [reflectance(f"ColorChecker/{n}") for n in ("red", "green", "blue", "yellow")]
 WHITE = reflectance("white")
+WAYS_OF_PRODUCTS = (*PRODUCT_MODES, RGB_PRODUCT)
 PACKAGE = Path(figure.__file__).parents[1]
 
 
@@ -46,27 +56,29 @@ def materials() -> MaterialBasis:
 
 def test_a_channel_for_every_band_has_no_error_and_no_product_has() -> None:
     errors = basis_report(SpectralBasis.bands(), [*LAMPS["smooth"], *LAMPS["spiky"]], SAMPLES)
-    for summary in (errors.componentwise, errors.exact, errors.linear_model):
-        assert summary.max < 1e-9
-    assert [errors.products[n].componentwise.max < 1e-9 for n in (2, 3)] == [True, True]
+    assert max(errors.errors[mode].max for mode in MODES) < 1e-9
+    for products in errors.products.values():
+        assert max(products.fitted.max, products.componentwise.max) < 1e-9
+    assert set(errors.products) == {2, 3}
     assert errors.rgb_product.mean > 0.1
 
 
 def test_products_with_white_alone_are_the_single_surfaces(general: SpectralBasis) -> None:
     errors = basis_report(general, LAMPS["spiky"], [WHITE])
-    assert all(p.componentwise.max < 1e-6 for p in errors.products.values())
+    for products in errors.products.values():
+        assert max(products.fitted.max, products.componentwise.max) < 1e-6
     pairs = basis_report(general, LAMPS["spiky"], [SAMPLES[0], WHITE]).pairs
     # Rows of products: (red, red), (red, white), (white, white).
     assert product_rows(2, 2).tolist() == [[0, 0], [0, 1], [1, 1]]
-    assert pairs.products[2][:, 1] == pytest.approx(pairs.componentwise[:, 0])
-    assert pairs.rgb_products[2][:, 1] == pytest.approx(pairs.rgb_product[:, 0])
+    for way in WAYS_OF_PRODUCTS:
+        assert pairs.products[way][2][:, 1] == pytest.approx(pairs.delta_e[way][:, 0])
 
 
 def test_of_three_surfaces_white_ones_do_not_count(general: SpectralBasis) -> None:
     pairs = basis_report(general, LAMPS["spiky"], [SAMPLES[0], WHITE]).pairs
     assert product_rows(2, 3).tolist() == [[0, 0, 0], [0, 0, 1], [0, 1, 1], [1, 1, 1]]
-    ours, theirs = (pairs.products, pairs.componentwise), (pairs.rgb_products, pairs.rgb_product)
-    for products, single in (ours, theirs):
+    for way in WAYS_OF_PRODUCTS:
+        products, single = pairs.products[way], pairs.delta_e[way]
         # (red, red, white) is (red, red) of two, (red, white, white) is red.
         assert products[3][:, 1] == pytest.approx(products[2][:, 0])
         assert products[3][:, 2] == pytest.approx(single[:, 0])
@@ -84,9 +96,10 @@ def test_products_are_all_of_them_or_the_same_sample() -> None:
 def test_interreflection_costs_less_than_in_rgb(general: SpectralBasis) -> None:
     errors = general.report()
     for n in (2, 3):
-        ours, theirs = errors.products[n].componentwise, errors.products[n].rgb_product
-        # Measured .09 against 2.2 for two surfaces, .12 against 2.3 for three.
-        assert ours.mean < 0.1 * theirs.mean and ours.max < theirs.max
+        theirs = errors.products[n].rgb_product
+        for ours in (errors.products[n].fitted, errors.products[n].componentwise):
+            # Measured .09 against 2.2 for two surfaces, .12 against 2.3 for three.
+            assert ours.mean < 0.1 * theirs.mean and ours.max < theirs.max
 
 
 def test_the_flat_light_is_exact_in_rgb(general: SpectralBasis) -> None:
@@ -96,7 +109,7 @@ def test_the_flat_light_is_exact_in_rgb(general: SpectralBasis) -> None:
 
 def test_the_worst_pair_is_the_maximum_of_all_classes(table: ErrorTable) -> None:
     reports = table.classes.values()
-    assert table.worst.delta_e == max(r.componentwise.max for r in reports)
+    assert table.worst.delta_e == max(r.fitted.max for r in reports)
     assert table.worst.light in {"FL2", "HP1"} and table.worst_class == "spiky"
     assert table.worst.reflectance.startswith("ColorChecker/")
     pairs = table.classes["spiky"].pairs
@@ -153,7 +166,7 @@ WORST_KEYS = {"light", "reflectance", "delta_e", "XYZ", "XYZ_shown", "sRGB", "ad
 def test_json_has_the_keys_that_scripts_rely_on(table: ErrorTable) -> None:
     data = json.loads(json.dumps(table.to_dict()))
     assert set(data) >= KEYS
-    assert data["grid_nm"] == [400.0, 700.0, 10.0]
+    assert data["grid_nm"] == [380.0, 780.0, 5.0]
     for name in ("smooth", "spiky"):
         row = data["classes"][name]
         assert set(row) >= FOUR and row["lights"] == 2 and row["reflectances"] == 4
@@ -166,7 +179,7 @@ def test_json_has_the_keys_that_scripts_rely_on(table: ErrorTable) -> None:
 def test_materials_have_no_error_and_no_products(materials: MaterialBasis) -> None:
     errors = basis_report(materials, LAMPS["spiky"])
     assert errors.pairs.reflectances == ("rotor", "case")
-    assert max(errors.componentwise.max, errors.exact.max, errors.linear_model.max) < 1e-9
+    assert max(errors.errors[mode].max for mode in MODES) < 1e-9
     assert errors.rgb_product.max > 0.1 and errors.products == {}
     # Found again by their spectra, as the demo asks.
     asked = basis_report(materials, LAMPS["spiky"], [reflectance("iron")])

@@ -183,7 +183,7 @@ def test_models_side_by_side_are_made_for_the_display_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     basis = SpectralBasis.load("general-7")
-    chart = (0.8 * basis.analyse(reflectance_set("test")[:12].reshape(3, 4, 31))).astype(np.float32)
+    chart = (0.8 * basis.analyse(reflectance_set("test")[:12].reshape(3, 4, -1))).astype(np.float32)
     alpha = np.ones((3, 4), np.float32)
     CoefficientImage(chart, alpha, alpha, basis).save(tmp_path / "i.exr")
     words = ("appearance", "--image", str(tmp_path / "i.exr"), "--white", "A", "--model", "CAT02")

@@ -19,7 +19,6 @@ from volspec.raycast import CoefficientImage
 from volspec.relight import LightRig, RelightSpec, relight
 from volspec.spectra import light
 
-MODES = ("componentwise", "exact", "linear-model")
 EVENING = LightRig((light("A"), light("daylight:7500*0.4")), groups=("key", "the sky"))
 LIGHTS = {"day": light("D65"), 'fluorescent {"$x"]': light("FL2"), "evening": EVENING}
 SHARES = {"key": 0.7, "the sky": 0.3}

@@ -14,6 +14,7 @@ from volspec.volume import phantom
 SCENE = """
 title = "Ball"
 
+version = 2
 [volume]
 file = "ball.npy"
 

@@ -19,7 +19,6 @@ from tests.export._blender import blender
 from tests.export._layers import (
     EVENING,
     LIGHTS,
-    MODES,
     SHARES,
     SPEC,
     close,
@@ -34,6 +33,7 @@ from volspec._gpu.sources import asset
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis
+from volspec.basis.display import MODES
 from volspec.errors import ImageError, ViewingError
 from volspec.export.compositing import Recipe
 from volspec.export.recipes import write_recipe

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.export._layers import EVENING, HALF, LIGHTS, MODES, SHARES, SPEC, made, opened
+from tests.export._layers import EVENING, HALF, LIGHTS, SHARES, SPEC, made, opened
 from tests.support.commands import GENERAL, METALS, call
 from tests.support.images import image
 from volspec.appearance import Viewing
 from volspec.appearance.spaces import SPACES
 from volspec.basis import Basis
+from volspec.basis.display import MODES
 from volspec.export import tiles
 from volspec.export.spectral import SpectralIllumination, write_spectral_frame
 from volspec.relight import LightRig, RelightSpec

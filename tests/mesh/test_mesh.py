@@ -258,6 +258,7 @@ def test_what_cannot_be_a_mesh_is_refused(tmp_path: Path) -> None:
 
 
 SCENE = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

@@ -120,7 +120,7 @@ def test_a_pixel_is_read_again_at_every_change(widget: Any, colours: Coefficient
     assert widget.probed.opacity == 1.0
     coefficients = colours.coefficients[3, 40]
     wanted = colours.basis.xyz(coefficients, vs.light("D65"))
-    # Both are the componentwise product: rounding of sums alone.
+    # Both are the matrix fitted to the light: rounding of sums alone.
     np.testing.assert_allclose(widget.probed.XYZ, wanted, rtol=1e-9)
     widget.weights = {"A": 1.0}
     widget.weights = {}

@@ -52,7 +52,7 @@ def test_a_colour_is_eq_16_over_root_three() -> None:
 
 
 def test_light_and_reflectance_are_interchangeable() -> None:
-    S = np.linspace(0.2, 0.8, 31)
+    S = np.linspace(0.2, 0.8, NM.size)
     cells = {("s", "l"): Cell(colour=COLOUR)}
     palette = Palette((given("s", S),), (free_light("l"),), cells, criteria=RGB)
     terms = phase_terms(palette, lights=True)
@@ -61,7 +61,7 @@ def test_light_and_reflectance_are_interchangeable() -> None:
     expected = RGB_FROM_XYZ @ (Q * S) * even / math.sqrt(3.0)
     assert np.abs(only_term(terms, "cell").parts["light 'l'"] - expected).max() < 1e-12
     luminance = only_term(terms, "the luminance").parts["light 'l'"]
-    assert (luminance @ np.ones(31)).item() == pytest.approx(1.0)
+    assert (luminance @ np.ones(NM.size)).item() == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("bands", [31, 100])
@@ -86,9 +86,11 @@ def test_without_bounds_the_optimum_is_the_pseudo_inverse_of_eq_17() -> None:
     cells = {("s", name): Cell(colour=c) for name, c in colours.items()}
     made = design(Palette((free,), tuple(map(lamp, names)), cells, criteria=criteria))
     rows = [RGB_FROM_XYZ @ (Q * power(name)) / math.sqrt(3.0) for name in names]
-    bend = np.diff(np.eye(31), 2, axis=0) / math.sqrt(6.0 * 31.0)
+    bend = np.diff(np.eye(NM.size), 2, axis=0) / math.sqrt(6.0 * NM.size)
     M = np.vstack([*rows, bend])
-    y = np.concatenate([*(linear(c) / math.sqrt(3.0) for c in colours.values()), np.zeros(29)])
+    y = np.concatenate(
+        [*(linear(c) / math.sqrt(3.0) for c in colours.values()), np.zeros(NM.size - 2)]
+    )
     expected = np.linalg.lstsq(M, y)[0]
     assert np.abs(made.state.S[0] - expected).max() < 1e-5
     assert made.cost == pytest.approx(np.sum((M @ expected - y) ** 2))
@@ -106,9 +108,9 @@ def test_free_metamers_solve_eq_24() -> None:
     made = design(Palette(tuple(map(surface, colours)), lights, cells, criteria=criteria))
     # The paper's matrix: the colour first, then both reflectances.
     a, b = (RGB_FROM_XYZ @ (Q * power(name)) / math.sqrt(3.0) for name in ("D65", "HP1"))
-    bend = 0.1 * np.diff(np.eye(31), 2, axis=0) / math.sqrt(6.0 * 31.0)
-    one, none, flat = np.eye(3) / math.sqrt(3.0), np.zeros((3, 31)), np.zeros((29, 31))
-    zero, edge = np.zeros((3, 3)), np.zeros((29, 3))
+    bend = 0.1 * np.diff(np.eye(NM.size), 2, axis=0) / math.sqrt(6.0 * NM.size)
+    one, none, flat = np.eye(3) / math.sqrt(3.0), np.zeros((3, NM.size)), np.zeros(bend.shape)
+    zero, edge = np.zeros((3, 3)), np.zeros((NM.size - 2, 3))
     same = [-wa * one, wa * a, none], [-wa * one, none, wa * a]
     own = [zero, wb * b, none], [zero, none, wb * b]
     M = np.block([*same, *own, [edge, bend, flat], [edge, flat, bend]])
@@ -164,7 +166,7 @@ def test_the_subspace_error_of_a_reflectance_is_eq_20(scale: float) -> None:
     state = State.start(opened).with_spectra(True, {0: scale * power("FL11")})
     term = only_term(Phase(state, False).problem()[1], "the subspace error")
     assert term.weight == 6.0
-    S = np.random.default_rng(0).random(31)
+    S = np.random.default_rng(0).random(NM.size)
     full = Q @ (state.E[0] * S)
     expected = RGB_FROM_XYZ @ (full - basis_XYZ(opened, state.E[0], S)) / math.sqrt(3.0)
     assert np.abs(term.parts["reflectance 's'"] @ S - expected).max() < 1e-12
@@ -190,9 +192,9 @@ def test_the_subspace_error_of_a_light_is_eq_20_and_its_tangent(scale: float) ->
 
 def test_flat_white_has_no_subspace_error_under_any_light() -> None:
     palette = subspace_palette("absolute")
-    state = State.start(palette).with_spectra(False, {0: np.ones(31)})
+    state = State.start(palette).with_spectra(False, {0: np.ones(NM.size)})
     part = only_term(Phase(state, True).problem()[1], "the subspace error").parts["light 'l'"]
-    assert np.abs(part @ np.random.default_rng(3).random(31)).max() < 1e-6
+    assert np.abs(part @ np.random.default_rng(3).random(NM.size)).max() < 1e-6
 
 
 def test_a_basis_of_another_observer_is_refused() -> None:
@@ -231,7 +233,7 @@ def test_an_exact_cell_is_met_in_both_metrics(metric: str) -> None:
 
 
 def test_a_distinct_cell_asks_for_its_distance_where_the_colours_are() -> None:
-    S = np.linspace(0.1, 0.9, 31)
+    S = np.linspace(0.1, 0.9, NM.size)
     cells = {("a", "D65"): Cell("distinct", other=("b", "D65"), distance=40.0)}
     palette = Palette((surface("a"), given("b", S)), (lamp("D65"),), cells)
     state = State.start(palette)

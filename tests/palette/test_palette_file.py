@@ -18,7 +18,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.errors import PaletteError, SpectrumError
 from volspec.export.png import icc_profile
 from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum
-from volspec.spectra import read_spectrum
+from volspec.spectra import DEFAULT_GRID, read_spectrum
 
 ROOT = Path(__file__).resolve().parents[2]
 SMALL = """
@@ -211,7 +211,7 @@ def test_an_address_is_a_light_and_a_reflectance_wherever_files_are(tmp_path: Pa
     assert red.designed and np.allclose(red.values, made.reflectance("red").values, atol=1e-6)
     assert vs.reflectance(f"{target}#1").values.tolist() == red.values.tolist()
     assert vs.light("made.toml#split 1*0.5+A*0.5", folder=tmp_path).designed
-    assert read_spectrum(f"{target}#blue").values.size == 31
+    assert read_spectrum(f"{target}#blue").values.size == DEFAULT_GRID.size
 
 
 def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> None:
@@ -220,6 +220,7 @@ def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> Non
     scene = written(
         tmp_path,
         """
+        version = 2
         volume = { file = "none.nrrd" }
         material = [{ name = "m", reflectance = "small.toml#red" }]
         transfer = { points = [{ value = 0, opacity = 0.1, material = "m" }] }

@@ -47,7 +47,7 @@ def random_palette(rows: int, columns: int, *, free: bool = False, criteria: Cri
     draw = np.random.default_rng(4)
     surfaces = tuple(surface(f"s{i}") for i in range(rows))
     lights = tuple(
-        free_light(f"l{j}", spectrum=Spectrum(NM, draw.random(31))) for j in range(columns)
+        free_light(f"l{j}", spectrum=Spectrum(NM, draw.random(NM.size))) for j in range(columns)
     )
     places = [(row.name, column.name) for row in surfaces for column in lights]
     cells = {place: Cell(colour=tuple(draw.random(3))) for place in places}
@@ -69,7 +69,7 @@ def test_a_phase_matches_a_bounded_least_squares_solver(
     criteria = Criteria(smoothness, metric=metric, rounds=1)
     palette = random_palette(rows, columns, free=free, criteria=criteria)
     blocks, terms = Phase(State.start(palette), False).problem()
-    assert sum(block.size for block in blocks.values()) == rows * 31 + 3 * free
+    assert sum(block.size for block in blocks.values()) == rows * NM.size + 3 * free
     found = solve(blocks, terms)
     M, y = stacked(blocks, terms)
     theirs = lsq_linear(M, y, bounds(blocks), "bvls", tol=1e-14, max_iter=10_000)
@@ -91,9 +91,9 @@ def test_a_light_of_given_luminance_matches_sequential_quadratic_programming() -
     C = hard.parts["light 'l0'"]
     theirs = minimize(
         lambda x: np.sum((M @ x - y) ** 2),
-        np.ones(31),
+        np.ones(NM.size),
         jac=lambda x: 2.0 * M.T @ (M @ x - y),
-        bounds=[(0.0, None)] * 31,
+        bounds=[(0.0, None)] * NM.size,
         constraints={"type": "eq", "fun": lambda x: C @ x - hard.target, "jac": lambda x: C},
         method="SLSQP",
         options={"ftol": 1e-15, "maxiter": 2000},
@@ -106,7 +106,7 @@ def test_a_light_of_given_luminance_matches_sequential_quadratic_programming() -
 def test_two_starts_give_the_same_reflectances_under_given_lights() -> None:
     colours = {"D65": (0.6, 0.5, 0.4), "A": (0.9, 0.4, 0.1), "FL11": (0.2, 0.7, 0.5)}
     cells = {("s", name): Cell(colour=colour) for name, colour in colours.items()}
-    start = Spectrum(NM, np.random.default_rng(0).random(31))
+    start = Spectrum(NM, np.random.default_rng(0).random(NM.size))
     criteria = Criteria(metric="RGB", rounds=1)
     one, other = (
         design(Palette((row,), tuple(map(lamp, colours)), cells, criteria=criteria))

@@ -18,7 +18,7 @@ from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
 from volspec.palette.file import palette_file
 from volspec.palette.state import State
-from volspec.spectra import DEFAULT_GRID, SpectralGrid, Spectrum, XYZ_from_spectra
+from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid, Spectrum, XYZ_from_spectra
 
 ROOT = Path(__file__).resolve().parents[2]
 GREY = (0.6, 0.6, 0.6)
@@ -84,7 +84,7 @@ def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
 
 def test_bounds_that_bind_are_counted_and_the_cost_adds_up(sodium: DesignReport) -> None:
     flame, _ = sodium.spectra
-    assert (flame.kind, flame.name, flame.bands) == ("reflectance", "flame", 31)
+    assert (flame.kind, flame.name, flame.bands) == ("reflectance", "flame", DEFAULT_GRID.size)
     assert flame.at_lower > 10 and flame.largest <= 1.0
     made = design(vs.load_palette(ROOT / "data/palettes/figure-2.toml"))
     # The design counts the colours straight between two rounds: 1e-6 of them.
@@ -95,7 +95,10 @@ def test_a_mixture_is_counted_by_its_lamps() -> None:
     mixed = free_light(mixture=(vs.light("LED-B1"), vs.light("FL11")))
     cells = {("s", "L"): Cell(colour=GREY)}
     report = DesignReport.of(design(Palette((surface("s"),), (mixed,), cells)))
-    assert {(s.kind, s.bands) for s in report.spectra} == {("reflectance", 31), ("light", 2)}
+    assert {(s.kind, s.bands) for s in report.spectra} == {
+        ("reflectance", DEFAULT_GRID.size),
+        ("light", 2),
+    }
 
 
 def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path: Path) -> None:
@@ -123,17 +126,17 @@ def test_a_mixture_s_shares_are_those_of_the_illuminance(tmp_path: Path) -> None
 
 def test_metamers_are_compared_at_1_nm_too() -> None:
     """The product of interpolated spectra is not the interpolated product."""
-    nm = DEFAULT_GRID.wavelengths_nm
+    nm = PAPERS_GRID.wavelengths_nm
     wave = 0.5 + 0.5 * np.cos(np.pi * (nm - 400) / 10)  # 1 and 0 in turn
     comb = free_light("comb", spectrum=Spectrum(nm, wave + 1e-9))
     rows = surface("a"), surface("b", spectrum=Spectrum(nm, wave))
     cells = {(name, "comb"): Cell(colour=GREY) for name in "ab"}
-    palette = Palette(rows, (comb, lamp("HP1")), cells)
+    palette = Palette(rows, (comb, lamp("HP1")), cells, grid=PAPERS_GRID)
     state = State.start(palette)
     report = DesignReport.of(Design(palette, state, 0.0, 0.0))
     (pair,) = report.metamers
     fine = SpectralGrid(400, 700, 1)
-    light, a, b = (Spectrum(nm, v).on(fine) for v in (wave + 1e-9, np.full(31, 0.5), wave))
+    light, a, b = (Spectrum(nm, v).on(fine) for v in (wave + 1e-9, np.full(nm.size, 0.5), wave))
     white = vs.Viewing("none").display.colours.white_XYZ
     colours = [cielab(XYZ_from_spectra(light, row), white) for row in (a, b)]
     assert pair.delta_E_1nm == pytest.approx(float(delta_E_2000(*colours)), abs=1e-3)

@@ -91,7 +91,7 @@ def test_white_that_faces_every_source_is_the_adopted_white(
     np.testing.assert_allclose(XYZ(image, rig, mode=mode)[0, 0], white, rtol=1e-6)
 
 
-def test_exact_mode_is_31_bands_where_each_group_has_its_own_light() -> None:
+def test_exact_mode_is_all_bands_where_each_group_has_its_own_light() -> None:
     shares = {"key": 0.6, "fill": 0.4}
     names = ("ColorChecker/orange", "ColorChecker/blue sky")
     S = GENERAL.synthesise(GENERAL.analyse([reflectance(name) for name in names]))

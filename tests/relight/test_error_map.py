@@ -11,6 +11,7 @@ from PIL import ImageDraw
 from tests.support.errors import raises
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import MaterialBasis, SpectralBasis
+from volspec.basis.display import DEFAULT_MODE
 from volspec.basis.report import basis_report
 from volspec.errors import RelightError, ViewingError
 from volspec.pipeline import Relighter
@@ -39,7 +40,7 @@ def test_the_map_is_the_report_of_what_the_basis_makes_of_the_pixels() -> None:
     found = error_map(chart(), lamp)
     assert found.delta_e.shape == (7, 12) and found.delta_e.dtype == np.float32
     errors = found.delta_e.ravel()[possible]
-    assert np.allclose(errors, truth.pairs.componentwise[0], atol=1e-4)
+    assert np.allclose(errors, truth.pairs.delta_e[DEFAULT_MODE][0], atol=1e-4)
     assert found.mean == pytest.approx(found.delta_e.mean())
     assert found.max == found.delta_e.max()
     assert found.p95 == pytest.approx(np.percentile(found.delta_e, 95))
@@ -109,7 +110,7 @@ def test_a_half_transparent_pixel_s_error_is_that_before_its_backdrop() -> None:
         behind = (1 - alpha) * backdrop * white
         Lab = [
             cielab(image.coefficients @ BASIS.colour_matrix(lamp, mode).T + behind, white)
-            for mode in ("exact", "componentwise")
+            for mode in ("exact", DEFAULT_MODE)
         ]
         found[backdrop] = error_map(image, lamp, backdrop=backdrop).delta_e
         # float32 figures of a few units.

@@ -13,8 +13,9 @@ from volspec.room import PointLamp, Room, box, load_room, lux_from_irradiance, r
 from volspec.room.direct import beam_irradiance
 from volspec.room.form_factors import Rays
 from volspec.room.mesh import SIDES
-from volspec.spectra import read_spectrum
+from volspec.spectra import DEFAULT_GRID, read_spectrum
 
+BANDS = DEFAULT_GRID.size
 GAMMA = (0, 30, 60, 90, 120, 150, 180)
 
 
@@ -187,16 +188,16 @@ def test_eulumdat_files_that_cannot_be_used_are_refused_in_one_line(
 
 def test_light_falls_off_with_the_square_and_the_cosine_along_the_beam(tmp_path: Path) -> None:
     mesh = box((0, 0, 0), (4, 4, 4), SIDES, inside=True)
-    rays, dark, up = Rays(mesh), np.zeros((6, 31)), np.array([[0.0, 0.0, 1.0]] * 2)
+    rays, dark, up = Rays(mesh), np.zeros((6, BANDS)), np.array([[0.0, 0.0, 1.0]] * 2)
     spot = read_beam(beam_file(tmp_path, SPOT))
     mean = spot.lumen / (4 * np.pi)
     below = np.array([[2.0, 2.0, 0.0], [2.0 + 3 * np.tan(np.radians(30)), 2.0, 0.0]])
-    room = Room(mesh, dark, lamps=(PointLamp((2.0, 2.0, 3.0), np.ones(31), beam=spot),))
+    room = Room(mesh, dark, lamps=(PointLamp((2.0, 2.0, 3.0), np.ones(BANDS), beam=spot),))
     [found] = beam_irradiance(room, rays, below, up) * mean
     # 500 cd at 30°, farther by 1 / cos 30°, at cos 30°
     assert found == pytest.approx([1000 / 9, 500 / 9 * np.cos(np.radians(30)) ** 3], rel=1e-4)
     for aim, turn, to in (((1, 0, 0), 0.0, (4, 2, 3)), ((0, 3, 4), 50.0, (2.0, 2.6, 3.8))):
-        lamp = PointLamp((2.0, 2.0, 3.0), np.ones(31), beam=spot.aimed(aim, turn))
+        lamp = PointLamp((2.0, 2.0, 3.0), np.ones(BANDS), beam=spot.aimed(aim, turn))
         way = np.array(to) - lamp.position_m
         assert lamp.beam.relative([way]) == pytest.approx(1000 / mean)
         assert not lamp.beam.relative([-way]).any()

@@ -11,8 +11,9 @@ from tests.support.errors import refuses
 from volspec.errors import RoomError
 from volspec.room import Brick, cube_radiosity, lux_from_irradiance, with_paint
 from volspec.room.brick import PATCHES, SURFACES, exchange_area
-from volspec.spectra import SpectralGrid, light
+from volspec.spectra import DEFAULT_GRID, SpectralGrid, light
 
+BANDS = DEFAULT_GRID.size
 FINE = SpectralGrid(360.0, 830.0, 1.0)
 THREE = SpectralGrid(450.0, 650.0, 100.0)
 OFFICE = Brick(4.0, 5.0, 2.7, window_m=(1.0, 0.9, 2.0, 1.4), furnished=0.3)
@@ -135,7 +136,7 @@ def test_a_cubic_brick_matches_the_cube():
 
 def test_black_walls_get_the_window_s_light_alone():
     S = OFFICE.window_emission(light("D65"), 5000.0)
-    E = OFFICE.irradiance(OFFICE.radiosity(np.zeros(31), S))
+    E = OFFICE.irradiance(OFFICE.radiosity(np.zeros(BANDS), S))
     lux = lux_from_irradiance(E)
     np.testing.assert_allclose(lux, 5000.0 * OFFICE.form_factors[:, -1], rtol=1e-12)
     assert lux_from_irradiance(S[-1]) == pytest.approx(5000.0, rel=1e-12)
@@ -181,5 +182,5 @@ def test_a_room_without_window_has_no_sky():
     refuses(
         lambda: closed.window_emission(light("D65"), 100.0), "missing Brick.window_m", RoomError
     )
-    refuses(lambda: closed.radiosity(np.zeros(31), np.zeros((10, 31))), "missing emission")
-    refuses(lambda: OFFICE.radiosity(np.ones(31), np.ones((10, 31))), "range reflectance")
+    refuses(lambda: closed.radiosity(np.zeros(BANDS), np.zeros((10, BANDS))), "missing emission")
+    refuses(lambda: OFFICE.radiosity(np.ones(BANDS), np.ones((10, BANDS))), "range reflectance")

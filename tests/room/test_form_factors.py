@@ -90,5 +90,7 @@ def test_a_board_casts_a_shadow() -> None:
     light = {"ceiling": ONE}
     points = np.array([[2.0, 2.0, 1.4], [3.5, 3.5, 1.4]])
     up = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
-    with_board = direct_irradiance(Room(mesh, np.zeros((7, 31)), light), Rays(mesh), points, up)
+    with_board = direct_irradiance(
+        Room(mesh, np.zeros((7, DEFAULT_GRID.size)), light), Rays(mesh), points, up
+    )
     assert with_board[0].max() < 0.6 * with_board[1].min()

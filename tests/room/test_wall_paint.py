@@ -33,6 +33,7 @@ from volspec.spectra import (
     white_XYZ,
 )
 
+BANDS = DEFAULT_GRID.size
 THREE = SpectralGrid(450.0, 650.0, 100.0)
 PASTELS = {"apricot": "#ffd9b3", "salmon": "#ffc4b8", "green": "#e2f0c4", "beige": "#f5f5dc"}
 
@@ -40,7 +41,11 @@ PASTELS = {"apricot": "#ffd9b3", "salmon": "#ffc4b8", "green": "#e2f0c4", "beige
 def random_room(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return reflectances, emissions and a paint."""
     draw = np.random.default_rng(seed)
-    return draw.uniform(0, 0.95, (6, 31)), draw.uniform(0, 3, (6, 31)), draw.uniform(0, 0.95, 31)
+    return (
+        draw.uniform(0, 0.95, (6, BANDS)),
+        draw.uniform(0, 3, (6, BANDS)),
+        draw.uniform(0, 0.95, BANDS),
+    )
 
 
 @pytest.mark.parametrize("walls", [(0,), (4,), (1, 3), (5, 0, 2), range(6)])
@@ -55,8 +60,8 @@ def test_the_cube_s_inverse_finds_the_paint(walls):
 def test_a_wall_with_its_own_emission_only_is_black():
     rho, S, _ = random_room(1)
     S[1:, 3] = 0.0
-    wanted = cube_radiosity(with_paint(rho, np.zeros(31), [0]), S)[0]
-    np.testing.assert_array_equal(cube_paint_for_radiosity(wanted, rho, S), np.zeros(31))
+    wanted = cube_radiosity(with_paint(rho, np.zeros(BANDS), [0]), S)[0]
+    np.testing.assert_array_equal(cube_paint_for_radiosity(wanted, rho, S), np.zeros(BANDS))
 
 
 def test_a_radiosity_that_no_paint_gives_is_refused_with_its_band():
@@ -168,7 +173,7 @@ def test_the_paint_is_the_smoothest():
     """SLSQP, started at the result and at grey, finds none with smaller second differences."""
     wanted, irradiance = atlas_appearance("#ffd9b3"), brick_wall("A")
     paint = paint_for_appearance(wanted, irradiance).reflectance.values
-    bend = np.diff(np.eye(31), 2, axis=0)
+    bend = np.diff(np.eye(BANDS), 2, axis=0)
 
     def off(rho):
         seen = wall_appearance(rho, irradiance(rho))
@@ -182,13 +187,13 @@ def test_the_paint_is_the_smoothest():
     def roughness(rho):
         return 1e3 * np.sum((bend @ rho) ** 2)
 
-    for start in (paint, np.full(31, 0.6)):
+    for start in (paint, np.full(BANDS, 0.6)):
         rival = minimize(
             roughness,
             start,
             jac=lambda rho: 2e3 * bend.T @ (bend @ rho),
             method="SLSQP",
-            bounds=[(1e-4, 0.999)] * 31,
+            bounds=[(1e-4, 0.999)] * BANDS,
             constraints={"type": "eq", "fun": off},
             options={"maxiter": 300, "ftol": 1e-12},
         )
@@ -207,7 +212,9 @@ def test_more_than_one_appearance_and_a_dark_wall_are_refused():
     refuses(lambda: paint_for_appearance(several, brick_wall("A")), "shape wanted", RoomError)
     one = atlas_appearance("#ffd9b3")
     refuses(lambda: paint_for_appearance(one, lambda paint: 0.0 * paint), "missing ", RoomError)
-    refuses(lambda: wall_appearance(np.ones((2, 31)), np.ones(31)), "shape reflectance", RoomError)
+    refuses(
+        lambda: wall_appearance(np.ones((2, BANDS)), np.ones(BANDS)), "shape reflectance", RoomError
+    )
 
 
 def test_a_red_light_without_any_Z_shows_red_walls_only():

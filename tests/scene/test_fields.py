@@ -15,6 +15,7 @@ from volspec.export.plan import check_scene
 from volspec.scene.writing import write_scene
 
 HEAD = """
+version = 2
 [volume]
 file = "ct.npy"
 [[material]]

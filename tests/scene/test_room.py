@@ -40,6 +40,7 @@ place_m = [1.2, 1.2, 0.6, 0.6]
 lux = 5000
 """
 SCENE = """
+version = 2
 [volume]
 file = "block.npy"
 [[material]]

@@ -28,6 +28,7 @@ from volspec.transfer import (
 from volspec.volume import phantom
 
 HEAD = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

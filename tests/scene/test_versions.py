@@ -12,8 +12,10 @@ from tests.support.errors import raises
 from tests.support.scenes import BALL, DAY, write_scene_text
 from volspec.errors import SceneError
 from volspec.scene import Scene, file
+from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 
-TEXT = f"# A ball.{BALL}# By day.\n{DAY}"
+TEXT = f"# A ball.{BALL}# By day.\n{DAY}".replace("version = 2\n", "")
+COARSE = SpectralGrid(380, 780, 10)
 
 
 @pytest.fixture
@@ -21,19 +23,73 @@ def path(tmp_path: Path) -> Path:
     return write_scene_text(tmp_path, TEXT)
 
 
+def write(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
 def test_a_file_without_a_version_is_of_the_first(path: Path) -> None:
-    """Files of the first release have no version, and get none when written again."""
+    """Files of the first release have no version; written again they say what they had."""
     scene = Scene.load(path)
-    assert scene.file.version == 1
-    assert scene.save().read_text(encoding="utf-8") == TEXT
-    path.write_text(f"version = 1\n{TEXT}", encoding="utf-8")
+    assert scene.file.version == 2
+    assert (scene.basis.name, scene.basis.grid) == ("general-7-10nm", PAPERS_GRID)
+    assert scene.relight.mode == "componentwise"
+    text = scene.save().read_text(encoding="utf-8")
+    # Nothing is lost, and only the version and the former defaults are new.
+    assert [line for line in TEXT.splitlines() if line not in text.splitlines()] == []
+    assert [line for line in text.splitlines() if line and line not in TEXT.splitlines()] == [
+        "version = 2",
+        "[viewing]",
+        'mode = "componentwise"',
+        "[basis]",
+        "grid_nm = [400.0, 700.0, 10.0]",
+    ]
     assert Scene.load(path).file == scene.file
+    assert Scene.load(path).save().read_text(encoding="utf-8") == text
+    assert Scene.load(write(path, f"version = 1\n{TEXT}")).file == scene.file
+
+
+def test_the_second_version_has_81_bands_and_fitted_colours(path: Path) -> None:
+    scene = Scene.load(write(path, f"version = 2\n{TEXT}"))
+    assert (scene.basis.name, scene.basis.grid) == ("general-7", DEFAULT_GRID)
+    assert scene.relight.mode == "fitted"
+    assert scene.save().read_text(encoding="utf-8") == f"version = 2\n{TEXT}"
+
+
+@pytest.mark.parametrize(
+    ("table", "name", "grid", "mode"),
+    [
+        ('name = "general-9-positive"', "general-9-positive-10nm", PAPERS_GRID, "componentwise"),
+        ("size = 5", "general-5-10nm", PAPERS_GRID, "componentwise"),
+        ('method = "materials"', "scene", PAPERS_GRID, "componentwise"),
+        ('grid_nm = [380, 780, 10]\nmethod = "pca"', "scene", COARSE, "componentwise"),
+        ('size = 5\n[viewing]\nmode = "exact"', "general-5-10nm", PAPERS_GRID, "exact"),
+    ],
+)
+def test_the_first_version_s_defaults_are_kept_next_to_what_a_file_says(
+    path: Path, table: str, name: str, grid: SpectralGrid, mode: str
+) -> None:
+    scene = Scene.load(write(path, f"{TEXT}[basis]\n{table}\n"))
+    assert (scene.basis.name, scene.basis.grid, scene.relight.mode) == (name, grid, mode)
+    saved = Scene.load(scene.save())
+    assert saved.file == scene.file
+    assert saved.basis.fingerprint == scene.basis.fingerprint
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_bands_of_a_palette_are_those_of_its_values(path: Path, version: int) -> None:
+    """Designs without ``grid_nm`` are of the first release if they have 31 values."""
+    for bands, grid in ((31, PAPERS_GRID), (81, DEFAULT_GRID)):
+        palette = path.with_name("design.toml")
+        palette.write_text(f'[[light]]\nname = "lamp"\nvalues = {[1.0] * bands}\n')
+        text = f"version = {version}\n" + TEXT.replace('"D65"', '"design.toml#lamp"')
+        assert Scene.load(write(path, text)).basis.grid == grid
 
 
 @pytest.mark.parametrize(
     ("version", "message"),
     [
-        ("2", "version is 2; this volspec reads up to 1; install a later one"),
+        ("3", "version is 3; this volspec reads up to 2; install a later one"),
         ("0", "version is 0; give a whole number from 1"),
         ('"1"', "version is '1'; give a whole number from 1"),
         ("true", "version is True; give a whole number from 1"),
@@ -59,10 +115,10 @@ def test_a_migration_is_applied_before_the_file_is_checked(
     path.write_text(TEXT.replace("spectrum =", "power ="), encoding="utf-8")
     with raises(SceneError, "unknown", "light[0].power"):
         Scene.load(path)
-    monkeypatch.setattr(file, "MIGRATIONS", {1: renamed})
+    monkeypatch.setattr(file, "MIGRATIONS", {**file.MIGRATIONS, 2: renamed})
     scene = Scene.load(path)
-    assert (scene.file.version, scene.file.light[0].spectrum) == (2, "D65")
+    assert (scene.file.version, scene.file.light[0].spectrum) == (3, "D65")
     text = scene.save().read_text(encoding="utf-8")
     assert 'spectrum = "D65"' in text and "power" not in text and "# By day." in text
-    assert "version = 2\n" in text and text.startswith("# A ball.\n")
+    assert "version = 3\n" in text and text.startswith("# A ball.\n")
     assert Scene.load(path).file == scene.file

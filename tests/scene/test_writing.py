@@ -23,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 TEXT = """# What begins the file.
 title = "Ball"  # a caption
+version = 2
 
 [volume]
 file = "ball.npy"

@@ -22,6 +22,7 @@ from volspec.volume import phantom
 
 SCENE = """
 title = "Ball"
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

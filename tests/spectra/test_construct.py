@@ -37,9 +37,10 @@ from volspec.spectra.construct.search import (
     smoothest_reflectances,
 )
 
+BANDS = DEFAULT_GRID.size
 D65, A = light("D65"), light("A")
 WHITE = white_XYZ(D65)
-Q = XYZ_from_spectra(D65, np.eye(31)).T
+Q = XYZ_from_spectra(D65, np.eye(BANDS)).T
 CHECKER = [name for name in reflectance_names() if name.startswith("ColorChecker/")]
 TRUE = np.array([reflectance(name).values for name in CHECKER])
 # A cube around the origin, its corners by the bits x + 2y + 4z.
@@ -70,7 +71,7 @@ def test_all_of_sRGB_is_within_0_and_1_and_exact() -> None:
     levels = np.linspace(0, 1, 6)
     XYZ = XYZ_from_sRGB(np.stack(np.meshgrid(levels, levels, levels), axis=-1), WHITE)
     made = reflectances_from_colours(XYZ)
-    assert made.values.shape == (6, 6, 6, 31)
+    assert made.values.shape == (6, 6, 6, BANDS)
     assert made.values.min() >= 0 and made.values.max() <= 1
     # The solver meets constraints to 1e-10 of white.
     assert np.abs(XYZ_from_spectra(D65, made.values) - XYZ).max() < 1e-6
@@ -198,10 +199,11 @@ def test_a_colour_is_meant_under_its_light_and_observer() -> None:
 
 def test_light_of_one_wavelength_still_has_reflectances() -> None:
     """All colours lie on a line: there is no tetrahedron, but a smoothest reflectance."""
-    lamp = Spectrum(DEFAULT_GRID.wavelengths_nm, np.eye(31)[19], "sodium")
+    sodium = DEFAULT_GRID.wavelengths_nm.tolist().index(590)
+    lamp = Spectrum(DEFAULT_GRID.wavelengths_nm, np.eye(BANDS)[sodium], "sodium")
     made = reflectances_from_colours(0.4 * white_XYZ(lamp), light=lamp)
     assert made.counts() == {"smoothest": 1}
-    assert made.values[19] == pytest.approx(0.4, abs=1e-6)
+    assert made.values[sodium] == pytest.approx(0.4, abs=1e-6)
 
 
 def test_another_grid_holds_its_own_reflectances() -> None:
@@ -217,8 +219,8 @@ def test_one_by_one_is_all_at_once_and_twice_the_same() -> None:
     once, again = reflectances_from_colours(XYZ), reflectances_from_colours(XYZ)
     np.testing.assert_array_equal(once.values, again.values)
     singly = [reflectances_from_colours(colour).values for colour in XYZ.reshape(-1, 3)]
-    np.testing.assert_allclose(once.values.reshape(-1, 31), singly, atol=1e-12)
-    assert reflectances_from_colours(np.empty((0, 3))).values.shape == (0, 31)
+    np.testing.assert_allclose(once.values.reshape(-1, BANDS), singly, atol=1e-12)
+    assert reflectances_from_colours(np.empty((0, 3))).values.shape == (0, BANDS)
 
 
 def test_solving_tells_how_far_it_is() -> None:
@@ -244,7 +246,7 @@ def test_a_base_may_be_ones_own() -> None:
     base = base_spectra(powers=(2,), complementary=(1,))
     assert len(base) == 2 + 3 * 533 + 120 and base.names[-121].startswith("10^(-1 Vrhel/")
     paints = BaseSpectra(
-        ("black", "white", "red", "blue"), [[0] * 31, [1] * 31, TRUE[14], TRUE[12]]
+        ("black", "white", "red", "blue"), [[0] * BANDS, [1] * BANDS, TRUE[14], TRUE[12]]
     )
     XYZ = XYZ_from_spectra(D65, paints.values).mean(0)
     made = reflectances_from_colours(XYZ, base=paints)
@@ -297,7 +299,7 @@ def test_what_is_no_colour_is_refused_in_one_line(colour: object, code: str) -> 
 
 
 FINE = SpectralGrid(400, 700, 5)
-HARDLY_ABOVE_1 = np.full((4, 31), 1) + np.array([[0, 0, 0, 5e-7]]).T
+HARDLY_ABOVE_1 = np.full((4, BANDS), 1) + np.array([[0, 0, 0, 5e-7]]).T
 
 
 def mismatched() -> MadeReflectances:
@@ -316,7 +318,7 @@ def mismatched() -> MadeReflectances:
         (lambda: reflectances_from_colours([1, 2, 3], grid=FINE, base=base_spectra()), "conflict"),
         (lambda: base_spectra(powers=(0,)), "range length"),
         (lambda: bouguer([1.5], 2), "range"),
-        (lambda: BaseSpectra(("a", "b"), np.zeros((3, 31))), "shape"),
+        (lambda: BaseSpectra(("a", "b"), np.zeros((3, BANDS))), "shape"),
         (lambda: BaseSpectra(tuple("abcd"), HARDLY_ABOVE_1), "range"),
         (mismatched, "shape"),
     ],

@@ -15,7 +15,7 @@ import pytest
 
 from volspec import _cache
 from volspec.spectra import DEFAULT_GRID, datasets, light
-from volspec.spectra.photometry import extended_band_means
+from volspec.spectra.spectrum import extended_band_means
 
 ROOT = Path(__file__).resolve().parents[2]
 YEARS = {"CIE 1931": 2, "CIE 1964": 10, "CIE 2015 2": 2, "CIE 2015 10": 10}

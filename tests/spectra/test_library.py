@@ -170,11 +170,11 @@ def test_light_sets_have_the_sizes_of_method_section_2() -> None:
 
 
 def test_reflectance_sets_have_the_sizes_of_method_section_2() -> None:
-    assert reflectance_set("training").shape == (128, 31)
-    assert reflectance_set("test").shape == (84, 31)
+    assert reflectance_set("training").shape == (128, DEFAULT_GRID.size)
+    assert reflectance_set("test").shape == (84, DEFAULT_GRID.size)
     assert len(reflectance_set_names("test")) == 84
-    assert reflectance_set("natural").shape == (170, 31)
-    assert reflectance_set("patches").shape == (175, 31)
+    assert reflectance_set("natural").shape == (170, DEFAULT_GRID.size)
+    assert reflectance_set("patches").shape == (175, DEFAULT_GRID.size)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from volspec.relight import relight
 from volspec.spectra import SpectralImage, light, reflectance_set
 
 BASIS = SpectralBasis.load("general-7")
-CHART = reflectance_set("test").reshape(7, 12, 31)
+CHART = reflectance_set("test").reshape(7, 12, -1)
 NM = BASIS.grid.wavelengths_nm
 
 

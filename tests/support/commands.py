@@ -22,8 +22,9 @@ from volspec.volume import phantom
 
 GENERAL = SpectralBasis.load("general-7")
 METALS = MaterialBasis({"rotor": reflectance("copper"), "case": reflectance("iron")})
-CHART = reflectance_set("test").reshape(7, 12, 31)
+CHART = reflectance_set("test").reshape(7, 12, -1)
 SCENE = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]
@@ -43,6 +44,7 @@ spectrum = "D65"
 """
 METALS_SCENE = """
 title = "Two metals"
+version = 2
 volume = { file = "none.nrrd" }
 basis = { name = "general-7" }
 transfer = { points = [{ value = 0, opacity = 0.1, material = "rotor" }] }

@@ -2,7 +2,7 @@
 
 Slow and independent on purpose: it shares nothing of the appearance model with
 `volspec.appearance.models` or the shader. The light's matrix is shared by all; a test
-compares it with 31 bands (`test_relight_is_method_4_in_31_bands`).
+compares it with 81 bands (`test_relight_is_method_4_in_81_bands`).
 
 References
 ----------

@@ -12,6 +12,7 @@ from volspec.scene.file import scene_data, scene_file
 from volspec.volume import phantom
 
 BALL = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

@@ -79,6 +79,7 @@ def curve_of(state: ViewState) -> TransferFunction:
 HEAD = """
 # A remark of the author's.
 title = "ball"
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

@@ -11,6 +11,7 @@ from volspec.appearance.display import colour_space
 from volspec.appearance.models.cielab import cielab
 
 SCENE = """# Stays on top.
+version = 2
 [volume]
 file = "ball.npy"
 

@@ -30,7 +30,7 @@ def general() -> SpectralBasis:
 def two_materials(basis: SpectralBasis) -> tuple[CoefficientImage, np.ndarray, np.ndarray]:
     """An image, the (H, W, N) spectra of its mixed surfaces, and their opacity.
 
-    Both materials lie in the basis' span, so that 31 bands and the light matrix must agree.
+    Both materials lie in the basis' span, so that all bands and the light matrix must agree.
     """
     names = ("ColorChecker/orange", "ColorChecker/blue sky")
     spans = basis.synthesise(basis.analyse([reflectance(name) for name in names]))
@@ -45,7 +45,7 @@ def two_materials(basis: SpectralBasis) -> tuple[CoefficientImage, np.ndarray, n
 
 
 @pytest.mark.parametrize("name", ["D65", "A", "FL2", "LPS"])
-def test_relight_is_method_4_in_31_bands(backend, general, name):
+def test_relight_is_method_4_in_81_bands(backend, general, name):
     image, S, alpha = two_materials(general)
     behind = reflectance("ColorChecker/red")
     E, Q = light(name).values, colour_matching_functions(GRID)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from volspec.appearance.rendition import light_figures
 from volspec.relight import LightRig
-from volspec.spectra import DEFAULT_GRID, light, reflectance
+from volspec.spectra import DEFAULT_GRID, PAPERS_GRID, light, reflectance
 from volspec.spectra.library import library_names
 from volspec.viewer.model import light_parts, lights
 from volspec.viewer.model.lights import rim_places
@@ -78,7 +78,7 @@ def test_columns_of_a_plot_lie_on_the_bands() -> None:
     # 15 columns a band: the middle one is the band's.
     np.testing.assert_allclose(column_heights(values, 31 * 15)[7::15], values)
     # The pen on a wavelength's tick is on its band: 550 nm is the 16th of 31.
-    share = wavelength_share(550.0, DEFAULT_GRID)
+    share = wavelength_share(550.0, PAPERS_GRID)
     place = pen_place((share * 310.0, 0.0), (0.0, 0.0, 310.0, 50.0), 31, 2.0)
     assert place == pytest.approx((15 / 30, 2.0))
 

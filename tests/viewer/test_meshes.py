@@ -35,6 +35,7 @@ from volspec.volume import phantom
 
 SIZE = 48, 36
 SCENE = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

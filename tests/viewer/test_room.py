@@ -57,6 +57,7 @@ position_m = [0.4, 0.5, 2.0]
 lumen = 200
 """
 SCENE = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]

@@ -147,6 +147,7 @@ def test_masks_and_the_time_step_come_back(tmp_path: Path) -> None:
     path = tmp_path / "beat.toml"
     path.write_text(
         f"""
+        version = 2
         volume = {{ file = "beat*.npy", step = 2 }}
         material = [{{ name = "a", reflectance = "copper" }}]
         light = [{{ name = "day", spectrum = "D65" }}]

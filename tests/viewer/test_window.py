@@ -153,6 +153,7 @@ def test_without_a_device_the_remedy_is_shown(
 
 SCENE = """
 title = "%s"
+version = 2
 [volume]
 file = "plain.npy"
 [[material]]

@@ -329,6 +329,7 @@ def test_a_damaged_chunk_is_named_and_marked(damage: str, ball: Volume, tmp_path
 
 
 SCENE = """
+version = 2
 [volume]
 file = "v.zarr?memory=2MB"
 [[material]]

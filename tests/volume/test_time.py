@@ -15,6 +15,7 @@ from volspec.volume.labels import Label
 from volspec.volume.series import Series, load_at, open_volume, step_addresses
 
 SCENE = """
+version = 2
 volume.file = "{file}"
 material = [{{ name = "a", reflectance = "copper" }}]
 transfer.points = [

@@ -99,9 +99,9 @@ def relight(
     backdrop
         Reflectance of the diffuser behind, 0 to 1. Default: the scene's.
     spectral
-        Write the light that reaches the eye as a spectrum in every pixel: 31 half-float channels
-        `S0.400,000000nm`, …, and red, green, blue as a preview. No appearance model is applied,
-        so of the viewing options only `--exposure` and `--lux` count.
+        Write the light that reaches the eye as a spectrum in every pixel: 81 half-float channels
+        `S0.380,000000nm`, …, or the bands of its basis, and red, green, blue as a preview. No
+        appearance model is applied, so of the viewing options only `--exposure` and `--lux` count.
     """
     from volspec.export.frames import BlankFrames, file_stem, to_uint16, write_frame
     from volspec.pipeline import Relighter

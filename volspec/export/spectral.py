@@ -47,7 +47,7 @@ class SpectralIllumination:
     >>> from volspec.basis import SpectralBasis
     >>> from volspec.spectra import light
     >>> lit = SpectralIllumination.of(SpectralBasis.load("general-7"), light("E"), RelightSpec())
-    >>> lit.pixels(np.full((1, 7), 0.5), np.ones(1))[0, 3:].round(6).tolist() == [0.5] * 31
+    >>> lit.pixels(np.full((1, 7), 0.5), np.ones(1))[0, 3:].round(6).tolist() == [0.5] * 81
     True
     """
 

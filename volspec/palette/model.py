@@ -250,7 +250,7 @@ class Palette:
         Appearance model and exposure under which the display shows the target colours; with
         ``"none"``, target colours are plain tristimulus values.
     grid : SpectralGrid
-        Bands; 31 by default.
+        Bands; 81 by default.
     criteria : Criteria
     level : {"relative", "absolute"}
         Luminance of designed lights: Y = 100, a picture's white, or whatever their colours need.

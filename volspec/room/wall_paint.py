@@ -245,10 +245,10 @@ def paint_for_appearance(
 
     >>> from volspec.room import cube_irradiance, cube_radiosity, irradiance_from_lux, with_paint
     >>> walls = range(1, 6)
-    >>> emission = np.zeros((6, 31))
+    >>> emission = np.zeros((6, 81))
     >>> emission[0] = irradiance_from_lux(light("A"), 3000.0)
     >>> def irradiance(paint):
-    ...     reflectance = with_paint(np.full((6, 31), 0.5), paint, walls)
+    ...     reflectance = with_paint(np.full((6, 81), 0.5), paint, walls)
     ...     return cube_irradiance(cube_radiosity(reflectance, emission))[1]
     >>> found = paint_for_appearance(atlas_appearance("#ffd9b3"), irradiance)
     >>> bool(found.distance < 1e-3)

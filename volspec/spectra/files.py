@@ -25,13 +25,12 @@ from volspec.spectra.cgats import is_cgats, read_cgats
 from volspec.spectra.cxf import read_cxf
 from volspec.spectra.datasets import colour_science
 from volspec.spectra.envi import EnviFile
-from volspec.spectra.grid import SpectralGrid
+from volspec.spectra.grid import DEFAULT_GRID, PAPERS_GRID, SpectralGrid
 from volspec.spectra.palettes import SUFFIX as PALETTE
 from volspec.spectra.palettes import named_spectrum, palette_spectrum
-from volspec.spectra.photometry import extended_band_means
 from volspec.spectra.samples import QUANTITY, SampleSet, fits
 from volspec.spectra.spectral_image import SpectralImage, require_kind
-from volspec.spectra.spectrum import Kind, Spectrum
+from volspec.spectra.spectrum import Kind, Spectrum, extended_band_means
 from volspec.spectra.tables import (
     TextTable,
     decoded_text,
@@ -199,18 +198,21 @@ def resample(
 ) -> NDArray[np.float64]:
     """Return (N,) band means of a file's spectrum divided by ``unit``.
 
-    Warns of extrapolated ends, with ``stacklevel`` counted from here. Raises SpectrumError if the
-    visible part of the grid is not covered; ``label`` names the file.
+    Warns of extrapolated ends, ``stacklevel`` counted from here, but not of the default grid's
+    below 400 and above 700 nm. Raises SpectrumError if the visible part of the grid is not covered;
+    ``label`` names the file.
     """
     w, v = measured.wavelengths_nm, measured.values
     try:
         means = extended_band_means(w, v / unit, grid)
     except SpectrumError as error:
         raise error.within(label) from None
+    # Nobody asked for the default grid's ends, and common instruments do not measure them.
+    needed = PAPERS_GRID if grid == DEFAULT_GRID else grid
     filled = []
-    if w[0] > grid.start_nm + _NOTHING_NM:
+    if w[0] > needed.start_nm + _NOTHING_NM:
         filled.append(f"{grid.start_nm:g}-{w[0]:g} nm with its first value, {v[0]:g}")
-    if w[-1] < grid.stop_nm - _NOTHING_NM:
+    if w[-1] < needed.stop_nm - _NOTHING_NM:
         filled.append(f"{w[-1]:g}-{grid.stop_nm:g} nm with its last value, {v[-1]:g}")
     if filled:
         warnings.warn(

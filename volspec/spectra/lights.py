@@ -38,8 +38,8 @@ from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lamps import LAMPS, PREFIX
 from volspec.spectra.library import canonical_light, light_names, light_tables, nearest_light
 from volspec.spectra.palettes import palette_holds
-from volspec.spectra.photometry import C2_NM_K, extended_band_means, light_level
-from volspec.spectra.spectrum import Spectrum, light_power
+from volspec.spectra.photometry import C2_NM_K, light_level
+from volspec.spectra.spectrum import Spectrum, extended_band_means, light_power
 from volspec.spectra.tables import fold_name, path_text, read_number
 
 # Thermal and xenon lamps are smooth; without them and the two "Natural" tubes, 89 lights remain

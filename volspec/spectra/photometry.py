@@ -30,7 +30,6 @@ LUMINOUS_EFFICACY = 683.0
 
 INVISIBLE = 0.01
 """Luminous efficacy, by that of flat light, below which a light is set by its power."""
-_FULL_RANGE_NM = (360.0, 830.0)
 
 
 def XYZ_from_spectra(
@@ -93,29 +92,6 @@ def light_level(
 def luminance(spectrum: Spectrum) -> float:
     """Return L = E_v / pi, cd/m^2, of a perfect diffuser under a spectral irradiance."""
     return illuminance_lux(spectrum) / np.pi
-
-
-def extended_band_means(
-    wavelengths_nm: NDArray[np.float64], values: NDArray[np.float64], grid: SpectralGrid
-) -> NDArray[np.float64]:
-    """Return band means of a table, extrapolated by its end values.
-
-    Extrapolates if each colour-matching function has less than 1 % of its area in the missing
-    range (400-700 nm data pass, 350-560 nm data do not); otherwise raises the grid's error.
-    """
-    low, high = wavelengths_nm[0], wavelengths_nm[-1]
-    if low <= grid.start_nm and high >= grid.stop_nm:
-        return grid.band_means(wavelengths_nm, values)
-    full = SpectralGrid(*_FULL_RANGE_NM, 1.0)
-    Q = colour_matching_functions(full)
-    missing = (full.wavelengths_nm < low) | (full.wavelengths_nm > high)
-    if (Q[:, missing].sum(1) < 0.01 * Q.sum(1)).all():
-        pad = (int(low > grid.start_nm), int(high < grid.stop_nm))
-        wavelengths_nm = np.concatenate(
-            [[grid.start_nm] * pad[0], wavelengths_nm, [grid.stop_nm] * pad[1]]
-        )
-        values = np.pad(values, [pad] + [(0, 0)] * (values.ndim - 1), mode="edge")
-    return grid.band_means(wavelengths_nm, values)
 
 
 C2_NM_K = 1.438776877e7

@@ -35,8 +35,7 @@ from volspec.spectra.fluorophores import (
 )
 from volspec.spectra.fluorophores import PREFIX as FLUOROPHORE
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
-from volspec.spectra.photometry import extended_band_means
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.spectrum import Spectrum, extended_band_means
 from volspec.spectra.tables import fold_name, path_text, read_number, read_table
 
 

@@ -32,7 +32,7 @@ from volspec._parse import parse_json
 from volspec.errors import SpectrumError, VolspecWarning
 from volspec.spectra import envi
 from volspec.spectra.grid import SpectralGrid, require_grid
-from volspec.spectra.spectrum import Kind, Spectrum, read_only_notes
+from volspec.spectra.spectrum import Kind, Spectrum, extended_band_means, read_only_notes
 from volspec.spectra.tables import path_text, require_nanometres
 
 _LAYER = {"emissive": "S0", "reflective": "T"}
@@ -129,13 +129,14 @@ class SpectralImage:
         return width, height
 
     def on(self, grid: SpectralGrid) -> SpectralImage:
-        """Return every pixel's band means on a grid; see `SpectralGrid.band_means`.
+        """Return every pixel's band means on a grid; see `Spectrum.on`.
 
-        Nothing is extrapolated: SpectrumError if the wavelengths do not cover the grid.
+        SpectrumError if the wavelengths do not cover the visible part of the grid.
         """
         require_grid(grid)
         # Band means are linear in the samples: those of unit samples are the (N, L) matrix.
-        means = grid.band_means(self.wavelengths_nm, np.eye(self.wavelengths_nm.size))
+        samples = np.eye(self.wavelengths_nm.size)
+        means = extended_band_means(self.wavelengths_nm, samples, grid)
         values = self.values @ means.T.astype(np.float32)
         return SpectralImage(values, grid.wavelengths_nm, self.kind, self.notes)
 

@@ -122,12 +122,12 @@ class Spectrum:
         return SpectralGrid(start, stop, (stop - start) / (self.wavelengths_nm.size - 1))
 
     def on(self, grid: SpectralGrid) -> Spectrum:
-        """Return band means on a grid; see `SpectralGrid.band_means` for the rules and errors."""
+        """Return band means on a grid; see `extended_band_means` for the rules and errors."""
         require_grid(grid)
         if np.array_equal(self.wavelengths_nm, grid.wavelengths_nm):
             return self
         try:
-            values = grid.band_means(self.wavelengths_nm, self.values)
+            values = extended_band_means(self.wavelengths_nm, self.values, grid)
         except SpectrumError as error:
             raise error.within(repr(self.name) if self.name else "") from None
         fluorescence = self.fluorescence and self.fluorescence.on(grid)
@@ -201,6 +201,30 @@ _ROUNDING = 1e-6
 _MOST_REFLECTED = 2.0
 # Less light than this cannot be scaled to Y = 100.
 _LEAST_LIGHT = 1e-300
+_FULL_RANGE_NM = (360.0, 830.0)
+
+
+def extended_band_means(
+    wavelengths_nm: NDArray[np.float64], values: NDArray[np.float64], grid: SpectralGrid
+) -> NDArray[np.float64]:
+    """Return band means of a table, extrapolated by its end values.
+
+    Extrapolates if each colour-matching function has less than 1 % of its area in the missing
+    range (400-700 nm data pass, 350-560 nm data do not); otherwise raises the grid's error.
+    """
+    low, high = wavelengths_nm[0], wavelengths_nm[-1]
+    if low <= grid.start_nm and high >= grid.stop_nm:
+        return grid.band_means(wavelengths_nm, values)
+    full = SpectralGrid(*_FULL_RANGE_NM, 1.0)
+    Q = colour_matching_functions(full)
+    missing = (full.wavelengths_nm < low) | (full.wavelengths_nm > high)
+    if (Q[:, missing].sum(1) < 0.01 * Q.sum(1)).all():
+        pad = (int(low > grid.start_nm), int(high < grid.stop_nm))
+        wavelengths_nm = np.concatenate(
+            [[grid.start_nm] * pad[0], wavelengths_nm, [grid.stop_nm] * pad[1]]
+        )
+        values = np.pad(values, [pad] + [(0, 0)] * (values.ndim - 1), mode="edge")
+    return grid.band_means(wavelengths_nm, values)
 
 
 def stack(

@@ -43,8 +43,8 @@ from volspec.spectra.construct.search import (
 from volspec.spectra.datasets import Observer, colour_matching_functions, colour_science
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid, require_grid
 from volspec.spectra.lights import light as named_light
-from volspec.spectra.photometry import XYZ_from_spectra, extended_band_means, white_XYZ
-from volspec.spectra.spectrum import Spectrum
+from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
+from volspec.spectra.spectrum import Spectrum, extended_band_means
 
 Array = NDArray[np.float64]
 
@@ -283,7 +283,7 @@ def reflectances_from_colours(
     --------
     >>> made = reflectances_from_colours([[20, 21, 22], [41.2, 21.3, 2.0]])
     >>> made.values.shape, made.counts()
-    ((2, 31), {'delaunay': 1, 'extended': 1})
+    ((2, 81), {'delaunay': 1, 'extended': 1})
     """
     wanted = _method(method)
     lamp = _lamp(light, grid)
