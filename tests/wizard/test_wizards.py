@@ -77,6 +77,16 @@ def test_a_revealed_material_is_as_far_from_all_others_as_asked(scene: vs.Scene)
         assert seen.delta_e("day", "core", other) >= 12
 
 
+def test_a_material_is_revealed_to_deuteranopes_as_well(scene: vs.Scene) -> None:
+    made = vs.reveal(scene, "core", under="day", distance=12, deficiency=["deutan"])
+    assert {frozenset(pair.reflectances) for pair in made.apart} == {
+        frozenset(("core", other)) for other in ("shell", "stone")
+    }
+    assert all(min(p.smallest["none"], p.smallest["deutan"]) >= 12 for p in made.apart)
+    plain = vs.reveal(scene, "core", under="day", distance=12)
+    assert all(p.deficiencies == ("none",) for p in plain.apart)
+
+
 def test_merged_materials_part_under_a_light_of_real_lamps(scene: vs.Scene) -> None:
     lamps = ("LED-B1", "LED-RGB1", "FL11", "HP1")
     made = vs.merge(scene, ["shell", "core"], under="day", split="apart", lamps=lamps)
@@ -148,6 +158,11 @@ def test_a_basis_too_coarse_for_the_design_gives_way_to_the_materials(trained: v
             *("missing", "colours"),
         ),
         (lambda s: vs.reveal(s, "core", under="day", distance=-1), "range", "distance"),
+        (
+            lambda s: vs.reveal(s, "core", under="day", deficiency=["green"]),
+            "type",
+            "deficiency",
+        ),
     ],
 )
 def test_wrong_arguments_are_refused(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 from cyclopts import App, Parameter
 from rich.table import Table
@@ -17,6 +17,7 @@ from volspec.cli.viewing import in_options
 from volspec.errors import InputError, PaletteError
 
 if TYPE_CHECKING:
+    from volspec.appearance.deficiency import DeficiencyName
     from volspec.palette import Palette
     from volspec.scene import Scene
     from volspec.wizard import LightEvaluation, Redesigned
@@ -191,7 +192,7 @@ _APART = {
     "distance": "--distance",
 }
 # Options by the names of their parameters in `volspec.wizard`.
-_OPTIONS = {name: f"--{name}" for name in ("under", "distance", "like", "split")} | {
+_OPTIONS = {name: f"--{name}" for name in ("under", "distance", "like", "split", "deficiency")} | {
     "within": "--in",
     "lamps": "--lamp",
     "colours": "--colour",
@@ -266,6 +267,7 @@ def reveal(
     distance: Annotated[float, Parameter(converter=as_written)] = 20.0,
     like: Like = None,
     lamp: Lamps = None,
+    deficiency: Annotated[list[str] | None, Parameter(negative="")] = None,
     output: Output,
     json: Json = False,
 ) -> None:
@@ -283,11 +285,14 @@ def reveal(
         The material to reveal.
     distance
         CIEDE2000 to reach from every other material.
+    deficiency
+        Reach it to viewers with this colour-vision deficiency, too: protan, deutan or tritan;
+        repeatable.
     """
     from volspec.wizard import reveal
     from volspec.wizard.result import evaluate_lights
 
-    loaded = _loaded(scene, output)
+    loaded, viewers = _loaded(scene, output), deficiency or []
     with in_options(_OPTIONS):
         made = reveal(
             *(loaded, material),
@@ -295,6 +300,7 @@ def reveal(
             distance=distance,
             like=like,
             lamps=tuple(lamp or ()),
+            deficiency=cast("list[DeficiencyName]", viewers),  # checked there
         )
     _finish(made, output, json)
     rows = evaluate_lights(loaded, loaded, (material,))
@@ -383,12 +389,17 @@ def _loaded(path: str, output: Path) -> Scene:
 
 def _finish(made: Redesigned, output: Path, json: bool) -> None:
     """Write the new scene and print its colour differences."""
+    from volspec.palette.text import apart_text
     from volspec.palette.variables import mixture_text
 
     paths = made.save(output)
     if json:
         files = dict(zip(("scene", "palette"), map(str, paths), strict=True))
-        print_json(files | {"lights": [_row(row) for row in made.evaluations], "lamps": made.lamps})
+        print_json(
+            files
+            | {"lights": [_row(row) for row in made.evaluations], "lamps": made.lamps}
+            | {"apart": [pair.to_dict() for pair in made.apart]}
+        )
         return
     out = Terminal()
     out.print(_table(made))
@@ -400,6 +411,8 @@ def _finish(made: Redesigned, output: Path, json: bool) -> None:
                 f"{row.changed[worst]:.2f} ({worst})",
                 highlight=False,
             )
+    for pair in made.apart:
+        out.print(f"under {apart_text(pair)}", highlight=False)
     if made.lamps:
         mix = mixture_text(made.lamps)
         out.print(f"{made.changes.light} = {mix}, shares of the illuminance", highlight=False)

@@ -20,10 +20,20 @@ from itertools import product
 
 import numpy as np
 
+from volspec.appearance.deficiency import DeficiencyName
 from volspec.appearance.display import colour_space
 from volspec.appearance.models.cielab import delta_E_2000
 from volspec.errors import Code, PaletteError, SceneError
-from volspec.palette import Cell, Criteria, Design, DesignReport, Palette, PaletteSpectrum, design
+from volspec.palette import (
+    Apart,
+    Cell,
+    Criteria,
+    Design,
+    DesignReport,
+    Palette,
+    PaletteSpectrum,
+    design,
+)
 from volspec.palette.model import Place, Triple
 from volspec.scene import Scene
 from volspec.spectra import SpectralGrid, Spectrum
@@ -145,6 +155,7 @@ def reveal(
     distance: float = 20.0,
     like: str | None = None,
     lamps: Sequence[str] = (),
+    deficiency: Sequence[DeficiencyName] = (),
 ) -> Redesigned:
     """Make a material differ from all others under a light.
 
@@ -161,6 +172,8 @@ def reveal(
         Sufficient CIEDE2000 from every other material.
     like, lamps
         As in `hide`.
+    deficiency : sequence of {"protan", "deutan", "tritan"}
+        Colour-vision deficiencies to viewers with which the material must differ as much, too.
 
     Returns
     -------
@@ -179,10 +192,14 @@ def reveal(
         raise SceneError.refused("distance", distance, "give a ΔE above 0, up to 100", "range")
     target = TargetLight.of(palette, under, like, lamps)
     problem = DesignProblem(palette, (material,), target)
+    rows = _apart_rows(material, others, target.columns, deficiency)
+    pairs = [((material, column), (one, column)) for one in others for column in target.columns]
     furthest = 0.0
-    for made in _distinct_designs(problem, material, others, distance):
-        pairs = [((material, column), (one, column)) for one in others for column in target.columns]
-        least = min(_cell_distance(made, *pair) for pair in pairs)
+    for made in _distinct_designs(problem, material, others, distance, rows):
+        least = min(
+            _cell_distance(made, *pair, name)
+            for pair, name in product(pairs, ("none", *deficiency))
+        )
         furthest = max(furthest, least)
         if least >= distance:
             found = problem.redesign(made)
@@ -194,8 +211,29 @@ def reveal(
     raise PaletteError(refusal, remedy, code="impossible", field="distance", given=distance)
 
 
+def _apart_rows(
+    material: str,
+    others: Sequence[str],
+    columns: Sequence[str],
+    deficiency: Sequence[DeficiencyName],
+) -> tuple[Apart, ...]:
+    """Return rows by which viewers with deficiencies distinguish a material from the others."""
+    if not deficiency:
+        return ()
+    try:
+        seen = Apart(light=tuple(columns), deficiency=tuple(deficiency))
+    except PaletteError as error:
+        given = tuple(deficiency)
+        raise SceneError.refused("deficiency", given, error.remedy, error.code) from None
+    return tuple(replace(seen, reflectance=(material, other)) for other in others)
+
+
 def _distinct_designs(
-    problem: DesignProblem, material: str, others: Sequence[str], distance: float
+    problem: DesignProblem,
+    material: str,
+    others: Sequence[str],
+    distance: float,
+    rows: Sequence[Apart],
 ) -> Iterator[Design]:
     """Yield designs with a material distinct from others; designs that change least come first."""
     target = problem.target
@@ -208,7 +246,7 @@ def _distinct_designs(
         }
         cells = problem.keep_colours(weight) | problem.keep_other_materials() | distinct
         try:
-            yield from problem.designs(cells)
+            yield from problem.designs(cells, tuple(replace(row, distance=far) for row in rows))
         except PaletteError:  # exact cells may contradict each other; softer ones follow
             if math.isfinite(weight):
                 raise
@@ -379,7 +417,7 @@ class DesignProblem:
         assert best is not None  # there is always one
         return best
 
-    def designs(self, cells: Cells) -> Iterator[Design]:
+    def designs(self, cells: Cells, apart: tuple[Apart, ...] = ()) -> Iterator[Design]:
         """Yield designs from several initial lights, as alternation finds only local optima."""
         palette, light = self.palette, self.target.new
         originals = {original_name(name) for name in self.materials}
@@ -389,8 +427,8 @@ class DesignProblem:
         starts = [()] if light is None else ((start,) for start in _starts(light, palette.grid))
         for new in starts:
             lights = (*columns, *new)
-            asked = Palette(rows, lights, cells, palette.viewing, palette.grid, criteria)
-            yield design(asked, again=True)
+            given = rows, lights, cells, palette.viewing, palette.grid, criteria
+            yield design(Palette(*given, apart=apart), again=True)
 
     def redesign(self, made: Design) -> Redesigned:
         """Put a design into the scene."""
@@ -410,11 +448,12 @@ def _starts(light: NewLight, grid: SpectralGrid) -> Iterator[PaletteSpectrum]:
         yield replace(light.member, spectrum=start)
 
 
-def _cell_distance(made: Design, one: Place, other: Place) -> float:
-    """Return CIEDE2000 between two cells, as the display shows them."""
+def _cell_distance(made: Design, one: Place, other: Place, deficiency: str = "none") -> float:
+    """Return CIEDE2000 between two cells on the display, to a viewer with a deficiency."""
     models = made.state.colour_models()
-    RGB = np.clip(made.state.RGB(models), 0.0, 1.0)
-    Lab = [models[j].Lab_from_RGB(RGB[i, j]) for i, j in map(made.palette.index, (one, other))]
+    RGB = made.state.RGB(models)
+    places = map(made.palette.index, (one, other))
+    Lab = [models[j].simulated_Lab(RGB[i, j], deficiency) for i, j in places]
     return float(delta_E_2000(Lab[0], Lab[1]))
 
 

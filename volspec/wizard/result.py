@@ -22,7 +22,7 @@ from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.scene_to_display import view_transform
 from volspec.basis import MaterialBasis
 from volspec.errors import Code, SceneError, SpectrumError
-from volspec.palette import Design, PaletteSpectrum, save_palette
+from volspec.palette import ApartReport, Design, DesignReport, PaletteSpectrum, save_palette
 from volspec.relight import Illumination
 from volspec.scene import NamedLight, Scene, write_scene
 from volspec.scene.file import SceneFile, scene_data, scene_file
@@ -115,6 +115,16 @@ class Redesigned:
         }
         groups = {name: {c.group if c else "" for c in cells} for name, cells in wanted.items()}
         return tuple(n for n, group in groups.items() if len(group) == 1 and any(group))
+
+    @property
+    def apart(self) -> tuple[ApartReport, ...]:
+        """Materials that the design was to distinguish, as viewers with deficiencies see them."""
+        found = {
+            frozenset(pair.reflectances): pair
+            for pair in reversed(DesignReport.of(self.design).apart)
+            if set(pair.reflectances) <= set(self.scene.materials)
+        }
+        return tuple(reversed(found.values()))
 
     @property
     def lamps(self) -> dict[str, float]:

@@ -68,7 +68,12 @@ def run_wizard(state: ViewState, name: str) -> Redesigned:
         within = pick.within if pick.within in scene.materials and not pick.black else None
         return hide(scene, material, under=light, within=within, black=pick.black, like=like)
     if name == "reveal":
-        return reveal(scene, material, under=light, distance=pick.distance, like=like)
+        simulated = state.relight.viewing.deficiency
+        viewers = () if simulated == "none" else (simulated,)
+        distance = pick.distance
+        return reveal(
+            scene, material, under=light, distance=distance, like=like, deficiency=viewers
+        )
     if name == "keep":
         return keep(scene, material)
     several = [each for each in scene.materials if each in pick.materials]
@@ -111,7 +116,7 @@ def _wizard_targets(made: Redesigned) -> DesignTargets:
     opened = {(REFLECTANCE, name) for name in made.materials}
     if made.changes.light is not None:
         opened.add((LIGHT, made.changes.light))
-    return DesignTargets(cells, frozenset(opened))
+    return DesignTargets(cells, frozenset(opened), apart=made.design.palette.apart)
 
 
 def result_lines(made: Redesigned, begun: ViewState) -> tuple[str, ...]:

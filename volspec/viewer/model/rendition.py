@@ -21,7 +21,7 @@ from volspec.errors import VolspecError
 from volspec.palette.report import ALIKE
 from volspec.relight import LightRig
 from volspec.spectra import SpectralGrid, Spectrum, light
-from volspec.spectra.photometry import extended_band_means
+from volspec.spectra.spectrum import extended_band_means
 from volspec.viewer.model.light_rows import LightRow, Rows, light_rig, row_at
 from volspec.viewer.model.state import ViewState
 

@@ -52,7 +52,12 @@ def _wizards(state: ViewState, ui: UiContext) -> ViewState:
     if chosen is not None:
         within = "" if chosen in (_SURROUNDINGS, _BLACK) else chosen
         new = palette_edits.with_pick(new, within=within, black=chosen == _BLACK)
-    _wizard_button("reveal", "Make it differ from all others under this light", ui)
+    _wizard_button(
+        "reveal",
+        "Make it differ from all others under this light; if a colour-vision deficiency is\n"
+        "simulated, to viewers with it as well",
+        ui,
+    )
     imgui.set_next_item_width(-1)
     moved, distance = imgui.slider_float("##far", own.distance, *DISTANCES, "by ΔE %.0f")
     if moved:
