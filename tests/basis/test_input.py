@@ -74,7 +74,7 @@ def test_more_sensors_than_the_spectra_determine_are_refused(
         ({"method": "reduced-rank", "positive": True}, "conflict"),
         ({"method": "pca", "smoothness": 1e-6}, "conflict"),
         ({"method": "reduced-rank", "restarts": 2}, "conflict"),
-        *(({"size": wrong}, "range") for wrong in (32, 2, 5.5)),
+        *(({"size": wrong}, "range") for wrong in (DEFAULT_GRID.size + 1, 2, 5.5)),
         *(({"smoothness": wrong}, "range") for wrong in (-1.0, "a", 1e300)),
         *(({"restarts": wrong}, "range") for wrong in (-1, float("inf"), "a")),
         ({"light_weights": [1.0]}, "shape"),
