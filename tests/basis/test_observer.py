@@ -54,7 +54,7 @@ def test_whites_are_those_of_the_standard() -> None:
 def test_lux_stay_with_the_2_degree_observer() -> None:
     lamp = light("A")
     V = colour_matching_functions(lamp.grid)[1]
-    assert illuminance_lux(lamp) == pytest.approx(683 * 10 * V @ lamp.values)
+    assert illuminance_lux(lamp) == pytest.approx(683 * lamp.grid.step_nm * V @ lamp.values)
     assert colour_matching_functions(lamp.grid, 10)[1] @ lamp.values > 1.05 * V @ lamp.values
 
 
