@@ -122,7 +122,7 @@ def test_a_basis_is_fitted_to_the_training_set_and_written(
     # 2.07 on the default ones, and 1.52 in the default mode.
     smooth = data["classes"]["smooth"]
     assert smooth["componentwise"]["mean"] == pytest.approx(2.07, abs=0.1)
-    assert smooth["fitted"]["mean"] == pytest.approx(1.52, abs=0.1)
+    assert smooth["mean"] == pytest.approx(1.52, abs=0.1)
     assert "spiky" not in data["trained_on"] and "smooth" in data["trained_on"]
     assert load_basis(out).size == 5
     assert figure.read_bytes().startswith(b"\x89PNG")
@@ -241,7 +241,7 @@ def test_the_worst_pair_is_of_the_default_mode_with_any_method(
     data = report(capsys, "--method", "pca", "--size", "5")
     assert data["worst"]["way"] == "fitted"
     rows = data["classes"].values()
-    assert data["worst"]["delta_e"] == max(row["fitted"]["max"] for row in rows)
+    assert data["worst"]["delta_e"] == max(row["max"] for row in rows)
 
 
 def test_a_file_that_may_not_be_read_is_named_in_one_line(

@@ -330,6 +330,7 @@ def test_other_paint_keeps_what_the_volume_s_light_was_found_for() -> None:
 
 
 ALONE = """
+version = 2
 [[material]]
 name = "red"
 reflectance = "ColorChecker/red"
