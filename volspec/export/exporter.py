@@ -21,7 +21,7 @@ from typing import TypeVar
 import numpy as np
 
 from volspec._deprecated import renamed_keyword
-from volspec._files import require_writable, require_writable_folder
+from volspec._files import exclusive_folder, require_writable, require_writable_folder
 from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError
 from volspec.export.annotate import Patch, paint
 from volspec.export.exr import ExrWriter
@@ -35,7 +35,7 @@ from volspec.export.frame_files import (
     measured_shot,
 )
 from volspec.export.frames import BlankFrames
-from volspec.export.manifest import ExportFolder, exclusive_folder, fingerprint
+from volspec.export.manifest import ExportFolder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
 from volspec.export.png import PngWriter

@@ -12,9 +12,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from volspec import __version__
-from volspec._files import clear_unfinished, lock_file_handle, write_whole
+from volspec._files import clear_unfinished, write_whole
 from volspec._parse import parse_json
 from volspec.errors import InputError
 from volspec.scene import Scene
@@ -196,33 +195,3 @@ def _is_complete(path: Path, recorded: object) -> bool:
     """Return True if a file is not empty and has the recorded size, if any."""
     size = path.stat().st_size if path.is_file() else 0
     return size > 0 and recorded in (None, size)
-
-
-@contextmanager
-def exclusive_folder(path: Path) -> Iterator[None]:
-    """Make a folder and lock it against other exports."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise InputError(f"{path}: is a file", "give the name of a folder", code="type") from None
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be created: {error.strerror}; choose another folder", code="unwritable"
-        ) from error
-    place, flags = path.resolve(), os.O_RDONLY
-    if sys.platform == "win32":  # folders cannot be opened there
-        place, flags = place.with_name(f".{place.name}.lock"), os.O_RDWR | os.O_CREAT
-    handle = os.open(place, flags)
-    try:
-        if lock_file_handle(handle) is False:
-            raise InputError(
-                f"{path}: another export is writing there",
-                "wait until it ends, or choose another folder",
-                code="state",
-            )
-        yield
-    finally:
-        os.close(handle)
-        if flags & os.O_CREAT:
-            with suppress(OSError):  # another export has opened it
-                place.unlink()

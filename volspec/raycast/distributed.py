@@ -197,6 +197,9 @@ def cast_parts(
 ) -> PartialPicture:
     """Cast a run of parts in a worker; ``sigma`` is the extinction of the light volume."""
     caster = _caster(job.source)
+    pyramid = caster.volume.pyramid
+    assert pyramid is not None
+    pyramid.retry()
     with caster.base.locked():
         if sigma is not None:
             caster.lights.set_extinction(sigma, job.table, job.spec)
@@ -205,8 +208,7 @@ def cast_parts(
         for loaded in caster.stream(job.table, job.spec, parts, picture.sees):
             if loaded is not None:
                 picture.add(loaded, None)
-    assert caster.volume.pyramid is not None
-    return PartialPicture.of(picture, parts, dict(caster.volume.pyramid.gaps))
+    return PartialPicture.of(picture, parts, dict(pyramid.gaps))
 
 
 def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:

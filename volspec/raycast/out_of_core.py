@@ -78,6 +78,7 @@ class LevelCaster:
         self.volume: Volume = base.volume.at_level(number)
         self.lights = LightVolume(base.compute, self.volume, None, boxes=self._voxel_boxes)
         self._blocks: tuple[Table, NDArray[np.bool_] | None] | None = None
+        self._has_lit_gaps = False
 
     @property
     def device(self) -> str:
@@ -128,6 +129,9 @@ class LevelCaster:
         size = checked_size(size)
         spec = spec.for_lattice(self.volume)
         check_reach(self.volume, camera, spec)
+        if self._has_lit_gaps:
+            self.lights.forget()
+            self._has_lit_gaps = False
         parts = self.plan(own, camera, size, spec)
         given = own, camera, size, spec, parts, progress, cancel, span_mm, clear
         result = self._cast_parts(*given)
@@ -317,6 +321,7 @@ class LevelCaster:
         for loaded in self.stream(table, RaycastSpec(), parts):
             if loaded is not None:
                 part = loaded.part
+                self._has_lit_gaps |= bool(loaded.gaps)
                 ends = zip(part.high, self._level.shape, strict=True)
                 # Voxels of a part are those of its cells; the last plane is the last part's.
                 z, y, x = (n if high == n - 1 else high for high, n in ends)

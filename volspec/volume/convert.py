@@ -14,8 +14,11 @@ References
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
+import pickle
 import shutil
 import zlib
 from collections.abc import Callable, Iterator
@@ -25,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from volspec._files import require_writable_folder
+from volspec._files import exclusive_folder, require_writable_folder
 from volspec.errors import DeviceError, InputError, VolumeError, one_line
 from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
@@ -47,7 +50,9 @@ CHUNK = 64
 # Levels are halved until none is longer.
 _SHORTEST = 128
 _STATE = "unfinished.json"
-_VERSION = 2
+# Folder, in the new one, of the output that it replaces.
+_REPLACED = "replaced"
+_VERSION = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +106,7 @@ def convert(
         raise DeviceError(
             f'{output}: an OME-Zarr needs zarr; pip install "volspec[zarr]"', code="unsupported"
         ) from error
-    if output.exists() and not (output / "zarr.json").exists() and any(output.iterdir()):
-        raise InputError(
-            f"{output}: is a folder with other files in it; give another name", code="conflict"
-        )
+    _require_replaceable(output)
     require_writable_folder(output.parent)
     shapes = level_shapes(source.shape)
     dtype = cast_dtype(source.dtype)
@@ -113,34 +115,73 @@ def convert(
     key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
     key |= {"world": source.world_from_index.tolist(), "source": _fingerprint(source)}
     key |= {"labels": labels is not None}
-    done = _done(partial, key)
-    try:
-        if not done:
-            shutil.rmtree(partial, ignore_errors=True)
-        root = zarr.open_group(str(partial), mode="a", zarr_format=3)
-        arrays = _arrays(root, shapes, dtype, create=not done)
-        total, written = sum(block.voxels for block in blocks), 0
-        for number, block in enumerate(blocks):
-            if number >= done:
-                _write(block, source, arrays, labels)
-                state = json.dumps({**key, "done": number + 1}, default=list)
-                _replace_text(partial / _STATE, state)
-            written += block.voxels
-            if progress is not None:
-                progress(written / total)
-        root.attrs.update(_attributes(source, shapes, arrays, name, labels))
-        (partial / _STATE).unlink()
-        replaced = output.with_name(f"{output.name}.replaced")
-        if output.exists():
-            output.replace(replaced)
-        partial.replace(output)
-        shutil.rmtree(replaced, ignore_errors=True)
-    except OSError as error:
-        raise InputError(
-            f"{output}: cannot be written: {error.strerror or one_line(error)}; make room on the "
-            "disk and repeat the command, which goes on where it ended",
-            code="unwritable",
-        ) from error
+    with exclusive_folder(partial, "another conversion"):
+        if any(partial.iterdir()) and not (partial / _STATE).exists():
+            raise InputError(
+                f"{partial}: has files of another origin, and is needed for what is unfinished",
+                "move it away, or give another output",
+                code="conflict",
+            )
+        try:
+            if _done(output, key) == len(blocks):  # it was killed while it cleaned up
+                _clean(output)
+                partial.rmdir()
+                return
+            done = _done(partial, key)
+            if not done:
+                _begin(partial, output, key)
+            root = zarr.open_group(str(partial), mode="a", zarr_format=3)
+            arrays = _arrays(root, shapes, dtype, create=not done)
+            total, written = sum(block.voxels for block in blocks), 0
+            for number, block in enumerate(blocks):
+                if number >= done:
+                    _write(block, source, arrays, labels)
+                    _save_state(partial, key, number + 1)
+                written += block.voxels
+                if progress is not None:
+                    progress(written / total)
+            root.attrs.update(_attributes(source, shapes, arrays, name, labels))
+            if output.exists():
+                output.replace(partial / _REPLACED)
+            partial.replace(output)
+            _clean(output)
+        except OSError as error:
+            first = _REMEDIES.get(error.errno or 0, "check the folder and the disk")
+            raise InputError(
+                f"{output}: cannot be written: {error.strerror or one_line(error)}",
+                f"{first} and repeat the command, which goes on where it ended",
+                code="unwritable",
+            ) from error
+
+
+_REMEDIES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room on the disk")
+
+
+def _require_replaceable(output: Path) -> None:
+    """Refuse an output that is not a Zarr, and holds something."""
+    wrong = "a file" if output.is_file() else ""
+    if output.is_dir() and not (output / "zarr.json").exists() and any(output.iterdir()):
+        wrong = "a folder with other files in it"
+    if wrong:
+        raise InputError(f"{output}: is {wrong}", "give another name", code="conflict")
+
+
+def _begin(partial: Path, output: Path, key: dict[str, Any]) -> None:
+    """Empty the folder of a conversion, which is this one's from now on."""
+    if (partial / _REPLACED).exists() and not output.exists():
+        (partial / _REPLACED).replace(output)
+    _save_state(partial, key, 0)
+    for each in partial.iterdir():
+        if each.is_dir() and not each.is_symlink():
+            shutil.rmtree(each)
+        elif each.name != _STATE:
+            each.unlink()
+
+
+def _clean(output: Path) -> None:
+    """Delete what a conversion needed only itself."""
+    shutil.rmtree(output / _REPLACED, ignore_errors=True)
+    (output / _STATE).unlink(missing_ok=True)
 
 
 def level_shapes(shape: Index) -> list[Index]:
@@ -164,42 +205,52 @@ def _blocks(shapes: list[Index], least_rows: int) -> Iterator[Block]:
 
 
 def _fingerprint(source: Level) -> list[Any]:
-    """Return what changes if a source's voxels do."""
+    """Return what changes if a source's voxels do: what is read of which files, of which state."""
     if isinstance(source.array, np.ndarray):
         return [zlib.crc32(np.ascontiguousarray(source.array))]
-    path = source.place
-    if path is None or not path.exists():
+    # Arrays that read files are their paths and options, as processes of a cluster get them.
+    read = zlib.crc32(pickle.dumps((source.array, source.axes, source.at)))
+    return [read, zlib.crc32(repr(_files_of(source.place)).encode())]
+
+
+def _files_of(place: Path | None) -> list[tuple[str, int, int]]:
+    """Return name, size and date of a source's file, or of all files in its folder."""
+    if place is None:
         return []
-    stat = path.stat()
-    return [str(path), stat.st_size, stat.st_mtime_ns]
+    paths = [place]
+    for folder, _, names in os.walk(place):
+        paths += [Path(folder, name) for name in names]
+    stats = [(str(path), path.stat()) for path in sorted(paths) if path.exists()]
+    return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 
 
-def _done(partial: Path, key: dict[str, Any]) -> int:
+def _done(folder: Path, key: dict[str, Any]) -> int:
     """Return the number of blocks that a conversion of the same source has written."""
     try:
-        found = json.loads((partial / _STATE).read_text())
+        found = json.loads((folder / _STATE).read_text())
         done = found.pop("done")
     except (OSError, ValueError, KeyError, AttributeError):
         return 0
     return int(done) if found == json.loads(json.dumps(key, default=list)) else 0
 
 
-def _replace_text(path: Path, text: str) -> None:
-    temporary = path.with_suffix(".part")
-    temporary.write_text(text)
-    temporary.replace(path)
+def _save_state(folder: Path, key: dict[str, Any], done: int) -> None:
+    """Write how many blocks a conversion has written, to go on from there."""
+    temporary = (folder / _STATE).with_suffix(".part")
+    temporary.write_text(json.dumps({**key, "done": done}, default=list))
+    temporary.replace(folder / _STATE)
 
 
 def _arrays(
     root: Any, shapes: list[Index], dtype: np.dtype[Any], create: bool
 ) -> list[tuple[Any, Any]]:
     """Return each level's array and that of its blocks' ranges."""
-    from zarr.codecs import BloscCodec
+    from zarr.codecs import BloscCodec, Crc32cCodec
 
-    codec = BloscCodec(
-        cname="zstd", clevel=1, shuffle="shuffle" if dtype.itemsize > 1 else "noshuffle"
-    )
-    options = {"dtype": dtype, "compressors": codec, "config": {"write_empty_chunks": True}}
+    shuffle = "shuffle" if dtype.itemsize > 1 else "noshuffle"
+    # With a checksum for each chunk: most damage to compressed bytes decompresses to others.
+    codecs = BloscCodec(cname="zstd", clevel=1, shuffle=shuffle), Crc32cCodec()
+    options = {"dtype": dtype, "compressors": codecs, "config": {"write_empty_chunks": True}}
     arrays = []
     for number, shape in enumerate(shapes):
         names = str(number), f"volspec/ranges/{number}"
@@ -230,8 +281,11 @@ def _write(
         try:
             own = source.read(box).astype(values.dtype, copy=False)
         except Exception as error:  # whatever the array's library raises
+            z, y, x = (f"{low} to {high}" for low, high in box)
+            where = f"{source.place}: its" if source.place else "its"
             raise VolumeError(
-                f"its voxels {box} cannot be read ({one_line(error)[:120]}); copy the file again",
+                f"{where} voxels z {z}, y {y}, x {x} cannot be read ({one_line(error)[:200]}); "
+                "copy it again",
                 code="damaged",
             ) from error
     else:

@@ -5,9 +5,12 @@ load_volume -> levels -> [larger] -> Volume with a pyramid
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volspec._gpu.memory import host_free_bytes
 from volspec.errors import VolumeError, one_line
@@ -17,6 +20,7 @@ from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.model import Volume
 from volspec.volume.pyramid import (
     DEFAULT_BYTES,
+    Chunk,
     Level,
     Pyramid,
     Stack,
@@ -66,6 +70,7 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
     levels = [*stack.levels]
     number = coarse_level(levels, memory_bytes)
     dtype = cast_dtype(levels[0].dtype)
+    damaged: dict[Chunk, str] = {}
     remarks += stack.remarks
     if number is None:
         means, factor, finest = summarise(levels[0])
@@ -81,8 +86,8 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
             "has no coarser levels; `volspec convert` makes a copy that opens at once"
         )
     else:
-        z, y, x = ((0, n) for n in levels[number].shape)
-        values = levels[number].read((z, y, x)).astype(dtype, copy=False)
+        values, damaged = _read_rest(levels[number], number)
+        values = values.astype(dtype, copy=False)
         world = levels[number].world_from_index
         levels = levels[:number]
     channel = stack.channel or Channel()
@@ -99,11 +104,44 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         span,
         None if coarse.missing is None else missing_value(*span),
         memory_bytes,
+        damaged,
     )
+    if damaged:
+        remarks.append(pyramid.describe_gaps())
     volume = replace(coarse, pyramid=pyramid)
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
     return volume
+
+
+def _read_rest(level: Level, number: int) -> tuple[NDArray[Any], dict[Chunk, str]]:
+    """Read a level, and its damaged chunks with what is wrong; these have its least value.
+
+    Raises the first error if no chunk can be read.
+    """
+    z, y, x = ((0, n) for n in level.shape)
+    with suppress(Exception):  # whatever the array's library raises
+        values = level.read((z, y, x))
+        if not level.fault((z, y, x), values):
+            return values, {}
+    values, damaged, first = np.zeros(level.shape, level.dtype), {}, None
+    places = level.chunks_in((z, y, x))
+    boxes = [level.box_of(place) for place in places]
+    for place, box, read in zip(places, boxes, level.read_each(boxes), strict=True):
+        if isinstance(read, Exception):
+            first = first or read
+            damaged[Chunk(number, *place)] = one_line(read)[:200]
+        elif fault := level.fault(box, read):
+            damaged[Chunk(number, *place)] = fault
+        else:
+            values[tuple(slice(*ends) for ends in box)] = read
+    there = np.ones(level.shape, np.bool_)
+    for chunk in damaged:
+        there[tuple(slice(*ends) for ends in level.box_of(chunk[1:]))] = False
+    if not there.any():
+        raise first or VolumeError("none of its chunks is what was written", code="damaged")
+    values[~there] = np.nanmin(values[there])
+    return values, damaged
 
 
 def level_of(volume: Volume) -> Level:

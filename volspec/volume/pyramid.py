@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -40,6 +40,10 @@ BOX_VOXELS = 2**22
 _CHUNKS_SHARE = 32
 # Part of a chunk's blocks that are needed from which all are read.
 _MOST = 0.75
+# Seconds after which a store that did not answer is asked again.
+_AGAIN_S = 5.0
+# Most causes of gaps that a message names.
+_MOST_CAUSES = 3
 
 
 class Chunk(NamedTuple):
@@ -70,8 +74,6 @@ class Level:
     ranges : (2, ⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉) array, optional
         Least and greatest value in blocks of n = `BLOCK` cells; a cell has voxels of the next
         block.
-    complete : bool
-        True if a chunk without a file ``c/Z/Y/X`` is damage, False if it holds the fill value.
     by_block : bool
         True if a chunk's blocks can be read by themselves; chunks are then of whole blocks.
     """
@@ -82,7 +84,6 @@ class Level:
     world_from_index: NDArray[np.float64]
     chunk: Index
     ranges: NDArray[Any] | None = None
-    complete: bool = False
     by_block: bool = False
 
     @property
@@ -156,6 +157,16 @@ class Level:
         for found in reading:
             yield found if isinstance(found, Exception) else self._ordered(found)
 
+    def fault(self, box: Box, values: NDArray[Any]) -> str:
+        """Return what is wrong with voxels that were read of a box; empty if nothing is."""
+        if values.shape != tuple(high - low for low, high in box):
+            return f"it has the shape {values.shape}"
+        if self.ranges is not None:
+            lows, highs = (ends[self.blocks_of(box)] for ends in self.ranges)
+            if values.min() < lows.min() or values.max() > highs.max():
+                return "its values are not those that were written"
+        return ""
+
     def _one_by_one(self, indices: Iterable[Any]) -> Iterator[Any]:
         for index in indices:
             try:
@@ -207,7 +218,8 @@ class ReadCounts:
     chunks: int = 0
     voxel_bytes: int = 0
     again_bytes: int = 0  # of these, what had been read before, and was dropped for want of memory
-    lost: str = ""  # why the store does not answer any more; it is not asked again
+    lost: str = ""  # why the store does not answer; it is not asked again for some seconds
+    lost_at: float = 0.0  # when it was asked, as of time.monotonic
     progress: str = ""  # of the cast in progress, in words; empty without one
 
 
@@ -339,6 +351,8 @@ class Pyramid:
         Value of voxels that are NaN or infinite in the file.
     memory_bytes : int
         Most bytes of voxels in memory.
+    damaged : mapping
+        What is wrong with chunks of the last level.
     """
 
     name: str
@@ -347,6 +361,7 @@ class Pyramid:
     range: tuple[float, float]
     missing: float | None = None
     memory_bytes: int = DEFAULT_BYTES
+    damaged: Mapping[Chunk, str] = field(default_factory=dict)
     counts: ReadCounts = field(init=False, default_factory=ReadCounts)
     cache: ChunkCache = field(init=False)
     gaps: dict[Chunk, str] = field(init=False, default_factory=dict)
@@ -354,6 +369,7 @@ class Pyramid:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cache", ChunkCache(self.memory_bytes))
+        self.gaps.update(self.damaged)
 
     def __reduce__(self) -> tuple[type[Pyramid], tuple[Any, ...]]:
         """Pickle the levels without what was read of them."""
@@ -369,6 +385,13 @@ class Pyramid:
             offset = np.linalg.inv(first) @ level.world_from_index
             levels.append(replace(level, world_from_index=first @ scale @ offset))
         return replace(self, levels=tuple(levels))
+
+    def retry(self) -> None:
+        """Forget which chunks cannot be read, before another picture: they may be there again."""
+        self.gaps.clear()
+        self.gaps.update(self.damaged)
+        if time.monotonic() - self.counts.lost_at > _AGAIN_S:
+            self.counts.lost = ""
 
     def read(
         self, number: int, box: Box, wanted: NDArray[np.bool_] | None = None, gap: float = 0.0
@@ -453,15 +476,15 @@ class Pyramid:
     ) -> None:
         """Add what was read of a chunk, or note that it is damaged."""
         level, of_chunk = self.levels[chunk.level], self.levels[chunk.level].box_of(chunk[1:])
-        fault, pieces = "" if held.there.any() else self._absent(level, chunk), []
+        fault, pieces = "" if held.there.any() else self._absent(level), []
         for box, values in zip(boxes, read, strict=True):
             if isinstance(values, Exception):
-                fault = fault or one_line(values)[:120] or type(values).__name__
+                fault = fault or one_line(values)[:200]
                 if isinstance(values, ConnectionError):
-                    self.counts.lost = fault
+                    self.counts.lost, self.counts.lost_at = fault, time.monotonic()
                 break
             pieces.append(self._as_cast(values))
-            fault = fault or self._fault(level, box, pieces[-1])
+            fault = fault or level.fault(box, pieces[-1])
         if fault:
             self.gaps[chunk] = fault
             return
@@ -490,39 +513,30 @@ class Pyramid:
         return np.ascontiguousarray(values, self.dtype)
 
     @staticmethod
-    def _absent(level: Level, chunk: Chunk) -> str:
-        """Return what is wrong if a chunk's file is not there; empty if it is or need not be."""
+    def _absent(level: Level) -> str:
+        """Return what is wrong if the array's file or folder is not there; empty if it is."""
         place = level.place
-        if place is None or os.path.exists(f"{place}/c/{chunk.z}/{chunk.y}/{chunk.x}"):
-            return ""
-        if not place.exists():
-            return "its file or folder is gone"
-        return "it is missing" if level.complete else ""
-
-    @staticmethod
-    def _fault(level: Level, box: Box, values: NDArray[Any]) -> str:
-        """Return what is wrong with the voxels of a box in a chunk; empty if nothing is."""
-        if values.shape != tuple(high - low for low, high in box):
-            return f"it has the shape {values.shape}"
-        if level.ranges is not None:
-            lows, highs = (ends[level.blocks_of(box)] for ends in level.ranges)
-            if values.min() < lows.min() or values.max() > highs.max():
-                return "its values are not those that were written"
-        return ""
+        return "its file or folder is gone" if place is not None and not place.exists() else ""
 
     def describe_gaps(self) -> str:
-        """Return a sentence about damaged chunks, which names the first; empty without any."""
+        """Return a sentence about chunks that cannot be read, and why; empty without any."""
         if not self.gaps:
             return ""
-        first, why = next(iter(self.gaps.items()))
-        count = len(self.gaps)
-        many = f"{count} chunks cannot be read, such as " if count > 1 else ""
-        cannot = "" if many else " cannot be read"
-        end = "they are left out" if many else "it is left out"
-        return (
-            f"{self.name}: {many}chunk {'/'.join(map(str, first[1:]))} of level "
-            f"{first.level}{cannot} ({why}); {end} of the picture"
+        first: dict[str, Chunk] = {}
+        for chunk, why in list(self.gaps.items()):
+            first.setdefault(why, chunk)
+        named = ", ".join(
+            f"chunk {'/'.join(map(str, chunk[1:]))} of level {chunk.level} ({why})"
+            for why, chunk in [*first.items()][:_MOST_CAUSES]
         )
+        if (count := len(self.gaps)) > 1:
+            named = f"{count} chunks cannot be read, such as {named}; they are"
+        else:
+            named = f"{named.replace(' (', ' cannot be read (', 1)}; it is"
+        remedy = "copy the store again"
+        if self.counts.lost:
+            remedy = "the store is asked again by the next picture"
+        return f"{self.name}: {named} left out of the picture; {remedy}"
 
 
 def common(one: Box, other: Box) -> Box:
