@@ -254,8 +254,11 @@ def exclusive_folder(path: Path, what: str = "another export") -> Iterator[None]
     except FileExistsError:
         raise InputError(f"{path}: is a file", "give the name of a folder", code="type") from None
     except OSError as error:
+        remedy = "choose another folder"
+        if error.errno == errno.ENAMETOOLONG:
+            remedy = "give a shorter name"
         raise InputError(
-            f"{path}: cannot be created: {error.strerror}; choose another folder", code="unwritable"
+            f"{path}: cannot be created: {error.strerror}", remedy, code="unwritable"
         ) from error
     place, flags = path.resolve(), os.O_RDONLY
     if sys.platform == "win32":  # folders cannot be opened there

@@ -115,13 +115,8 @@ def convert(
     key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
     key |= {"world": source.world_from_index.tolist(), "source": _fingerprint(source)}
     key |= {"labels": labels is not None}
+    _require_own(partial)
     with exclusive_folder(partial, "another conversion"):
-        if any(partial.iterdir()) and not (partial / _STATE).exists():
-            raise InputError(
-                f"{partial}: has files of another origin, and is needed for what is unfinished",
-                "move it away, or give another output",
-                code="conflict",
-            )
         try:
             if _done(output, key) == len(blocks):  # it was killed while it cleaned up
                 _clean(output)
@@ -164,6 +159,18 @@ def _require_replaceable(output: Path) -> None:
         wrong = "a folder with other files in it"
     if wrong:
         raise InputError(f"{output}: is {wrong}", "give another name", code="conflict")
+
+
+def _require_own(partial: Path) -> None:
+    """Refuse a folder for what is unfinished that no conversion has made."""
+    if os.path.isdir(partial) and ((partial / _STATE).exists() or not any(partial.iterdir())):
+        return
+    if os.path.lexists(partial):
+        raise InputError(
+            f"{partial}: is not from a conversion, which needs that name for what is unfinished",
+            "move it away, or give another output",
+            code="conflict",
+        )
 
 
 def _begin(partial: Path, output: Path, key: dict[str, Any]) -> None:

@@ -409,7 +409,8 @@ def _values(
     try:
         values = np.asarray(level.array[tuple(index)])
     except _DAMAGE as error:
-        some = query.example(memory=f"{max(math.prod(read) * level.array.dtype.itemsize // 2, 1)}")
+        half = math.prod(read) * level.array.dtype.itemsize // 2**21
+        some = query.example(memory=f"{max(half, 1)}MiB")
         raise VolumeError(
             f"{query.path}: a chunk cannot be read ({one_line(error)[:200]})",
             f"copy the store again, or leave the chunk out of pictures: {some}",

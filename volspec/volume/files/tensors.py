@@ -28,6 +28,11 @@ _PROTOCOLS = ("http", "https", "s3", "gs", "gcs")
 _CODE, _FACTS = re.compile(r"^[A-Z_]+: "), re.compile(r" \[\w+='.*", re.DOTALL)
 _PLACE = re.compile(r"(?:Error|Failed) \w+ing\b.*?(?:\"[^\"]*\"|\w+://\S+?): ", re.DOTALL)
 _NUMBER = re.compile(r"\[os_error_code='(\d+)'\]")
+# What is said of causes, by a part of them.
+_SAID = {
+    "Digest mismatch": "its checksum is not that of what was written",
+    "byte range": "the server ignores requests for a part of a file (HTTP ranges)",
+}
 Index = tuple[int | slice, ...] | EllipsisType
 
 
@@ -103,9 +108,7 @@ def _plain_error(error: BaseException) -> OSError:
     cause = one_line(_PLACE.sub("", _FACTS.sub("", _CODE.sub("", text))))
     if text.startswith(_NO_ANSWER):
         return ConnectionError(cause)
-    if "byte range" in cause:
-        cause = "the server ignores requests for a part of a file (HTTP ranges)"
-    return OSError(cause)
+    return OSError(next((said for part, said in _SAID.items() if part in cause), cause))
 
 
 def fast_array(array: Any, *, complete: bool = False) -> Any:
