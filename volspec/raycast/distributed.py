@@ -156,7 +156,7 @@ class Source:
         # The coarsest level is not cast by tasks.
         nothing = np.zeros((2, 2, 2), pyramid.dtype)
         last = Level(nothing, (0, 1, 2), (0, 0, 0), coarsest.world_from_index, (2, 2, 2))
-        slim = replace(pyramid, levels=(*levels, last))
+        slim = replace(pyramid, levels=(*levels, last), sample=None)
         return cls(uuid4().hex, volspec.__version__, number, slim)
 
 

@@ -3,8 +3,9 @@
     file -> Level -> [convert] -> OME-Zarr 0.5 (folder)
 
 In addition to the levels, the least and greatest value of every block of 16³ cells is stored
-(``volspec/ranges``), by which casts know what not to read. Work is divided into blocks that are
-written one after the other: a conversion that was cut off goes on where it ended.
+(``volspec/ranges``), by which casts know what not to read; and the range, the histogram and a
+sample of all voxels, by which the volume is framed and given its colours. Work is divided into
+blocks that are written one after the other: a conversion that was cut off goes on where it ended.
 
 References
 ----------
@@ -44,6 +45,7 @@ from volspec.volume.pyramid import (
     ranges_of,
     with_next,
 )
+from volspec.volume.sample import Sample, Sampler
 
 CHUNK = 64
 """Voxels along the edge of a file, whose blocks can be read by themselves."""
@@ -128,14 +130,20 @@ def convert(
             root = zarr.open_group(str(partial), mode="a", zarr_format=3)
             arrays = _arrays(root, shapes, dtype, create=not done)
             total, written = sum(block.voxels for block in blocks), 0
+            sampler = Sampler(source.shape, dtype)
             for number, block in enumerate(blocks):
                 if number >= done:
-                    _write(block, source, arrays, labels)
+                    _write(block, source, arrays, labels, sampler)
                     _save_state(partial, key, number + 1)
+                elif block.level == 0:
+                    _sample_again(block, arrays[0][0], sampler)
                 written += block.voxels
                 if progress is not None:
                     progress(written / total)
-            root.attrs.update(_attributes(source, shapes, arrays, name, labels))
+            sample = sampler.sample()
+            if sample is not None:
+                root.create_array("volspec/sample", data=sample.voxels, overwrite=True)
+            root.attrs.update(_attributes(source, shapes, sample, name, labels))
             if output.exists():
                 output.replace(partial / _REPLACED)
             partial.replace(output)
@@ -279,9 +287,13 @@ def _arrays(
 
 
 def _write(
-    block: Block, source: Level, arrays: list[tuple[Any, Any]], labels: Labels | None
+    block: Block,
+    source: Level,
+    arrays: list[tuple[Any, Any]],
+    labels: Labels | None,
+    sampler: Sampler,
 ) -> None:
-    """Write a block and its ranges, from the source or the level before."""
+    """Write a block and its ranges, from the source, whose sample is taken, or the level before."""
     values, ranges = arrays[block.level]
     box = with_next(block.box, values.shape)
     if block.level == 0:
@@ -304,15 +316,22 @@ def _write(
         else:
             means = halve(read)
             own = (np.rint(means) if read.dtype.kind in "ui" else means).astype(read.dtype)
-    inner = tuple(slice(high - low) for low, high in block.box)
-    values[tuple(slice(*ends) for ends in block.box)] = own[inner]
+    inner = own[tuple(slice(high - low) for low, high in block.box)]
+    if block.level == 0:
+        sampler.add(inner, block.box)
+    values[tuple(slice(*ends) for ends in block.box)] = inner
     ranges[(slice(None), *Level.blocks_of(block.box))] = ranges_of(own, block.box)
+
+
+def _sample_again(block: Block, values: Any, sampler: Sampler) -> None:
+    """Take the sample of a block that was written before the conversion was cut off."""
+    sampler.add(values[tuple(slice(*ends) for ends in block.box)], block.box)
 
 
 def _attributes(
     source: Level,
     shapes: list[Index],
-    arrays: list[tuple[Any, Any]],
+    sample: Sample | None,
     name: str,
     labels: Labels | None,
 ) -> dict[str, Any]:
@@ -350,6 +369,9 @@ def _attributes(
         "ranges": [f"volspec/ranges/{number}" for number in range(len(shapes))],
         "complete": True,
     }
+    if sample is not None:
+        counts = [int(count) for count in sample.histogram]
+        own |= {"range": [*sample.range], "histogram": counts, "sample": "volspec/sample"}
     if not straight:
         own["world_from_picture"] = (source.world_from_index @ np.diag([*1 / spacing, 1])).tolist()
     return {"ome": ome, "volspec": own}

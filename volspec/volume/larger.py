@@ -71,9 +71,10 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
     number = coarse_level(levels, memory_bytes)
     dtype = cast_dtype(levels[0].dtype)
     damaged: dict[Chunk, str] = {}
+    sample = stack.sample
     remarks += stack.remarks
     if number is None:
-        means, factor, finest = summarise(levels[0])
+        means, factor, finest, sample = summarise(levels[0])
         levels = [finest]
         if dtype.kind in "ui":
             means = np.rint(means)
@@ -92,20 +93,24 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         levels = levels[:number]
     channel = stack.channel or Channel()
     coarse = Volume(values, world_from_index=world, name=name, channel=channel)
-    span = coarse.range
+    span, missing = coarse.range, coarse.missing
     if (ranges := levels[0].ranges) is not None:
         low = ranges[0][np.isfinite(ranges[0])].min(initial=ranges[1].max())
         span = float(low), float(ranges[1].max())
-    own = Level(values, (0, 1, 2), (0, 0, 0), coarse.world_from_index, values.shape)
-    pyramid = Pyramid(
-        name,
-        (*levels, own),
-        dtype,
-        span,
-        None if coarse.missing is None else missing_value(*span),
-        memory_bytes,
-        damaged,
-    )
+    if sample is not None:
+        span, finite = sample.range, np.isfinite(sample.voxels)
+        if missing is not None or not finite.all():
+            missing = missing_value(*span)
+        voxels = sample.voxels if finite.all() else np.where(finite, sample.voxels, missing)
+        sample = replace(sample, voxels=voxels.astype(dtype, copy=False))
+    if coarse.missing is not None:
+        missing = missing_value(*span)
+        values = np.where(coarse.values == coarse.missing, np.float32(missing), coarse.values)
+        coarse = replace(coarse, values=values, missing=missing)
+    own = Level(coarse.values, (0, 1, 2), (0, 0, 0), coarse.world_from_index, values.shape)
+    levels.append(own)
+    given = tuple(levels), dtype, span, missing, memory_bytes, damaged, sample
+    pyramid = Pyramid(name, *given)
     if damaged:
         remarks.append(pyramid.describe_gaps())
     volume = replace(coarse, pyramid=pyramid)

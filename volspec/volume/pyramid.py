@@ -24,6 +24,7 @@ from volspec.errors import one_line
 from volspec.volume.channels import Channel
 from volspec.volume.checks import NATIVE_DTYPES, WIDENED
 from volspec.volume.labels import Labels
+from volspec.volume.sample import Sample, Sampler
 
 Index = tuple[int, int, int]
 Box = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -203,12 +204,15 @@ class Stack:
         None if not stated.
     remarks : sequence of str
         Warnings for the caller of `load_volume`.
+    sample : Sample, optional
+        Of the finest level; its voxels as stored.
     """
 
     levels: Sequence[Level]
     channel: Channel | None = None
     labels: Labels | None = None
     remarks: Sequence[str] = ()
+    sample: Sample | None = None
 
 
 @dataclass(slots=True)
@@ -353,6 +357,8 @@ class Pyramid:
         Most bytes of voxels in memory.
     damaged : mapping
         What is wrong with chunks of the last level.
+    sample : Sample, optional
+        Of the finest level; its voxels as cast.
     """
 
     name: str
@@ -362,6 +368,7 @@ class Pyramid:
     missing: float | None = None
     memory_bytes: int = DEFAULT_BYTES
     damaged: Mapping[Chunk, str] = field(default_factory=dict)
+    sample: Sample | None = None
     counts: ReadCounts = field(init=False, default_factory=ReadCounts)
     cache: ChunkCache = field(init=False)
     gaps: dict[Chunk, str] = field(init=False, default_factory=dict)
@@ -673,8 +680,8 @@ def ranges_of(values: NDArray[Any], box: Box) -> NDArray[Any]:
     return block_ranges(values)[(slice(None), *counts)]
 
 
-def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level]:
-    """Read a level once; return block means small enough for memory, and it with its ranges.
+def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level, Sample | None]:
+    """Read a level once; return block means small enough for memory, it with ranges, its sample.
 
     The means are of every f³ voxels, f a power of 2, which comes second.
     """
@@ -684,14 +691,16 @@ def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level]:
     shape = level.shape
     coarse = np.zeros([-(-n // factor) for n in shape], np.float32)
     ranges = np.zeros((2, *(-(-n // BLOCK) for n in shape)), cast_dtype(level.dtype))
+    sampler = Sampler(shape, ranges.dtype)
     for box in boxes_in(shape, math.lcm(factor, BLOCK), level.chunk[1]):
         read = level.read(with_next(box, shape)).astype(ranges.dtype, copy=False)
         ranges[(slice(None), *level.blocks_of(box))] = ranges_of(read, box)
         means = read[tuple(slice(high - low) for low, high in box)]
+        sampler.add(means, box)
         for _ in range(factor.bit_length() - 1):
             means = halve(means)
         coarse[tuple(slice(low // factor, -(-high // factor)) for low, high in box)] = means
-    return coarse, factor, replace(level, ranges=ranges)
+    return coarse, factor, replace(level, ranges=ranges), sampler.sample()
 
 
 def halve(values: NDArray[Any]) -> NDArray[np.float32]:

@@ -28,6 +28,7 @@ from volspec.volume.files.query import Choice, Query, Reading
 from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
 from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES
+from volspec.volume.sample import BINS, Sample, step_along
 
 ZIP_SUFFIXES = (".zarr.zip", ".ozx")
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
@@ -106,7 +107,8 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
         )
     number = at[names.index("c")] if "c" in names else 0
     channel = next(iter(_channels(group)[number:]), None)
-    return pyramid.Stack(found, channel, _labels(group), remarks)
+    sample = _sample(group, stated, found[0])
+    return pyramid.Stack(found, channel, _labels(group), remarks, sample)
 
 
 def _own_metadata(group: Any) -> dict[str, Any]:
@@ -142,6 +144,20 @@ def _ranges(group: Any, stated: dict[str, Any], number: int, voxels: Any) -> NDA
     blocks = tuple(-(-n // BLOCK) for n in voxels.shape)
     low_high = found.shape == (2, *blocks) and found.dtype == pyramid.cast_dtype(voxels.dtype)
     return found if low_high and (found[0] <= found[1]).all() else None
+
+
+def _sample(group: Any, stated: dict[str, Any], finest: pyramid.Level) -> Sample | None:
+    """Return what `volspec convert` wrote of all voxels; None if it did not, or it is damaged."""
+    try:
+        low, high = map(float, stated["range"])
+        counts = np.array(stated["histogram"], float)
+        voxels = np.asarray(fast_array(group[stated["sample"]], complete=True)[...])
+    except _DAMAGE:
+        return None
+    sides = tuple(-(-n // step_along(n)) for n in finest.shape)
+    if not (low <= high and counts.shape == (BINS,) and (counts >= 0).all()):
+        return None
+    return Sample((low, high), counts, voxels) if voxels.shape == sides else None
 
 
 def _check_extent(
