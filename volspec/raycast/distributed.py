@@ -15,6 +15,7 @@ References
 from __future__ import annotations
 
 import logging
+import signal
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -39,7 +40,7 @@ from volspec.volume import Volume
 from volspec.volume.pyramid import Chunk, Level, Pyramid
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client, Future, WorkerPlugin
 
     from volspec.raycast.gpu import Raycaster
 
@@ -333,10 +334,11 @@ class ClusterCaster(LevelCaster):
             error = failed.exception()
             if isinstance(error, RaycastError):
                 raise error
+            remedy = "see the log of the workers"
+            if self._client.cluster is not None:  # on this machine, without logs
+                remedy = "give fewer workers or less --memory, or leave out --device"
             raise RaycastError(
-                f"raycast: a worker failed ({one_line(error)[:160]})",
-                "see the log of the workers",
-                code="state",
+                f"raycast: a worker failed ({one_line(error)[:400]})", remedy, code="state"
             ) from error
         if progress is not None:
             progress(1.0)
@@ -444,4 +446,17 @@ class Cluster:
                 silence_logs=logging.CRITICAL,
             )
         self._end = weakref.finalize(self, cluster.close)
-        return Client(cluster)
+        client = Client(cluster)
+        client.register_plugin(_quiet_worker())
+        return client
+
+
+def _quiet_worker() -> WorkerPlugin:
+    """Return a plugin by which Ctrl-C ends workers of this machine by their cluster, not itself."""
+    from distributed import WorkerPlugin
+
+    class QuietWorker(WorkerPlugin):
+        def setup(self, worker: object) -> None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    return QuietWorker()
