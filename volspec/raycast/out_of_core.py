@@ -9,6 +9,7 @@ next is read. Parts in which nothing can be seen, or behind opaque ones, are not
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -34,7 +35,7 @@ from volspec.raycast.sampling import clip_rays, world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers, TransferTable
 from volspec.volume import Volume
-from volspec.volume.pyramid import Box, Chunk, Level, common
+from volspec.volume.pyramid import COARSE_BYTES, Box, Chunk, Level, common, size_text
 
 if TYPE_CHECKING:
     from volspec.raycast.gpu import Raycaster
@@ -286,23 +287,42 @@ class LevelCaster:
     def _reserve(self, parts: Sequence[Part]) -> None:
         """Give the cache what parts in use leave of the budget."""
         pyramid, level = self._pyramid, self._level
-        itemsize = pyramid.dtype.itemsize
-        ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
-        fixed = self.base.volume.values.nbytes + ranges
-        # Two parts, with the ranges of their bricks (a tenth), and chunks that are being read.
-        largest = max((part.voxels for part in parts), default=0) * itemsize
-        in_use = int(2.1 * largest) + max(2 * level.chunk_bytes, pyramid.memory_bytes // 16)
-        left = pyramid.memory_bytes - fixed - in_use
+        largest = max((part.voxels for part in parts), default=0) * pyramid.dtype.itemsize
+        left = pyramid.memory_bytes - self._needed(largest, pyramid.memory_bytes)
         if left < 0:
-            least = _size(fixed + in_use)
+            least = math.ceil(self._least_bytes(parts[0].margin) / 2**20 * 10) / 10
             raise VolumeError(
-                f"{pyramid.name}: {_size(pyramid.memory_bytes)} of memory are too few for its "
-                f"parts of {_size(largest)} and chunks of {_size(level.chunk_bytes)}",
-                f"give at least {least}, or a coarser level",
+                f"{size_text(pyramid.memory_bytes)} are too few for parts of {size_text(largest)} "
+                f"and chunks of {size_text(level.chunk_bytes)}",
+                f"give at least {least:g}MiB (--memory, or ?memory= after the name), or a coarser "
+                "level",
                 code="size",
+                field="memory",
                 given=pyramid.memory_bytes,
             )
         pyramid.cache.resize(left)
+
+    def _needed(self, largest: int, budget: int) -> int:
+        """Return the bytes beside the cache, with parts of up to ``largest`` bytes."""
+        pyramid = self._pyramid
+        ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
+        fixed = self.base.volume.values.nbytes + ranges
+        # Two parts, with the ranges of their bricks (a tenth), and chunks that are being read.
+        return fixed + int(2.1 * largest) + max(2 * self._level.chunk_bytes, budget // 16)
+
+    def _least_bytes(self, margin: int) -> int:
+        """Return the least budget with which any picture of the level can be cast."""
+        level, itemsize, budget = self._level, self._pyramid.dtype.itemsize, 0
+        while True:
+            # Parts and the level in memory grow with the budget.
+            sides = sides_for(level, itemsize, budget)
+            pairs = zip(sides, level.shape, strict=True)
+            largest = math.prod(min(side + 1 + 2 * margin, n) for side, n in pairs) * itemsize
+            coarse = min(COARSE_BYTES, budget // 8) - self.base.volume.values.nbytes
+            needed = self._needed(largest, budget) + max(coarse, 0)
+            if needed <= budget:
+                return budget
+            budget = needed
 
     def arrivals(
         self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
@@ -614,7 +634,3 @@ def finished(
         most = float(np.finfo(np.float16).max)
         channels = np.clip(coefficients, -most, most).astype(np.float16)
     return Result(channels, alpha, depth_mm, first * np.float32(unit_mm))
-
-
-def _size(nbytes: int) -> str:
-    return f"{nbytes / 2**30:.2g} GiB" if nbytes >= 2**30 else f"{nbytes / 2**20:.3g} MiB"

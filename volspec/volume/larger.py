@@ -26,6 +26,7 @@ from volspec.volume.pyramid import (
     Stack,
     cast_dtype,
     coarse_level,
+    size_text,
     summarise,
 )
 
@@ -82,9 +83,12 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         offset = np.diag([factor, factor, factor, 1.0])
         offset[:3, 3] = (factor - 1) / 2
         world = levels[0].world_from_index @ offset
+        remedy = "`volspec convert` makes a copy that opens at once"
+        if stack.sample is not None:  # it is one
+            remedy = "give more memory"
         remarks.append(
-            f"{query.path}: {levels[0].nbytes / 1e9:.3g} GB are more than memory may take, and it "
-            "has no coarser levels; `volspec convert` makes a copy that opens at once"
+            f"{query.path}: {size_text(levels[0].nbytes)} are more than memory may take, and it "
+            f"has no coarser levels; {remedy}"
         )
     else:
         values, damaged = _read_rest(levels[number], number)

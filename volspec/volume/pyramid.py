@@ -619,6 +619,17 @@ def cast_dtype(stored: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype(WIDENED.get(f"{stored.kind}{stored.itemsize}", np.float32))
 
 
+def size_text(nbytes: float) -> str:
+    """Return a number of bytes as text.
+
+    >>> size_text(900), size_text(70000), size_text(2**25), size_text(5 * 2**30)
+    ('900 bytes', '68.4 KiB', '32 MiB', '5 GiB')
+    """
+    power = min(max(int(math.log2(max(nbytes, 1))) // 10, 0), 3)
+    unit = ("bytes", "KiB", "MiB", "GiB")[power]
+    return f"{nbytes / 1024**power:.3g} {unit}" if power else f"{nbytes:.0f} {unit}"
+
+
 def coarse_level(levels: Sequence[Level], memory_bytes: int) -> int | None:
     """Return the finest level but level 0 that suits a budget, else the last; None without any.
 

@@ -250,6 +250,11 @@ def path_of(name: str) -> Path:
     """Return a file's name or a URL as a path. Raises DeviceError if URLs are not supported."""
     if not is_remote(name):
         return Path(name)
+    if name.lower().startswith("ftp:"):
+        raise DeviceError(
+            f"{name}: FTP has no way to read parts of a file; give https://…, s3://… or a file",
+            code="unsupported",
+        )
     try:
         from upath import UPath
 
