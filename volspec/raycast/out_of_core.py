@@ -28,7 +28,16 @@ from volspec.raycast.checks import checked_size
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume, VoxelBox
 from volspec.raycast.packets import TILES
-from volspec.raycast.parts import Part, Rect, natural_level, plan, reach, read_by, sides_for
+from volspec.raycast.parts import (
+    Part,
+    Rect,
+    covered,
+    natural_level,
+    plan,
+    reach,
+    read_by,
+    sides_for,
+)
 from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.sampling import clip_rays, world_rays
@@ -564,7 +573,14 @@ class PartPicture:
 
     def _mark(self, gap: Box, rect: Rect) -> None:
         """Hatch what is visible of a box whose voxels cannot be read."""
-        frame, (x0, y0, x1, y1) = self.caster.volume, rect
+        frame = self.caster.volume
+        first, last = zip(*gap, strict=True)
+        own = covered(frame, self.camera, self.size, first, last)
+        if own is None:
+            return
+        (x0, y0), (x1, y1) = np.maximum(rect[:2], own[:2]), np.minimum(rect[2:], own[2:])
+        if not (self.through[y0:y1, x0:x1] > self.spec.least_transmittance).any():
+            return
         y, x = np.mgrid[y0:y1, x0:x1]
         at = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
         origin, direction = world_rays(self.camera, *self.size, at)
