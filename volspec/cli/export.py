@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -454,7 +455,8 @@ def serve(
             )
         say(f"{server.address}  (Ctrl-C ends it)")
         sys.stdout.flush()
-        server.run()
+        with suppress(KeyboardInterrupt):
+            server.run()
     finally:
         server.close()
 
