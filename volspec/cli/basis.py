@@ -59,11 +59,11 @@ def basis(
     `volspec basis engine.toml --size 5`
 
     JSON: `classes` has a row for each class of lights (`scene`, `smooth`, `spiky`): `mean`,
-    `median`, `p95` and `max` of the componentwise colours; the same four under `exact`,
+    `median`, `p95` and `max` of the fitted colours; the same four under `componentwise`, `exact`,
     `linear_model`, `rgb_product` and `products` of `2` and `3` surfaces; and `worst`, the worst
     pair. At the top level, `rgb_product` pools the RGB renderer over all classes, and `worst` is
-    the worst pair of all: `light`, `reflectance`, `delta_e`, `way` (the mode the method is made
-    for), and its colours in `XYZ` and `sRGB`, exact and as the channels show them (`_shown`).
+    the worst pair of all: `light`, `reflectance`, `delta_e`, `way` (the mode, fitted), and its
+    colours in `XYZ` and `sRGB`, exact and as the channels show them (`_shown`).
 
     Parameters
     ----------
