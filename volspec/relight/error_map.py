@@ -3,8 +3,8 @@
     coefficient image + light -> [error map] -> numbers, heat map
 
 Compares the picture from m channels with one from full bands or from the exact light matrix. The
-eye is adapted to the light, so 1 is just noticeable. Full bands need no other cast: fewer materials
-than channels can be distinguished by a pixel's channels, and mixtures of materials have mixed spectra.
+eye is adapted to the light, so 1 is just noticeable. Full bands need no other cast: a pixel's
+channels determine its mixture of fewer materials than channels, and mixtures have mixed spectra.
 """
 
 from __future__ import annotations
