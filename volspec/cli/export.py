@@ -492,7 +492,7 @@ def compositing(
     light
         For `-o FILE.exr`: as for `volspec relight`; the first lights the preview. Repeatable.
     mode
-        For `-o FILE.exr`: componentwise, exact or linear-model. Default: the scene's.
+        For `-o FILE.exr`: fitted, componentwise, exact or linear-model. Default: the scene's.
     """
     from dataclasses import replace
 

@@ -598,8 +598,8 @@ class PartPicture:
         self.through[view] -= adds
         depth = (near / min(frame.spacing_mm)).reshape(y.shape)
         self.depth[view] += np.where(met, adds * depth, 0.0)
-        first = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
-        np.minimum(self.first[view], first, out=self.first[view])
+        hit = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
+        np.minimum(self.first[view], hit, out=self.first[view])
 
     def _place(self, struct: NDArray[np.void], loaded: LoadedPart) -> None:
         """Set the members of a `CAST` that describe a part and its rectangle of the picture."""

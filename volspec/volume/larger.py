@@ -105,7 +105,9 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         span, finite = sample.range, np.isfinite(sample.voxels)
         if missing is not None or not finite.all():
             missing = missing_value(*span)
-        voxels = sample.voxels if finite.all() else np.where(finite, sample.voxels, missing)
+        voxels = sample.voxels
+        if missing is not None:
+            voxels = np.where(finite, voxels, missing)
         sample = replace(sample, voxels=voxels.astype(dtype, copy=False))
     if coarse.missing is not None:
         missing = missing_value(*span)
