@@ -9,7 +9,13 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.relight_reference import relight_reference
-from tests.support.relighting import assert_drawn_alike_by_webgl_2, box_basis, cast, ciede2000
+from tests.support.relighting import (
+    COARSE,
+    assert_drawn_alike_by_webgl_2,
+    box_basis,
+    cast,
+    ciede2000,
+)
 from volspec.appearance import Display, Viewing, view_transform
 from volspec.appearance.adaptation_grid import ViewTransformGrid
 from volspec.appearance.spec import PER_PIXEL
@@ -20,7 +26,7 @@ from volspec.relight.gpu import GLEngine
 from volspec.spectra import light
 from volspec.spectra.photometry import white_XYZ
 
-pytestmark = pytest.mark.usefixtures("needs_gl")
+pytestmark = [pytest.mark.usefixtures("needs_gl"), COARSE]
 LIGHTS = ("A", "D65", "FL2")
 
 
