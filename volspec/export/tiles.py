@@ -149,7 +149,8 @@ class TileCaster:
         windows = canvas.windows(part)
         if canvas.samples == 1 and windows == [whole]:
             return self.cast(transfer, camera, canvas.size, progress)
-        n, image, gaps = canvas.samples, None, {}
+        n, image = canvas.samples, None
+        gaps: dict[str, str] = {}
         coefficients = np.empty((part.height, part.width, canvas.channels), np.float32)
         alpha = np.empty((part.height, part.width), np.float32)
         # A mean of several rays' depths is not on any surface.

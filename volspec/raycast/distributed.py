@@ -455,7 +455,7 @@ def _quiet_worker() -> WorkerPlugin:
     """Return a plugin by which Ctrl-C ends workers of this machine by their cluster, not itself."""
     from distributed import WorkerPlugin
 
-    class QuietWorker(WorkerPlugin):
+    class QuietWorker(WorkerPlugin):  # type: ignore[misc]
         def setup(self, worker: object) -> None:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
 

@@ -543,6 +543,8 @@ class Pyramid:
         remedy = "copy the store again"
         if self.counts.lost:
             remedy = "the store is asked again by the next picture"
+        elif any("HTTP ranges" in why for why in first):
+            remedy = "use a server that answers them"
         return f"{self.name}: {named} left out of the picture; {remedy}"
 
 
