@@ -14,7 +14,7 @@ from pathlib import Path
 def served(folder: Path, *, ranges: bool = True) -> Iterator[tuple[str, list[str]]]:
     """Serve a folder, in parts or not; yield its address, and the paths that are asked for."""
     asked: list[str] = []
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Files, folder, asked, ranges)) as server:
+    with _Server(("127.0.0.1", 0), partial(_Files, folder, asked, ranges)) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         try:
@@ -27,6 +27,11 @@ def served(folder: Path, *, ranges: bool = True) -> Iterator[tuple[str, list[str
 
 
 _GONE = "gone"
+
+
+class _Server(ThreadingHTTPServer):
+    # On a busy machine many connections wait at once.
+    request_queue_size = 128
 
 
 class _Files(BaseHTTPRequestHandler):
