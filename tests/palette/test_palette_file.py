@@ -225,6 +225,7 @@ def test_a_scene_of_designed_spectra_trains_its_own_basis(tmp_path: Path) -> Non
         material = [{ name = "m", reflectance = "small.toml#red" }]
         transfer = { points = [{ value = 0, opacity = 0.1, material = "m" }] }
         light = [{ name = "lamp", spectrum = "small.toml#split 1" }]
+        viewing = { mode = "componentwise" }
         """,
         "scene.toml",
     )

@@ -133,6 +133,7 @@ def test_a_scene_keeps_the_watts_that_were_written(tmp_path: Path) -> None:
 def test_a_basis_is_chosen_by_the_lights_of_every_row(tmp_path: Path) -> None:
     (tmp_path / "led.csv").write_text("# designed: yes\n380,1\n500,2\n780,1\n")
     rows = row("x", "A", "key") + row("x", "led.csv", "fill")
+    rows += '[viewing]\nmode = "componentwise"\n'
     assert load(tmp_path, GROUPS + rows).basis_reason.startswith("led ")
 
 

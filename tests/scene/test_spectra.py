@@ -62,7 +62,7 @@ def test_a_spectrum_on_the_scene_s_bands_comes_back_to_the_last_bit(tmp_path: Pa
     back = again.materials["ball"]
     assert np.array_equal(back.values, paint.values)
     assert back.name == "orange" and back.notes == paint.notes
-    assert "designer" in again.basis_reason
+    assert again.materials["ball"].designed
     assert again.file == file
 
 

@@ -151,7 +151,7 @@ def test_use_sees_the_materials_of_every_kind() -> None:
 def test_a_designed_material_or_filter_is_trained_for_in_every_kind(tmp_path: Path) -> None:
     (tmp_path / "made.csv").write_text("# designed: yes\n380,0.2\n500,0.4\n780,0.3\n")
     for text in (POINTS, REGIONS, LABELS, SURFACES):
-        plain = load(tmp_path, text)
+        plain = load(tmp_path, text, more='\n[viewing]\nmode = "componentwise"\n')
         assert plain.basis.name == "general-7"
         path = tmp_path / "scene.toml"
         path.write_text(path.read_text().replace('"copper"', '"made.csv"'))

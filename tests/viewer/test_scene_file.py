@@ -81,7 +81,11 @@ def test_edited_spectra_come_back_as_numbers(tmp_path: Path) -> None:
     materials = {**state.transfer.materials, "copper": blue}
     state = replace(
         state,
-        transfer=replace(state.transfer, materials=materials),
+        transfer=replace(
+            state.transfer,
+            materials=materials,
+            basis=state.transfer.basis.with_samples(materials.values()),
+        ),
         lights=(*state.lights, LightRow("edited", "mine", LightRig((ramp,)), 0.0)),
     )
     state = replace(state, lights=light_rows.only_row(state.lights, 2))

@@ -16,7 +16,7 @@ References
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -259,6 +259,15 @@ class SpectralBasis(StoredBasis):
         shown = self.analyse(S) @ self.colour_matrix(light, mode).T
         true = XYZ_from_spectra(light.on(self.grid), S, self.observer_deg)
         return delta_E_2000(cielab(true, white), cielab(shown, white))
+
+    def with_samples(self, spectra: Iterable[Spectrum]) -> SpectralBasis:
+        """Return the basis with other samples; one of an earlier version, without any, stays.
+
+        Errors are those of `SpectralBasis`; SpectrumError if one does not cover the grid.
+        """
+        if self.samples is None:
+            return self
+        return replace(self, samples=np.array([each.on(self.grid).values for each in spectra]))
 
     def through_samples(self) -> SpectralBasis | None:
         """Return the basis with a synthesis that is exact for its samples and their mixtures.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -90,7 +90,8 @@ def choose_basis(
         return ChosenBasis(train_basis(table, spectra, name), "the scene requests its own")
     general = with_samples(shipped, spectra)
     designed = spectra.designed()
-    if designed and (mode != "fitted" or general.through_samples() is None):
+    distinct = mode == "fitted" and general.through_samples() is not None
+    if designed and (spectra.filters or not distinct):
         reason = f"{', '.join(designed)} came from a designer"
         return ChosenBasis(train_basis(table, spectra, name), reason)
     off, where = _worst(general, spectra, mode)
@@ -202,7 +203,4 @@ def general_basis(table: BasisSpec) -> SpectralBasis | None:
 
 def with_samples(basis: SpectralBasis, spectra: SceneSpectra) -> SpectralBasis:
     """Return a basis with the scene's reflectances as samples; one without any stays as it is."""
-    if basis.samples is None:
-        return basis
-    surfaces = [*spectra.reflectances.values(), *spectra.walls.values()]
-    return replace(basis, samples=np.array([each.values for each in surfaces]))
+    return basis.with_samples([*spectra.reflectances.values(), *spectra.walls.values()])

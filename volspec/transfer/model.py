@@ -268,6 +268,9 @@ def _table_size(what: str, points: Array, curve: Array, low: float, limits: tupl
     # Otherwise the smallest size for which a kink between entries costs next to nothing, or least.
     sizes = np.arange(least, min(_MOST_LONGER * least, most))
     places = (points - low)[:, None] / span * sizes
+    if (np.diff(points) == 0).any():  # steps move to an entry: to the nearest ones of all
+        least = int(np.searchsorted(sizes, 2 * least))
+        return int(sizes[np.abs(places - np.rint(places)).max(axis=0)[:least].argmin()]) + 1
     beside = places - np.floor(places)
     bends = _bends(points, curve)
     lost = (bends[:, None] * beside * (1 - beside)).max(axis=0) * (span / sizes)
@@ -275,13 +278,8 @@ def _table_size(what: str, points: Array, curve: Array, low: float, limits: tupl
 
 
 def _bends(points: Array, curve: Array) -> Array:
-    """Return (P,) changes of slope of a curve (P, C) at its points, the largest of its columns.
-
-    Steps, which are moved to an entry, have none.
-    """
-    gaps = np.diff(points)[:, None]
-    rises = np.diff(curve, axis=0)
-    slopes = np.divide(rises, gaps, out=np.zeros_like(rises), where=gaps > 0)
+    """Return (P,) changes of slope of a curve (P, C) at its points, the largest of its columns."""
+    slopes = np.diff(curve, axis=0) / np.diff(points)[:, None]
     bends = np.zeros(len(points))
     bends[1:-1] = np.abs(np.diff(slopes, axis=0)).max(axis=1)
     return bends

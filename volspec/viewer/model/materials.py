@@ -139,6 +139,8 @@ def with_materials(transfer: Transfer, materials: Mapping[str, Spectrum]) -> Tra
     basis = transfer.basis
     if isinstance(basis, MaterialBasis):
         basis = replace(basis, materials=materials)
+    else:
+        basis = basis.with_samples(materials.values())
     return replace(transfer, materials=materials, basis=basis)
 
 
@@ -279,6 +281,8 @@ def with_reflectances(transfer: Transfer, changes: Mapping[str, Spectrum]) -> Tr
     basis = transfer.basis
     if isinstance(basis, MaterialBasis):
         basis = basis.with_reflectances({k: s for k, s in own.items() if k in basis.materials})
+    else:
+        basis = basis.with_samples({**transfer.materials, **own}.values())
     return replace(transfer, materials={**transfer.materials, **own}, basis=basis)
 
 
