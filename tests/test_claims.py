@@ -1,0 +1,98 @@
+"""Figures of colour in the documents: each is what its command prints today, to its last digit."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from benchmarks import basis as bases
+from benchmarks.claims import CLAIMS, PRINTED, Claim, Printed, catalogue, page_text
+from benchmarks.claims.spectra import general
+from benchmarks.measure import between
+from volspec.cli import main
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = ["README.md", *sorted(path.name for path in (ROOT / "docs").glob("*.md"))]
+# Their figures are written between markers by the command itself.
+GENERATED = {"benchmarks.md"}
+# A limit of the program, not a result.
+LIMITS = ("if they meet every cell (to ΔE 0.5, CIELAB)",)
+COLOUR = re.compile(r"(?:CIEDE2000|CIE94|ΔE\w*|Δu'v')(?=[^|]*?(?<![\w.])\d*\.\d)")
+
+
+@pytest.mark.parametrize(
+    "claim",
+    [
+        pytest.param(each, id=each.name, marks=[pytest.mark.slow] if each.slow else [])
+        for each in CLAIMS
+    ],
+)
+def test_a_figure_is_what_is_computed_to_its_last_digit(claim: Claim) -> None:
+    assert claim.misses() == []
+
+
+@pytest.mark.parametrize("each", PRINTED, ids=lambda each: f"{each.page}: {each.text[:30]}")
+def test_figures_of_commands_are_on_their_page_and_the_test_is_there(each: Printed) -> None:
+    assert page_text(each.page).count(each.text) == 1
+    assert (ROOT / each.test).exists()
+    words = shlex.split(each.command)
+    if words[:2] == ["python", "-m"] and words[2] != "pytest":
+        module = ROOT / words[2].replace(".", "/")
+        assert module.with_suffix(".py").exists() or (module / "__main__.py").exists()
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_paragraph_with_a_colour_difference_is_in_the_catalogue(page: str) -> None:
+    """Words around a figure may change; then its claim must, too. Transcripts are apart."""
+    known = [each.text for each in catalogue() if each.page == page]
+    path = ROOT / page if page == "README.md" else ROOT / "docs" / page
+    text = re.sub(
+        r"<!-- (\w+) -->.*?<!-- /\1 -->|```.*?```", "", path.read_text(encoding="utf-8"), flags=re.S
+    )
+    blocks = [" ".join(block.split()) for block in text.split("\n\n")]
+    bare = [
+        block
+        for block in blocks
+        if COLOUR.search(block) and not any(words in block for words in (*known, *LIMITS))
+    ]
+    assert page in GENERATED or bare == []
+
+
+@pytest.mark.parametrize("size", bases.SIZES)
+def test_the_rows_of_general_bases_are_what_the_report_gives(size: int) -> None:
+    page = between(bases.PAGE.read_text(encoding="utf-8"), "modes")
+    for mode in ("fitted", "componentwise", "exact"):
+        assert bases.row(f"`general-{size}`, {mode}", general(size), mode) in page
+    assert (
+        bases.row("RGB light × RGB surface (sharp sensors)", general(5), bases.RGB_PRODUCT) in page
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", bases.TABLES)
+def test_the_tables_of_bases_are_what_the_benchmark_prints(name: str) -> None:
+    table = "\n".join((bases.HEAD, *bases.TABLES[name]()))
+    assert between(bases.PAGE.read_text(encoding="utf-8"), name) == f"\n{table}\n"
+
+
+SHOWN = re.findall(
+    r"```\n\$ volspec (.*?)\n(.*?)```",
+    (ROOT / "docs" / "models.md").read_text(encoding="utf-8"),
+    re.DOTALL,
+)
+
+
+@pytest.mark.parametrize(("command", "shown"), SHOWN, ids=[command for command, _ in SHOWN])
+def test_commands_of_models_print_what_the_page_shows(
+    command: str, shown: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setenv("COLUMNS", "100")
+    with pytest.raises(SystemExit) as caught:
+        main(shlex.split(command))
+    assert caught.value.code == 0
+    printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert [line for line in map(str.rstrip, shown.splitlines()) if line not in printed] == []
