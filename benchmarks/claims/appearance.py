@@ -18,6 +18,7 @@ from benchmarks.claims.model import (
     mean_and_most,
     shown_difference,
 )
+from tests.appearance import test_deficiency
 from tests.appearance._models import CONDITIONS, apart, colours
 from tests.support.relight_reference import relight_reference
 from tests.support.relighting import surfaces
@@ -26,6 +27,7 @@ from tools import breneman
 from volspec.appearance import Display, Viewing, ViewingConditions, view_transform
 from volspec.appearance.adaptation import adapt, nonlinear
 from volspec.appearance.adaptation_grid import AdaptationGrid, pixels_from_nodes
+from volspec.appearance.deficiency import simulation
 from volspec.appearance.gamut_mapping import DisplayGamut, Screen, reduce_chroma
 from volspec.appearance.lut3d import Lut3D, LutSpace
 from volspec.appearance.measured import measured_conditions
@@ -377,6 +379,23 @@ def local_adaptation() -> Figures:
             off.append(shown_difference(*map(SPACES["sRGB"].decode, codes)))
         found += mean_and_most(np.array(off))
     return found
+
+
+@claim(
+    "viewing.md",
+    "protan and deutan are CIEDE2000 {} and {} from Brettel's on random colours of sRGB, where the "
+    "deficiency itself changes {} and {}",
+)
+def dichromats() -> Figures:
+    RGB = test_deficiency.colours()
+    own = {each: simulation(each, 1.0, SPACES["sRGB"]).apply(RGB) for each in ("protan", "deutan")}
+    brettel = {each: RGB @ np.reshape(test_deficiency.BRETTEL[each], (3, 3)).T for each in own}
+    others = (brettel[each] for each in own), (RGB for _ in own)
+    return [
+        float(shown_difference(one, other).mean())
+        for each in others
+        for one, other in zip(own.values(), each, strict=True)
+    ]
 
 
 @claim("viewing.md", "make a white of Z = {}, and of {} in its picture", slow=True)
