@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 
 from benchmarks.claims import appearance, spectra
-from benchmarks.claims.model import CLAIMS, Claim, Printed, page_text
+from benchmarks.claims.model import CLAIMS, Claim, Printed, holds, page_text
 
 __all__ = [
     "CLAIMS",
@@ -20,6 +20,7 @@ __all__ = [
     "Printed",
     "appearance",
     "catalogue",
+    "holds",
     "page_text",
     "spectra",
 ]

@@ -61,15 +61,16 @@ class Claim:
         return [
             f"{self.page}: {figure}, now {value:.6g} ({self.name}: {self.text})"
             for figure, value in zip(self.printed, self.compute(), strict=True)
-            if not self.holds(figure, value)
+            if not holds(figure, value, self.rounding)
         ]
 
-    def holds(self, figure: str, value: float) -> bool:
-        """Return True if a figure is a value to one unit of its last digit, or bounds it."""
-        if self.rounding:
-            return value <= 2.0 * float(figure)
-        decimals = len(figure.partition(".")[2])
-        return abs(value - float(figure)) <= 10.0**-decimals * (1.0 + 1e-9)
+
+def holds(figure: str, value: float, rounding: bool = False) -> bool:
+    """Return True if a figure is a value to one unit of its last digit, or bounds its rounding."""
+    if rounding:
+        return value <= 2.0 * float(figure)
+    decimals = len(figure.partition(".")[2])
+    return abs(value - float(figure)) <= 10.0**-decimals * (1.0 + 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
