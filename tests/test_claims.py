@@ -34,6 +34,11 @@ def test_a_figure_is_what_is_computed_to_its_last_digit(claim: Claim) -> None:
     assert claim.misses() == []
 
 
+def test_every_claim_has_a_name_of_its_own() -> None:
+    names = [each.name for each in CLAIMS]
+    assert sorted(set(names)) == sorted(names)
+
+
 @pytest.mark.parametrize("each", PRINTED, ids=lambda each: f"{each.page}: {each.text[:30]}")
 def test_figures_of_commands_are_on_their_page_and_the_test_is_there(each: Printed) -> None:
     assert page_text(each.page).count(each.text) == 1

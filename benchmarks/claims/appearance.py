@@ -78,7 +78,7 @@ def guth_by_strength() -> Figures:
     return found
 
 
-@claim("adaptation.md", "and cd/m² where lux are: {} instead of {}.")
+@claim("adaptation.md", "and cd/m² where lux are: {} instead of {} (")
 def colour_science_s_CIE_1994() -> Figures:
     predict = colour_science().corresponding.corresponding_chromaticities_prediction_CIE1994
     pairs = [each for number in breneman.EXPERIMENTS for each in predict(number)]

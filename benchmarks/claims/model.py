@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 Figures = Sequence[float]
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-_NUMBER = r"\**(\d*\.?\d+(?:e-?\d+)?)\**"
+_NUMBER = r"\**(\d*\.?\d+(?:e-?\d+)?)(?!\.?\d)\**"
 
 
 @dataclass(frozen=True, slots=True)

@@ -283,7 +283,7 @@ def _most(name: str, mode: str, sampled: bool = False) -> Figures:
 
 
 CLAIMS += [
-    Claim(f"spectral/{name}", "compositing.md", text, partial(_most, name, mode, sampled))
+    Claim(f"spectral/{name}/{mode}", "compositing.md", text, partial(_most, name, mode, sampled))
     for name, mode, sampled, text in (
         ("general-7", "componentwise", False, "| `general-7` | {}, under A | {}, under A |"),
         (
