@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+from itertools import starmap
 from pathlib import Path
 
 import pytest
@@ -79,8 +80,8 @@ def test_the_rows_of_general_bases_are_what_the_report_gives(size: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", bases.TABLES)
 def test_the_tables_of_bases_are_what_the_benchmark_prints(name: str) -> None:
-    table = "\n".join((bases.HEAD, *bases.TABLES[name]()))
-    assert between(bases.PAGE.read_text(encoding="utf-8"), name) == f"\n{table}\n"
+    shown = between(bases.PAGE.read_text(encoding="utf-8"), name).split("\n")[3:-1]
+    assert all(starmap(alike, zip(shown, bases.TABLES[name](), strict=True)))
 
 
 def transcripts(page: str) -> list[tuple[str, str]]:
@@ -94,9 +95,12 @@ def transcripts(page: str) -> list[tuple[str, str]]:
     ]
 
 
+_FIGURE = re.compile(r"\d*\.?\d+")
+
+
 def words_and_figures(line: str) -> tuple[list[str], list[str]]:
     """Return the words of a line, without its figures, and the figures."""
-    return re.sub(r"\d+(?:\.\d+)?", "", line).split(), re.findall(r"\d+(?:\.\d+)?", line)
+    return _FIGURE.sub("", line).split(), _FIGURE.findall(line)
 
 
 def alike(shown: str, printed: str) -> bool:

@@ -243,6 +243,43 @@ def lock_file_handle(handle: int) -> bool | None:
     return True
 
 
+@contextmanager
+def exclusive_folder(path: Path, what: str = "another export") -> Iterator[None]:
+    """Make a folder and lock it; if another process has the lock, ``what`` is writing there.
+
+    Raises `InputError` if it is locked, or cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except FileExistsError:
+        raise InputError(f"{path}: is a file", "give the name of a folder", code="type") from None
+    except OSError as error:
+        remedy = "choose another folder"
+        if error.errno == errno.ENAMETOOLONG:
+            remedy = "give a shorter name"
+        raise InputError(
+            f"{path}: cannot be created: {error.strerror}", remedy, code="unwritable"
+        ) from error
+    place, flags = path.resolve(), os.O_RDONLY
+    if sys.platform == "win32":  # folders cannot be opened there
+        place, flags = place.with_name(f".{place.name}.lock"), os.O_RDWR | os.O_CREAT
+    handle = os.open(place, flags)
+    try:
+        # Another process may have renamed the folder since it was opened.
+        if lock_file_handle(handle) is False or not _is_at(handle, place):
+            raise InputError(
+                f"{path}: {what} is writing there",
+                "wait until it ends, or choose another folder",
+                code="state",
+            )
+        yield
+    finally:
+        os.close(handle)
+        if flags & os.O_CREAT:
+            with suppress(OSError):  # another process has opened it
+                place.unlink()
+
+
 def keep_newest(written: Path, pattern: str, most: int) -> None:
     """Delete the oldest files of a ``pattern`` until ``most`` are left, but never ``written``.
 

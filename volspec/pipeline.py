@@ -137,6 +137,8 @@ def raycast(
             )
             remedy = "make the meshes in the transfer function's basis"
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
+    if volume.pyramid is not None:
+        volume.pyramid.retry()
     table = caster.bake(transfer)
     level = caster.at(camera, size, spec)
     spec = level.with_step(table, spec, cancel)

@@ -57,18 +57,19 @@ def test_a_basis_that_holds_white_shows_its_light_matrix_unstretched(
 
 
 @pytest.mark.parametrize(
-    ("names", "componentwise"),
+    ("names", "componentwise", "fitted"),
     # Largest CIEDE2000, measured .0003, .0005, .0007 and .024: K follows the light's white, so
-    # the componentwise picture of a sum is not quite the sum of pictures.
+    # the componentwise picture of a sum is not quite the sum of pictures. Nor is the fitted one,
+    # by .008, .022, .043 and .48: a light that is mixed beforehand has a matrix of its own.
     [
-        (("D65", "A"), 0.002),
-        (("D65", "planck:2000"), 0.002),
-        (("A", "FL2"), 0.002),
-        (("D65", "LPS"), 0.05),
+        (("D65", "A"), 0.002, 0.02),
+        (("D65", "planck:2000"), 0.002, 0.04),
+        (("A", "FL2"), 0.002, 0.08),
+        (("D65", "LPS"), 0.05, 0.6),
     ],
 )
 def test_pictures_under_two_lights_add_up(
-    general: SpectralBasis, names: tuple[str, str], componentwise: float
+    general: SpectralBasis, names: tuple[str, str], componentwise: float, fitted: float
 ) -> None:
     # Named lights have equal luminous energy, so the mean picture is that of the mixed light.
     one, other = map(light, names)
@@ -77,13 +78,14 @@ def test_pictures_under_two_lights_add_up(
     c = general.analyse(S)
     summed = [(general.light_matrix(one) + general.light_matrix(other)) / 2.0]
     assert summed[0] == pytest.approx(general.light_matrix(both), abs=1e-9)
-    Lab = [
-        cielab(XYZ, white_XYZ(both))
-        for XYZ in (general.xyz(c, both), (general.xyz(c, one) + general.xyz(c, other)) / 2.0)
-    ]
-    off = colour_science().delta_E(*Lab, method="CIE 2000")
-    print(f"{names}: CIEDE2000 mean {off.mean():.4f}, max {off.max():.4f}")
-    assert off.max() <= componentwise
+    for mode, most in (("componentwise", componentwise), ("fitted", fitted)):
+        of_both, of_one, of_other = (
+            c @ general.colour_matrix(lamp, mode).T for lamp in (both, one, other)
+        )
+        Lab = [cielab(XYZ, white_XYZ(both)) for XYZ in (of_both, (of_one + of_other) / 2.0)]
+        off = colour_science().delta_E(*Lab, method="CIE 2000")
+        print(f"{names}, {mode}: CIEDE2000 mean {off.mean():.4f}, max {off.max():.4f}")
+        assert off.max() <= most
 
 
 @pytest.mark.parametrize("basis", ["general", "scene"], indirect=True)

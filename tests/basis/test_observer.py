@@ -78,7 +78,7 @@ def test_the_command_line_offers_the_observers_that_spectra_have() -> None:
 def test_lux_stay_with_the_2_degree_observer() -> None:
     lamp = light("A")
     V = colour_matching_functions(lamp.grid)[1]
-    assert illuminance_lux(lamp) == pytest.approx(683 * 10 * V @ lamp.values)
+    assert illuminance_lux(lamp) == pytest.approx(683 * lamp.grid.step_nm * V @ lamp.values)
     assert colour_matching_functions(lamp.grid, 10)[1] @ lamp.values > 1.05 * V @ lamp.values
 
 

@@ -173,10 +173,11 @@ def test_a_light_the_basis_does_not_know_is_warned_about(
     words = ["relight", str(tmp_path / "b.exr"), "--light", "HP2", "-o", str(tmp_path / "b.png")]
     with warnings.catch_warnings():
         warnings.simplefilter("default")
-        assert call(*words) == 0
-        assert capsys.readouterr().err.count("--mode exact") == 1
-        assert call(*words, "--mode", "exact") == 0
-        assert capsys.readouterr().err == ""
+        assert call(*words, "--mode", "componentwise") == 0
+        assert capsys.readouterr().err.count("use the mode") == 1
+        for mode in ("fitted", "exact"):
+            assert call(*words, "--mode", mode) == 0
+            assert capsys.readouterr().err == "", mode
 
 
 def test_an_interrupted_demo_says_so_and_leaves_nothing(tmp_path: Path) -> None:

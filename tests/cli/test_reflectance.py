@@ -75,7 +75,7 @@ def test_a_photograph_becomes_a_spectral_picture(
     codes[:4] = codes[0, 0]
     iio.imwrite(photo, codes)
     assert call("--image", str(photo), "-o", str(picture)) == 0
-    assert "12×8, 31 bands; 49 colours: " in capsys.readouterr().out
+    assert "12×8, 81 bands; 49 colours: " in capsys.readouterr().out
     image = SpectralImage.load(picture)
     assert image.kind == "reflective" and image.size == (12, 8)
     assert image.values.min() >= 0 and image.values.max() <= 1

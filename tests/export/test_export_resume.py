@@ -15,8 +15,8 @@ import pytest
 from tests.export.conftest import Make
 from tests.export.test_files_whole import left_by_a_kill
 from tests.support.errors import raises
+from volspec._files import exclusive_folder
 from volspec.errors import InputError
-from volspec.export.manifest import exclusive_folder
 from volspec.scene import Scene
 
 SETTINGS = {"turntable": {"frames": 4}, "lights": ["day", "lamp"]}

@@ -18,11 +18,10 @@ import pytest
 from packaging.requirements import Requirement
 
 from tests.support.errors import raises, warns
-from volspec._files import write_whole
+from volspec._files import exclusive_folder, write_whole
 from volspec._gpu import opengl
 from volspec.basis import SpectralBasis
 from volspec.errors import InputError, OpenGLError
-from volspec.export.manifest import exclusive_folder
 from volspec.raycast import CoefficientImage
 from volspec.relight import Relighter
 from volspec.spectra import light

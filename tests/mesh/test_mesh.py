@@ -330,6 +330,7 @@ def test_other_paint_keeps_what_the_volume_s_light_was_found_for() -> None:
 
 
 ALONE = """
+version = 2
 [[material]]
 name = "red"
 reflectance = "ColorChecker/red"
@@ -364,7 +365,7 @@ def test_a_scene_of_meshes_alone_is_their_cast(folder: Path) -> None:
 
 
 def test_a_box_keeps_the_camera_when_meshes_are_added(folder: Path) -> None:
-    box = "[volume]\nbox_mm = [[-6, 6], [-6, 6], [-6, 6]]\n"
+    box = "volume.box_mm = [[-6, 6], [-6, 6], [-6, 6]]\n"
     more = ALONE.replace("[[light]]", '[[mesh]]\nshape = "triad"\nsize_mm = 50\n[[light]]')
     cameras = []
     for text in (box + ALONE, box + more, more):

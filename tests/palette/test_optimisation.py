@@ -12,9 +12,9 @@ from tests.support.errors import raises
 from tests.support.palettes import GREY, free_light, lamp, must, shown_codes, surface
 from volspec.appearance import Viewing
 from volspec.errors import PaletteError
-from volspec.palette import Cell, Criteria, Palette, PaletteSpectrum, design
+from volspec.palette import Cell, Criteria, Design, Palette, PaletteSpectrum, design
 from volspec.palette.optimisation import true_cost
-from volspec.spectra import light
+from volspec.spectra import PAPERS_GRID, light
 
 
 def test_distinct_cells_part_as_far_as_the_display_shows_and_must_is_exact() -> None:
@@ -65,9 +65,21 @@ def between_two_lights(weight: float) -> Palette:
 
 @pytest.mark.parametrize("weight", [1.0, 10.0, math.inf])
 def test_a_cell_of_more_weight_does_not_fix_its_light_at_the_start(weight: float) -> None:
-    made = design(between_two_lights(weight))
+    made = design(replace(between_two_lights(weight), grid=PAPERS_GRID))
+    assert colour_error(made) < 4 / 255
+
+
+def test_on_a_wider_range_of_wavelengths_a_light_and_its_surfaces_take_more_rounds() -> None:
+    """Measured after 8 rounds: 2.6 codes from 400 to 700 nm, 6.4 from 380 to 780; after 20 .4."""
+    palette = between_two_lights(1.0)
+    made = design(replace(palette, criteria=replace(palette.criteria, rounds=20)))
+    assert colour_error(made) < 1 / 255
+
+
+def colour_error(made: Design) -> float:
+    """Return the largest difference of a colour code from the wanted one."""
     wanted = [[made.palette.cells[r, c].colour for c in ("D65", "L")] for r in "ab"]
-    assert np.abs(shown_codes(made) - wanted).max() < 4 / 255
+    return float(np.abs(shown_codes(made) - wanted).max())
 
 
 def test_a_colour_on_a_bound_can_be_exact() -> None:

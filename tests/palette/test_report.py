@@ -84,7 +84,7 @@ def test_metamers_are_found_through_groups_colours_and_likeness() -> None:
 
 def test_bounds_that_bind_are_counted_and_the_cost_adds_up(sodium: DesignReport) -> None:
     flame, _ = sodium.spectra
-    assert (flame.kind, flame.name, flame.bands) == ("reflectance", "flame", DEFAULT_GRID.size)
+    assert (flame.kind, flame.name, flame.bands) == ("reflectance", "flame", PAPERS_GRID.size)
     assert flame.at_lower > 10 and flame.largest <= 1.0
     made = design(vs.load_palette(ROOT / "data/palettes/figure-2.toml"))
     # The design counts the colours straight between two rounds: 1e-6 of them.

@@ -142,7 +142,7 @@ def test_lux_is_what_a_light_gives_from_all_groups() -> None:
         rig = LightRig((A, D65), illuminance_lux=lux, groups=groups)
         found = lit(image, rig, level="absolute", viewing=Viewing(illuminance_lux=2000.0))
         assert found.illuminance_lux == pytest.approx(expected)
-        white = XYZ_from_spectra(rig.facing(SHARES).mixed(GENERAL.grid), np.ones(31))
+        white = XYZ_from_spectra(rig.facing(SHARES).mixed(GENERAL.grid), np.ones(GENERAL.grid.size))
         backdrop = 0.2 * white * expected / 2000
         np.testing.assert_allclose(found.backdrop_XYZ, backdrop, rtol=1e-12)
 

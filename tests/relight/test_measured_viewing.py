@@ -13,7 +13,7 @@ import OpenEXR
 import pytest
 
 from tests.support.errors import raises, refuses
-from tests.support.relighting import box_basis
+from tests.support.relighting import COARSE, box_basis
 from tests.support.scenes import BALL, write_scene_text
 from volspec.appearance import Viewing
 from volspec.appearance.adaptation_grid import ViewTransformGrid
@@ -34,6 +34,7 @@ from volspec.spectra.photometry import white_XYZ
 
 # Flat reflectances are flat in this basis, so that exact mode has their Y to rounding.
 BASIS = box_basis()
+pytestmark = COARSE
 LUX_1000 = 1000.0 / math.pi
 
 

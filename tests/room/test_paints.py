@@ -29,7 +29,7 @@ def test_parts_of_the_library_and_single_paints_are_joined_without_repetitions()
 
 
 def test_an_atlas_has_a_paint_in_each_column(tmp_path: Path) -> None:
-    rows = "".join(f"{nm},{0.2 + nm / 1e4},0.6\n" for nm in range(380, 731, 5))
+    rows = "".join(f"{nm},{0.2 + nm / 1e4},0.6\n" for nm in range(375, 786, 5))
     (tmp_path / "atlas.csv").write_text("nm,warm,2\n" + rows)
     found = paint_set(["atlas.csv"], folder=tmp_path)
     assert [each.name for each in found] == ["atlas#warm", "atlas#2"]

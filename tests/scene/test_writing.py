@@ -181,10 +181,10 @@ def test_new_tables_stand_apart_and_the_last_comment_stays_last(scene: Scene) ->
 
 def test_a_new_title_stands_on_top_below_what_begins_the_file(folder: Path) -> None:
     source = folder / "scene.toml"
-    source.write_text(TEXT.replace('title = "Ball"  # a caption\n\n', ""))
+    source.write_text(TEXT.replace('title = "Ball"  # a caption\n', ""))
     scene = Scene.load(source)
     path = write_scene(changed(scene, title="New"), folder / "new.toml", scene)
-    assert lines(path)[:2] == ["# What begins the file.", 'title = "New"']
+    assert lines(path)[:3] == ["# What begins the file.", "version = 2", 'title = "New"']
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,9 @@ def test_a_link_to_a_folder_is_no_detour(folder: Path) -> None:
 
 
 def test_what_is_no_file_yet_is_written_as_numbers(scene: Scene) -> None:
-    paint = Spectrum(scene.basis.grid.wavelengths_nm, np.linspace(0.1, 0.7, 31), "paint")
+    paint = Spectrum(
+        scene.basis.grid.wavelengths_nm, np.linspace(0.1, 0.7, scene.basis.grid.size), "paint"
+    )
     row = replace(scene.file.material[0], reflectance="new.toml#paint")
     file = changed(scene, material=[row, scene.file.material[1]])
     made = Scene(file, scene.path, {"new.toml#paint": paint})

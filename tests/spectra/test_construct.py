@@ -34,6 +34,7 @@ from volspec.spectra.construct.search import (
     clip_to_hull,
     locate_tetrahedra,
     search_octants,
+    select_distinct,
     smoothest_reflectances,
 )
 
@@ -146,7 +147,8 @@ def test_colours_across_the_edge_of_the_base_have_neighbouring_spectra() -> None
     rng = np.random.default_rng(5)
     colours = XYZ_from_sRGB(rng.uniform(0, 1, (60, 3)), WHITE)
     beyond = colours[reflectances_from_colours(colours).route == ROUTES.index("extended")]
-    mesh = Mesh.of(XYZ_from_spectra(D65, base_spectra().values) / WHITE)
+    base = XYZ_from_spectra(D65, base_spectra().values) / WHITE
+    mesh = Mesh.of(base[select_distinct(base)])
     on_edge = clip_to_hull(mesh, beyond / WHITE) * WHITE
     inner = reflectances_from_colours(on_edge)
     outer = reflectances_from_colours(on_edge + 1e-3 * (beyond - on_edge))

@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.errors import raises
 from volspec.errors import SpectrumError
-from volspec.spectra import SpectralImage, light, read_spectrum, reflectance
+from volspec.spectra import PAPERS_GRID, SpectralImage, light, read_spectrum, reflectance
 
 NM = [390.0, 550.0, 710.0]
 # (lines, samples, bands)
@@ -89,7 +89,9 @@ def test_a_pixel_a_box_and_the_mean_are_addressed_as_in_spectral_exr(scan: Path)
     assert read_spectrum(scan).values == pytest.approx(CUBE.mean(axis=(0, 1)))
     assert read_spectrum(f"{scan}#3,1").name == "scan#3,1"
     assert SpectralImage.load(scan, box=(1, 0, 3, 2)).size == (2, 2)
-    assert reflectance(f"{scan}#3,1").values[15] == pytest.approx(CUBE[1, 3, 1], abs=0.01)
+    assert reflectance(f"{scan}#3,1", PAPERS_GRID).values[15] == pytest.approx(
+        CUBE[1, 3, 1], abs=0.01
+    )
     assert light(f"{scan}#3,1").values.min() > 0
     SpectralImage.load(scan).save(scan.with_suffix(".exr"))
     assert read_spectrum(f"{scan.with_suffix('.exr')}#3,1").values == pytest.approx(CUBE[1, 3])

@@ -140,11 +140,12 @@ def test_every_pixel_is_resampled_like_a_single_spectrum() -> None:
     image = SpectralImage(ramp(), W, "reflective", {"lab": "L"})
     grid = SpectralGrid()
     on = image.on(grid)
-    assert (on.values.shape, on.notes) == ((2, 3, 31), image.notes)
+    assert (on.values.shape, on.notes) == ((2, 3, grid.size), image.notes)
     expected = image.mean((2, 1, 3, 2)).on(grid).values
     assert on.values[1, 2] == pytest.approx(expected, rel=1e-6)
+    narrow = SpectralImage(ramp(), np.linspace(450.0, 650.0, len(W)), "reflective")
     with raises(SpectrumError, "range"):
-        image.on(SpectralGrid(360, 830, 1))
+        narrow.on(grid)
 
 
 def test_damaged_and_foreign_files_are_one_clear_line(tmp_path: Path) -> None:

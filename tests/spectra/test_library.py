@@ -73,7 +73,9 @@ def test_what_is_listed_loads_and_what_is_not_listed_does_not() -> None:
         assert V @ light(name).values == pytest.approx(V.sum()), name
     assert light("E").values == pytest.approx(1.0)
     for name in reflectance_names():
-        assert 0 <= reflectance(name).values.min() <= reflectance(name).values.max() <= 1, name
+        # Means over bands of 1 are 1 to rounding.
+        values = reflectance(name).values
+        assert 0 <= values.min() <= values.max() <= 1 + 1e-12, name
     for name in known - set(light_names()):
         with raises(SpectrumError, "range", "light 'ISO 7589 Sensitometric Printer'"):
             light(name)
@@ -202,8 +204,8 @@ def test_metals_reflect_as_published() -> None:
         ("iron", 0.52, 0.50),
     ):
         metal = reflectance(name)
-        assert metal.values[25] == pytest.approx(red, abs=0.03), name
-        assert metal.values[5] == pytest.approx(blue, abs=0.03), name
+        found = np.interp([650, 450], metal.wavelengths_nm, metal.values)
+        assert found.tolist() == pytest.approx([red, blue], abs=0.03), name
     assert {"steel", "brass"} <= set(reflectance_names())
 
 

@@ -10,7 +10,14 @@ import pytest
 from tests.support.errors import raises
 from volspec.errors import RoomError, SpectrumError
 from volspec.room.paints import paint_set
-from volspec.spectra import Spectrum, light, read_spectrum, reflectance, write_spectrum
+from volspec.spectra import (
+    PAPERS_GRID,
+    Spectrum,
+    light,
+    read_spectrum,
+    reflectance,
+    write_spectrum,
+)
 
 Write = Callable[[str, str], str]
 
@@ -248,7 +255,7 @@ def test_of_an_object_the_spectra_that_fit_the_use_are_offered(write: Write) -> 
         cxf_object("5 6 7", "A", "Emissive", StartWL="390", Increment="160"),
     )
     path = write("both.cxf", CXF.format(objects=ink + lamp))
-    assert reflectance(path).values.max() == pytest.approx(0.8125)
+    assert reflectance(path, PAPERS_GRID).values.max() == pytest.approx(0.8125)
     assert light(path).values.min() > 0
     with raises(SpectrumError, "missing"):
         read_spectrum(path)

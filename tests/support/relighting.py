@@ -27,6 +27,8 @@ from volspec.spectra.datasets import colour_matching_functions
 
 GRID = SpectralGrid()
 RAW = Viewing(model="none")
+# Reflectances are beyond the channels of `box_basis`, which frames warn of.
+COARSE = pytest.mark.filterwarnings("ignore:.* colours are off by ")
 
 
 def box_basis(size: int = 5) -> SpectralBasis:

@@ -25,7 +25,7 @@ from volspec.basis import SpectralBasis
 from volspec.relight import Illumination, LightRig, RelightSpec, gpu
 from volspec.relight.gpu import GLEngine
 from volspec.relight.reference import CpuEngine
-from volspec.spectra import Spectrum, light
+from volspec.spectra import PAPERS_GRID, Spectrum, light
 from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
 
 pytestmark = pytest.mark.usefixtures("needs_gl")
@@ -104,7 +104,7 @@ def boxes() -> np.ndarray:
 def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
     name: str, viewing: Viewing
 ) -> None:
-    lamp = light(name)
+    lamp = light(name, PAPERS_GRID)
     XYZ = XYZ_from_spectra(lamp, boxes())
     transform = view_transform(viewing, white_XYZ(lamp))
     colours = viewing.display.colours
@@ -118,7 +118,7 @@ def test_a_table_holds_where_the_model_has_cliffs_and_beyond_white(
 
 
 def test_a_picture_with_colours_that_no_table_holds_is_drawn_by_the_closed_form() -> None:
-    lamp = light("D65")
+    lamp = light("D65", PAPERS_GRID)
     given = *opaque(XYZ_from_spectra(lamp, boxes())[:, None], white_XYZ(lamp)), Viewing()
     assert np.array_equal(*(gl_frame(*given, lut3d=table) for table in (False, True)))
 
@@ -186,7 +186,7 @@ def designed() -> np.ndarray:
     stripes = (np.arange(BANDS) // np.arange(1, 9)[:, None]) % 2
     one = np.eye(BANDS)
     rest = [np.zeros((1, BANDS)), np.ones((1, BANDS)), -0.2 * np.ones((1, BANDS))]
-    return np.concatenate([blocks(150, 1), one, 1.0 - one, stripes, 1 - stripes, *rest])
+    return np.concatenate([blocks(152, 1), one, 1.0 - one, stripes, 1 - stripes, *rest])
 
 
 def spectrum(values: np.ndarray) -> Spectrum:

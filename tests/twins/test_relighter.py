@@ -11,7 +11,15 @@ import pytest
 
 from tests.support.errors import raises, refuses
 from tests.support.relight_reference import relight_reference
-from tests.support.relighting import GRID, RAW, assert_close, box_basis, cast, gl_or_skip
+from tests.support.relighting import (
+    COARSE,
+    GRID,
+    RAW,
+    assert_close,
+    box_basis,
+    cast,
+    gl_or_skip,
+)
 from volspec._gpu import opengl
 from volspec._gpu.opengl import headless_context
 from volspec.appearance import Viewing, lut3d
@@ -32,6 +40,8 @@ from volspec.relight import gpu as gpu_module
 from volspec.relight import programs as programs_module
 from volspec.relight.layers import PackedLayers
 from volspec.spectra import Spectrum, light
+
+pytestmark = COARSE
 
 
 @pytest.mark.parametrize("mode", ["fitted", "componentwise", "exact"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -31,7 +32,7 @@ from volspec.viewer.work.casts import WHOLE, CastDone, CastJob, Pass
 from volspec.viewer.work.notify import Notice, Trace
 from volspec.viewer.work.pictures import Relit
 from volspec.viewer.work.probe import place_mm, read, spectra, value_at
-from volspec.viewer.work.screen import SLOW_MS, Meter, Screen
+from volspec.viewer.work.screen import SLOW_MS, Meter, Screen, TableWorker
 from volspec.volume import Volume
 
 BANDS = 3
@@ -208,6 +209,15 @@ def test_the_picture_waits_for_the_newest_table(
     monkeypatch.setattr(
         lut3d, "_bake_texels", lambda key, end: (made.append(key), work_out(key, end))[1]
     )
+    rests = threading.Event()
+
+    def wait_idle(worker: TableWorker, seconds: float) -> bool:
+        """Wait for another light however long it takes: the test may be slower than a mouse."""
+        while not worker._is_superseded() and not rests.wait(0.002):
+            pass
+        return not worker._is_superseded()
+
+    monkeypatch.setattr(TableWorker, "_wait_idle", wait_idle)
     for light in (0, 1, 2, 1):
         screen.mark_stale()
         screen.relight(seen_by(state, "Nayatani95", light), held=True)
@@ -219,6 +229,7 @@ def test_the_picture_waits_for_the_newest_table(
     screen.take(done(state, 1), state)
     screen.relight(seen_by(state, "Nayatani95", 1), held=False)
     assert np.array_equal(pixels(screen), before) and not screen.pictures.current
+    rests.set()
     until_told(screen)
     screen.relight(seen_by(state, "Nayatani95", 1), held=False)
     after = pixels(screen)
@@ -410,7 +421,7 @@ def test_the_probe_has_the_error_maps_figure(state: ViewState) -> None:
     assert f"{whole.delta_e[16, 16]:.2f}" in dict(reading.rows)["Colour error"]
     exact = replace(state.relight, mode="exact")
     rows = read(image, camera, state.document.volume, rig, exact, MIDDLE, (0, 0, 0)).rows
-    assert "Colour error" not in dict(rows)
+    assert "0.00" in dict(rows)["Colour error"]
 
 
 def test_the_error_map_is_made_once(state: ViewState, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,7 +24,7 @@ from volspec.palette import Apart
 from volspec.raycast import ClipPlane, Directional, LightGroup
 from volspec.relight import LightRig
 from volspec.scene import Scene
-from volspec.spectra import Spectrum, light
+from volspec.spectra import PAPERS_GRID, Spectrum, light
 from volspec.viewer.model import camera, lights, transfer_edits
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import Fade, LightRow
@@ -191,6 +191,10 @@ def test_sessions_of_earlier_versions_load(tmp_path: Path, name: str) -> None:
     assert state.interface.overlays.planes and not state.interface.overlays.crop
     assert len(state.shading.clip_planes) == 1 and state.shading.groups[0].name == "key"
     assert state.view.azimuth_deg == pytest.approx(-6.0)
+    # Colours stay as they were, and reset does not change them either.
+    file = state.document.file
+    assert file is not None and file.viewing.mode == state.relight.mode == "componentwise"
+    assert state.transfer.basis.grid == PAPERS_GRID
     if name == "v1-ball":  # the others have a palette, saved lights, thicker opacities
         return
     targets = state.palette.targets

@@ -32,16 +32,21 @@ def test_coarse_at_once_and_finer_when_it_rests(tmp_path: Path) -> None:
         robot.rest()
         first = casts(robot)
         assert not first[0] and first[-1]
-        fine = picture(robot, "fine")
         x0, y0, width, height = robot.area("picture")
         left, right = (x0 + width / 3, y0 + height / 2), (x0 + width / 2, y0 + height / 2)
-        pressed = robot.now()
-        # There and back: the same view.
-        robot.drag([*along(left, right, 2.0), left])
-        moving = casts(robot, pressed)
-        robot.rest()
-        rested = casts(robot, pressed)
-        assert moving and not any(moving) and rested[-1]
+        # On a busy machine the mouse rests on its way, or no cast ends before it does: once more.
+        for _ in range(3):
+            fine = picture(robot, "fine")
+            pressed = robot.now()
+            # There and back: the same view.
+            robot.drag([*along(left, right, 2.0), left])
+            moving = casts(robot, pressed)
+            robot.rest()
+            rested = casts(robot, pressed)
+            assert rested[-1]
+            if moving and not any(moving):
+                break
+        assert moving and not any(moving)
         again = picture(robot, "again")
         assert np.abs(fine - again).mean() < 1.0
         assert fine.std() > 5

@@ -430,7 +430,7 @@ def _training_set(grid: SpectralGrid) -> NDArray[np.float64]:
 
 
 # Lights of a session: a slider moves their weights, not their matrices.
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=64)
 def _fitted_matrix(basis: SpectralBasis, power: bytes) -> NDArray[np.float64]:
     if basis.samples is None:
         raise BasisError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 import sys
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -454,7 +455,8 @@ def serve(
             )
         say(f"{server.address}  (Ctrl-C ends it)")
         sys.stdout.flush()
-        server.run()
+        with suppress(KeyboardInterrupt):
+            server.run()
     finally:
         server.close()
 
@@ -490,7 +492,7 @@ def compositing(
     light
         For `-o FILE.exr`: as for `volspec relight`; the first lights the preview. Repeatable.
     mode
-        For `-o FILE.exr`: componentwise, exact or linear-model. Default: the scene's.
+        For `-o FILE.exr`: fitted, componentwise, exact or linear-model. Default: the scene's.
     """
     from dataclasses import replace
 

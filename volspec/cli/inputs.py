@@ -147,17 +147,21 @@ def with_memory(scene: Scene, memory: str | None) -> Scene:
 
 
 def memory_address(address: str, memory: str | None) -> str:
-    """Return a volume's address with an amount of memory, if one is given.
+    """Return a volume's address with an amount of memory, if one is given, instead of its own.
 
     >>> memory_address("v.raw?dtype=uint8", "1GiB"), memory_address("v.zarr", None)
     ('v.raw?dtype=uint8&memory=1GiB', 'v.zarr')
+    >>> memory_address("v.zarr?memory=2GiB&time=0", "1GiB")
+    'v.zarr?time=0&memory=1GiB'
     """
     if memory is None:
         return address
     from volspec.volume.files.query import bytes_of
 
     bytes_of(memory, address)
-    return f"{address}{'&' if '?' in address else '?'}memory={memory}"
+    path, _, query = address.partition("?")
+    options = [each for each in query.split("&") if each and not each.startswith("memory=")]
+    return f"{path}?{'&'.join([*options, f'memory={memory}'])}"
 
 
 def with_quality(scene: Scene, quality: str | None) -> Scene:

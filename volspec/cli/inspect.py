@@ -88,8 +88,17 @@ def convert(volume: str, /, *, output: Annotated[Path, Parameter(name=["--output
     """
     from volspec._files import require_suffix
     from volspec.volume.convert import convert as write
+    from volspec.volume.files.omezarr import ZIP_SUFFIXES
     from volspec.volume.load import open_level
 
+    if output.name.lower().endswith(ZIP_SUFFIXES):
+        folder = output.with_name(f"{output.name.partition('.')[0]}.zarr")
+        inside, packed = shlex.quote(str(folder)), shlex.quote(f"../{output.name}")
+        raise InputError(
+            f"{output}: a folder is written, which can then be packed",
+            f"give -o {folder}, then: (cd {inside} && zip -0 -r {packed} .)",
+            code="unsupported",
+        )
     require_suffix(output, "OME-Zarrs", ".zarr", error=InputError)
     with bar() as tell:
         level, name, labels = open_level(volume)

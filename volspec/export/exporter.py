@@ -21,7 +21,7 @@ from typing import TypeVar
 import numpy as np
 
 from volspec._deprecated import renamed_keyword
-from volspec._files import require_writable, require_writable_folder
+from volspec._files import exclusive_folder, require_writable, require_writable_folder
 from volspec.errors import CastCancelled, InputError, ViewingError, VolspecError
 from volspec.export.annotate import Patch, paint
 from volspec.export.film import SUFFIXES, check_film, write_film
@@ -35,11 +35,11 @@ from volspec.export.frame_files import (
     measured_shot,
 )
 from volspec.export.frames import BlankFrames
-from volspec.export.manifest import ExportFolder, exclusive_folder, fingerprint
+from volspec.export.manifest import ExportFolder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
 from volspec.export.tiles import Canvas, TileCaster
-from volspec.pipeline import Raycaster
+from volspec.pipeline import GAPS, Raycaster
 from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
 from volspec.scene.model import viewing_note
@@ -84,7 +84,8 @@ class Exported:
     casts : int
         Number of casts.
     gaps : str
-        Sentence about chunks of the volume that could not be read; empty without any.
+        Sentence about chunks of the volume that could not be read for the first such frame; empty
+        without any. Such frames are made again by the next export.
     """
 
     output: Path
@@ -186,6 +187,7 @@ def export(
             finally:
                 folder.record_sizes()
             frames = [path / name for name in files[: len(plan.shots)]]
+            gaps = next(iter(folder.gaps().values()), "")
             if is_film:
                 progress("encode", 0.0)
                 colours = scene.relight.viewing.display.colours
@@ -194,6 +196,8 @@ def export(
                 )
                 folder.remove()
             elif has_sheet and "sheet.png" in folder.missing():
+                if incomplete := folder.gaps():
+                    folder.record_gaps(["sheet.png"], next(iter(incomplete.values())))
                 write_overview(path / "sheet.png", scene, plan, frames, table)
                 folder.record_sizes()
         except CastCancelled:
@@ -202,7 +206,6 @@ def export(
         except VolspecError:
             folder.remove_unless_begun()
             raise
-    gaps = "" if volume.pyramid is None else volume.pyramid.describe_gaps()
     return Exported(target, (target.name,) if is_film else files, len(frames), made, casts, gaps)
 
 
@@ -383,6 +386,7 @@ class FrameMaker:
             return caster.whole(shots[0].transfer, shots[0].camera, self._canvas, tell)
 
         for shots, _, image in _in_order(casts, caster_of, whole, meter):
+            self._record_gaps(shots, [image])
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
                 self.files.save(shot, image)
@@ -407,7 +411,9 @@ class FrameMaker:
                     self._relight_strips(images, shots, marks, pool, blanks)
                     meter.add(_FRAMES_A_CAST + len(shots))
                     continue
-                sources = self._sources(next(images))
+                images_of_shot = next(images)
+                self._record_gaps(shots, images_of_shot)
+                sources = self._sources(images_of_shot)
                 meter.add(_FRAMES_A_CAST)
                 for shot in shots:
                     notes, pixels = sources[0].image.notes, pool.row(sources, shot)
@@ -441,6 +447,7 @@ class FrameMaker:
             files: list[Writer] = []
             top = 0
             for strip in images:
+                self._record_gaps(shots, strip)
                 sources = self._sources(strip)
                 if not files:
                     notes = sources[0].image.notes
@@ -450,6 +457,11 @@ class FrameMaker:
                     self._check_blank(shot, pixels, sources, blanks)
                     file.rows(paint(pixels, patches, top))
                 top += len(pixels)
+
+    def _record_gaps(self, shots: Sequence[Shot], images: Sequence[CoefficientImage]) -> None:
+        """Record frames of images for which parts of the volume could not be read."""
+        if found := [image.notes[GAPS] for image in images if GAPS in image.notes]:
+            self.files.folder.record_gaps(map(self.files.name, shots), found[0])
 
     def _check_blank(
         self, shot: Shot, pixels: Array, sources: Sequence[FrameSource], blanks: BlankFrames

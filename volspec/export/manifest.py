@@ -3,8 +3,8 @@
     plan -> [manifest] -> exporter
 
 Frames are written completely or not at all, and only next to the manifest of their own export. So
-an existing frame is done unless its size has changed, and the fingerprint identifies the folder
-of another scene.
+an existing frame is done unless its size has changed, or parts of the volume could not be read for
+it; and the fingerprint identifies the folder of another scene.
 """
 
 from __future__ import annotations
@@ -12,9 +12,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import sys
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from volspec import __version__
-from volspec._files import clear_unfinished, lock_file_handle, write_whole
+from volspec._files import clear_unfinished, write_whole
 from volspec._parse import parse_json
 from volspec.errors import InputError
 from volspec.scene import Scene
@@ -89,7 +88,7 @@ class ExportFolder:
             self._clear_unfinished(self.files)
             for name in self.missing():
                 self._remove(name)
-            self.record_sizes()
+            self.record_sizes(gaps={})
             return
         if old is not None and not (overwrite or own):
             raise InputError(
@@ -111,25 +110,40 @@ class ExportFolder:
         self._clear_unfinished(names)
         for name in names:
             self._remove(name)
-        self._write({})
+        self._write({}, {})
 
-    def record_sizes(self) -> None:
+    def record_sizes(self, gaps: dict[str, str] | None = None) -> None:
         """Record the sizes of existing files, from which `missing` detects damage.
 
-        A full disk is not an error: files without a recorded size count as complete.
+        A full disk is not an error: files without a recorded size count as complete. ``gaps``
+        replace the recorded ones.
         """
         missing = self.missing()
         there = (name for name in self.files if name not in missing)
         with suppress(InputError, OSError):
-            self._write({name: (self.path / name).stat().st_size for name in there})
+            sizes = {name: (self.path / name).stat().st_size for name in there}
+            self._write(sizes, self.gaps() if gaps is None else gaps)
+
+    def record_gaps(self, names: Iterable[str], gaps: str) -> None:
+        """Record that files lack parts of the volume, before they are written."""
+        self._write(self._recorded("sizes"), self.gaps() | dict.fromkeys(names, gaps))
+
+    def gaps(self) -> dict[str, str]:
+        """Return a sentence about what could not be read for each file with gaps."""
+        return self._recorded("gaps")
 
     def missing(self) -> set[str]:
-        """Return the files to write: absent, empty, or not of the recorded size."""
-        sizes = (self._old() or {}).get("sizes")
-        recorded = sizes if isinstance(sizes, dict) else {}
+        """Return the files to write: absent, empty, not of the recorded size, or with gaps."""
+        sizes, gaps = self._recorded("sizes"), self.gaps()
         return {
-            name for name in self.files if not _is_complete(self.path / name, recorded.get(name))
+            name
+            for name in self.files
+            if name in gaps or not _is_complete(self.path / name, sizes.get(name))
         }
+
+    def _recorded(self, key: str) -> dict[str, Any]:
+        found = (self._old() or {}).get(key)
+        return found if isinstance(found, dict) else {}
 
     def remove(self) -> None:
         """Delete the files, and the folder if nothing else is in it."""
@@ -149,12 +163,13 @@ class ExportFolder:
         """Return True if the folder has this export's manifest."""
         return (self._old() or {}).get("fingerprint") == self.fingerprint
 
-    def _write(self, sizes: dict[str, int]) -> None:
+    def _write(self, sizes: dict[str, int], gaps: dict[str, str]) -> None:
         manifest = {
             "volspec": __version__,
             "fingerprint": self.fingerprint,
             "files": list(self.files),
             "sizes": sizes,
+            **({"gaps": gaps} if gaps else {}),
         }
         with write_whole(self.path / NAME) as temporary:
             text = json.dumps(manifest, indent=1, ensure_ascii=False) + "\n"
@@ -196,33 +211,3 @@ def _is_complete(path: Path, recorded: object) -> bool:
     """Return True if a file is not empty and has the recorded size, if any."""
     size = path.stat().st_size if path.is_file() else 0
     return size > 0 and recorded in (None, size)
-
-
-@contextmanager
-def exclusive_folder(path: Path) -> Iterator[None]:
-    """Make a folder and lock it against other exports."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-    except FileExistsError:
-        raise InputError(f"{path}: is a file", "give the name of a folder", code="type") from None
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be created: {error.strerror}; choose another folder", code="unwritable"
-        ) from error
-    place, flags = path.resolve(), os.O_RDONLY
-    if sys.platform == "win32":  # folders cannot be opened there
-        place, flags = place.with_name(f".{place.name}.lock"), os.O_RDWR | os.O_CREAT
-    handle = os.open(place, flags)
-    try:
-        if lock_file_handle(handle) is False:
-            raise InputError(
-                f"{path}: another export is writing there",
-                "wait until it ends, or choose another folder",
-                code="state",
-            )
-        yield
-    finally:
-        os.close(handle)
-        if flags & os.O_CREAT:
-            with suppress(OSError):  # another export has opened it
-                place.unlink()

@@ -340,7 +340,7 @@ def check_scene(path: str | os.PathLike[str]) -> Checked:
         name,
         materials=len(scene.materials),
         lights=len(scene.lights),
-        volume=None if file.volume.file == EMPTY else volume.shape_xyz,
+        volume=None if file.volume.file == EMPTY else volume.finest.shape_xyz,
         basis=scene.basis.name,
         reason=scene.basis_reason,
         room_error=None if scene.room is None else scene.room.specimen.error,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from volspec.errors import VolspecWarning
-from volspec.pipeline import Raycaster, raycast
+from volspec.pipeline import GAPS, Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.behind import Behind
 from volspec.raycast.camera import RayField
@@ -150,6 +150,7 @@ class TileCaster:
         if canvas.samples == 1 and windows == [whole]:
             return self.cast(transfer, camera, canvas.size, progress)
         n, image = canvas.samples, None
+        gaps: dict[str, str] = {}
         coefficients = np.empty((part.height, part.width, canvas.channels), np.float32)
         alpha = np.empty((part.height, part.width), np.float32)
         # A mean of several rays' depths is not on any surface.
@@ -170,6 +171,7 @@ class TileCaster:
                     warnings.filterwarnings("ignore", ".*the picture is empty", VolspecWarning)
                 size = n * window.width, n * window.height
                 image = self.cast(transfer, window_camera, size, part_progress)
+            gaps |= {key: text for key, text in image.notes.items() if key == GAPS}
             y, x = window.y - part.y, window.x - part.x
             there = np.s_[y : y + window.height, x : x + window.width]
             coefficients[there] = _mean(np.asarray(image.coefficients, np.float32), n)
@@ -185,7 +187,7 @@ class TileCaster:
             alpha=alpha,
             depth_mm=depth,
             first_mm=first,
-            notes={**image.notes, "camera": repr(camera)},
+            notes={**image.notes, **gaps, "camera": repr(camera)},
         )
 
     def _warn_empty(self) -> None:

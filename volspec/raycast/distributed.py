@@ -15,6 +15,7 @@ References
 from __future__ import annotations
 
 import logging
+import signal
 import weakref
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -39,7 +40,7 @@ from volspec.volume import Volume
 from volspec.volume.pyramid import Chunk, Level, Pyramid
 
 if TYPE_CHECKING:
-    from distributed import Client, Future
+    from distributed import Client, Future, WorkerPlugin
 
     from volspec.raycast.gpu import Raycaster
 
@@ -156,7 +157,7 @@ class Source:
         # The coarsest level is not cast by tasks.
         nothing = np.zeros((2, 2, 2), pyramid.dtype)
         last = Level(nothing, (0, 1, 2), (0, 0, 0), coarsest.world_from_index, (2, 2, 2))
-        slim = replace(pyramid, levels=(*levels, last))
+        slim = replace(pyramid, levels=(*levels, last), sample=None)
         return cls(uuid4().hex, volspec.__version__, number, slim)
 
 
@@ -197,6 +198,9 @@ def cast_parts(
 ) -> PartialPicture:
     """Cast a run of parts in a worker; ``sigma`` is the extinction of the light volume."""
     caster = _caster(job.source)
+    pyramid = caster.volume.pyramid
+    assert pyramid is not None
+    pyramid.retry()
     with caster.base.locked():
         if sigma is not None:
             caster.lights.set_extinction(sigma, job.table, job.spec)
@@ -205,8 +209,7 @@ def cast_parts(
         for loaded in caster.stream(job.table, job.spec, parts, picture.sees):
             if loaded is not None:
                 picture.add(loaded, None)
-    assert caster.volume.pyramid is not None
-    return PartialPicture.of(picture, parts, dict(caster.volume.pyramid.gaps))
+    return PartialPicture.of(picture, parts, dict(pyramid.gaps))
 
 
 def extinction_of(job: Job, parts: Sequence[Part]) -> NDArray[np.float32]:
@@ -331,10 +334,11 @@ class ClusterCaster(LevelCaster):
             error = failed.exception()
             if isinstance(error, RaycastError):
                 raise error
+            remedy = "see the log of the workers"
+            if self._client.cluster is not None:  # on this machine, without logs
+                remedy = "give fewer workers or less --memory, or leave out --device"
             raise RaycastError(
-                f"raycast: a worker failed ({one_line(error)[:160]})",
-                "see the log of the workers",
-                code="state",
+                f"raycast: a worker failed ({one_line(error)[:400]})", remedy, code="state"
             ) from error
         if progress is not None:
             progress(1.0)
@@ -442,4 +446,17 @@ class Cluster:
                 silence_logs=logging.CRITICAL,
             )
         self._end = weakref.finalize(self, cluster.close)
-        return Client(cluster)
+        client = Client(cluster)
+        client.register_plugin(_quiet_worker())
+        return client
+
+
+def _quiet_worker() -> WorkerPlugin:
+    """Return a plugin by which Ctrl-C ends workers of this machine by their cluster, not itself."""
+    from distributed import WorkerPlugin
+
+    class QuietWorker(WorkerPlugin):
+        def setup(self, worker: object) -> None:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    return QuietWorker()

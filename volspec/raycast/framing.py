@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,9 @@ from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Table, Transfers
 from volspec.transfer.missing import bake_for_volume
 from volspec.volume import Volume
+from volspec.volume.sample import step_along
 
 Array = NDArray[np.float64]
-# The most voxels sampled along each axis; the error is below one percent of the picture.
-_MOST = 64
 # Opacities below this fraction of the greatest count as haze.
 _HAZE = 0.02
 # Fraction of the picture's sides that a fitted view fills.
@@ -117,9 +116,12 @@ def _around(
     shading: RaycastSpec,
     lattice: MaskLattice | None = None,
 ) -> Array:
-    """Return the points of a field with a table, or with one by row of its mask."""
-    k, j, i = steps = tuple(-(-size // _MOST) for size in volume.values.shape)
-    values = np.ascontiguousarray(volume.values[::k, ::j, ::i])
+    """Return the points of a field with a table, or with one by row of its mask.
+
+    Some voxels along each axis are enough: the error is below one percent of the picture.
+    """
+    volume, values = _sampled(volume)
+    k, j, i = steps = tuple(step_along(size) for size in volume.values.shape)
     visible = _visible_voxels(values, tables[0])
     if lattice is not None:
         nearest = lattice.nearest_to_voxels((k, j, i))
@@ -142,6 +144,14 @@ def _around(
     for plane in shading.clip_planes:
         points = points[(points - plane.point_mm) @ np.asarray(plane.normal) >= 0]
     return points
+
+
+def _sampled(volume: Volume) -> tuple[Volume, NDArray[Any]]:
+    """Return the lattice of a volume's finest level that is known, and every n-th voxel of it."""
+    if volume.pyramid is not None and volume.pyramid.sample is not None:
+        return volume.at_level(0), volume.pyramid.sample.voxels
+    k, j, i = map(step_along, volume.values.shape)
+    return volume, np.ascontiguousarray(volume.values[::k, ::j, ::i])
 
 
 def _visible_voxels(values: NDArray[np.generic], table: Table) -> NDArray[np.bool_]:

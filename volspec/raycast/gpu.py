@@ -270,6 +270,15 @@ class Raycaster:
             packet = like.packet
         self._cluster: Cluster | None = like._cluster if like else None
         if device is not None and is_cluster(device):
+            if volume.pyramid is None:
+                raise RaycastError(
+                    f"device {device}: a cluster casts what is larger than memory, which holds "
+                    f"{volume.name}",
+                    "leave it out, or give less memory than the voxels take, such as "
+                    f"--memory {max(volume.values.nbytes // 2**21, 1)}MiB",
+                    code="conflict",
+                    given=device,
+                )
             self._cluster, device = Cluster(device), None
         self._compute: Compute = like._compute if like else Compute.open(device, context)
         self.packet: Packet = packet or choose_packet(self._compute.index)

@@ -412,6 +412,10 @@ class LightVolume:
             return np.zeros(grid.shape_xyz[::-1], np.float32)
         return self._nodes(sigma, grid)
 
+    def forget(self) -> None:
+        """Forget the voxels' extinction, which the next cast then finds again."""
+        self._extinction, self._keys = (None,), []
+
     def set_extinction(self, nodes: NDArray[np.float32], table: Table, spec: RaycastSpec) -> None:
         """Set the extinction (nz, ny, nx) for a table and settings, as made by `extinction`."""
         grid = LightGrid.for_spec(self.volume, spec)

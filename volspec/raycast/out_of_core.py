@@ -9,6 +9,7 @@ next is read. Parts in which nothing can be seen, or behind opaque ones, are not
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -27,14 +28,23 @@ from volspec.raycast.checks import checked_size
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.raycast.light_volume import Arrives, Clear, LightVolume, VoxelBox
 from volspec.raycast.packets import TILES
-from volspec.raycast.parts import Part, Rect, natural_level, plan, reach, read_by, sides_for
+from volspec.raycast.parts import (
+    Part,
+    Rect,
+    covered,
+    natural_level,
+    plan,
+    reach,
+    read_by,
+    sides_for,
+)
 from volspec.raycast.programs import GROUPS, cast_kernel
 from volspec.raycast.row_batches import Cancel, Progress, Receiver, Result, RowBatches
 from volspec.raycast.sampling import clip_rays, world_rays
 from volspec.raycast.spec import RaycastSpec
 from volspec.transfer import FieldTables, SurfaceTable, Table, Tables, Transfers, TransferTable
 from volspec.volume import Volume
-from volspec.volume.pyramid import Box, Chunk, Level, common
+from volspec.volume.pyramid import COARSE_BYTES, Box, Chunk, Level, common, size_text
 
 if TYPE_CHECKING:
     from volspec.raycast.gpu import Raycaster
@@ -78,6 +88,7 @@ class LevelCaster:
         self.volume: Volume = base.volume.at_level(number)
         self.lights = LightVolume(base.compute, self.volume, None, boxes=self._voxel_boxes)
         self._blocks: tuple[Table, NDArray[np.bool_] | None] | None = None
+        self._has_lit_gaps = False
 
     @property
     def device(self) -> str:
@@ -128,6 +139,9 @@ class LevelCaster:
         size = checked_size(size)
         spec = spec.for_lattice(self.volume)
         check_reach(self.volume, camera, spec)
+        if self._has_lit_gaps:
+            self.lights.forget()
+            self._has_lit_gaps = False
         parts = self.plan(own, camera, size, spec)
         given = own, camera, size, spec, parts, progress, cancel, span_mm, clear
         result = self._cast_parts(*given)
@@ -282,23 +296,42 @@ class LevelCaster:
     def _reserve(self, parts: Sequence[Part]) -> None:
         """Give the cache what parts in use leave of the budget."""
         pyramid, level = self._pyramid, self._level
-        itemsize = pyramid.dtype.itemsize
-        ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
-        fixed = self.base.volume.values.nbytes + ranges
-        # Two parts, with the ranges of their bricks (a tenth), and chunks that are being read.
-        largest = max((part.voxels for part in parts), default=0) * itemsize
-        in_use = int(2.1 * largest) + max(2 * level.chunk_bytes, pyramid.memory_bytes // 16)
-        left = pyramid.memory_bytes - fixed - in_use
+        largest = max((part.voxels for part in parts), default=0) * pyramid.dtype.itemsize
+        left = pyramid.memory_bytes - self._needed(largest, pyramid.memory_bytes)
         if left < 0:
-            least = _size(fixed + in_use)
+            least = math.ceil(self._least_bytes(parts[0].margin) / 2**20 * 10) / 10
             raise VolumeError(
-                f"{pyramid.name}: {_size(pyramid.memory_bytes)} of memory are too few for its "
-                f"parts of {_size(largest)} and chunks of {_size(level.chunk_bytes)}",
-                f"give at least {least}, or a coarser level",
+                f"{size_text(pyramid.memory_bytes)} are too few for parts of {size_text(largest)} "
+                f"and chunks of {size_text(level.chunk_bytes)}",
+                f"give at least {least:g}MiB (--memory, or ?memory= after the name), or a coarser "
+                "level",
                 code="size",
+                field="memory",
                 given=pyramid.memory_bytes,
             )
         pyramid.cache.resize(left)
+
+    def _needed(self, largest: int, budget: int) -> int:
+        """Return the bytes beside the cache, with parts of up to ``largest`` bytes."""
+        pyramid = self._pyramid
+        ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
+        fixed = self.base.volume.values.nbytes + ranges
+        # Two parts, with the ranges of their bricks (a tenth), and chunks that are being read.
+        return fixed + int(2.1 * largest) + max(2 * self._level.chunk_bytes, budget // 16)
+
+    def _least_bytes(self, margin: int) -> int:
+        """Return the least budget with which any picture of the level can be cast."""
+        level, itemsize, budget = self._level, self._pyramid.dtype.itemsize, 0
+        while True:
+            # Parts and the level in memory grow with the budget.
+            sides = sides_for(level, itemsize, budget)
+            pairs = zip(sides, level.shape, strict=True)
+            largest = math.prod(min(side + 1 + 2 * margin, n) for side, n in pairs) * itemsize
+            coarse = min(COARSE_BYTES, budget // 8) - self.base.volume.values.nbytes
+            needed = self._needed(largest, budget) + max(coarse, 0)
+            if needed <= budget:
+                return budget
+            budget = needed
 
     def arrivals(
         self, table: Tables, spec: RaycastSpec, camera: Camera, clear: Clear
@@ -317,6 +350,7 @@ class LevelCaster:
         for loaded in self.stream(table, RaycastSpec(), parts):
             if loaded is not None:
                 part = loaded.part
+                self._has_lit_gaps |= bool(loaded.gaps)
                 ends = zip(part.high, self._level.shape, strict=True)
                 # Voxels of a part are those of its cells; the last plane is the last part's.
                 z, y, x = (n if high == n - 1 else high for high, n in ends)
@@ -539,7 +573,14 @@ class PartPicture:
 
     def _mark(self, gap: Box, rect: Rect) -> None:
         """Hatch what is visible of a box whose voxels cannot be read."""
-        frame, (x0, y0, x1, y1) = self.caster.volume, rect
+        frame = self.caster.volume
+        first, last = zip(*gap, strict=True)
+        own = covered(frame, self.camera, self.size, first, last)
+        if own is None:
+            return
+        (x0, y0), (x1, y1) = np.maximum(rect[:2], own[:2]), np.minimum(rect[2:], own[2:])
+        if not (self.through[y0:y1, x0:x1] > self.spec.least_transmittance).any():
+            return
         y, x = np.mgrid[y0:y1, x0:x1]
         at = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float64)
         origin, direction = world_rays(self.camera, *self.size, at)
@@ -557,8 +598,8 @@ class PartPicture:
         self.through[view] -= adds
         depth = (near / min(frame.spacing_mm)).reshape(y.shape)
         self.depth[view] += np.where(met, adds * depth, 0.0)
-        first = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
-        np.minimum(self.first[view], first, out=self.first[view])
+        hit = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
+        np.minimum(self.first[view], hit, out=self.first[view])
 
     def _place(self, struct: NDArray[np.void], loaded: LoadedPart) -> None:
         """Set the members of a `CAST` that describe a part and its rectangle of the picture."""
@@ -609,7 +650,3 @@ def finished(
         most = float(np.finfo(np.float16).max)
         channels = np.clip(coefficients, -most, most).astype(np.float16)
     return Result(channels, alpha, depth_mm, first * np.float32(unit_mm))
-
-
-def _size(nbytes: int) -> str:
-    return f"{nbytes / 2**30:.2g} GiB" if nbytes >= 2**30 else f"{nbytes / 2**20:.3g} MiB"

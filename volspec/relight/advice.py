@@ -44,7 +44,7 @@ def mode_advice(basis: Basis, light: Spectrum, mode: Mode) -> str | None:
     return _advice(basis, power.tobytes(), light.name or "the light", mode)
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=64)
 def _advice(basis: SpectralBasis, power: bytes, name: str, mode: Mode) -> str | None:
     light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
 

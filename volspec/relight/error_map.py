@@ -3,8 +3,8 @@
     coefficient image + light -> [error map] -> numbers, heat map
 
 Compares the picture from m channels with one from full bands or from the exact light matrix. The
-eye is adapted to the light, so 1 is just noticeable. Full bands need no other cast: fewer materials
-than channels can be told from a pixel's channels, and mixtures of materials have mixed spectra.
+eye is adapted to the light, so 1 is just noticeable. Full bands need no other cast: a pixel's
+channels determine its mixture of fewer materials than channels, and mixtures have mixed spectra.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AGAINST: tuple[Against, ...] = get_args(Against)
 """References of an error map: full bands, or the exact light matrix."""
 _NAMES = {"bands": "full bands", "exact": "the exact light matrix"}
 _LOOKED_AT = 10_000  # pixels that are compared with mixtures of the samples
-_UNEXPLAINED = 0.01  # largest channel of a pixel that rounding leaves beside a mixture
+_UNEXPLAINED = 0.01  # largest channel of a pixel that rounding leaves next to a mixture
 _COVERED = 0.05  # opacity from which a pixel counts in the statistics
 _ROWS = 64  # rows at a time: CIEDE2000 needs about forty temporaries
 _BAR, _MARGIN, _TEXT = 18, 14, 62  # width of the scale's parts right of the map, pixels
@@ -52,7 +52,7 @@ class ErrorMap:
     """(H, W), the picture's opacity."""
     light: str = ""
     """The light's name."""
-    compared: str = "componentwise against the exact light matrix"
+    compared: str = f"{DEFAULT_MODE} against the exact light matrix"
     """Names of the two pictures, for the caption."""
     difference: Difference = "CIEDE2000"
     """Measure of the values."""

@@ -118,6 +118,8 @@ class SceneFile:
     """Further fields in the volume's space."""
 
     def __post_init__(self) -> None:
+        # Its settings mean what they do in the newest version, whatever file they were read from.
+        object.__setattr__(self, "version", newest())
         for kind, names in (
             ("material", [row.name for row in self.material]),
             ("group", [row.name for row in self.group]),

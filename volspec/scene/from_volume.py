@@ -44,11 +44,11 @@ LIGHTS = {
     "FL2": ("FL2", "cool fluorescent"),
     "HP1": ("HP1", "sodium lamp"),
     "LEDs yellow": (
-        "led:430*0.0112+led:510*0.0841+led:570*0.905",
+        "led:430*0.0109+led:510*0.0829+led:570*0.906",
         "white of violet, green and yellow LEDs",
     ),
     "LEDs red": (
-        "led:470*0.068+led:510*0.645+led:670*0.287",
+        "led:470*0.0674+led:510*0.645+led:670*0.288",
         "white of blue, green and deep red LEDs",
     ),
 }

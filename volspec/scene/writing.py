@@ -21,7 +21,7 @@ from volspec._parse import parse_toml
 from volspec._toml import bind_comments, set_key, toml_item
 from volspec.appearance.profile import is_profile
 from volspec.errors import SceneError, SpectrumError
-from volspec.scene.file import SceneFile, migrate, newest, scene_file, scene_text
+from volspec.scene.file import SceneFile, migrate, scene_file, scene_text
 from volspec.scene.lights import LightSpec
 from volspec.scene.specs import EMPTY, MaterialSpec, SpectrumNumbers
 from volspec.settings import classes_in, hints, item_hint, plain
@@ -81,7 +81,6 @@ def write_scene(file: SceneFile, path: str | os.PathLike[str], like: Scene | Non
     1.5
     """
     target = require_suffix(path, "scenes", ".toml", error=SceneError)
-    file = replace(file, version=newest())
     text, ends = None, "\n"
     if like is not None:
         file = rebased(_with_numbers(file, like.known), like.folder, target)

@@ -56,8 +56,8 @@ class Fluorescence:
     >>> from volspec.spectra import DEFAULT_GRID, Spectrum
     >>> nm = DEFAULT_GRID.wavelengths_nm
     >>> blue, green = (Spectrum(nm, abs(nm - peak) < 12) for peak in (480, 520))
-    >>> Fluorescence.of(blue, green, quantum_yield=0.5).matrix[12, 8].round(3)
-    np.float64(0.154)
+    >>> Fluorescence.of(blue, green, quantum_yield=0.5).matrix[28, 20].round(3)
+    np.float64(0.092)
     """
 
     grid: SpectralGrid

@@ -23,6 +23,7 @@ from volspec.spectra import SpectralGrid, reflectance
 from volspec.spectra.datasets import Observer
 from volspec.transfer import Isosurfaces, Transfer, TransferFunction
 from volspec.volume import Volume
+from volspec.volume.sample import BINS, counted_step, histogram_of_values
 
 Points = Annotated[tuple[Pair, ...], Field(strict=False)]
 
@@ -79,29 +80,22 @@ _TOP = 0.998
 # The least distance between two landmarks, as a fraction of the range.
 _APART = 1 / 24
 _NAME = "preset "
-_BINS = 256
 
 
 def histogram(volume: Volume) -> NDArray[np.float64]:
-    """Count voxels in (256,) bins of value; large volumes are subsampled along each axis."""
-    every = max(1, round((volume.values.size / 2**24) ** (1 / 3)))
-    sampled = volume.values[::every, ::every, ::every]
-    low, high = volume.range
-    weights = None
-    if sampled.dtype.kind in "iu" and sampled.itemsize <= 2:  # counted by value, then by bin
-        codes = np.iinfo(sampled.dtype)
-        planes = (plane.ravel().astype(np.intp) - codes.min for plane in sampled)
-        weights = sum(np.bincount(plane, minlength=codes.max - codes.min + 1) for plane in planes)
-        sampled = np.arange(codes.min, codes.max + 1)
-    # Shifted to 0: far from 0, float32 is too coarse to separate the bins' edges.
-    above = np.subtract(sampled, low, dtype=np.float64)
-    counts, _ = np.histogram(above, bins=_BINS, range=(0.0, high - low), weights=weights)
-    return counts.astype(np.float64)
+    """Count voxels in (256,) bins of value; large volumes are subsampled along each axis.
+
+    Of a volume larger than memory, those of its finest level, if they are known.
+    """
+    if volume.pyramid is not None and volume.pyramid.sample is not None:
+        return volume.pyramid.sample.histogram
+    every = counted_step(volume.values.size)
+    return histogram_of_values(volume.values[::every, ::every, ::every], volume.range)
 
 
 def histogram_of(steps: Iterable[Volume]) -> NDArray[np.float64]:
     """Count voxels as `histogram`, of all time steps of a series, which have one range."""
-    total = np.zeros(_BINS)
+    total = np.zeros(BINS)
     for volume in steps:
         total += histogram(volume)
     return total

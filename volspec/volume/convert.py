@@ -3,8 +3,9 @@
     file -> Level -> [convert] -> OME-Zarr 0.5 (folder)
 
 In addition to the levels, the least and greatest value of every block of 16³ cells is stored
-(``volspec/ranges``), by which casts know what not to read. Work is divided into blocks that are
-written one after the other: a conversion that was cut off goes on where it ended.
+(``volspec/ranges``), by which casts know what not to read; and the range, the histogram and a
+sample of all voxels, by which the volume is framed and given its colours. Work is divided into
+blocks that are written one after the other: a conversion that was cut off goes on where it ended.
 
 References
 ----------
@@ -14,8 +15,11 @@ References
 
 from __future__ import annotations
 
+import errno
 import json
 import math
+import os
+import pickle
 import shutil
 import zlib
 from collections.abc import Callable, Iterator
@@ -25,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from volspec._files import require_writable_folder
+from volspec._files import exclusive_folder, require_writable_folder
 from volspec.errors import DeviceError, InputError, VolumeError, one_line
 from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
@@ -41,13 +45,16 @@ from volspec.volume.pyramid import (
     ranges_of,
     with_next,
 )
+from volspec.volume.sample import Sample, Sampler
 
 CHUNK = 64
 """Voxels along the edge of a file, whose blocks can be read by themselves."""
 # Levels are halved until none is longer.
 _SHORTEST = 128
 _STATE = "unfinished.json"
-_VERSION = 2
+# Folder, in the new one, of the output that it replaces.
+_REPLACED = "replaced"
+_VERSION = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,10 +108,7 @@ def convert(
         raise DeviceError(
             f'{output}: an OME-Zarr needs zarr; pip install "volspec[zarr]"', code="unsupported"
         ) from error
-    if output.exists() and not (output / "zarr.json").exists() and any(output.iterdir()):
-        raise InputError(
-            f"{output}: is a folder with other files in it; give another name", code="conflict"
-        )
+    _require_replaceable(output)
     require_writable_folder(output.parent)
     shapes = level_shapes(source.shape)
     dtype = cast_dtype(source.dtype)
@@ -113,34 +117,86 @@ def convert(
     key = {"version": _VERSION, "shape": source.shape, "dtype": dtype.name, "name": name}
     key |= {"world": source.world_from_index.tolist(), "source": _fingerprint(source)}
     key |= {"labels": labels is not None}
-    done = _done(partial, key)
-    try:
-        if not done:
-            shutil.rmtree(partial, ignore_errors=True)
-        root = zarr.open_group(str(partial), mode="a", zarr_format=3)
-        arrays = _arrays(root, shapes, dtype, create=not done)
-        total, written = sum(block.voxels for block in blocks), 0
-        for number, block in enumerate(blocks):
-            if number >= done:
-                _write(block, source, arrays, labels)
-                state = json.dumps({**key, "done": number + 1}, default=list)
-                _replace_text(partial / _STATE, state)
-            written += block.voxels
-            if progress is not None:
-                progress(written / total)
-        root.attrs.update(_attributes(source, shapes, arrays, name, labels))
-        (partial / _STATE).unlink()
-        replaced = output.with_name(f"{output.name}.replaced")
-        if output.exists():
-            output.replace(replaced)
-        partial.replace(output)
-        shutil.rmtree(replaced, ignore_errors=True)
-    except OSError as error:
+    _require_own(partial)
+    with exclusive_folder(partial, "another conversion"):
+        try:
+            if _done(output, key) == len(blocks):  # it was killed while it cleaned up
+                _clean(output)
+                partial.rmdir()
+                return
+            done = _done(partial, key)
+            if not done:
+                _begin(partial, output, key)
+            root = zarr.open_group(str(partial), mode="a", zarr_format=3)
+            arrays = _arrays(root, shapes, dtype, create=not done)
+            total, written = sum(block.voxels for block in blocks), 0
+            sampler = Sampler(source.shape, dtype)
+            for number, block in enumerate(blocks):
+                if number >= done:
+                    _write(block, source, arrays, labels, sampler)
+                    _save_state(partial, key, number + 1)
+                elif block.level == 0:
+                    _sample_again(block, arrays[0][0], sampler)
+                written += block.voxels
+                if progress is not None:
+                    progress(written / total)
+            sample = sampler.sample()
+            if sample is not None:
+                root.create_array("volspec/sample", data=sample.voxels, overwrite=True)
+            root.attrs.update(_attributes(source, shapes, sample, name, labels))
+            if output.exists():
+                output.replace(partial / _REPLACED)
+            partial.replace(output)
+            _clean(output)
+        except OSError as error:
+            first = _REMEDIES.get(error.errno or 0, "check the folder and the disk")
+            raise InputError(
+                f"{output}: cannot be written: {error.strerror or one_line(error)}",
+                f"{first} and repeat the command, which goes on where it ended",
+                code="unwritable",
+            ) from error
+
+
+_REMEDIES = dict.fromkeys((errno.ENOSPC, errno.EDQUOT, errno.EFBIG), "make room on the disk")
+
+
+def _require_replaceable(output: Path) -> None:
+    """Refuse an output that is not a Zarr, and holds something."""
+    wrong = "a file" if output.is_file() else ""
+    if output.is_dir() and not (output / "zarr.json").exists() and any(output.iterdir()):
+        wrong = "a folder with other files in it"
+    if wrong:
+        raise InputError(f"{output}: is {wrong}", "give another name", code="conflict")
+
+
+def _require_own(partial: Path) -> None:
+    """Refuse a folder for what is unfinished that no conversion has made."""
+    if os.path.isdir(partial) and ((partial / _STATE).exists() or not any(partial.iterdir())):
+        return
+    if os.path.lexists(partial):
         raise InputError(
-            f"{output}: cannot be written: {error.strerror or one_line(error)}; make room on the "
-            "disk and repeat the command, which goes on where it ended",
-            code="unwritable",
-        ) from error
+            f"{partial}: is not from a conversion, which needs that name for what is unfinished",
+            "move it away, or give another output",
+            code="conflict",
+        )
+
+
+def _begin(partial: Path, output: Path, key: dict[str, Any]) -> None:
+    """Empty the folder of a conversion, which is this one's from now on."""
+    if (partial / _REPLACED).exists() and not output.exists():
+        (partial / _REPLACED).replace(output)
+    _save_state(partial, key, 0)
+    for each in partial.iterdir():
+        if each.is_dir() and not each.is_symlink():
+            shutil.rmtree(each)
+        elif each.name != _STATE:
+            each.unlink()
+
+
+def _clean(output: Path) -> None:
+    """Delete what a conversion needed only itself."""
+    shutil.rmtree(output / _REPLACED, ignore_errors=True)
+    (output / _STATE).unlink(missing_ok=True)
 
 
 def level_shapes(shape: Index) -> list[Index]:
@@ -164,42 +220,52 @@ def _blocks(shapes: list[Index], least_rows: int) -> Iterator[Block]:
 
 
 def _fingerprint(source: Level) -> list[Any]:
-    """Return what changes if a source's voxels do."""
+    """Return what changes if a source's voxels do: what is read of which files, of which state."""
     if isinstance(source.array, np.ndarray):
         return [zlib.crc32(np.ascontiguousarray(source.array))]
-    path = source.place
-    if path is None or not path.exists():
+    # Arrays that read files are their paths and options, as processes of a cluster get them.
+    read = zlib.crc32(pickle.dumps((source.array, source.axes, source.at)))
+    return [read, zlib.crc32(repr(_files_of(source.place)).encode())]
+
+
+def _files_of(place: Path | None) -> list[tuple[str, int, int]]:
+    """Return name, size and date of a source's file, or of all files in its folder."""
+    if place is None:
         return []
-    stat = path.stat()
-    return [str(path), stat.st_size, stat.st_mtime_ns]
+    paths = [place]
+    for folder, _, names in os.walk(place):
+        paths += [Path(folder, name) for name in names]
+    stats = [(str(path), path.stat()) for path in sorted(paths) if path.exists()]
+    return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
 
 
-def _done(partial: Path, key: dict[str, Any]) -> int:
+def _done(folder: Path, key: dict[str, Any]) -> int:
     """Return the number of blocks that a conversion of the same source has written."""
     try:
-        found = json.loads((partial / _STATE).read_text())
+        found = json.loads((folder / _STATE).read_text())
         done = found.pop("done")
     except (OSError, ValueError, KeyError, AttributeError):
         return 0
     return int(done) if found == json.loads(json.dumps(key, default=list)) else 0
 
 
-def _replace_text(path: Path, text: str) -> None:
-    temporary = path.with_suffix(".part")
-    temporary.write_text(text)
-    temporary.replace(path)
+def _save_state(folder: Path, key: dict[str, Any], done: int) -> None:
+    """Write how many blocks a conversion has written, to go on from there."""
+    temporary = (folder / _STATE).with_suffix(".part")
+    temporary.write_text(json.dumps({**key, "done": done}, default=list))
+    temporary.replace(folder / _STATE)
 
 
 def _arrays(
     root: Any, shapes: list[Index], dtype: np.dtype[Any], create: bool
 ) -> list[tuple[Any, Any]]:
     """Return each level's array and that of its blocks' ranges."""
-    from zarr.codecs import BloscCodec
+    from zarr.codecs import BloscCodec, Crc32cCodec
 
-    codec = BloscCodec(
-        cname="zstd", clevel=1, shuffle="shuffle" if dtype.itemsize > 1 else "noshuffle"
-    )
-    options = {"dtype": dtype, "compressors": codec, "config": {"write_empty_chunks": True}}
+    shuffle = "shuffle" if dtype.itemsize > 1 else "noshuffle"
+    # With a checksum for each chunk: most damage to compressed bytes decompresses to others.
+    codecs = BloscCodec(cname="zstd", clevel=1, shuffle=shuffle), Crc32cCodec()
+    options = {"dtype": dtype, "compressors": codecs, "config": {"write_empty_chunks": True}}
     arrays = []
     for number, shape in enumerate(shapes):
         names = str(number), f"volspec/ranges/{number}"
@@ -221,17 +287,24 @@ def _arrays(
 
 
 def _write(
-    block: Block, source: Level, arrays: list[tuple[Any, Any]], labels: Labels | None
+    block: Block,
+    source: Level,
+    arrays: list[tuple[Any, Any]],
+    labels: Labels | None,
+    sampler: Sampler,
 ) -> None:
-    """Write a block and its ranges, from the source or the level before."""
+    """Write a block and its ranges, from the source, whose sample is taken, or the level before."""
     values, ranges = arrays[block.level]
     box = with_next(block.box, values.shape)
     if block.level == 0:
         try:
             own = source.read(box).astype(values.dtype, copy=False)
         except Exception as error:  # whatever the array's library raises
+            z, y, x = (f"{low} to {high}" for low, high in box)
+            where = f"{source.place}: its" if source.place else "its"
             raise VolumeError(
-                f"its voxels {box} cannot be read ({one_line(error)[:120]}); copy the file again",
+                f"{where} voxels z {z}, y {y}, x {x} cannot be read ({one_line(error)[:200]}); "
+                "copy it again",
                 code="damaged",
             ) from error
     else:
@@ -243,15 +316,22 @@ def _write(
         else:
             means = halve(read)
             own = (np.rint(means) if read.dtype.kind in "ui" else means).astype(read.dtype)
-    inner = tuple(slice(high - low) for low, high in block.box)
-    values[tuple(slice(*ends) for ends in block.box)] = own[inner]
+    inner = own[tuple(slice(high - low) for low, high in block.box)]
+    if block.level == 0:
+        sampler.add(inner, block.box)
+    values[tuple(slice(*ends) for ends in block.box)] = inner
     ranges[(slice(None), *Level.blocks_of(block.box))] = ranges_of(own, block.box)
+
+
+def _sample_again(block: Block, values: Any, sampler: Sampler) -> None:
+    """Take the sample of a block that was written before the conversion was cut off."""
+    sampler.add(values[tuple(slice(*ends) for ends in block.box)], block.box)
 
 
 def _attributes(
     source: Level,
     shapes: list[Index],
-    arrays: list[tuple[Any, Any]],
+    sample: Sample | None,
     name: str,
     labels: Labels | None,
 ) -> dict[str, Any]:
@@ -289,6 +369,9 @@ def _attributes(
         "ranges": [f"volspec/ranges/{number}" for number in range(len(shapes))],
         "complete": True,
     }
+    if sample is not None:
+        counts = [int(count) for count in sample.histogram]
+        own |= {"range": [*sample.range], "histogram": counts, "sample": "volspec/sample"}
     if not straight:
         own["world_from_picture"] = (source.world_from_index @ np.diag([*1 / spacing, 1])).tolist()
     return {"ome": ome, "volspec": own}

@@ -5,9 +5,12 @@ load_volume -> levels -> [larger] -> Volume with a pyramid
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from volspec._gpu.memory import host_free_bytes
 from volspec.errors import VolumeError, one_line
@@ -17,11 +20,13 @@ from volspec.volume.files.query import Query, Reading, Stored
 from volspec.volume.model import Volume
 from volspec.volume.pyramid import (
     DEFAULT_BYTES,
+    Chunk,
     Level,
     Pyramid,
     Stack,
     cast_dtype,
     coarse_level,
+    size_text,
     summarise,
 )
 
@@ -66,9 +71,11 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
     levels = [*stack.levels]
     number = coarse_level(levels, memory_bytes)
     dtype = cast_dtype(levels[0].dtype)
+    damaged: dict[Chunk, str] = {}
+    sample = stack.sample
     remarks += stack.remarks
     if number is None:
-        means, factor, finest = summarise(levels[0])
+        means, factor, finest, sample = summarise(levels[0])
         levels = [finest]
         if dtype.kind in "ui":
             means = np.rint(means)
@@ -76,34 +83,76 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         offset = np.diag([factor, factor, factor, 1.0])
         offset[:3, 3] = (factor - 1) / 2
         world = levels[0].world_from_index @ offset
+        remedy = "`volspec convert` makes a copy that opens at once"
+        if stack.sample is not None:  # it is one
+            remedy = "give more memory"
         remarks.append(
-            f"{query.path}: {levels[0].nbytes / 1e9:.3g} GB are more than memory may take, and it "
-            "has no coarser levels; `volspec convert` makes a copy that opens at once"
+            f"{query.path}: {size_text(levels[0].nbytes)} are more than memory may take, and it "
+            f"has no coarser levels; {remedy}"
         )
     else:
-        z, y, x = ((0, n) for n in levels[number].shape)
-        values = levels[number].read((z, y, x)).astype(dtype, copy=False)
+        values, damaged = _read_rest(levels[number], number)
+        values = values.astype(dtype, copy=False)
         world = levels[number].world_from_index
         levels = levels[:number]
     channel = stack.channel or Channel()
     coarse = Volume(values, world_from_index=world, name=name, channel=channel)
-    span = coarse.range
+    span, missing = coarse.range, coarse.missing
     if (ranges := levels[0].ranges) is not None:
         low = ranges[0][np.isfinite(ranges[0])].min(initial=ranges[1].max())
         span = float(low), float(ranges[1].max())
-    own = Level(values, (0, 1, 2), (0, 0, 0), coarse.world_from_index, values.shape)
-    pyramid = Pyramid(
-        name,
-        (*levels, own),
-        dtype,
-        span,
-        None if coarse.missing is None else missing_value(*span),
-        memory_bytes,
-    )
+    if sample is not None:
+        span, finite = sample.range, np.isfinite(sample.voxels)
+        if missing is not None or not finite.all():
+            missing = missing_value(*span)
+        voxels = sample.voxels
+        if missing is not None:
+            voxels = np.where(finite, voxels, missing)
+        sample = replace(sample, voxels=voxels.astype(dtype, copy=False))
+    if coarse.missing is not None:
+        missing = missing_value(*span)
+        values = np.where(coarse.values == coarse.missing, np.float32(missing), coarse.values)
+        coarse = replace(coarse, values=values, missing=missing)
+    own = Level(coarse.values, (0, 1, 2), (0, 0, 0), coarse.world_from_index, values.shape)
+    levels.append(own)
+    given = tuple(levels), dtype, span, missing, memory_bytes, damaged, sample
+    pyramid = Pyramid(name, *given)
+    if damaged:
+        remarks.append(pyramid.describe_gaps())
     volume = replace(coarse, pyramid=pyramid)
     if query.spacing_mm is not None:
         volume = volume.with_spacing(query.spacing_mm)
     return volume
+
+
+def _read_rest(level: Level, number: int) -> tuple[NDArray[Any], dict[Chunk, str]]:
+    """Read a level, and its damaged chunks with what is wrong; these have its least value.
+
+    Raises the first error if no chunk can be read.
+    """
+    z, y, x = ((0, n) for n in level.shape)
+    with suppress(Exception):  # whatever the array's library raises
+        values = level.read((z, y, x))
+        if not level.fault((z, y, x), values):
+            return values, {}
+    values, damaged, first = np.zeros(level.shape, level.dtype), {}, None
+    places = level.chunks_in((z, y, x))
+    boxes = [level.box_of(place) for place in places]
+    for place, box, read in zip(places, boxes, level.read_each(boxes), strict=True):
+        if isinstance(read, Exception):
+            first = first or read
+            damaged[Chunk(number, *place)] = one_line(read)[:200]
+        elif fault := level.fault(box, read):
+            damaged[Chunk(number, *place)] = fault
+        else:
+            values[tuple(slice(*ends) for ends in box)] = read
+    there = np.ones(level.shape, np.bool_)
+    for chunk in damaged:
+        there[tuple(slice(*ends) for ends in level.box_of(chunk[1:]))] = False
+    if not there.any():
+        raise first or VolumeError("none of its chunks is what was written", code="damaged")
+    values[~there] = np.nanmin(values[there])
+    return values, damaged
 
 
 def level_of(volume: Volume) -> Level:

@@ -152,7 +152,12 @@ class Volume:
     @property
     def smallest_mm(self) -> float:
         """Smallest spacing of its own field, in mm; of its finest level, if it has several."""
-        return min((self if self.pyramid is None else self.at_level(0)).spacing_mm)
+        return min(self.finest.spacing_mm)
+
+    @property
+    def finest(self) -> Volume:
+        """The lattice of its finest level, if it has several: its values are not there."""
+        return self if self.pyramid is None else self.at_level(0)
 
     def has_lattice_of(self, other: Volume) -> bool:
         """Return True if the voxels of two fields lie at the same places."""
@@ -172,7 +177,7 @@ class Volume:
     @property
     def corners_mm(self) -> NDArray[np.float64]:
         """(8, 3) world positions of the outermost voxel centres."""
-        finest = self if self.pyramid is None else self.at_level(0)
+        finest = self.finest
         x, y, z = finest.shape_xyz
         index = [(i, j, k, 1.0) for k in (0, z - 1) for j in (0, y - 1) for i in (0, x - 1)]
         return (np.array(index) @ finest.world_from_index.T)[:, :3]

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import itertools
 import math
-import os
 import threading
-from collections.abc import Iterable, Iterator, Sequence
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,6 +24,7 @@ from volspec.errors import one_line
 from volspec.volume.channels import Channel
 from volspec.volume.checks import NATIVE_DTYPES, WIDENED
 from volspec.volume.labels import Labels
+from volspec.volume.sample import Sample, Sampler
 
 Index = tuple[int, int, int]
 Box = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -40,6 +41,10 @@ BOX_VOXELS = 2**22
 _CHUNKS_SHARE = 32
 # Part of a chunk's blocks that are needed from which all are read.
 _MOST = 0.75
+# Seconds after which a store that did not answer is asked again.
+_AGAIN_S = 5.0
+# Most causes of gaps that a message names.
+_MOST_CAUSES = 3
 
 
 class Chunk(NamedTuple):
@@ -70,8 +75,6 @@ class Level:
     ranges : (2, ⌈Z/n⌉, ⌈Y/n⌉, ⌈X/n⌉) array, optional
         Least and greatest value in blocks of n = `BLOCK` cells; a cell has voxels of the next
         block.
-    complete : bool
-        True if a chunk without a file ``c/Z/Y/X`` is damage, False if it holds the fill value.
     by_block : bool
         True if a chunk's blocks can be read by themselves; chunks are then of whole blocks.
     """
@@ -82,7 +85,6 @@ class Level:
     world_from_index: NDArray[np.float64]
     chunk: Index
     ranges: NDArray[Any] | None = None
-    complete: bool = False
     by_block: bool = False
 
     @property
@@ -156,6 +158,16 @@ class Level:
         for found in reading:
             yield found if isinstance(found, Exception) else self._ordered(found)
 
+    def fault(self, box: Box, values: NDArray[Any]) -> str:
+        """Return what is wrong with voxels that were read of a box; empty if nothing is."""
+        if values.shape != tuple(high - low for low, high in box):
+            return f"it has the shape {values.shape}"
+        if self.ranges is not None:
+            lows, highs = (ends[self.blocks_of(box)] for ends in self.ranges)
+            if values.min() < lows.min() or values.max() > highs.max():
+                return "its values are not those that were written"
+        return ""
+
     def _one_by_one(self, indices: Iterable[Any]) -> Iterator[Any]:
         for index in indices:
             try:
@@ -192,12 +204,15 @@ class Stack:
         None if not stated.
     remarks : sequence of str
         Warnings for the caller of `load_volume`.
+    sample : Sample, optional
+        Of the finest level; its voxels as stored.
     """
 
     levels: Sequence[Level]
     channel: Channel | None = None
     labels: Labels | None = None
     remarks: Sequence[str] = ()
+    sample: Sample | None = None
 
 
 @dataclass(slots=True)
@@ -207,7 +222,8 @@ class ReadCounts:
     chunks: int = 0
     voxel_bytes: int = 0
     again_bytes: int = 0  # of these, what had been read before, and was dropped for want of memory
-    lost: str = ""  # why the store does not answer any more; it is not asked again
+    lost: str = ""  # why the store does not answer; it is not asked again for some seconds
+    lost_at: float = 0.0  # when it was asked, as of time.monotonic
     progress: str = ""  # of the cast in progress, in words; empty without one
 
 
@@ -339,6 +355,10 @@ class Pyramid:
         Value of voxels that are NaN or infinite in the file.
     memory_bytes : int
         Most bytes of voxels in memory.
+    damaged : mapping
+        What is wrong with chunks of the last level.
+    sample : Sample, optional
+        Of the finest level; its voxels as cast.
     """
 
     name: str
@@ -347,6 +367,8 @@ class Pyramid:
     range: tuple[float, float]
     missing: float | None = None
     memory_bytes: int = DEFAULT_BYTES
+    damaged: Mapping[Chunk, str] = field(default_factory=dict)
+    sample: Sample | None = None
     counts: ReadCounts = field(init=False, default_factory=ReadCounts)
     cache: ChunkCache = field(init=False)
     gaps: dict[Chunk, str] = field(init=False, default_factory=dict)
@@ -354,6 +376,7 @@ class Pyramid:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "cache", ChunkCache(self.memory_bytes))
+        self.gaps.update(self.damaged)
 
     def __reduce__(self) -> tuple[type[Pyramid], tuple[Any, ...]]:
         """Pickle the levels without what was read of them."""
@@ -369,6 +392,13 @@ class Pyramid:
             offset = np.linalg.inv(first) @ level.world_from_index
             levels.append(replace(level, world_from_index=first @ scale @ offset))
         return replace(self, levels=tuple(levels))
+
+    def retry(self) -> None:
+        """Forget which chunks cannot be read, before another picture: they may be there again."""
+        self.gaps.clear()
+        self.gaps.update(self.damaged)
+        if time.monotonic() - self.counts.lost_at > _AGAIN_S:
+            self.counts.lost = ""
 
     def read(
         self, number: int, box: Box, wanted: NDArray[np.bool_] | None = None, gap: float = 0.0
@@ -453,15 +483,15 @@ class Pyramid:
     ) -> None:
         """Add what was read of a chunk, or note that it is damaged."""
         level, of_chunk = self.levels[chunk.level], self.levels[chunk.level].box_of(chunk[1:])
-        fault, pieces = "" if held.there.any() else self._absent(level, chunk), []
+        fault, pieces = "" if held.there.any() else self._absent(level), []
         for box, values in zip(boxes, read, strict=True):
             if isinstance(values, Exception):
-                fault = fault or one_line(values)[:120] or type(values).__name__
+                fault = fault or one_line(values)[:200]
                 if isinstance(values, ConnectionError):
-                    self.counts.lost = fault
+                    self.counts.lost, self.counts.lost_at = fault, time.monotonic()
                 break
             pieces.append(self._as_cast(values))
-            fault = fault or self._fault(level, box, pieces[-1])
+            fault = fault or level.fault(box, pieces[-1])
         if fault:
             self.gaps[chunk] = fault
             return
@@ -490,39 +520,30 @@ class Pyramid:
         return np.ascontiguousarray(values, self.dtype)
 
     @staticmethod
-    def _absent(level: Level, chunk: Chunk) -> str:
-        """Return what is wrong if a chunk's file is not there; empty if it is or need not be."""
+    def _absent(level: Level) -> str:
+        """Return what is wrong if the array's file or folder is not there; empty if it is."""
         place = level.place
-        if place is None or os.path.exists(f"{place}/c/{chunk.z}/{chunk.y}/{chunk.x}"):
-            return ""
-        if not place.exists():
-            return "its file or folder is gone"
-        return "it is missing" if level.complete else ""
-
-    @staticmethod
-    def _fault(level: Level, box: Box, values: NDArray[Any]) -> str:
-        """Return what is wrong with the voxels of a box in a chunk; empty if nothing is."""
-        if values.shape != tuple(high - low for low, high in box):
-            return f"it has the shape {values.shape}"
-        if level.ranges is not None:
-            lows, highs = (ends[level.blocks_of(box)] for ends in level.ranges)
-            if values.min() < lows.min() or values.max() > highs.max():
-                return "its values are not those that were written"
-        return ""
+        return "its file or folder is gone" if place is not None and not place.exists() else ""
 
     def describe_gaps(self) -> str:
-        """Return a sentence about damaged chunks, which names the first; empty without any."""
+        """Return a sentence about chunks that cannot be read, and why; empty without any."""
         if not self.gaps:
             return ""
-        first, why = next(iter(self.gaps.items()))
-        count = len(self.gaps)
-        many = f"{count} chunks cannot be read, such as " if count > 1 else ""
-        cannot = "" if many else " cannot be read"
-        end = "they are left out" if many else "it is left out"
-        return (
-            f"{self.name}: {many}chunk {'/'.join(map(str, first[1:]))} of level "
-            f"{first.level}{cannot} ({why}); {end} of the picture"
+        first: dict[str, Chunk] = {}
+        for chunk, why in list(self.gaps.items()):
+            first.setdefault(why, chunk)
+        named = ", ".join(
+            f"chunk {'/'.join(map(str, chunk[1:]))} of level {chunk.level} ({why})"
+            for why, chunk in [*first.items()][:_MOST_CAUSES]
         )
+        if (count := len(self.gaps)) > 1:
+            named = f"{count} chunks cannot be read, such as {named}; they are"
+        else:
+            named = f"{named.replace(' (', ' cannot be read (', 1)}; it is"
+        remedy = "copy the store again"
+        if self.counts.lost:
+            remedy = "the store is asked again by the next picture"
+        return f"{self.name}: {named} left out of the picture; {remedy}"
 
 
 def common(one: Box, other: Box) -> Box:
@@ -598,6 +619,17 @@ def cast_dtype(stored: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype(WIDENED.get(f"{stored.kind}{stored.itemsize}", np.float32))
 
 
+def size_text(nbytes: float) -> str:
+    """Return a number of bytes as text.
+
+    >>> size_text(900), size_text(70000), size_text(2**25), size_text(5 * 2**30)
+    ('900 bytes', '68.4 KiB', '32 MiB', '5 GiB')
+    """
+    power = min(max(int(math.log2(max(nbytes, 1))) // 10, 0), 3)
+    unit = ("bytes", "KiB", "MiB", "GiB")[power]
+    return f"{nbytes / 1024**power:.3g} {unit}" if power else f"{nbytes:.0f} {unit}"
+
+
 def coarse_level(levels: Sequence[Level], memory_bytes: int) -> int | None:
     """Return the finest level but level 0 that suits a budget, else the last; None without any.
 
@@ -659,8 +691,8 @@ def ranges_of(values: NDArray[Any], box: Box) -> NDArray[Any]:
     return block_ranges(values)[(slice(None), *counts)]
 
 
-def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level]:
-    """Read a level once; return block means small enough for memory, and it with its ranges.
+def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level, Sample | None]:
+    """Read a level once; return block means small enough for memory, it with ranges, its sample.
 
     The means are of every f³ voxels, f a power of 2, which comes second.
     """
@@ -670,14 +702,16 @@ def summarise(level: Level) -> tuple[NDArray[np.float32], int, Level]:
     shape = level.shape
     coarse = np.zeros([-(-n // factor) for n in shape], np.float32)
     ranges = np.zeros((2, *(-(-n // BLOCK) for n in shape)), cast_dtype(level.dtype))
+    sampler = Sampler(shape, ranges.dtype)
     for box in boxes_in(shape, math.lcm(factor, BLOCK), level.chunk[1]):
         read = level.read(with_next(box, shape)).astype(ranges.dtype, copy=False)
         ranges[(slice(None), *level.blocks_of(box))] = ranges_of(read, box)
         means = read[tuple(slice(high - low) for low, high in box)]
+        sampler.add(means, box)
         for _ in range(factor.bit_length() - 1):
             means = halve(means)
         coarse[tuple(slice(low // factor, -(-high // factor)) for low, high in box)] = means
-    return coarse, factor, replace(level, ranges=ranges)
+    return coarse, factor, replace(level, ranges=ranges), sampler.sample()
 
 
 def halve(values: NDArray[Any]) -> NDArray[np.float32]:

@@ -44,6 +44,8 @@ class VolumeSummary:
     labels: dict[int, str]  # names of a segmentation's labels by number; empty for other volumes
     channels: dict[str, tuple[float, float]]  # ranges by name, if there are several; or empty
     steps: int = 1  # of time; ranges are of all, the rest is of the one that is summarised
+    # Of a volume larger than memory, the size of the level of which mean and histogram are.
+    level: tuple[int, int, int] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Convert to JSON types."""
@@ -77,6 +79,9 @@ class VolumeSummary:
             length = round(_BAR * np.log1p(count) / np.log1p(most))
             table.add_row(f"{low:g} … {high:g}", "█" * length + f" {count:,}")
         table.caption = "histogram bars: logarithmic"
+        if self.level is not None:
+            sides = " × ".join(map(str, self.level))
+            table.caption += f"\nmean and histogram: of {sides} voxels"
         return table
 
     def _label_text(self) -> str:
@@ -128,19 +133,20 @@ def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:
         edges = np.unique(np.linspace(low, high + 1, _BINS + 1).round())
     counts, edges = np.histogram(present, bins=edges)
     ends = edges[1:] - 1 if volume.values.dtype.kind in "ui" else edges[1:]
-    spacing = volume.spacing_mm
-    x, y, z = ((n - 1) * s for n, s in zip(volume.shape_xyz, spacing, strict=True))
-    origin = volume.world_from_index[:3, 3].tolist()
+    finest = volume.finest
+    spacing = finest.spacing_mm
+    x, y, z = ((n - 1) * s for n, s in zip(finest.shape_xyz, spacing, strict=True))
+    origin = finest.world_from_index[:3, 3].tolist()
     return VolumeSummary(
         name=volume.name,
-        shape=volume.shape_xyz,
+        shape=finest.shape_xyz,
         dtype=volume.values.dtype.name,
         spacing_mm=spacing,
         extent_mm=(x, y, z),
         # A sum with 0 has no negative zero.
         origin_mm=(origin[0] + 0.0, origin[1] + 0.0, origin[2] + 0.0),
-        orientation=(volume.world_from_index[:3, :3] / np.asarray(spacing) + 0.0).tolist(),
-        directions=_directions(volume),
+        orientation=(finest.world_from_index[:3, :3] / np.asarray(spacing) + 0.0).tolist(),
+        directions=_directions(finest),
         range=(low, high),
         mean=float(present.mean(dtype=np.float64)),
         missing=volume.values.size - present.size,
@@ -150,4 +156,5 @@ def summarise(volume: Volume, steps: int = 1) -> VolumeSummary:
         labels={number: label.name for number, label in volume.labels.items()},
         channels=_channels(volume),
         steps=steps,
+        level=None if volume.pyramid is None else volume.shape_xyz,
     )

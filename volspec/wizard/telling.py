@@ -109,7 +109,7 @@ def white_from_leds(grid: SpectralGrid) -> tuple[str, ...]:
 
     >>> from volspec.spectra import DEFAULT_GRID
     >>> white_from_leds(DEFAULT_GRID)[0]
-    'led:430*0.00989+led:490*0.0656+led:570*0.925'
+    'led:430*0.00966+led:490*0.0645+led:570*0.926'
     """
     return tuple(_mixtures(grid))
 

@@ -12,6 +12,7 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ from typing import Any
 from volspec._files import write_whole
 from volspec._parse import parse_json, read_text
 from volspec.errors import InputError, SceneError, one_line, quoted
-from volspec.scene.file import SceneFile
+from volspec.scene.file import SceneFile, migrate
 from volspec.scene.meshes import MeshCache
 from volspec.scene.resolve import Resolver
 from volspec.settings import plain, read_table
@@ -185,7 +186,9 @@ def restore_state(session: Session, device: str | None = None, cast: bool = True
     """
     data = session.data
     try:
-        file = read_table(SceneFile, data["file"], SceneError, Path(session.path).parent)
+        tables = deepcopy(data["file"])
+        migrate(tables)
+        file = read_table(SceneFile, tables, SceneError, Path(session.path).parent)
         reader = Reader(data["objects"])
         of_document = reader.field_values(Document, data["document"], but=_REMADE)
         of_state = reader.field_values(ViewState, data["state"], but=_PASSING)

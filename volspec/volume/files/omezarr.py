@@ -28,6 +28,7 @@ from volspec.volume.files.query import Choice, Query, Reading
 from volspec.volume.files.tensors import fast_array
 from volspec.volume.labels import Labels
 from volspec.volume.pyramid import BLOCK, DEFAULT_BYTES
+from volspec.volume.sample import BINS, Sample, step_along
 
 ZIP_SUFFIXES = (".zarr.zip", ".ozx")
 _MARKS = (".zgroup", ".zattrs", ".zarray", "zarr.json")
@@ -75,30 +76,45 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
         key, what = _OPTIONS.get(name, ("", ""))
         at.append(0 if name in _SPACE else query.index(key, count, what))
     places = tuple(names.index(name) for name in _SPACE)
-    attributes = dict(group.attrs)
-    stated, remarks = attributes.get("volspec", {}), list[str]()
+    attributes, stated = dict(group.attrs), _own_metadata(group)
+    remarks = list[str]()
     found: list[pyramid.Level] = []
     for number, level in enumerate(levels):
-        _check_extent(level, levels[0], number, names, query)
+        _check_extent(level, levels, number, axes, names, query)
         world = _world(level, axes, attributes, query, [] if found else remarks)
-        ranges, chunk = _ranges(group, stated, number), level.array.chunks
-        if by_block := ranges is not None and level.array.shards is not None:
-            chunk = level.array.shards
+        array, chunk = level.array, level.array.chunks
+        ranges = _ranges(group, stated, number, array)
+        if ranges is None and "ranges" in stated:
+            lost = (
+                f"{query.path}: the ranges of its blocks (volspec/ranges) cannot be used, so that "
+                "casts read more; convert it again"
+            )
+            remarks += [] if lost in remarks else [lost]
+        # Files of a conversion are small: of a server, they are asked for as a whole.
+        by_block = ranges is not None and array.shards is not None and not query.is_remote
+        if array.shards is not None and (by_block or stated.get("complete")):
+            chunk = array.shards
         found.append(
             pyramid.Level(
-                level.array,
+                array,
                 (places[0], places[1], places[2]),
                 tuple(at),
                 world,
                 tuple(chunk[place] for place in places),
                 ranges,
-                bool(stated.get("complete")),
                 by_block,
             )
         )
     number = at[names.index("c")] if "c" in names else 0
     channel = next(iter(_channels(group)[number:]), None)
-    return pyramid.Stack(found, channel, _labels(group), remarks)
+    sample = _sample(group, stated, found[0])
+    return pyramid.Stack(found, channel, _labels(group), remarks, sample)
+
+
+def _own_metadata(group: Any) -> dict[str, Any]:
+    """Return what `volspec convert` adds to the metadata; empty if another program wrote it."""
+    stated = group.attrs.get("volspec")
+    return stated if isinstance(stated, dict) else {}
 
 
 def _is_in_parts(levels: list[Level], names: list[str], query: Query) -> bool:
@@ -113,27 +129,61 @@ def _most_bytes(query: Query) -> int:
     return DEFAULT_BYTES if query.memory_bytes is None else query.memory_bytes
 
 
-def _ranges(group: Any, stated: dict[str, Any], number: int) -> NDArray[Any] | None:
-    """Return the ranges of a level's blocks that `volspec convert` wrote, None if it did not."""
+def _ranges(group: Any, stated: dict[str, Any], number: int, voxels: Any) -> NDArray[Any] | None:
+    """Return the ranges of a level's blocks that `volspec convert` wrote; None if there are none.
+
+    So it is if they are damaged, or not of these voxels.
+    """
     try:
         paths = stated["ranges"]
         if stated["block"] != BLOCK:
             return None
-        return np.asarray(fast_array(group[paths[number]])[...])
+        found = np.asarray(fast_array(group[paths[number]], complete=True)[...])
     except _DAMAGE:
         return None
+    blocks = tuple(-(-n // BLOCK) for n in voxels.shape)
+    low_high = found.shape == (2, *blocks) and found.dtype == pyramid.cast_dtype(voxels.dtype)
+    return found if low_high and (found[0] <= found[1]).all() else None
 
 
-def _check_extent(level: Level, finest: Level, number: int, names: list[str], query: Query) -> None:
-    """Refuse a level that is not as large in the world as the finest."""
+def _sample(group: Any, stated: dict[str, Any], finest: pyramid.Level) -> Sample | None:
+    """Return what `volspec convert` wrote of all voxels; None if it did not, or it is damaged."""
+    try:
+        low, high = map(float, stated["range"])
+        counts = np.array(stated["histogram"], float)
+        voxels = np.asarray(fast_array(group[stated["sample"]], complete=True)[...])
+    except _DAMAGE:
+        return None
+    sides = tuple(-(-n // step_along(n)) for n in finest.shape)
+    if not (low <= high and counts.shape == (BINS,) and (counts >= 0).all()):
+        return None
+    return Sample((low, high), counts, voxels) if voxels.shape == sides else None
+
+
+def _check_extent(
+    level: Level,
+    levels: list[Level],
+    number: int,
+    axes: list[dict[str, Any]],
+    names: list[str],
+    query: Query,
+) -> None:
+    """Refuse a level that does not cover the same part of the world as the finest."""
+    finest = levels[0]
     for axis, name in enumerate(names):
         if name not in _SPACE:
             continue
-        own, whole = (each.array.shape[axis] * each.scale[axis] for each in (level, finest))
-        if abs(own - whole) > 1.01 * max(level.scale[axis], finest.scale[axis]):
+        ends = []
+        for each in (level, finest):
+            first = each.shift[axis] - each.scale[axis] / 2
+            ends.append((first, first + each.array.shape[axis] * each.scale[axis]))
+        apart = max(abs(a - b) for a, b in zip(*ends, strict=True))
+        if apart > 1.01 * max(level.scale[axis], finest.scale[axis]):
+            (a, b), (c, d) = ends
+            unit = axes[axis].get("unit") or "units"
             raise VolumeError(
-                f"{query.path}: level {number} is {own:g} long along {name}, level 0 {whole:g}; "
-                "its levels are not resolutions of one picture",
+                f"{query.path}: level {number} lies from {a:g} to {b:g} {unit} along {name}, level "
+                f"0 from {c:g} to {d:g}; its levels are not resolutions of one picture",
                 f"correct its metadata, or read one level: {query.example(level=str(number))}",
                 code="conflict",
             )
@@ -157,6 +207,11 @@ def _opened(query: Query) -> tuple[Any, list[dict[str, Any]], list[Level]]:
         _names(axes)
     except VolumeError:
         raise
+    except KeyError as error:
+        raise VolumeError(
+            f"{path}: its OME-Zarr metadata have no {error.args[0]!r}; is it complete?",
+            code="damaged",
+        ) from error
     except Exception as error:  # whatever the library raises
         remedy = "is the address right?" if query.is_remote else "is it complete?"
         raise VolumeError(
@@ -210,16 +265,31 @@ def _multiscale(group: Any, query: Query) -> tuple[list[dict[str, Any]], list[Le
     # Version 0.3 states only the axes' names.
     axes = [axis if isinstance(axis, dict) else {"name": axis} for axis in picture["axes"]]
     whole = picture.get("coordinateTransformations", [])
-    levels = []
+    levels: list[Level] = []
+    complete = bool(_own_metadata(group).get("complete"))
     for each in picture["datasets"]:
         steps = [*each.get("coordinateTransformations", []), *whole]
-        array = fast_array(group[each["path"]])
+        array = fast_array(_array_of(group, each["path"]), complete=complete)
         if len(array.shape) != len(axes):
             raise ValueError(f"{len(axes)} axes of an array of {len(array.shape)}")
         levels.append(Level(array, *_scale_and_shift(steps, len(axes))))
     if not levels:
         raise ValueError("no datasets")
+    sizes = [math.prod(level.array.shape) for level in levels]
+    if "level" not in query.options and sizes != sorted(sizes, reverse=True):
+        raise VolumeError(
+            f"{query.path}: its levels are not in order, from the finest to the coarsest",
+            f"correct its metadata, or read one level: {query.example(level='0')}",
+            code="conflict",
+        )
     return axes, levels
+
+
+def _array_of(group: Any, path: str) -> Any:
+    try:
+        return group[path]
+    except KeyError as error:
+        raise ValueError(f"they name an array {path!r}, which is not there") from error
 
 
 def _scale_and_shift(
@@ -302,10 +372,10 @@ def _world(
         )
     world = affine(np.diag(scale), shift)
     # OME-Zarr has no directions: `volspec convert` writes its own.
-    directions = stated.get("volspec", {}).get("world_from_picture", np.eye(4))
     try:
+        directions = stated["volspec"]["world_from_picture"]
         return np.array(directions, float).reshape(4, 4) @ world
-    except (TypeError, ValueError):
+    except (KeyError, TypeError, ValueError):
         return world
 
 
@@ -355,9 +425,11 @@ def _values(
     try:
         values = np.asarray(level.array[tuple(index)])
     except _DAMAGE as error:
+        half = math.prod(read) * level.array.dtype.itemsize // 2**21
+        some = query.example(memory=f"{max(half, 1)}MiB")
         raise VolumeError(
-            f"{query.path}: a chunk cannot be read ({one_line(error)[:120]}); copy the "
-            "folder again",
+            f"{query.path}: a chunk cannot be read ({one_line(error)[:200]})",
+            f"copy the store again, or leave the chunk out of pictures: {some}",
             code="damaged",
         ) from error
     order = [name for name in names if name in _SPACE]

@@ -46,6 +46,10 @@ class ChoicesListed(Exception):
     """Ends a reader that was asked only for its choices."""
 
 
+def _declare_nothing(nbytes: int) -> None:
+    """Do nothing; a function by name, as a query is pickled."""
+
+
 @dataclass(frozen=True, slots=True)
 class Query:
     """Path of a volume and the options given with it, as text.
@@ -58,7 +62,7 @@ class Query:
     path: Path
     options: dict[str, str] = field(default_factory=dict)
     # Called by `reserve` with the number of bytes that a reader is about to allocate.
-    declare: Callable[[int], None] = field(default=lambda nbytes: None, compare=False)
+    declare: Callable[[int], None] = field(default=_declare_nothing, compare=False)
     # A list makes readers add their choices to it, and end before they read voxels.
     choices: list[Choice] | None = field(default=None, compare=False)
     labels: str | None = None  # ``labels=``, a table for volumes of any format
@@ -246,6 +250,11 @@ def path_of(name: str) -> Path:
     """Return a file's name or a URL as a path. Raises DeviceError if URLs are not supported."""
     if not is_remote(name):
         return Path(name)
+    if name.lower().startswith("ftp:"):
+        raise DeviceError(
+            f"{name}: FTP has no way to read parts of a file; give https://…, s3://… or a file",
+            code="unsupported",
+        )
     try:
         from upath import UPath
 

@@ -7,6 +7,8 @@ zarr itself opens groups and reads their metadata; it takes ten times as long fo
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -16,10 +18,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from volspec.errors import one_line
+
 # Beginnings of its errors if a store does not answer, or only with errors of its own.
 _NO_ANSWER = ("UNAVAILABLE", "ABORTED", "DEADLINE_EXCEEDED")
 # Of stores elsewhere that TensorStore reads, as fsspec names them.
 _PROTOCOLS = ("http", "https", "s3", "gs", "gcs")
+# Its errors: a code, places, the cause, and further facts in brackets.
+_CODE, _FACTS = re.compile(r"^[A-Z_]+: "), re.compile(r" \[\w+='.*", re.DOTALL)
+_PLACE = re.compile(r"(?:Error|Failed) \w+ing\b.*?(?:\"[^\"]*\"|\w+://\S+?): ", re.DOTALL)
+_NUMBER = re.compile(r"\[os_error_code='(\d+)'\]")
+# What is said of causes, by a part of them.
+_SAID = {
+    "Digest mismatch": "its checksum is not that of what was written",
+    "byte range": "the server ignores requests for a part of a file (HTTP ranges)",
+}
 Index = tuple[int | slice, ...] | EllipsisType
 
 
@@ -54,28 +67,55 @@ class Tensor:
         return type(self), (self._spec, self.root)
 
     def __getitem__(self, index: Index) -> NDArray[Any]:
-        return self._array[index].read().result()
+        [found] = self.read_each([index])
+        if isinstance(found, Exception):
+            raise found
+        return found
 
     def __setitem__(self, index: Index, values: NDArray[Any]) -> None:
-        self._array[index].write(values).result()
+        error = self._array[index].write(values).exception()
+        if error is not None:
+            raise _plain_error(error)
 
     def read_each(self, indices: Sequence[Index]) -> Iterator[NDArray[Any] | Exception]:
         """Yield slices that are read side by side, or the error of one that cannot be read.
 
         It is a ConnectionError if the store does not answer, after some attempts.
         """
-        for each in [self._array[index].read() for index in indices]:
+        import tensorstore
+
+        # In one batch, the index of a file is read once, and what is near in it at once.
+        with tensorstore.Batch() as batch:
+            reading = [self._array[index].read(batch=batch) for index in indices]
+        for each in reading:
             error = each.exception()
-            if error is not None and str(error).startswith(_NO_ANSWER):
-                error = ConnectionError(str(error))
-            yield each.result() if error is None else error
+            yield each.result() if error is None else _plain_error(error)
+
+
+def _plain_error(error: BaseException) -> OSError:
+    """Return an error of TensorStore as an OSError: its cause, without places and codes.
+
+    >>> _plain_error(ValueError('DATA_LOSS: Error reading local file "/v/0": Blosc error: -1'))
+    OSError('Blosc error: -1')
+    >>> _plain_error(ValueError('NOT_FOUND: chunk {0} in local file "/v/0" is missing'))
+    FileNotFoundError('it is missing')
+    """
+    text = str(error)
+    if number := _NUMBER.search(text):
+        return OSError(int(number[1]), os.strerror(int(number[1])))
+    if text.startswith("NOT_FOUND"):
+        return FileNotFoundError("it is missing")
+    cause = one_line(_PLACE.sub("", _FACTS.sub("", _CODE.sub("", text))))
+    if text.startswith(_NO_ANSWER):
+        return ConnectionError(cause)
+    return OSError(next((said for part, said in _SAID.items() if part in cause), cause))
 
 
 def fast_array(array: Any, *, complete: bool = False) -> Any:
     """Return an array of the zarr library as a `Tensor`, or as it is if TensorStore cannot read it.
 
     It cannot read stores in memory, nor some rare codecs. If ``complete``, chunks of the fill value
-    are written as others.
+    are written as others, and one that is missing is an error.
     """
     import zarr
 
@@ -99,6 +139,7 @@ def fast_array(array: Any, *, complete: bool = False) -> Any:
         "recheck_cached_metadata": "open",
         "recheck_cached_data": False,
         "store_data_equal_to_fill_value": complete,
+        "fill_missing_data_reads": not complete,
     }
     try:
         return Tensor(spec, root)

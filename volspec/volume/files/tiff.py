@@ -264,7 +264,8 @@ def pictures_stack(query: Query) -> Stack | None:
         channels > 1 and "channel" not in query.options
     ):
         return None
-    read = partial(_slices_of_folder, files, first.shape, query)
+    own = Query(query.path, query.options)
+    read = partial(_slices_of_folder, files, first.shape, own)
     slices = Slices(query.path, shape, first.dtype, read)
     return Stack([level_of_slices(slices, resolve_spacing(stated, query, []))])
 
