@@ -67,14 +67,31 @@ def test_a_paragraph_with_a_colour_difference_is_in_the_catalogue(page: str) -> 
     assert page in GENERATED or bare == []
 
 
+_FIGURE = re.compile(r"\d*\.?\d+")
+
+
+def words_and_figures(line: str) -> tuple[list[str], list[str]]:
+    """Return the words of a line, without its figures, and the figures."""
+    return _FIGURE.sub("", line).split(), _FIGURE.findall(line)
+
+
+def alike(shown: str, printed: str) -> bool:
+    """Return True if lines have the same words, and figures to one unit of their last digits."""
+    (words, figures), (others, now) = map(words_and_figures, (shown, printed))
+    return (
+        words == others and len(figures) == len(now) and all(map(holds, figures, map(float, now)))
+    )
+
+
 @pytest.mark.parametrize("size", bases.SIZES)
 def test_the_rows_of_general_bases_are_what_the_report_gives(size: int) -> None:
-    page = between(bases.PAGE.read_text(encoding="utf-8"), "modes")
+    page = between(bases.PAGE.read_text(encoding="utf-8"), "modes").splitlines()
     for mode in ("fitted", "componentwise", "exact"):
-        assert bases.row(f"`general-{size}`, {mode}", general(size), mode) in page
-    assert (
-        bases.row("RGB light × RGB surface (sharp sensors)", general(5), bases.RGB_PRODUCT) in page
-    )
+        name = f"`general-{size}`, {mode}"
+        (shown,) = (line for line in page if line.startswith(f"| {name} |"))
+        assert alike(shown, bases.row(name, general(size), mode))
+    rgb = bases.row("RGB light × RGB surface (sharp sensors)", general(size), bases.RGB_PRODUCT)
+    assert alike(page[3], rgb)
 
 
 @pytest.mark.slow
@@ -93,22 +110,6 @@ def transcripts(page: str) -> list[tuple[str, str]]:
         for block in blocks
         for pair in re.findall(r"^\$ volspec (.*)\n((?:(?!\$ ).*\n?)*)", block, re.MULTILINE)
     ]
-
-
-_FIGURE = re.compile(r"\d*\.?\d+")
-
-
-def words_and_figures(line: str) -> tuple[list[str], list[str]]:
-    """Return the words of a line, without its figures, and the figures."""
-    return _FIGURE.sub("", line).split(), _FIGURE.findall(line)
-
-
-def alike(shown: str, printed: str) -> bool:
-    """Return True if lines have the same words, and figures to one unit of their last digits."""
-    (words, figures), (others, now) = map(words_and_figures, (shown, printed))
-    return (
-        words == others and len(figures) == len(now) and all(map(holds, figures, map(float, now)))
-    )
 
 
 SHOWN = [
