@@ -31,13 +31,13 @@ RAW = Viewing(model="none")
 COARSE = pytest.mark.filterwarnings("ignore:.* colours are off by ")
 
 
-def box_basis(size: int = 5) -> SpectralBasis:
+def box_basis(size: int = 5, grid: SpectralGrid = GRID) -> SpectralBasis:
     """Channels that are means over groups of neighbouring bands."""
-    B = np.zeros((GRID.size, size))
-    B[np.arange(GRID.size), np.arange(GRID.size) * size // GRID.size] = 1.0
-    Q = colour_matching_functions(GRID)
+    B = np.zeros((grid.size, size))
+    B[np.arange(grid.size), np.arange(grid.size) * size // grid.size] = 1.0
+    Q = colour_matching_functions(grid)
     D = 100.0 * Q @ B / Q[1].sum()
-    return SpectralBasis("boxes", "boxes", GRID, (B / B.sum(0)).T, B, D)
+    return SpectralBasis("boxes", "boxes", grid, (B / B.sum(0)).T, B, D)
 
 
 def cast(height: int = 6, width: int = 5, seed: int = 0, size: int = 5) -> CoefficientImage:

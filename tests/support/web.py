@@ -11,10 +11,10 @@ from pathlib import Path
 
 
 @contextmanager
-def served(folder: Path) -> Iterator[tuple[str, list[str]]]:
-    """Serve a folder; yield its address, and the list of paths that are asked for."""
+def served(folder: Path, *, ranges: bool = True) -> Iterator[tuple[str, list[str]]]:
+    """Serve a folder, in parts or not; yield its address, and the paths that are asked for."""
     asked: list[str] = []
-    with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Files, folder, asked)) as server:
+    with _Server(("127.0.0.1", 0), partial(_Files, folder, asked, ranges)) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         try:
@@ -29,12 +29,17 @@ def served(folder: Path) -> Iterator[tuple[str, list[str]]]:
 _GONE = "gone"
 
 
+class _Server(ThreadingHTTPServer):
+    # On a busy machine many connections wait at once.
+    request_queue_size = 128
+
+
 class _Files(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
     disable_nagle_algorithm = True
 
-    def __init__(self, folder: Path, asked: list[str], *given: object) -> None:
-        self.folder, self.asked = folder, asked
+    def __init__(self, folder: Path, asked: list[str], ranges: bool, *given: object) -> None:
+        self.folder, self.asked, self.ranges = folder, asked, ranges
         super().__init__(*given)  # type: ignore[arg-type]
 
     def do_GET(self) -> None:
@@ -45,14 +50,14 @@ class _Files(BaseHTTPRequestHandler):
         file = self.folder / self.path.lstrip("/")
         data = file.read_bytes() if file.is_file() else b""
         status, size = (200 if file.is_file() else 404), len(data)
-        if status == 200 and (asked := self.headers.get("Range")):
+        if self.ranges and status == 200 and (asked := self.headers.get("Range")):
             first, _, last = asked.removeprefix("bytes=").partition("-")
             start = int(first) if first else size - int(last)
             end = min(int(last) + 1, size) if first and last else size
             data, status = data[start:end], 206
         self.send_response(status)
         self.send_header("Content-Length", str(len(data)))
-        self.send_header("Accept-Ranges", "bytes")
+        self.send_header("Accept-Ranges", "bytes" if self.ranges else "none")
         if status == 206:
             self.send_header("Content-Range", f"bytes {start}-{end - 1}/{size}")
         self.end_headers()

@@ -11,7 +11,7 @@ import pytest
 
 from tests.support.errors import raises
 from tests.support.relight_reference import relight_reference
-from tests.support.relighting import assert_close, box_basis, gl_or_skip, grouped_cast
+from tests.support.relighting import COARSE, assert_close, box_basis, gl_or_skip, grouped_cast
 from volspec.appearance import Viewing
 from volspec.basis import MODES, Basis, MaterialBasis
 from volspec.errors import OpenGLError, ShapeError
@@ -20,6 +20,7 @@ from volspec.relight import LightRig, Relighter, RelightSpec, relight
 from volspec.relight import gpu as gpu_module
 from volspec.spectra import light, reflectance
 
+pytestmark = COARSE
 RIG = LightRig(
     tuple(map(light, ("A", "D65", "FL2", "HP1"))),
     (1.0, 0.4, 2.0, 0.3),

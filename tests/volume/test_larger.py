@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+import re
+import resource
 import shutil
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -19,10 +24,11 @@ from tests.support.errors import raises
 from tests.support.pyramids import stored
 from tests.support.raycasts import oblique_world
 from tests.support.web import served
+from volspec._files import exclusive_folder
 from volspec.basis import SpectralBasis
 from volspec.cli import main
 from volspec.errors import InputError, RaycastError, VolspecWarning, VolumeError
-from volspec.pipeline import GAPS, raycast
+from volspec.pipeline import GAPS, Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.scene import Scene
 from volspec.spectra import reflectance
@@ -32,7 +38,8 @@ from volspec.volume.files.query import bytes_of
 from volspec.volume.labels import Label
 from volspec.volume.larger import level_of
 from volspec.volume.load import open_level
-from volspec.volume.pyramid import BLOCK, Chunk, ChunkCache, Held, block_ranges, halve
+from volspec.volume.pyramid import BLOCK, Chunk, ChunkCache, Held, Level, block_ranges, halve
+from volspec.volume.summary import summarise
 
 TRANSFER = TransferFunction(
     points=[(0.5, 0.0, "a"), (40, 0.02, "a"), (160, 0.5, "a")],
@@ -284,6 +291,112 @@ def test_a_cut_off_conversion_goes_on(
     assert [each.name for each in tmp_path.iterdir()] == ["v.zarr"]
 
 
+@pytest.mark.parametrize("killed", ["before the swap", "in the swap", "after the swap"])
+def test_a_conversion_that_is_killed_at_its_end_goes_on(
+    killed: str, ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, level = tmp_path / "v.zarr", level_of(ball)
+    convert.convert(level_of(ball.downsampled(2)), path)
+    with monkeypatch.context() as patch:
+        if killed == "before the swap":
+            patch.setattr(convert, "_attributes", _interrupt)
+        elif killed == "in the swap":
+            own = Path.replace
+
+            def swap(self: Path, target: Path) -> Path:
+                return _interrupt() if self.suffix == ".unfinished" else own(self, target)
+
+            patch.setattr(Path, "replace", swap)
+        else:
+            patch.setattr(convert, "_clean", _interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            convert.convert(level, path)
+    if killed == "in the swap":  # of another source: what was there comes back first
+        with pytest.raises(VolumeError):
+            convert.convert(replace(level, array=Unreadable(level)), path)
+        assert load_volume(path).shape_xyz == ball.downsampled(2).shape_xyz
+    convert.convert(level, path)
+    assert np.array_equal(load_volume(path).values, ball.values)
+    assert [each.name for each in tmp_path.iterdir()] == ["v.zarr"]
+    names = {each.name for each in path.iterdir()}
+    assert names == {"0", "1", "volspec", "zarr.json"}
+
+
+def _interrupt(*_: object) -> Any:
+    raise KeyboardInterrupt
+
+
+class Unreadable:
+    """An array that cannot be read."""
+
+    def __init__(self, level: Level) -> None:
+        self.shape, self.dtype = level.shape, level.dtype
+
+    def __getitem__(self, _: object) -> Any:
+        raise OSError("gone")
+
+
+def test_two_conversions_do_not_write_one_store(ball: Volume, tmp_path: Path) -> None:
+    path = tmp_path / "v.zarr"
+    with (
+        exclusive_folder(tmp_path / "v.zarr.unfinished", "another conversion"),
+        raises(InputError, "state"),
+    ):
+        convert.convert(level_of(ball), path)
+    (tmp_path / "v.zarr.unfinished/notes.txt").write_text("mine")
+    with raises(InputError, "conflict"):
+        convert.convert(level_of(ball), path)
+    assert (tmp_path / "v.zarr.unfinished/notes.txt").exists()
+
+
+def test_a_conversion_goes_on_with_the_same_source_only(ball: Volume, tmp_path: Path) -> None:
+    values = ball.values.astype("<u2")
+    values.tofile(tmp_path / "v.raw")
+    with h5py.File(tmp_path / "v.h5", "w") as file:
+        file["a"], file["b"] = values, values[::-1]
+    tifffile.imwrite(tmp_path / "v.tif", np.stack([values, values // 2], axis=1), imagej=True)
+    write_slices(ball.values, tmp_path)
+
+    def known(name: str) -> list[int]:
+        return convert._fingerprint(open_level(f"{tmp_path}/{name}&memory=1MB")[0])
+
+    raw = "v.raw?shape=161x140x150&dtype=uint16"
+    for one, other in (
+        (raw, f"{raw}&order=big"),
+        ("v.h5?dataset=a", "v.h5?dataset=b"),
+        ("v.tif?channel=0", "v.tif?channel=1"),
+    ):
+        assert known(one) == known(one) != known(other)
+    before = known("slices?spacing=1,1,1")
+    os.utime(tmp_path / "slices/z70.tif", (1, 1))
+    assert known("slices?spacing=1,1,1") != before
+
+
+def test_a_full_disk_is_an_error_of_one_line(ball: Volume, tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (70, 70, 70)).astype(np.uint8)
+    _, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (50_000, hard))
+    try:
+        with pytest.raises(InputError, match="make room on the disk"):
+            convert.convert(level_of(Volume(noise)), tmp_path / "v.zarr")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, hard))
+    convert.convert(level_of(Volume(noise)), tmp_path / "v.zarr")
+    assert np.array_equal(load_volume(tmp_path / "v.zarr").values, noise)
+
+
+def test_every_flipped_bit_is_found(ball: Volume, tmp_path: Path) -> None:
+    stored(ball, tmp_path)
+    chunk = tmp_path / "v.zarr/0/c/1/1/1"
+    whole = chunk.read_bytes()
+    for at in np.linspace(0, len(whole) - 1, 25).astype(int):
+        flipped = bytearray(whole)
+        flipped[at] ^= 4
+        chunk.write_bytes(flipped)
+        with raises(VolumeError, "damaged"):
+            load_volume(tmp_path / "v.zarr")
+
+
 def test_the_cache_drops_what_is_needed_last() -> None:
     cache = ChunkCache(2)
     one, two, three = (Chunk(0, 0, 0, k) for k in range(3))
@@ -348,6 +461,132 @@ spectrum = "D65"
 """
 
 
+def test_a_missing_chunk_is_damage_without_a_budget_too(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    (tmp_path / "v.zarr/0/c/1/1/1").unlink()
+    with raises(VolumeError, "damaged"):
+        load_volume(tmp_path / "v.zarr")
+    assert big.pyramid is not None
+    with raises(VolumeError, "damaged"):
+        convert.convert(big.pyramid.levels[0], tmp_path / "copy.zarr")
+    assert not (tmp_path / "copy.zarr").exists()
+
+
+def test_a_damaged_chunk_of_the_coarse_level_is_a_gap(ball: Volume, tmp_path: Path) -> None:
+    whole = stored(ball, tmp_path)
+    (tmp_path / "v.zarr/1/c/0/0/0").write_bytes(b"short")
+    with pytest.warns(VolspecWarning, match="chunk 0/0/0 of level 1"):
+        big = load_volume(f"{tmp_path}/v.zarr?memory=2MB")
+    assert (big.values != whole.values)[:64, :64, :64].mean() > 0
+    assert np.array_equal(big.values[64:], whole.values[64:])
+    assert "chunk 0/0/0 of level 1" in cast(big, 1).notes[GAPS]
+
+
+@pytest.mark.parametrize("damage", ["truncated", "block", "reversed"])
+def test_damaged_ranges_are_ignored(damage: str, ball: Volume, tmp_path: Path) -> None:
+    whole = stored(ball, tmp_path)
+    path = tmp_path / "v.zarr/zarr.json"
+    found = json.loads(path.read_text())
+    own = found["attributes"]["volspec"]
+    if damage == "truncated":
+        files = (tmp_path / "v.zarr/volspec/ranges/0/c").rglob("*")
+        next(file for file in files if file.is_file()).write_bytes(b"short")
+    elif damage == "block":
+        own["block"] = 8
+    else:
+        own["ranges"].reverse()
+    path.write_text(json.dumps(found))
+    with pytest.warns(VolspecWarning, match="volspec/ranges") as said:
+        big = load_volume(f"{tmp_path}/v.zarr?memory=2MB")
+    assert len(said) == 1
+    assert big.pyramid is not None and big.pyramid.levels[0].chunk == (64, 64, 64)
+    if damage == "block":
+        image = cast(big)
+        assert GAPS not in image.notes
+        assert np.abs(image.coefficients - cast(whole).coefficients).max() < 2e-4
+
+
+def test_a_server_is_asked_for_whole_chunks(ball: Volume, tmp_path: Path) -> None:
+    stored(ball, tmp_path)
+    with served(tmp_path) as (server, asked):
+        far = load_volume(f"{server}/v.zarr?memory=2MB")
+        asked.clear()
+        cast(far)
+        assert far.pyramid is not None
+        # Those at the volume's end, which are not whole, have an index that is read first.
+        most = 2 * far.pyramid.counts.chunks
+        assert 0 < sum("/0/c/" in path for path in asked) <= most
+    with (
+        served(tmp_path, ranges=False) as (server, _),
+        pytest.warns(VolspecWarning, match=r"HTTP ranges.*use a server that answers them"),
+    ):
+        load_volume(f"{server}/v.zarr?memory=2MB")
+
+
+@pytest.mark.parametrize("kind", ["store", "resumed", "raw", "float"])
+def test_a_volume_in_parts_is_framed_and_coloured_as_the_whole(
+    kind: str, ball: Volume, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    values = ball.values * np.float32(0.1) if kind == "float" else ball.values
+    if kind == "float":
+        values += 1000
+    values.tofile(tmp_path / "v.raw")
+    address = f"{tmp_path}/v.raw?shape=161x140x150&dtype={values.dtype}&spacing=1,1,1.5"
+    whole = Scene.from_volume(address, preset="bone")
+    if kind != "raw":
+        level = open_level(address)[0]
+        address = f"{tmp_path}/v.zarr"
+        if kind == "resumed":
+            with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+                patch.setattr(convert, "_attributes", _interrupt)
+                convert.convert(level, Path(address))
+        convert.convert(level, Path(address))
+    with pytest.warns(VolspecWarning) if kind == "raw" else nullcontext():
+        volume = load_volume(f"{address}{'&' if kind == 'raw' else '?'}memory=2MB")
+    assert volume.pyramid is not None
+    parts = Scene.from_volume(address, preset="bone", volume=volume)
+    assert parts.file.transfer == whole.file.transfer
+    assert parts.file.camera == whole.file.camera
+    assert volume.range == load_volume(address).range
+    assert summarise(volume).shape == (161, 140, 150)
+
+
+def test_a_store_that_is_there_again_is_read_again(ball: Volume, tmp_path: Path) -> None:
+    big = stored(ball, tmp_path)
+    caster = Raycaster(big)
+    given = TRANSFER, Camera.orbit(big, azimuth_deg=40), (48, 48), RaycastSpec(level=0, step_mm=1.0)
+    (tmp_path / "v.zarr").rename(tmp_path / "away")
+    with pytest.warns(VolspecWarning, match="cannot be read"):
+        assert raycast(big, *given, caster=caster).notes[GAPS]
+    (tmp_path / "away").rename(tmp_path / "v.zarr")
+    again = raycast(big, *given, caster=caster)
+    whole = raycast(load_volume(f"{tmp_path}/v.zarr?memory=2MB"), *given)
+    assert GAPS not in again.notes
+    assert np.array_equal(again.coefficients, whole.coefficients)
+
+
+def test_frames_with_gaps_are_made_again(ball: Volume, tmp_path: Path) -> None:
+    stored(ball, tmp_path)
+    chunk = tmp_path / "v.zarr/0/c/1/1/1"
+    kept = chunk.read_bytes()
+    chunk.unlink()
+    (tmp_path / "s.toml").write_text(SCENE)
+    scene = Scene.load(tmp_path / "s.toml").exporting(format="coefficients")
+    for made in (1, 1):
+        with pytest.warns(VolspecWarning, match="chunk 1/1/1"):
+            found = scene.export(tmp_path / "frames", size=(32, 32))
+        assert found.gaps and found.made == made
+    chunk.write_bytes(kept)
+    for made in (1, 0):
+        found = scene.export(tmp_path / "frames", size=(32, 32))
+        assert not found.gaps and found.made == made
+
+
+def test_a_cluster_is_refused_for_a_volume_in_memory(ball: Volume) -> None:
+    with raises(RaycastError, "conflict"):
+        Raycaster(ball, device="tcp://typo:1")
+
+
 def test_a_store_that_vanishes_is_gaps(ball: Volume, tmp_path: Path) -> None:
     big = stored(ball, tmp_path)
     shutil.rmtree(tmp_path / "v.zarr")
@@ -365,6 +604,10 @@ def test_levels_that_are_not_of_one_picture_are_refused(ball: Volume, tmp_path: 
     path.write_text(json.dumps(found))
     with raises(VolumeError, "conflict"):
         load_volume(f"{path.parent}?memory=2MB")
+    steps[0]["scale"], steps[1]["translation"] = [3.0, 2.0, 2.0], [90.0, 0.5, 0.5]
+    path.write_text(json.dumps(found))
+    with raises(VolumeError, "conflict"):
+        load_volume(f"{path.parent}?memory=2MB")
     steps[0]["scale"] = [3.0, -2.0, 2.0]
     path.write_text(json.dumps(found))
     with raises(VolumeError, "damaged"):
@@ -373,8 +616,34 @@ def test_levels_that_are_not_of_one_picture_are_refused(ball: Volume, tmp_path: 
 
 def test_a_budget_below_a_part_is_refused(ball: Volume, tmp_path: Path) -> None:
     big = stored(ball, tmp_path, "600kB")
-    with raises(VolumeError, "size"):
+    with pytest.raises(VolumeError, match="give at least") as error:
         cast(big)
+    assert error.value.code == "size"
+    least = re.search(r"[\d.]+MiB", error.value.remedy)
+    assert least is not None
+    assert cast(load_volume(f"{tmp_path}/v.zarr?memory={least[0]}")).alpha.any()
+
+
+def test_metadata_that_are_not_as_they_should_be(ball: Volume, tmp_path: Path) -> None:
+    whole = stored(ball, tmp_path)
+    path = tmp_path / "v.zarr/zarr.json"
+    kept = path.read_text()
+
+    def edited(edit: Callable[[dict[str, Any], dict[str, Any]], object]) -> str:
+        found = json.loads(kept)
+        attributes = found["attributes"]
+        edit(attributes, attributes["ome"]["multiscales"][0])
+        path.write_text(json.dumps(found))
+        return f"{path.parent}?memory=2MB"
+
+    plain = load_volume(edited(lambda own, _: own.update(volspec=3)))
+    assert np.array_equal(plain.values, whole.values)
+    with raises(VolumeError, "conflict"):
+        load_volume(edited(lambda _, picture: picture["datasets"].reverse()))
+    with pytest.raises(VolumeError, match="have no 'axes'"):
+        load_volume(edited(lambda _, picture: picture.pop("axes")))
+    with pytest.raises(VolumeError, match="an array 'x', which is not there"):
+        load_volume(edited(lambda _, picture: picture["datasets"][0].update(path="x")))
 
 
 def test_what_cannot_be_cast_in_parts_is_refused(ball: Volume, tmp_path: Path) -> None:

@@ -312,7 +312,7 @@ class LevelCaster:
         pyramid.cache.resize(left)
 
     def _needed(self, largest: int, budget: int) -> int:
-        """Return the bytes beside the cache, with parts of up to ``largest`` bytes."""
+        """Return the bytes without the cache's, with parts of up to ``largest`` bytes."""
         pyramid = self._pyramid
         ranges = sum(0 if each.ranges is None else each.ranges.nbytes for each in pyramid.levels)
         fixed = self.base.volume.values.nbytes + ranges
@@ -598,8 +598,8 @@ class PartPicture:
         self.through[view] -= adds
         depth = (near / min(frame.spacing_mm)).reshape(y.shape)
         self.depth[view] += np.where(met, adds * depth, 0.0)
-        hit = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
-        np.minimum(self.first[view], hit, out=self.first[view])
+        nearest = np.where(met & (adds > 0.0), depth, np.inf).astype(np.float32)
+        np.minimum(self.first[view], nearest, out=self.first[view])
 
     def _place(self, struct: NDArray[np.void], loaded: LoadedPart) -> None:
         """Set the members of a `CAST` that describe a part and its rectangle of the picture."""

@@ -224,8 +224,11 @@ def _fingerprint(source: Level) -> list[Any]:
     if isinstance(source.array, np.ndarray):
         return [zlib.crc32(np.ascontiguousarray(source.array))]
     # Arrays that read files are their paths and options, as processes of a cluster get them.
-    read = zlib.crc32(pickle.dumps((source.array, source.axes, source.at)))
-    return [read, zlib.crc32(repr(_files_of(source.place)).encode())]
+    try:
+        read = pickle.dumps((source.array, source.axes, source.at))
+    except (TypeError, AttributeError, pickle.PicklingError):
+        read = repr((source.array, source.axes, source.at)).encode()
+    return [zlib.crc32(read), zlib.crc32(repr(_files_of(source.place)).encode())]
 
 
 def _files_of(place: Path | None) -> list[tuple[str, int, int]]:

@@ -103,11 +103,10 @@ def _read_coarsest(query: Query, name: str, stack: Stack, remarks: list[str]) ->
         span = float(low), float(ranges[1].max())
     if sample is not None:
         span, finite = sample.range, np.isfinite(sample.voxels)
+        voxels = sample.voxels
         if missing is not None or not finite.all():
             missing = missing_value(*span)
-        voxels = sample.voxels
-        if missing is not None:
-            voxels = np.where(finite, voxels, missing)
+            voxels = np.where(finite, voxels, np.float32(missing))
         sample = replace(sample, voxels=voxels.astype(dtype, copy=False))
     if coarse.missing is not None:
         missing = missing_value(*span)

@@ -43,6 +43,7 @@ _CHUNKS_SHARE = 32
 _MOST = 0.75
 # Seconds after which a store that did not answer is asked again.
 _AGAIN_S = 5.0
+_GONE = "its file or folder is gone"
 # Most causes of gaps that a message names.
 _MOST_CAUSES = 3
 
@@ -523,7 +524,7 @@ class Pyramid:
     def _absent(level: Level) -> str:
         """Return what is wrong if the array's file or folder is not there; empty if it is."""
         place = level.place
-        return "its file or folder is gone" if place is not None and not place.exists() else ""
+        return _GONE if place is not None and not place.exists() else ""
 
     def describe_gaps(self) -> str:
         """Return a sentence about chunks that cannot be read, and why; empty without any."""
@@ -543,6 +544,10 @@ class Pyramid:
         remedy = "copy the store again"
         if self.counts.lost:
             remedy = "the store is asked again by the next picture"
+        elif _GONE in first:
+            remedy = "is its disk mounted?"
+        elif any("HTTP ranges" in why for why in first):
+            remedy = "use a server that answers them"
         return f"{self.name}: {named} left out of the picture; {remedy}"
 
 

@@ -1,4 +1,4 @@
-"""What is known of all voxels of a volume: their range, their histogram, and some of them.
+"""Range, histogram and a sample of all voxels of a volume.
 
     values, box by box -> [sample] -> Sample -> transfer (presets), raycast (framing)
 

@@ -108,6 +108,11 @@ def ome_zarr_stack(query: Query) -> pyramid.Stack | None:
     number = at[names.index("c")] if "c" in names else 0
     channel = next(iter(_channels(group)[number:]), None)
     sample = _sample(group, stated, found[0])
+    if sample is None and "sample" in stated:
+        remarks.append(
+            f"{query.path}: the sample of its voxels (volspec/sample) cannot be used, so that "
+            "camera and colours follow from a coarse level; convert it again"
+        )
     return pyramid.Stack(found, channel, _labels(group), remarks, sample)
 
 
