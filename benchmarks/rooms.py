@@ -137,6 +137,7 @@ def scenes() -> Iterator[Figure]:
 
 
 _BALL = """
+version = 2
 [volume]
 file = "ball.npy"
 [[material]]
