@@ -172,7 +172,7 @@ def test_a_light_is_found_at_the_rim_and_by_its_name() -> None:
 def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(
     state: ViewState,
 ) -> None:
-    """The document's bands are 400 to 700 nm every 10 nm; the figures do not depend on them."""
+    """The figures of a light by its name do not depend on the document's bands."""
     state = lights.add(state, text="FL2").state
     at = len(state.lights) - 1
     found = measure(asked(lights.choose(state, at), False))
@@ -181,11 +181,11 @@ def test_rendition_is_that_of_the_light_s_notation_over_the_whole_visible(
         *("R_f 70   R_g 86", "R_a 64   R_9 -84", "SSI 62, daylight:4225"),
         *("4225 K, Duv +0.0019", "337 lm/W"),
     ]
-    # Once drawn, it has the document's bands only, and lines of 10 nm.
+    # Once drawn, it has the document's bands only, and lines of their width.
     drawn = light_parts.draw(lights.choose(state, at), at, 0, (0.1, 0.5), (0.1, 0.5))
     other = measure(asked(drawn, False))
     assert other is not None and other.light.rendition is not None
-    assert 0.5 < abs(other.light.rendition.R_f - found.light.rendition.R_f) < 20
+    assert 0.05 < abs(other.light.rendition.R_f - found.light.rendition.R_f) < 20
 
 
 def test_rendition_of_the_mix_counts_what_shines(state: ViewState) -> None:
