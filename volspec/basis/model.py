@@ -18,15 +18,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from volspec._deprecated import renamed_attribute
-from volspec.appearance.models.cielab import cielab, delta_E_2000
-from volspec.basis import display, storage
+from volspec.basis import display, samples, storage
 from volspec.basis.base import (
     StoredBasis,
     require_channels,
@@ -40,17 +38,10 @@ from volspec.basis.base import (
 from volspec.errors import BasisError
 from volspec.spectra.datasets import Observer, colour_matching_functions
 from volspec.spectra.grid import DEFAULT_GRID, SpectralGrid
-from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
-from volspec.spectra.reflectances import reflectance_set
 from volspec.spectra.spectrum import Spectrum, light_power, stack
 
 Spectra = Spectrum | Sequence[Spectrum] | ArrayLike
 
-# Weight of the library's training set next to a basis' own samples.
-_LIBRARY_WEIGHT = 1e-4
-# Of samples: ratio of singular values below which their channels depend on each other, and largest
-# deviation from a reflectance. Gain: float16 rounds channels to 2.4e-4 of their value.
-_DEPENDENT, _UNLIKE, _MOST_GAIN = 1e-4, 1e-3, 20.0
 _MATRICES = ("analysis", "synthesis", "XYZ_from_channels")
 
 
@@ -246,19 +237,7 @@ class SpectralBasis(StoredBasis):
         BasisError, SpectrumError
             If the basis has no samples; see `display_matrix`.
         """
-        return _fitted_matrix(self, light_power(light, self.grid).tobytes())
-
-    def sample_errors(self, light: Spectrum, mode: str) -> NDArray[np.float64]:
-        """Return CIEDE2000 (K,) of the samples' colours under a light, or of the training set's.
-
-        Estimates, without a picture, how well a mode holds a light. Errors: `colour_matrix`.
-        """
-        own = self.samples
-        S = own if own is not None and len(own) else _training_set(self.grid)
-        white = display.visible_white(white_XYZ(light.on(self.grid), self.observer_deg))
-        shown = self.analyse(S) @ self.colour_matrix(light, mode).T
-        true = XYZ_from_spectra(light.on(self.grid), S, self.observer_deg)
-        return delta_E_2000(cielab(true, white), cielab(shown, white))
+        return samples.fitted_matrix(self, light_power(light, self.grid).tobytes())
 
     def with_samples(self, spectra: Iterable[Spectrum]) -> SpectralBasis:
         """Return the basis with other samples; one of an earlier version, without any, stays.
@@ -268,22 +247,6 @@ class SpectralBasis(StoredBasis):
         if self.samples is None:
             return self
         return replace(self, samples=np.array([each.on(self.grid).values for each in spectra]))
-
-    def through_samples(self) -> SpectralBasis | None:
-        """Return the basis with a synthesis that is exact for its samples and their mixtures.
-
-        Its ``"exact"`` mode then has the colours of full spectra. None if there are no samples, or
-        the channels do not distinguish them from each other and from white.
-        """
-        S = self.samples
-        if S is None or not len(S):
-            return None
-        channels = np.vstack([self.analyse(S), self.white])
-        rest = np.vstack([S, np.ones(self.grid.size)]) - channels @ self.synthesis.T
-        change = np.linalg.pinv(channels, rcond=_DEPENDENT) @ rest
-        if np.abs(change).max() > _MOST_GAIN or np.abs(rest - channels @ change).max() > _UNLIKE:
-            return None
-        return replace(self, synthesis=self.synthesis + change.T)
 
     def illumination_matrix(self, light: Spectrum) -> NDArray[np.float64]:
         """Return R(e), (m, m), from reflectance to colour-signal channels, inside the subspace.
@@ -431,33 +394,3 @@ class SpectralBasis(StoredBasis):
     @property
     def _Q(self) -> NDArray[np.float64]:
         return colour_matching_functions(self.grid, self.observer_deg)
-
-
-@lru_cache(maxsize=32)
-def _training_set(grid: SpectralGrid) -> NDArray[np.float64]:
-    return reflectance_set("training", grid)
-
-
-# Lights of a session: a slider moves their weights, not their matrices.
-@lru_cache(maxsize=64)
-def _fitted_matrix(basis: SpectralBasis, power: bytes) -> NDArray[np.float64]:
-    if basis.samples is None:
-        raise BasisError(
-            f"basis {basis.name!r} has no samples to fit a light's matrix to; fit the basis again",
-            code="missing",
-        )
-    light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
-    own, library = basis.samples, _training_set(basis.grid)
-    S = np.concatenate([own, library])
-    others = _LIBRARY_WEIGHT if len(own) else 1.0
-    weights = np.repeat([1.0, others], [len(own), len(library)])
-    weights /= np.repeat([max(len(own), 1), len(library)], [len(own), len(library)])
-    matrix = display.fitted_matrix(
-        basis.analyse(S),
-        XYZ_from_spectra(light, S, basis.observer_deg),
-        weights,
-        white_XYZ(light, basis.observer_deg),
-        basis.light_matrix(light),
-    )
-    matrix.flags.writeable = False
-    return matrix

@@ -15,6 +15,7 @@ import numpy as np
 
 from volspec.basis import SpectralBasis
 from volspec.basis.display import Mode
+from volspec.basis.samples import sample_errors
 from volspec.spectra.spectrum import Spectrum, light_power
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def _advice(basis: SpectralBasis, power: bytes, name: str, mode: Mode) -> str | 
     light = Spectrum(basis.grid.wavelengths_nm, np.frombuffer(power))
 
     def mean(way: Mode) -> float:
-        return float(basis.sample_errors(light, way).mean())
+        return float(sample_errors(basis, light, way).mean())
 
     off = mean(mode)
     if not off > _BEYOND:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from volspec.appearance.difference import SYMBOLS, Difference, distance, uniform
 from volspec.basis import SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
+from volspec.basis.samples import through_samples
 from volspec.errors import ShapeError, ViewingError
 from volspec.relight.illumination import Illumination
 from volspec.relight.spec import LightRig, RelightSpec
@@ -169,7 +170,7 @@ def error_map(
         Use only every n-th row and column, for the statistics without the map.
     against : {"bands", "exact"}, optional
         The reference: full bands, which need an image whose basis holds its materials
-        (`SpectralBasis.through_samples`) and that was cast with achromatic opacity; or the exact
+        (`through_samples`) and that was cast with achromatic opacity; or the exact
         light matrix, which has an error of its own, because m channels only approximate a
         reflectance. Default: full bands if possible.
     difference : {"CIEDE2000", "CAM16-UCS"}
@@ -208,7 +209,7 @@ def full_band_basis(image: CoefficientImage) -> Basis | None:
     basis = image.basis
     if not isinstance(basis, SpectralBasis):
         return basis
-    full, S = basis.through_samples(), basis.samples
+    full, S = through_samples(basis), basis.samples
     if full is None or S is None:
         return None
     every = max(1, round((image.alpha.size / _LOOKED_AT) ** 0.5))

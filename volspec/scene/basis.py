@@ -19,6 +19,7 @@ from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.basis.display import DEFAULT_MODE, Mode, visible_white
 from volspec.basis.fit_cache import fit_cached
+from volspec.basis.samples import through_samples
 from volspec.basis.storage import GRID_ENDINGS, shipped_names
 from volspec.scene.specs import BasisSpec
 from volspec.scene.transfer import TransferSpec
@@ -90,7 +91,7 @@ def choose_basis(
         return ChosenBasis(train_basis(table, spectra, name), "the scene requests its own")
     general = with_samples(shipped, spectra)
     designed = spectra.designed()
-    distinct = mode == "fitted" and general.through_samples() is not None
+    distinct = mode == "fitted" and through_samples(general) is not None
     if designed and (spectra.filters or not distinct):
         reason = f"{', '.join(designed)} came from a designer"
         return ChosenBasis(train_basis(table, spectra, name), reason)
