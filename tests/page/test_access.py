@@ -25,7 +25,7 @@ from volspec.spectra import reflectance
 RULES = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22a", "wcag22aa", "best-practice"]
 # Every control shown and able: two sides, a pixel, own values, errors.
 ALL_ON = {"compare": 1, "probe": "9,9", "errors": 1, "a.L_A": 20, "a.D": 0.4}
-WIDE, PHONE = (1280, 1400), (360, 740)
+WIDE, PHONE = (1280, 1440), (360, 740)
 SLOW = pytest.mark.slow
 MEDIA = pytest.mark.parametrize(
     "media",
