@@ -359,7 +359,7 @@ def metamerism(one: Spectrum, other: Spectrum, reference: Spectrum, test: Spectr
 
 
 def _delta_E(XYZ: Array, white: Array) -> float:
-    return float(delta_E_2000(*cielab(XYZ, white)))
+    return float(delta_E_2000(*cielab(XYZ, np.maximum(white, 1e-3 * white[1]))))
 
 
 def hue_colours(hues: Array, chroma: float = 40.0, lightness: float = 65.0) -> Array:

@@ -16,7 +16,7 @@ from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.basis import display
 from volspec.errors import BasisError
 from volspec.spectra.grid import SpectralGrid
-from volspec.spectra.photometry import XYZ_from_spectra, white_XYZ
+from volspec.spectra.photometry import XYZ_from_spectra, light_level, luminous_mean, white_XYZ
 from volspec.spectra.reflectances import reflectance_set
 from volspec.spectra.spectrum import Spectrum
 
@@ -70,9 +70,13 @@ def sample_errors(basis: SpectralBasis, light: Spectrum, mode: str) -> NDArray[n
     """
     own = basis.samples
     S = own if own is not None and len(own) else _training_set(basis.grid)
-    white = display.visible_white(white_XYZ(light.on(basis.grid), basis.observer_deg))
-    shown = basis.analyse(S) @ basis.colour_matrix(light, mode).T
-    true = XYZ_from_spectra(light.on(basis.grid), S, basis.observer_deg)
+    light = light.on(basis.grid)
+    white = display.visible_white(white_XYZ(light, basis.observer_deg))
+    # Pictures show a nearly invisible light nearly black, and its errors with it.
+    seen = light.values, basis.grid, basis.observer_deg
+    gain = luminous_mean(*seen) / light_level(*seen)
+    shown = gain * basis.analyse(S) @ basis.colour_matrix(light, mode).T
+    true = gain * XYZ_from_spectra(light, S, basis.observer_deg)
     return delta_E_2000(cielab(true, white), cielab(shown, white))
 
 

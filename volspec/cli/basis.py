@@ -14,8 +14,7 @@ from rich.text import Text
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import Observer
 from volspec.cli.shell import Json, Terminal, app, as_written, bar, print_json, say
-from volspec.cli.viewing import in_options
-from volspec.errors import BasisError, nearest
+from volspec.errors import BasisError, InputError, nearest
 
 if TYPE_CHECKING:
     from volspec.basis import Basis
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 
 Tell = Callable[[str, float], None]
 _DEFAULT = "general-7"
+_LEAST_STEP_NM = 0.25
 _FIGURES = (".png", ".pdf", ".svg")
 _SIZES, _DEFAULT_SIZE = range(3, 17), 7
 Flag = Annotated[bool, Parameter(negative="")]
@@ -265,8 +265,14 @@ def _full_grid(bands: SpectralGrid, step_nm: float | None) -> SpectralGrid:
 
     if step_nm is None:
         return bands
-    with in_options():
-        return SpectralGrid(bands.start_nm, bands.stop_nm, step_nm)
+    steps = (bands.stop_nm - bands.start_nm) / step_nm if step_nm else 0.0
+    if not (_LEAST_STEP_NM <= step_nm <= bands.step_nm and abs(steps - round(steps)) < 1e-6):
+        raise InputError(
+            f"--step-nm {step_nm:g}: give {_LEAST_STEP_NM:g} to {bands.step_nm:g}, a step that "
+            f"divides {bands.start_nm:g} to {bands.stop_nm:g} nm, such as 1",
+            code="range",
+        )
+    return SpectralGrid(bands.start_nm, bands.stop_nm, step_nm)
 
 
 def _samples(

@@ -108,11 +108,13 @@ def light(
     with warnings.catch_warnings():
         # A file that ends within the range is mentioned above; its end values continue.
         warnings.simplefilter("ignore", VolspecWarning)
-        measured = light_figures(lambda grid: find(spectrum, grid), against)
+        # Of a pair, it is the light under which the two are alike.
+        similar_to = None if pair else against
+        measured = light_figures(lambda grid: find(spectrum, grid), similar_to)
         metameric = _metamerism(pair, against or "D65", spectrum) if pair else {}
         if figure is not None:
-            _draw(measured, spectrum, against, figure)
-    if against and measured.similarity is None:
+            _draw(measured, spectrum, similar_to, figure)
+    if similar_to and measured.similarity is None:
         problem = f"{found.name} has no power from 375 to 675 nm, which SSI compares"
         raise InputError(f"--against: {problem}; leave it out")
     X, Y, Z = measured.white_XYZ.tolist()
@@ -253,11 +255,12 @@ def _table(row: Row) -> Table:
 
 
 def _metameric_lines(of: Row, test: str) -> dict[str, str]:
-    """Return lines on two metameric reflectances."""
+    """Return lines on two reflectances, which are metamers only if they are alike."""
+    unlike = ", not alike" if of["delta_E"] > 1.0 else ""
     others = ", ".join(f"{each}° {d:.2f}" for each, d in of["change_in_observer"].items())
     return {
         "pair": ", ".join(of["reflectances"]),
-        f"under {of['reference']}": f"ΔE00 {of['delta_E']:.2f}, general metamerism "
+        f"under {of['reference']}": f"ΔE00 {of['delta_E']:.2f}{unlike}, general metamerism "
         f"{of['general']:.4f}",
         "change in illuminant": f"ΔE00 {of['change_in_illuminant']:.2f} under {test}",
         "change in observer": f"ΔE00 {others}",

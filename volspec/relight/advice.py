@@ -8,6 +8,7 @@ full bands.
 
 from __future__ import annotations
 
+import warnings
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,8 @@ import numpy as np
 from volspec.basis import SpectralBasis
 from volspec.basis.display import Mode
 from volspec.basis.samples import sample_errors
+from volspec.errors import VolspecWarning
+from volspec.relight.spec import LightRig
 from volspec.spectra.spectrum import Spectrum, light_power
 
 if TYPE_CHECKING:
@@ -36,13 +39,24 @@ def mode_advice(basis: Basis, light: Spectrum, mode: Mode) -> str | None:
     >>> basis = SpectralBasis.load("general-7")
     >>> mode_advice(basis, light("D65"), "componentwise") is None
     True
-    >>> print(mode_advice(basis, light("led:470"), "componentwise"))
-    led:470: componentwise colours are off by ΔE00 7.3 on average; use the mode fitted (1.8)
+    >>> mode_advice(basis, light("led:470"), "componentwise").partition("; ")[2]
+    'use the mode fitted (1.8)'
     """
     if not isinstance(basis, SpectralBasis):
         return None
     power = light_power(light, basis.grid)
     return _advice(basis, power.tobytes(), light.name or "the light", mode)
+
+
+def warn_of_lights(
+    basis: Basis, rig: LightRig, mode: Mode, warned: set[str], stacklevel: int
+) -> None:
+    """Warn of each light that is on and that the mode does not hold, once per set of ``warned``."""
+    for light, weight in zip(rig.lights, rig.weights, strict=True):
+        advice = mode_advice(basis, light, mode) if weight else None
+        if advice is not None and advice not in warned:
+            warned.add(advice)
+            warnings.warn(advice, VolspecWarning, stacklevel=stacklevel + 1)
 
 
 @lru_cache(maxsize=64)
@@ -55,7 +69,7 @@ def _advice(basis: SpectralBasis, power: bytes, name: str, mode: Mode) -> str | 
     off = mean(mode)
     if not off > _BEYOND:
         return None
-    found = f"{name}: {mode} colours are off by ΔE00 {off:.1f} on average"
+    found = f"{name}: {mode} colours are off by ΔE00 {off:.1f}, the mean of the basis' samples"
     left, cure = min((mean(way), way) for way in _CURES if way != mode)
     if left < _CURED * off:
         return f"{found}; use the mode {cure} ({left:.1f})"

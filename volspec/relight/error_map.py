@@ -185,6 +185,8 @@ def error_map(
         raise ViewingError.refused(
             "error map.against", against, f"give {' or '.join(AGAINST)}", "unknown"
         )
+    if isinstance(every, bool) or not isinstance(every, int) or every < 1:
+        raise ViewingError.refused("error map.every", every, "give a whole number from 1", "range")
     spec = RelightSpec(mode=mode, backdrop=backdrop)
     full = None if against == "exact" else full_band_basis(image)
     if full is None and against == "bands":

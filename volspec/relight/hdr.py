@@ -18,6 +18,7 @@ from volspec.appearance.hdr import Hdr
 from volspec.appearance.scene_to_display import view_transform
 from volspec.appearance.transforms import ViewTransform
 from volspec.errors import ViewingError
+from volspec.relight.advice import warn_of_lights
 from volspec.relight.illumination import Illumination
 from volspec.relight.measured_viewing import ViewingMeter
 from volspec.relight.spec import LightRig, RelightSpec
@@ -44,9 +45,15 @@ def hdr_frame(
     ------
     ViewingError
         As `check_hdr`, and as `Illumination.of` and `view_transform`.
+
+    Warns
+    -----
+    VolspecWarning
+        As `Relighter.frame`.
     """
     spec = check_hdr(light, spec, hdr)
     lit = Illumination.of(image.basis, light, spec, image.groups)
+    warn_of_lights(image.basis, LightRig.of(light), spec.mode, set(), stacklevel=3)
     viewing, grid = ViewingMeter().measure_viewing(image, lit)
     if grid is None:
         transform: ViewTransform = view_transform(viewing, lit.white_XYZ)
@@ -64,7 +71,8 @@ def check_hdr(light: Spectrum | LightRig, spec: RelightSpec, hdr: Hdr) -> Religh
     """Return the settings with the display of ``hdr``.
 
     Raises ViewingError if the light has no lux, without which no luminance is known, or the display
-    maps or marks colours, as that is for a gamut that ends at the white.
+    maps or marks colours, or a colour-vision deficiency is simulated, as these are for a gamut that
+    ends at the white.
     """
     if LightRig.of(light).illuminance_lux is None:
         raise ViewingError(
@@ -74,6 +82,14 @@ def check_hdr(light: Spectrum | LightRig, spec: RelightSpec, hdr: Hdr) -> Religh
             field="illuminance_lux",
         )
     display = spec.viewing.display
+    if spec.viewing.deficiency != "none":
+        raise ViewingError(
+            f"{spec.viewing.deficiency!r} is simulated on displays that end at the white",
+            "leave it out",
+            code="conflict",
+            field="deficiency",
+            given=spec.viewing.deficiency,
+        )
     for name, plain in (("gamut", "clip"), ("mark", False)):
         if (given := getattr(display, name)) != plain:
             raise ViewingError(

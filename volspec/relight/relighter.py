@@ -24,7 +24,7 @@ from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
-from volspec.relight.advice import mode_advice
+from volspec.relight.advice import warn_of_lights
 from volspec.relight.error_map import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
 from volspec.relight.illumination import Illumination
@@ -346,16 +346,9 @@ class Relighter:
     ) -> tuple[Illumination, Viewing, ViewTransformGrid | None]:
         """Return the illumination, the measured viewing, and the grid of view transforms."""
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
-        self._advise(LightRig.of(light), spec.mode)
+        rig = LightRig.of(light)
+        warn_of_lights(self._image.basis, rig, spec.mode, self._advised, stacklevel=4)
         return lit, *self._meter.measure_viewing(self._image, lit)
-
-    def _advise(self, rig: LightRig, mode: Mode) -> None:
-        """Warn once of each light whose colours the mode does not hold."""
-        for light, weight in zip(rig.lights, rig.weights, strict=True):
-            advice = mode_advice(self._image.basis, light, mode) if weight else None
-            if advice is not None and advice not in self._advised:
-                self._advised.add(advice)
-                warnings.warn(advice, VolspecWarning, stacklevel=4)
 
     def _on_engine(self, call: Callable[[GLEngine | CpuEngine], Any]) -> Any:
         """Call the engine; recreate it once if another library ended its context."""
