@@ -569,8 +569,6 @@ class Raycaster:
             bands.run(kernel, arguments, progress, cancel)
         result.depth_mm[...] *= unit
         result.first_mm[...] *= unit
-        if rows is not None:
-            rows[..., -1] *= unit
         return result
 
     def arrivals(

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ Array = NDArray[np.float64]
 
 MAX_MATERIALS = 4
 """Materials of an image with layers."""
-LEAST_MASS = 0.3
+LEAST_MASS = 0.4
 """Mass at which a layer ends, until memory is short."""
 MOST_TAU = 64.0
 """Optical depth of an opaque sample."""
@@ -285,6 +285,24 @@ def checked_scales(scales: Any, basis: MaterialBasis, layers: OpacityLayers) -> 
     return found
 
 
+class SampleStream(Protocol):
+    """What receives the samples of many rays, front to back."""
+
+    def add(
+        self,
+        rays: NDArray[np.int64],
+        along: Array,
+        alpha: Array,
+        weights: Array,
+        factor: Array,
+        highlight: Array,
+    ) -> None:
+        """Add a sample to each of some rays.
+
+        ``weights`` (R, K) are the materials', ``factor`` and ``highlight`` (R, G) as of `shade`.
+        """
+
+
 class LayerStream:
     """Layers of many rays, found sample by sample: one pass, 2 L slots a ray.
 
@@ -315,10 +333,7 @@ class LayerStream:
         factor: Array,
         highlight: Array,
     ) -> None:
-        """Add a sample to each of some rays.
-
-        ``weights`` (R, K) are the materials', ``factor`` and ``highlight`` (R, G) as of `shade`.
-        """
+        """Add a sample to each of some rays; see `SampleStream`."""
         at = rays, self._count[rays]
         tau = sample_tau(alpha)[:, None] * weights
         lost = np.exp(-self._tau[at]) * -np.expm1(-tau)

@@ -23,7 +23,7 @@ Twins: ``kernels/raycast.cl``, those named below, and ``kernels/light_volume.cl`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from volspec.raycast.camera import Camera
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
-from volspec.raycast.layered import LayerStream
+from volspec.raycast.layered import LayerStream, SampleStream
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     OCCLUSION_GAIN,
@@ -91,11 +91,7 @@ def cast(
     check_reach(volume, camera, spec)
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
-        rays = make_rays(volume, camera, size, spec)
-        if span_mm is None:
-            return rays
-        begin, end = span_mm.reshape(-1, 2).T
-        return replace(rays, near=np.maximum(rays.near, begin), far=np.minimum(rays.far, end))
+        return _within(make_rays(volume, camera, size, spec), span_mm)
 
     cast: _March
     if isinstance(table, FieldTables):
@@ -124,20 +120,35 @@ def cast(
 
 
 def cast_layers(
-    volume: Volume, table: TransferTable, camera: Camera, size: tuple[int, int], spec: RaycastSpec
+    volume: Volume,
+    table: TransferTable,
+    camera: Camera,
+    size: tuple[int, int],
+    spec: RaycastSpec,
+    span_mm: NDArray[np.float32] | None = None,
+    streams: Sequence[SampleStream] = (),
 ) -> tuple[Result, Array]:
     """Cast a picture with `RaycastSpec.layers`, as `cast`, and return its layers, too.
 
     They are (H, W, L, `row_size`), of materials in the table's order, and of whole rays: they do
-    not end where the picture's rays do.
+    not end where the picture's rays do. ``streams`` receive the same samples.
     """
     check_reach(volume, camera, spec)
     spec = spec.naming_fields(volume).for_field(volume.name)
-    rays = make_rays(volume, camera, size, spec)
+    rays = _within(make_rays(volume, camera, size, spec), span_mm)
     cast = _Layered(volume, table, camera, spec, rays, None)
+    cast.streams = cast.stream, *streams
     cast.march()
     rows = cast.stream.rows()
     return cast.picture(size), rows.reshape(size[1], size[0], *rows.shape[1:])
+
+
+def _within(rays: Rays, span_mm: NDArray[np.float32] | None) -> Rays:
+    """Return rays that begin and end within (H, W, 2) distances, if given."""
+    if span_mm is None:
+        return rays
+    begin, end = span_mm.reshape(-1, 2).T
+    return replace(rays, near=np.maximum(rays.near, begin), far=np.minimum(rays.far, end))
 
 
 class _March:
@@ -268,6 +279,7 @@ class _Layered(_March):
         rays, groups = len(self.transmittance), len(self.spec.groups)
         materials = len(self.table.channels)
         self.stream = LayerStream(rays, self.spec.layers, groups, materials)
+        self.streams: Sequence[SampleStream] = (self.stream,)
         # The table whose channels are the materials themselves.
         weights = np.eye(materials), np.zeros(materials)
         self.weights = replace(self.table, channels=weights[0], white=weights[1])
@@ -290,7 +302,8 @@ class _Layered(_March):
         _, weights = classify(self.weights, self.sampler, point, gradient, self.step)
         seen = np.flatnonzero(alpha > 0)
         factor, highlight = (part[seen] for part in light)
-        self.stream.add(live[seen], along[seen], alpha[seen], weights[seen], factor, highlight)
+        for stream in self.streams:
+            stream.add(live[seen], along[seen], alpha[seen], weights[seen], factor, highlight)
         reached = self.transmittance[live] > self.spec.least_transmittance
         shown = np.where(reached, alpha, 0.0)
         super().composite(live, along, point, gradient, shown, reflectance)
