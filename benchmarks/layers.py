@@ -21,6 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,11 +31,12 @@ from volspec._gpu.sources import asset
 from volspec.appearance.models.cielab import cielab, delta_E_2000
 from volspec.appearance.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
 from volspec.basis import MaterialBasis
-from volspec.pipeline import Raycaster
+from volspec.pipeline import Raycaster, raycast
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
 from volspec.raycast.layered import LayerStream, OpacityLayers, empty_rows, sample_tau
-from volspec.relight import LightRig, RelightSpec
+from volspec.relight import LightRig, RelightSpec, relight
 from volspec.relight.illumination import Illumination
+from volspec.scene import Scene
 from volspec.spectra import light, reflectance
 from volspec.transfer import TransferFunction, TransferTable
 from volspec.volume import Volume, load_volume
@@ -339,6 +341,26 @@ def by_count(found: list[Row | tuple[str, str]]) -> str:
     return "\n".join(lines)
 
 
+STATES: tuple[dict[str, float], ...] = (
+    {},
+    {"block": 0.3},
+    {"block": 0.0},
+    {"block": 4.0, "inserts": 0.0},
+)
+
+
+def four_states() -> NDArray[np.uint8]:
+    """Return frames of one cast of the shipped engine, next to one another."""
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    volume, transfer = scene.volume(), scene.transfer
+    assert isinstance(transfer, TransferFunction)
+    materials = replace(transfer, basis=MaterialBasis(transfer.materials))
+    spec = replace(scene.raycast, layers=LAYERS)
+    image = raycast(volume, materials, scene.camera(volume), (360, 360), spec)
+    each = [relight(image.recompose(state), light("D65")) for state in STATES]
+    return np.hstack(each).astype(np.uint8)
+
+
 def figures() -> Iterator[Figure]:
     """Yield the figures of all volumes, for `benchmarks.__main__`."""
     for row in rows():
@@ -349,7 +371,7 @@ def figures() -> Iterator[Figure]:
 
 
 def main() -> None:
-    """Print both tables; with ``--keep``, write them to docs/layers.md, too."""
+    """Print both tables; with ``--keep``, write them to docs/layers.md, and its picture."""
     found = []
     for row in rows():
         found.append(row)
@@ -358,6 +380,7 @@ def main() -> None:
     print(text)
     if "--keep" in sys.argv[1:]:
         page = Path(LAYERS_PAGE)
+        iio.imwrite(page.parent / "images" / "layers.jpg", four_states(), quality=92)
         content = f"\n```text\n{text}\n```\n"
         page.write_text(
             replaced(page.read_text(encoding="utf-8"), "errors", content), encoding="utf-8"

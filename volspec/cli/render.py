@@ -126,10 +126,9 @@ def render(
             write_frame(job.output, frame, notes, scene.relight.viewing.display.space)
             return f"{job.output}: {width}×{height}, {first.label or first.name}"
         save_for_compositors(image, job.output, scene_recipe(scene, scene.lights, scene.relight))
-        if (deep := image.opacity_layers) is not None:
-            return (
-                f"{job.output}: {width}×{height}, {deep.count} layers of {deep.materials} materials"
-            )
+        if image.opacity_layers is not None:
+            layered = f"{image.opacity_layers.count} layers of opacity"
+            return f"{job.output}: {width}×{height}, {image.basis.size} channels, {layered}"
         groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
         return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"
 

@@ -42,8 +42,6 @@ Array = NDArray[np.float64]
 
 MAX_MATERIALS = 4
 """Materials of an image with layers."""
-LEAST_MASS = 0.4
-"""Mass at which a layer ends, until memory is short."""
 MOST_TAU = 64.0
 """Optical depth of an opaque sample."""
 MOST_LAYER_TAU = 1024.0
@@ -306,14 +304,15 @@ class SampleStream(Protocol):
 class LayerStream:
     """Layers of many rays, found sample by sample: one pass, 2 L slots a ray.
 
-    A layer ends when its mass passes θ. When 2 L are there, the lightest neighbours merge until
-    L are left, and θ rises to half the lightest pair's mass; at the end L are left.
+    A layer ends when its mass passes θ, `least_mass` at first. When 2 L are there, the lightest
+    neighbours merge until L are left, and θ rises to half the lightest pair's mass; at the end L
+    are left.
     """
 
     def __init__(self, rays: int, layers: int, groups: int, materials: int) -> None:
         self.layers, slots = layers, 2 * layers
         self._count = np.zeros(rays, int)  # of complete layers; the next one is open
-        self._limit = np.full(rays, LEAST_MASS)
+        self._limit = np.full(rays, least_mass(materials, layers))
         self._through = np.zeros((rays, materials))  # T_k
         self._begun = np.zeros(rays)  # mass in front of the open layer
         self._mass = np.zeros((rays, slots))
@@ -402,6 +401,14 @@ class LayerStream:
                 array[rays] = moved
             self._count[rays] -= 1
             rays = rays[self._count[rays] > self.layers]
+
+
+def least_mass(materials: int, layers: int) -> float:
+    """Return the mass at which layers end at first: half of what the whole gives to each.
+
+    Smaller ones cost time, and are merged again.
+    """
+    return 1.5 * materials / layers
 
 
 def sample_tau(alpha: Array) -> Array:

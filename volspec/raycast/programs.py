@@ -14,7 +14,7 @@ from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import BRICK, STRIDES
-from volspec.raycast.layered import LEAST_MASS, LEAST_TAU, MOST_LAYER_TAU, MOST_TAU
+from volspec.raycast.layered import LEAST_TAU, MOST_LAYER_TAU, MOST_TAU, least_mass
 from volspec.raycast.packets import TILES, Packet
 from volspec.raycast.spec import RaycastSpec
 
@@ -79,7 +79,7 @@ def cast_kernel(
     if layers:
         constants |= {
             "LAYER_SLOTS": 2 * layers,
-            "LEAST_MASS": LEAST_MASS,
+            "LEAST_MASS": least_mass(int(program.constants["WEIGHTS"]), layers),
             "MOST_TAU": MOST_TAU,
             "MOST_LAYER_TAU": MOST_LAYER_TAU,
             "LEAST_TAU": LEAST_TAU,
