@@ -357,7 +357,7 @@ def four_states() -> NDArray[np.uint8]:
     materials = replace(transfer, basis=MaterialBasis(transfer.materials))
     spec = replace(scene.raycast, layers=LAYERS)
     image = raycast(volume, materials, scene.camera(volume), (360, 360), spec)
-    each = [relight(image.recompose(state), light("D65")) for state in STATES]
+    each = [relight(image.recompose(state), light("A"), scene.relight) for state in STATES]
     return np.hstack(each).astype(np.uint8)
 
 
