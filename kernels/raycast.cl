@@ -31,7 +31,8 @@
 //                      part, which is written without it (include/rays.clh, include/picture.clh)
 // Writes  coefficients_out float[height][width][GROUPS][CHANNELS] premultiplied; alpha_out,
 //         depth_out and first_out float[height][width] (expected and first depth in smallest
-//         spacings, inf for empty pixels), from the band's first row on
+//         spacings, inf for empty pixels), from the band's first row on; with LAYERED, layers_out
+//         (include/layered.clh), which are of whole rays
 //
 // The host sets LANES, TILE_WIDTH, TILE_HEIGHT, TABLE_ROWS, STEPS (samples processed together, so
 // that loads of one overlap sums of another), and the constants of the includes.
@@ -42,6 +43,7 @@
 #include "classify.clh"
 #include "shade.clh"
 #include "picture.clh"
+#include "layered.clh"
 
 __kernel void raycast(__global const VOXEL *restrict voxels,
                       __global const uchar *restrict brick_codes,
@@ -57,6 +59,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
 #endif
                       __global float *restrict coefficients_out, __global float *restrict alpha_out,
                       __global float *restrict depth_out, __global float *restrict first_out,
+#if LAYERED
+                      __global float *restrict layers_out,
+#endif
                       const int first_tile) {
     const int2 pixel = tile_pixel(first_tile);
     if (pixel.x >= cast.width || pixel.y >= cast.height) return;
@@ -65,7 +70,12 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
     March m = start_march(&cast, &r);
     Accumulator g;
     clear(&g, THROUGH_FRONT);
+#if LAYERED
+    Layers layers;
+    clear_layers(&layers);
+#else
     m.live &= MASK(g.transmittance > cast.min_transmittance);
+#endif
 
     // Bricks are looked up only after steps without opacity in any lane: while one lane samples
     // something, the others wait for it anyway.
@@ -130,7 +140,9 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
 #endif
         UNROLL(s, STEPS) {
             const intN reached = MASK(g.transmittance > cast.min_transmittance);
+#if !LAYERED
             alpha[s] = SELECT(reached, alpha[s], (floatN)(0.0f));
+#endif
             const intN opaque = MASK(alpha[s] > 0.0f);
             if (!ANY(opaque)) continue;
             // The first and the last step of a ray are clipped.
@@ -150,6 +162,20 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
             reflect_filtered(&g, material_weights, filters, &cast, &entry[s], shading, highlight,
                              length);
             add_alpha(&cast, &g, g.transmittance - mean_transmittance(&g), middle[s]);
+#elif LAYERED
+            const floatN unweighted = SELECT(opaque, (floatN)(1.0f), (floatN)(0.0f));
+            shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], unweighted,
+                  shading, highlight);
+            // The picture ends where it would without layers.
+            const floatN visible = SELECT(reached, g.transmittance * alpha[s], (floatN)(0.0f));
+            floatN seen[GROUPS];
+            UNROLL(group, GROUPS) {
+                seen[group] = visible * shading[group];
+                g.highlight[group] += visible * highlight[group];
+            }
+            reflect(&g, material_weights, &cast, &f[s], &entry[s], seen);
+            add_alpha(&cast, &g, visible, middle[s]);
+            add_to_layers(&layers, g.rows, alpha[s], middle[s], shading, highlight);
 #else
             const floatN visible = g.transmittance * alpha[s];
             shade(&cast, sources, light_volume, &r, middle[s], nx[s], ny[s], nz[s], visible,
@@ -159,8 +185,14 @@ __kernel void raycast(__global const VOXEL *restrict voxels,
             add_alpha(&cast, &g, visible, middle[s]);
 #endif
         }
-        m.live &= MASK(m.k < m.k_end) & MASK(g.transmittance > cast.min_transmittance);
+        m.live &= MASK(m.k < m.k_end);
+#if !LAYERED
+        m.live &= MASK(g.transmittance > cast.min_transmittance);
+#endif
     }
     write_picture(&cast, &g, &r, pixel, first_tile * TILE_HEIGHT, channels, coefficients_out,
                   alpha_out, depth_out, first_out);
+#if LAYERED
+    write_layers(&cast, &layers, &r, pixel, first_tile * TILE_HEIGHT, layers_out);
+#endif
 }

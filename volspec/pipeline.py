@@ -13,12 +13,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from volspec.basis import SpectralBasis
 from volspec.errors import RaycastError, VolspecWarning, quoted
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec
 from volspec.raycast.behind import Behind, OpacityCaster, Surfaces
 from volspec.raycast.checks import MAX_SIDE, check_callable, checked_size, whole
 from volspec.raycast.gpu import Raycaster
+from volspec.raycast.layered import (
+    OpacityLayers,
+    check_layers,
+    empty_rows,
+    materials_without_opacity,
+    refuse_layers,
+)
 from volspec.raycast.projection import Projection
 from volspec.raycast.row_batches import Cancel, Progress
 from volspec.relight import ErrorMap, LightRig, Relighter, difference_map, relight
@@ -141,6 +151,8 @@ def raycast(
         volume.pyramid.retry()
     table = caster.bake(transfer)
     level = caster.at(camera, size, spec)
+    if spec.layers:
+        _check_layers(spec, table, transfer, level, behind)
     spec = level.with_step(table, spec, cancel)
     slot = None
     if into is not None:
@@ -150,10 +162,15 @@ def raycast(
         slot = into.place(shape, spec.groups, None if behind else level.sharing)
     opacity = OpacityCaster(level, table, spec)
     surfaces = Surfaces.of(behind, camera, checked_size(size), opacity)
-    casts = [
-        level.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
-        for part, span_mm in surfaces.spans(progress)
-    ]
+    layers = None
+    if isinstance(level, Raycaster) and spec.layers:
+        layers = empty_rows(table, checked_size(size), spec)
+        casts = [level.cast(table, camera, size, spec, progress, cancel, slot, layers=layers)]
+    else:
+        casts = [
+            level.cast(table, camera, size, spec, part, cancel, slot, span_mm, surfaces.clear)
+            for part, span_mm in surfaces.spans(progress)
+        ]
     if volume.is_empty and not behind:
         why = "the picture is empty: no mesh is shown; set shown = true for one"
         warnings.warn(why, VolspecWarning, stacklevel=2)
@@ -184,6 +201,7 @@ def raycast(
         groups=spec.shares(),
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
+        opacity_layers=None if layers is None else _opacity_layers(layers, table, len(spec.groups)),
     )
     if into is not None:
         into.update(image, slot)
@@ -333,6 +351,39 @@ def _check_kinds(transfer: Any, camera: Any, spec: Any, caster: Any, into: Any, 
                 field="raycast: notes",
                 given=notes,
             )
+
+
+def _check_layers(
+    spec: RaycastSpec,
+    table: Tables,
+    transfer: Transfers,
+    level: Any,
+    behind: Sequence[Behind],
+) -> None:
+    """Refuse what cannot be cast in layers of opacity, and warn of materials that lack it."""
+    check_layers(spec, table, transfer.basis)
+    if behind:
+        refuse_layers(spec, "meshes or a room", "leave these out, or leave layers out")
+    if not isinstance(level, Raycaster):
+        refuse_layers(
+            spec,
+            "a level of detail that is cast in parts",
+            "take a coarser [raycast] level, or leave layers out",
+        )
+    if absent := materials_without_opacity(table, transfer.basis):
+        warnings.warn(
+            f"layers: {', '.join(absent)} has no opacity, so that no scale of it shows anything; "
+            "give it a little, such as 0.02, and hide it with scale 0",
+            VolspecWarning,
+            stacklevel=3,
+        )
+
+
+def _opacity_layers(rows: NDArray[np.float32], table: Tables, groups: int) -> OpacityLayers:
+    """Return the layers of rows whose materials are a table's."""
+    assert not isinstance(table, FieldTables)
+    columns = table.channels.argmax(axis=1).tolist()
+    return OpacityLayers.of_rows(rows, columns, table.size - 1, groups)
 
 
 def _empty_picture_warning(volume: Volume, table: Tables) -> str:

@@ -116,3 +116,50 @@ def test_info_lists_labels_with_their_names(
     assert "2: 1 liver, 2 spleen" in capsys.readouterr().out
     np.save(tmp_path / "v.npy", np.arange(27, dtype=np.float32).reshape(3, 3, 3))
     assert figures(capsys, "info", tmp_path / "v.npy")["labels"] == {}
+
+
+MATERIAL_BASIS = '[basis]\nmethod = "materials"\n'
+
+
+def test_layers_are_cast_and_fade_when_relit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """You should see the ball, then a thinner one, then nothing of it."""
+    scene = write_scene_text(tmp_path, BALL + MATERIAL_BASIS + GROUPS + DAY + SMALL, 16)
+    out = tmp_path / "i.exr"
+    assert call("render", scene, "-o", out, "--layers", "4") == 0
+    assert "4 layers of opacity" in capsys.readouterr().out
+    image = CoefficientImage.load(out)
+    assert image.opacity_layers is not None and image.opacity_layers.count == 4
+    words = ("relight", out, "--light", "D65", "-o")
+    assert call(*words, tmp_path / "1.png", "--opacity", "ball=1") == 0
+    assert call(*words, tmp_path / "plain.png") == 0
+    assert call(*words, tmp_path / "thin.png", "--opacity", "ball=0.3") == 0
+    assert call(*words, tmp_path / "none.png", "--opacity", "ball=0") == 0
+    same, plain, thin, none = (
+        read_codes(tmp_path / f"{name}.png").astype(int) for name in ("1", "plain", "thin", "none")
+    )
+    assert (same == plain).all() and np.ptp(none, axis=(0, 1)).max() == 0
+    backdrop = none[0, 0]
+    assert 2 < np.abs(thin - backdrop).sum() < np.abs(plain - backdrop).sum()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("render", "{scene}", "-o", "{out}", "--layers", "17"), "--layers is 17"),
+        (("render", "{scene}", "-o", "{out}", "--layers", "4"), 'method = "materials"'),
+        (("render", "{scene}", "-o", "p.png", "--layers", "4"), "name it .exr"),
+        (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball"), "block=0.3"),
+        (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball=0"), "layers = 8"),
+    ],
+)
+def test_what_has_no_layers_is_refused_in_one_line(
+    scene: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], said: str
+) -> None:
+    out = scene.with_name("i.exr")
+    assert call("render", scene, "-o", out) == 0
+    capsys.readouterr()
+    assert call(*(word.format(scene=scene, out=out) for word in words)) == 1
+    error = capsys.readouterr().err
+    assert said in " ".join(error.split())

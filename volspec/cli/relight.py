@@ -49,6 +49,7 @@ def relight(
     backdrop: Annotated[float | None, Parameter(converter=as_written)] = None,
     errors: Annotated[bool, Parameter(negative="")] = False,
     reflectance: Annotated[list[str] | None, Parameter(negative="")] = None,
+    opacity: Annotated[list[str] | None, Parameter(negative="")] = None,
     basis: str | None = None,
     taken_under: str | None = None,
     spectral: Annotated[bool, Parameter(negative="")] = False,
@@ -70,6 +71,8 @@ def relight(
 
     Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
 
+    Example: `volspec relight engine.exr --opacity block=0.3 --light A -o inside.png`
+
     Example: `volspec relight engine.exr --light FL2 --spectral -o spectra.exr`
 
     Parameters
@@ -86,6 +89,9 @@ def relight(
     reflectance
         MATERIAL=REFLECTANCE: show a material with another reflectance, such as
         `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.
+    opacity
+        MATERIAL=SCALE: show a material with more or less opacity, such as `block=0.3`, or 0 to
+        hide it; the image must be cast with `--layers`. Repeatable.
     basis
         The basis to analyse a spectral picture with: a shipped name or a JSON file.
     taken_under
@@ -125,6 +131,9 @@ def relight(
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the input image; name another file")
     stored = _picture(image, basis, taken_under)
+    if opacity:
+        with in_options():
+            stored = stored.recompose(_opacities(opacity))
     scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if shown is not None:
@@ -302,6 +311,25 @@ def _picture(path: Path, basis: str | None, taken_under: str | None) -> Coeffici
         return CoefficientImage.from_spectral_image(picture, model, lamp)
     except VolspecError as error:
         raise ImageError(f"{path}: {error}") from error
+
+
+def _opacities(words: Sequence[str]) -> dict[str, float]:
+    """Return the scales of MATERIAL=SCALE arguments."""
+    scales: dict[str, float] = {}
+    for word in words:
+        material, _, text = (part.strip() for part in word.rpartition("="))
+        try:
+            scale = float(text)
+        except ValueError:
+            material = ""
+        if not material:
+            raise InputError(f"--opacity {word!r}: write MATERIAL=SCALE, as block=0.3")
+        if material in scales:
+            raise InputError(
+                f"--opacity: {material!r} is given twice; give it once", code="duplicate"
+            )
+        scales[material] = scale
+    return scales
 
 
 def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 from rich.table import Table
@@ -28,7 +28,11 @@ from volspec.cli.inputs import (
     with_quality,
 )
 from volspec.cli.shell import Device, Json, Terminal, app, bar, print_json
+from volspec.cli.viewing import in_options
 from volspec.errors import InputError
+
+if TYPE_CHECKING:
+    from volspec.scene import Scene
 
 
 @app.command
@@ -44,6 +48,7 @@ def render(
     quality: QualityOption = None,
     memory: Memory = None,
     half: Annotated[bool, Parameter(negative="")] = False,
+    layers: int | None = None,
     device: Device = None,
 ) -> None:
     """Cast a scene, a volume or a mesh once, into a coefficient image or a picture.
@@ -61,6 +66,8 @@ def render(
 
     Example: `volspec render head.nii.gz -o head.png --light tungsten`
 
+    Example: `volspec render engine.toml -o engine.exr --layers 8`
+
     Example: `volspec render scans -o images`
 
     Parameters
@@ -74,6 +81,9 @@ def render(
         WIDTHxHEIGHT in pixels, instead of the scene's.
     half
         Store the channels as float16: half the memory and file size, three digits.
+    layers
+        Layers of opacity along each ray, 1 to 16 (8 do), for `volspec relight --opacity`; the basis
+        must be of materials, up to four.
     """
     from volspec.export.compositing import save_for_compositors, scene_recipe
     from volspec.export.frames import write_frame
@@ -93,6 +103,11 @@ def render(
                 code="conflict",
             )
         scene = with_quality(scene, quality)
+        if layers is not None:
+            with in_options({"layers": "--layers"}):
+                scene = scene.casting(layers=layers)
+        if job.output.suffix.lower() == ".png":
+            scene = _flat(scene, layers, job.output)
         tell("load the scene", 1)
         image = scene.render(
             volume,
@@ -111,10 +126,23 @@ def render(
             write_frame(job.output, frame, notes, scene.relight.viewing.display.space)
             return f"{job.output}: {width}×{height}, {first.label or first.name}"
         save_for_compositors(image, job.output, scene_recipe(scene, scene.lights, scene.relight))
+        if image.opacity_layers is not None:
+            layered = f"{image.opacity_layers.count} layers of opacity"
+            return f"{job.output}: {width}×{height}, {image.basis.size} channels, {layered}"
         groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
         return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"
 
     run_jobs(found, cast, incomplete=incomplete)
+
+
+def _flat(scene: Scene, layers: int | None, output: Path) -> Scene:
+    """Return a scene that is cast without layers, which a picture cannot hold."""
+    if layers:
+        raise InputError(
+            f"--layers {layers}: {output} is a picture, which has none; name it .exr",
+            code="conflict",
+        )
+    return scene.casting(layers=0)
 
 
 @app.command

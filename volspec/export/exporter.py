@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TypeVar
@@ -358,9 +358,11 @@ class FrameMaker:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
         behind = scene.behind(casters.volume)
+        # Frames are averaged and relit: they have no layers of opacity.
+        flat = replace(scene.raycast, layers=0)
 
         def caster_of(shots: list[Shot]) -> TileCaster:
-            return TileCaster(casters.at(shots[0].step), scene.raycast, notes, behind)
+            return TileCaster(casters.at(shots[0].step), flat, notes, behind)
 
         if only_cast:
             self._cast(casts, caster_of, meter)

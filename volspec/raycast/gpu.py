@@ -400,6 +400,7 @@ class Raycaster:
         receiver: Receiver | None = None,
         span_mm: NDArray[np.float32] | None = None,
         clear: Clear | None = None,
+        layers: NDArray[np.float32] | None = None,
     ) -> Result:
         """Cast a picture.
 
@@ -423,6 +424,9 @@ class Raycaster:
         clear : callable, optional
             What surfaces keep from the volume: the part of light that passes between two points,
             (K, 3) starts and ends in mm -> (K,).
+        layers : (H, W, L, N) float32, optional
+            Filled with `RaycastSpec.layers`, N as `volspec.raycast.layered.row_size`, of the
+            table's materials. Without it they are not cast.
 
         Raises
         ------
@@ -436,7 +440,9 @@ class Raycaster:
         check_callable("raycast: cancel", cancel)
         spec = spec.for_lattice(self.volume)
         with self.locked():
-            return self._cast(table, camera, size, spec, progress, cancel, receiver, span_mm, clear)
+            return self._cast(
+                *(table, camera, size, spec, progress, cancel, receiver, span_mm, clear, layers)
+            )
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -484,6 +490,7 @@ class Raycaster:
         receiver: Receiver | None,
         span_mm: NDArray[np.float32] | None,
         clear: Clear | None,
+        rows: NDArray[np.float32] | None,
     ) -> Result:
         width, height = checked_size(size)
         self._check_labels(table)
@@ -499,9 +506,10 @@ class Raycaster:
         picture = f"a picture of {width}x{height} with {layers} channels"
         remedy = "cast it smaller, with fewer light groups, or with half=True"
         # The picture, and two bands in progress.
-        bands_bytes = min(height, 1024) * layers * 4
+        own = 0 if rows is None else rows.shape[2] * rows.shape[3]
+        bands_bytes = min(height, 1024) * (layers + own) * 4
         self._compute.require(
-            width * (height * (layers * np.dtype(dtype).itemsize + 12) + bands_bytes),
+            width * (height * (layers * np.dtype(dtype).itemsize + 12 + 4 * own) + bands_bytes),
             picture,
             remedy,
         )
@@ -560,10 +568,13 @@ class Raycaster:
             lit=lit,
             spans=span_mm is not None,
             aligned=aligned,
+            layers=0 if rows is None else rows.shape[2],
         )
         tile, group = TILES[self.packet.lanes], GROUPS[self.packet.lanes]
         with receiver.receiving(self._compute, spec.half) if receiver else nullcontext() as pack:
-            bands = RowBatches(self._compute, result, tile, group, spec.tile_ms, pack)
+            bands = RowBatches(
+                *(self._compute, result, tile, group, spec.tile_ms, pack), layers=rows
+            )
             bands.run(kernel, arguments, progress, cancel)
         result.depth_mm[...] *= unit
         result.first_mm[...] *= unit

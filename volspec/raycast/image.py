@@ -7,6 +7,7 @@ Its OpenEXR file: `volspec.raycast.image_file`.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -19,6 +20,7 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
 from volspec.raycast.checks import number
 from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
+from volspec.raycast.layered import OpacityLayers, checked_scales
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
@@ -51,6 +53,9 @@ class CoefficientImage:
     fov_deg : float, optional
         The vertical field of view, `Camera.fov_deg`; None if it was cast without
         perspective or the angle is unknown.
+    opacity_layers : OpacityLayers, optional
+        Layers of the materials' opacities, by which `recompose` scales them; only with a
+        MaterialBasis. None if it was cast without `RaycastSpec.layers`.
 
     Raises
     ------
@@ -79,11 +84,14 @@ class CoefficientImage:
     groups: Mapping[str, float] = field(default_factory=lambda: dict(ONE_GROUP))
     first_mm: NDArray[np.float32] | None = None
     fov_deg: float | None = None
+    opacity_layers: OpacityLayers | None = None
 
     def __repr__(self) -> str:
         width, height = self.size
         each = f" in each of {', '.join(self.groups)}" if len(self.groups) > 1 else ""
-        return f"CoefficientImage({width}x{height}, {self.basis.size} channels{each})"
+        layers = self.opacity_layers
+        deep = "" if layers is None else f", {layers.count} layers of opacity"
+        return f"CoefficientImage({width}x{height}, {self.basis.size} channels{each}{deep})"
 
     def __post_init__(self) -> None:
         groups = checked_groups(self.groups)
@@ -112,6 +120,8 @@ class CoefficientImage:
                     f"expected {shape[:2]}",
                     field=f"coefficient image: {name}",
                 )
+        if self.opacity_layers is not None:
+            self._check_layers(self.opacity_layers)
         if self.fov_deg is not None:
             fov_deg = number("coefficient image: fov_deg", self.fov_deg, ImageError)
             if not 0.0 < fov_deg < 180.0:
@@ -121,6 +131,23 @@ class CoefficientImage:
                     "expected degrees above 0 and below 180, or None without perspective",
                     "range",
                 )
+
+    def _check_layers(self, layers: OpacityLayers) -> None:
+        if not isinstance(self.basis, MaterialBasis):
+            raise ImageError(
+                f"coefficient image: opacity layers are of materials, basis {self.basis.name!r} "
+                f"is {self.basis.method}",
+                "give a MaterialBasis, or leave them out",
+                code="conflict",
+            )
+        materials, groups = len(self.basis.materials), len(self.groups)
+        wanted = (*np.shape(self.coefficients)[:2], layers.count, materials)
+        if layers.tau.shape != wanted or layers.groups != groups:
+            raise ShapeError(
+                f"tau has shape {layers.tau.shape} and gloss {layers.gloss.shape}",
+                f"expected {wanted} and {(*wanted[:3], groups)}",
+                field="coefficient image: opacity_layers",
+            )
 
     def layer(self, group: str) -> NDArray[Any]:
         """Return (H, W, M) the channels of one light group: a view.
@@ -154,6 +181,58 @@ class CoefficientImage:
                 code="unsupported",
             )
         return replace(self, basis=self.basis.with_reflectances(reflectances))
+
+    def recompose(self, scales: Mapping[str, float]) -> CoefficientImage:
+        """Return the picture with other opacities of some of its materials, without a cast.
+
+        Scales act on a material's optical depth: 0 hides it, 2 is twice as much of it. If all
+        are 1, the result is this picture, bit for bit; the difference between the picture and its
+        layers is added and fades until a scale is 1/4 or 4. Shadows and occlusion stay those of
+        the cast. The result has no first hit and no layers.
+
+        Parameters
+        ----------
+        scales : {material: scale}
+            0 or more; 1 for those that are left out.
+
+        Raises
+        ------
+        ImageError
+            If the image was cast without layers, a name is unknown, a scale is negative or not
+            finite, or a material had no opacity in the cast.
+        """
+        layers = self.opacity_layers
+        if layers is None or not isinstance(self.basis, MaterialBasis):
+            raise ImageError(
+                "coefficient image: opacities cannot be edited, it was cast without layers",
+                "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
+                code="unsupported",
+            )
+        factors = checked_scales(scales, self.basis, layers)
+        if all(scale == 1 for scale in factors):
+            return replace(self, opacity_layers=None, first_mm=None)
+        channels, alpha, weighted_mm = layers.recompose(factors)
+        fade = 0.0
+        if min(factors) > 0:
+            fade = max(0.0, 1 - max(abs(math.log2(scale)) for scale in factors) / 2)
+        if fade > 0:
+            unscaled = layers.recompose([1.0] * len(factors))
+            own = self.coefficients.reshape(channels.shape).astype(np.float32)
+            own_mm = np.where(self.alpha > 0, self.depth_mm, 0) * self.alpha
+            channels += np.float32(fade) * (own - unscaled.channels)
+            alpha += np.float32(fade) * (self.alpha - unscaled.alpha)
+            weighted_mm += np.float32(fade) * (own_mm - unscaled.depth_mm)
+        channels = np.maximum(channels, 0).reshape(self.coefficients.shape)
+        alpha = alpha.clip(0, 1)
+        seen = alpha > 0
+        return replace(
+            self,
+            coefficients=channels.astype(self.coefficients.dtype),
+            alpha=alpha,
+            depth_mm=np.where(seen, weighted_mm / np.where(seen, alpha, 1), np.inf),
+            first_mm=None,
+            opacity_layers=None,
+        )
 
     def _ipython_display_(self) -> None:
         """Display with `volspec.notebook` in a notebook cell, or as text if it is missing."""

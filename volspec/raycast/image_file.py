@@ -10,6 +10,11 @@ viewers. The header's ``volspec:groups`` holds each group's fraction of the ligh
 it, and an image of another basis version is refused; ``volspec:fov_deg`` the camera's vertical
 field of view, if it has one.
 
+Layers of opacity (`CoefficientImage.opacity_layers`) are half channels, near to far:
+``l3.tau.block``, ``l3.shade.key.block``, ``l3.gloss.key`` and ``l3.depth.Z``, of layer 3, the
+material ``block`` and the light group ``key``. The header's ``volspec:layers`` holds their version
+and number; programs that do not know them read the image without.
+
 Up to format 2 channels were called ``key.coefficients.00``, of a single group ``coefficients.00``,
 and the first hit ``ZFirst``.
 """
@@ -21,21 +26,23 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from volspec._exr import Channels, chromaticities, read_exr, write_exr
 from volspec._files import require_suffix
 from volspec._parse import parse_json
 from volspec.appearance.spaces import SPACES
-from volspec.basis import basis_from_dict
+from volspec.basis import Basis, MaterialBasis, basis_from_dict
 from volspec.errors import BasisError, ImageError, ShapeError
+from volspec.raycast.layered import OpacityLayers
+from volspec.raycast.spec import MAX_LAYERS
 
 if TYPE_CHECKING:
     from volspec.raycast.image import CoefficientImage
@@ -89,22 +96,42 @@ def channel_names(groups: Mapping[str, float], size: int) -> list[str]:
     >>> channel_names({"light": 1.0}, 2), channel_names({"3 é.": 0.5, "3_e": 0.5}, 1)
     (['light.c00.V', 'light.c01.V'], ['g3_e.c00.V', 'g3_e_2.c00.V'])
     """
-    layers: list[str] = []
-    taken: set[str] = set()
-    for group in groups:
-        plain, number = _plain_name(group), 2
-        layer = plain
-        while layer.casefold() in taken:
-            layer, number = f"{plain}_{number}", number + 1
-        taken.add(layer.casefold())
-        layers.append(layer)
-    return [f"{layer}.c{k:02d}.V" for layer in layers for k in range(size)]
+    return [f"{layer}.c{k:02d}.V" for layer in _plain_names(groups) for k in range(size)]
+
+
+def layer_names(layer: int, materials: Iterable[str], groups: Iterable[str]) -> list[str]:
+    """Return the channels' names of a layer of opacity, in the order of its arrays.
+
+    >>> layer_names(3, ["block"], ["key"])
+    ['l3.tau.block', 'l3.shade.key.block', 'l3.gloss.key', 'l3.depth.Z']
+    """
+    kinds, lights = _plain_names(materials), _plain_names(groups)
+    return [
+        *(f"l{layer}.tau.{kind}" for kind in kinds),
+        *(f"l{layer}.shade.{light}.{kind}" for light in lights for kind in kinds),
+        *(f"l{layer}.gloss.{light}" for light in lights),
+        f"l{layer}.depth.Z",
+    ]
 
 
 def old_channel_names(groups: Mapping[str, float], size: int) -> list[str]:
     """Return the channels' names in files of format 1 and 2."""
     layers = [f"{_encoded_name(group)}." for group in groups] if len(groups) > 1 else [""]
     return [f"{layer}coefficients.{k:02d}" for layer in layers for k in range(size)]
+
+
+def _plain_names(names: Iterable[str]) -> list[str]:
+    """Return a plain name of each, no two alike."""
+    found: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        plain, number = _plain_name(name), 2
+        unique = plain
+        while unique.casefold() in taken:
+            unique, number = f"{plain}_{number}", number + 1
+        taken.add(unique.casefold())
+        found.append(unique)
+    return found
 
 
 def _plain_name(group: str) -> str:
@@ -122,7 +149,8 @@ def _encoded_name(group: str) -> str:
 FORMAT = 3
 _READ = (1, 2, FORMAT)  # images of format 1 have one light group
 # Attributes of the header, after "volspec:".
-_OWN = ("format", "basis", "groups", "notes", "fov_deg")
+_OWN = ("format", "basis", "groups", "notes", "fov_deg", "layers")
+LAYERS_VERSION = 1
 _ALPHA_ERROR = 1e-3  # rounding of alpha by a compositor
 
 
@@ -157,6 +185,10 @@ def write_image(
         for key, pixels in (("A", image.alpha), ("Z", image.depth_mm), ("first.Z", image.first_mm))
         if pixels is not None
     }
+    if image.opacity_layers is not None:
+        layers = image.opacity_layers
+        header["volspec:layers"] = json.dumps({"version": LAYERS_VERSION, "count": layers.count})
+        channels |= _layer_channels(image, layers)
     if preview is not None:
         colours = np.asarray(preview)
         if colours.shape != (*image.alpha.shape, 3):
@@ -210,7 +242,68 @@ def read_image(path: str | os.PathLike[str]) -> dict[str, Any]:
         "groups": groups,
         "first_mm": None if first is None else first.astype(np.float32),
         "fov_deg": fov_deg,
+        "opacity_layers": _read_layers(name, header, pixels, basis, groups),
     }
+
+
+def _layer_channels(image: CoefficientImage, layers: OpacityLayers) -> Channels:
+    """Return the channels of layers of opacity."""
+    assert isinstance(image.basis, MaterialBasis)
+    height, width = image.alpha.shape
+    channels: Channels = {}
+    for k in range(layers.count):
+        arrays = layers.tau, layers.shade, layers.gloss, layers.depth_mm
+        flat = [each[:, :, k].reshape(height, width, -1) for each in arrays]
+        half = np.concatenate(flat, axis=2).astype(np.float16)
+        names = layer_names(k, image.basis.materials, image.groups)
+        channels |= {name: half[..., n] for n, name in enumerate(names)}
+    return channels
+
+
+def _read_layers(
+    name: str,
+    header: Mapping[str, Any],
+    pixels: Channels,
+    basis: Basis,
+    groups: Mapping[str, float],
+) -> OpacityLayers | None:
+    """Return a file's layers of opacity; None if it has none."""
+    if "volspec:layers" not in header:
+        return None
+    with _refusing(f"{name}: its layers of opacity are refused"):
+        about = parse_json(header["volspec:layers"])
+        version, count = about["version"], int(about["count"])
+        if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
+            raise ValueError(f"{count} layers, basis {basis.name!r}")
+    if version != LAYERS_VERSION:
+        raise ImageError(
+            f"{name}: layers of opacity of version {version}, this volspec reads {LAYERS_VERSION}",
+            "render the scene again",
+            code="unsupported",
+        )
+    materials, lights = len(basis.materials), len(groups)
+    parts = []
+    for k in range(count):
+        names = layer_names(k, basis.materials, groups)
+        parts.append(_stacked(name, pixels, names))
+    rows = np.stack(parts, axis=2)
+    if not np.isfinite(rows[..., :-1]).all() or rows[..., :materials].min() < 0:
+        raise ImageError(
+            f"{name}: a layer of opacity contains NaN, infinite or negative values",
+            "render the scene again",
+            code="damaged",
+        )
+    return OpacityLayers.of_rows(rows.astype(np.float16), range(materials), materials, lights)
+
+
+def _stacked(name: str, pixels: Channels, wanted: Iterable[str]) -> NDArray[Any]:
+    """Return the channels of some names, or raise ImageError if one is missing."""
+    for key in (names := list(wanted)):
+        if key not in pixels:
+            raise ImageError(
+                f"{name}: channel {key!r} is missing", "render the scene again", code="damaged"
+            )
+    return np.stack([pixels[key] for key in names], axis=-1)
 
 
 @contextmanager
@@ -224,12 +317,8 @@ def _refusing(problem: str) -> Iterator[None]:
 
 def _checked_pixels(name: str, pixels: Channels, wanted: list[str]) -> tuple[Any, Any]:
     """Return a file's (H, W, L·M) coefficients and (H, W) alpha, checked."""
-    for key in (*wanted, "A", "Z"):
-        if key not in pixels:
-            raise ImageError(
-                f"{name}: channel {key!r} is missing", "render the scene again", code="damaged"
-            )
-    coefficients = np.stack([pixels[key] for key in wanted], axis=-1)
+    _stacked(name, pixels, ("A", "Z"))
+    coefficients = _stacked(name, pixels, wanted)
     if not (np.isfinite(coefficients).all() and np.isfinite(pixels["A"]).all()):
         raise ImageError(
             f"{name}: contains NaN or infinite values", "render the scene again", code="damaged"

@@ -52,6 +52,7 @@ CAST = Struct(
         ("float", "distance", "from the camera to the target"),
         ("float", "perspective", "1, or 0 for parallel rays"),
         ("float", "light_lift", "distance in front of surfaces at which light is read"),
+        ("float", "unit", "smallest spacing, mm"),
         ("float", "phase", "from the target to step 0; steps are whole ones from the camera"),
         ("float", "start", "position of the camera counted from step 0"),
         ("float", "step", "length of a step"),
@@ -136,6 +137,7 @@ def cast_struct(
     cast["distance"], cast["perspective"] = field.distance / unit, field.perspective
     # Steps are counted from the camera but numbered from the one next to the target.
     nearest = round(field.distance / step)
+    cast["unit"] = unit
     cast["start"] = -nearest * step / unit
     cast["phase"] = (nearest * step - field.distance) / unit
     cast["low"][:3], cast["high"][:3] = spec.kept(volume)

@@ -29,7 +29,11 @@ class Pass(NamedTuple):
     steps: Literal["own", "fast", "voxel"] = "own"
 
     def spec(self, own: RaycastSpec, volume: Volume) -> RaycastSpec:
-        """Return the pass's settings; of a volume larger than memory, on the way, what is in it."""
+        """Return the pass's settings; of a volume larger than memory, on the way, what is in it.
+
+        A picture that is turned has no layers of opacity.
+        """
+        own = replace(own, layers=0)
         if volume.pyramid is not None and self != WHOLE:
             own = replace(own, level=len(volume.pyramid.levels) - 1)
         if self.steps == "own":

@@ -14,6 +14,7 @@ from volspec._gpu.prelude import C_TYPES, prelude
 from volspec._gpu.sources import assemble
 from volspec.raycast import kernel_arguments
 from volspec.raycast.bricks import BRICK, STRIDES
+from volspec.raycast.layered import LEAST_TAU, MOST_LAYER_TAU, MOST_TAU, least_mass
 from volspec.raycast.packets import TILES, Packet
 from volspec.raycast.spec import RaycastSpec
 
@@ -33,6 +34,7 @@ def cast_kernel(
     spans: bool,
     aligned: bool = True,
     parts: bool = False,
+    layers: int = 0,
 ) -> Any:
     """Return the kernel that casts voxels of a type.
 
@@ -52,6 +54,8 @@ def cast_kernel(
         All fields share a lattice and its cuts.
     parts : bool
         Only a part of the volume is stored.
+    layers : int
+        Layers of opacity, which are written, too.
     """
     tile_width, tile_height = TILES[packet.lanes]
     constants = {
@@ -65,12 +69,21 @@ def cast_kernel(
         "SPANS": int(spans),
         "ALIGNED": int(aligned),
         "PARTS": int(parts),
+        "LAYERED": layers,
         "VOXEL": C_TYPES[dtype.name],
         "VOXEL_BYTES": dtype.itemsize,
         "VOXEL_SIGNED": int(dtype.kind == "i"),
         **program.constants,
         **kernel_arguments.light_constants(spec, lit),
     }
+    if layers:
+        constants |= {
+            "LAYER_SLOTS": 2 * layers,
+            "LEAST_MASS": least_mass(int(program.constants["WEIGHTS"]), layers),
+            "MOST_TAU": MOST_TAU,
+            "MOST_LAYER_TAU": MOST_LAYER_TAU,
+            "LEAST_TAU": LEAST_TAU,
+        }
     constants["NEIGHBOURS"] = int(constants["NORMALS"] or program.constants["TABLE_ROWS"] > 1)
     steps = 2 if constants["NEIGHBOURS"] else 4
     if constants["NEIGHBOURS"] and program.name == "fields":

@@ -23,7 +23,7 @@ Twins: ``kernels/raycast.cl``, those named below, and ``kernels/light_volume.cl`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from volspec.raycast.camera import Camera
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import ITERATIONS, LIGHT_MARGIN, MIX_OPAQUE, check_reach
+from volspec.raycast.layered import LayerStream, SampleStream
 from volspec.raycast.light_volume import (
     CUT_TOLERANCE,
     OCCLUSION_GAIN,
@@ -88,14 +89,9 @@ def cast(
     distance from the camera, and first_mm, the distance of the first hit, both inf in empty pixels.
     """
     check_reach(volume, camera, spec)
-    width, height = size
 
     def clipped_rays(volume: Volume, spec: RaycastSpec) -> Rays:
-        rays = make_rays(volume, camera, size, spec)
-        if span_mm is None:
-            return rays
-        begin, end = span_mm.reshape(-1, 2).T
-        return replace(rays, near=np.maximum(rays.near, begin), far=np.minimum(rays.far, end))
+        return _within(make_rays(volume, camera, size, spec), span_mm)
 
     cast: _March
     if isinstance(table, FieldTables):
@@ -120,12 +116,39 @@ def cast(
             kind = _Filtered
         cast = kind(volume, table, camera, spec, clipped_rays(volume, spec), clear)
     cast.march()
-    shape = (height, width)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        expected = np.where(cast.alpha > 0, cast.depth / cast.alpha, np.inf)
-    colour = cast.colour.reshape(*shape, -1)
-    parts = cast.alpha, expected, cast.first
-    return (colour, *(part.reshape(shape) for part in parts))  # type: ignore[return-value]
+    return cast.picture(size)
+
+
+def cast_layers(
+    volume: Volume,
+    table: TransferTable,
+    camera: Camera,
+    size: tuple[int, int],
+    spec: RaycastSpec,
+    span_mm: NDArray[np.float32] | None = None,
+    streams: Sequence[SampleStream] = (),
+) -> tuple[Result, Array]:
+    """Cast a picture with `RaycastSpec.layers`, as `cast`, and return its layers, too.
+
+    They are (H, W, L, `row_size`), of materials in the table's order, and of whole rays: they do
+    not end where the picture's rays do. ``streams`` receive the same samples.
+    """
+    check_reach(volume, camera, spec)
+    spec = spec.naming_fields(volume).for_field(volume.name)
+    rays = _within(make_rays(volume, camera, size, spec), span_mm)
+    cast = _Layered(volume, table, camera, spec, rays, None)
+    cast.streams = cast.stream, *streams
+    cast.march()
+    rows = cast.stream.rows()
+    return cast.picture(size), rows.reshape(size[1], size[0], *rows.shape[1:])
+
+
+def _within(rays: Rays, span_mm: NDArray[np.float32] | None) -> Rays:
+    """Return rays that begin and end within (H, W, 2) distances, if given."""
+    if span_mm is None:
+        return rays
+    begin, end = span_mm.reshape(-1, 2).T
+    return replace(rays, near=np.maximum(rays.near, begin), far=np.minimum(rays.far, end))
 
 
 class _March:
@@ -161,13 +184,25 @@ class _March:
         while True:
             begin = np.maximum(k * step + rays.shift, rays.near)
             end = np.minimum((k + 1) * step + rays.shift, rays.far)
-            live = np.flatnonzero(
-                (end > begin) & (self.transmittance > self.spec.least_transmittance)
-            )
+            live = np.flatnonzero((end > begin) & (self.transmittance > self.least_transmittance))
             if not live.size:
                 break
             self.step_rays(live, begin[live], end[live])
             k[live] += 1
+
+    @property
+    def least_transmittance(self) -> float:
+        """Transmittance at which a ray ends."""
+        return self.spec.least_transmittance
+
+    def picture(self, size: tuple[int, int]) -> Result:
+        """Return the picture of (width, height), after the march."""
+        shape = size[::-1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            expected = np.where(self.alpha > 0, self.depth / self.alpha, np.inf)
+        colour = self.colour.reshape(*shape, -1)
+        parts = self.alpha, expected, self.first
+        return (colour, *(part.reshape(shape) for part in parts))  # type: ignore[return-value]
 
     def point(self, rays: Index, along: Array) -> Array:
         """Return (R, 3) index positions at ``along`` mm."""
@@ -208,7 +243,15 @@ class _March:
         reflectance: Array,
     ) -> Array:
         """Return (R, L, M) the light that samples reflect, by group."""
-        factor, highlight = shade(
+        factor, highlight = self.shade(live, along, point, gradient)
+        material = factor[:, :, None] * reflectance[:, None, :]
+        return material + highlight[:, :, None] * self.table.white
+
+    def shade(
+        self, live: Index, along: Array, point: Array, gradient: Array | None
+    ) -> tuple[Array, Array]:
+        """Return the factors of the samples' reflectances and the highlights, (R, L) each."""
+        return shade(
             self.volume,
             self.camera,
             self.spec,
@@ -219,8 +262,6 @@ class _March:
             gradient if self.normals else None,
             self.rays.above_cut(live, along, self.lift_mm),
         )
-        material = factor[:, :, None] * reflectance[:, None, :]
-        return material + highlight[:, :, None] * self.table.white
 
     def add_alpha(self, live: Index, along: Array, alpha: Array) -> None:
         """Sum alpha and depth, and find the first hit."""
@@ -228,6 +269,44 @@ class _March:
         hit = np.isinf(self.first[live]) & (self.alpha[live] >= self.spec.first_opacity)
         self.first[live[hit]] = along[hit]
         self.depth[live] += alpha * along
+
+
+class _Layered(_March):
+    """A picture and its layers of opacity; twin: raycast.cl with LAYERED."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        rays, groups = len(self.transmittance), len(self.spec.groups)
+        materials = len(self.table.channels)
+        self.stream = LayerStream(rays, self.spec.layers, groups, materials)
+        self.streams: Sequence[SampleStream] = (self.stream,)
+        # The table whose channels are the materials themselves.
+        weights = np.eye(materials), np.zeros(materials)
+        self.weights = replace(self.table, channels=weights[0], white=weights[1])
+
+    @property
+    def least_transmittance(self) -> float:
+        """Return a transmittance below any: layers are of whole rays."""
+        return -1.0
+
+    def composite(
+        self,
+        live: Index,
+        along: Array,
+        point: Array,
+        gradient: Array | None,
+        alpha: Array,
+        reflectance: Array,
+    ) -> None:
+        light = self.shade(live, along, point, gradient)
+        _, weights = classify(self.weights, self.sampler, point, gradient, self.step)
+        seen = np.flatnonzero(alpha > 0)
+        factor, highlight = (part[seen] for part in light)
+        for stream in self.streams:
+            stream.add(live[seen], along[seen], alpha[seen], weights[seen], factor, highlight)
+        reached = self.transmittance[live] > self.spec.least_transmittance
+        shown = np.where(reached, alpha, 0.0)
+        super().composite(live, along, point, gradient, shown, reflectance)
 
 
 class _Fields(_March):

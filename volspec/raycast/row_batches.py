@@ -65,7 +65,7 @@ class RowBatches:
     """Caster of a picture band by band: no launch takes long, and none waits for the host.
 
     Two batches are in progress at any time; a batch's height follows from recent times, and from
-    ``rows`` of work-groups at first.
+    ``rows`` of work-groups at first. ``layers`` (H, W, …), of a cast with layers, are filled, too.
     """
 
     def __init__(
@@ -77,8 +77,11 @@ class RowBatches:
         tile_ms: float,
         pack: Pack | None = None,
         rows: int = 1,
+        layers: NDArray[np.float32] | None = None,
     ) -> None:
         self._compute, self._result, self._pack = compute, result, pack
+        # In the order of the kernel's arguments.
+        self._arrays = [*result, *([] if layers is None else [layers])]
         self._tile, self._group, self._tile_ms = tile, group, tile_ms
         self._clipped, self._first_rows = False, rows
         height, width = result.alpha.shape
@@ -133,7 +136,7 @@ class RowBatches:
         height = self._group[1] * self._tile[1]
         lines = slice(first * height, min(last * height, len(self._result.alpha)))
         outputs = []
-        for array in self._result:
+        for array in self._arrays:
             rows = array[lines]
             into = rows if rows.dtype == np.float32 else np.empty(rows.shape, np.float32)
             outputs.append((self._compute.output(into.nbytes, into), into))
@@ -151,7 +154,7 @@ class RowBatches:
         return Band(first, last, lines, done, outputs)
 
     def _fetch(self, band: Band) -> None:
-        for (buffer, into), array in zip(band.outputs, self._result, strict=True):
+        for (buffer, into), array in zip(band.outputs, self._arrays, strict=True):
             self._compute.download(buffer, into, band.done)
             if array.dtype != np.float32:
                 self._clipped |= bool(into.max(initial=0.0) > _LARGEST_HALF)

@@ -21,6 +21,7 @@ MODES: tuple[Mode, ...] = get_args(Mode)
 MAX_PLANES = 6
 # More samples per ray than this are due to a mistaken step.
 MAX_STEPS = 1 << 17
+MAX_LAYERS = 16
 Opacity = Annotated[float, Field(gt=0, le=1)]
 
 
@@ -135,6 +136,9 @@ class RaycastSpec:
     """Store the picture's channels as float16: half the memory, three digits."""
     first_opacity: Opacity = 0.1
     """Opacity at which a ray counts as having hit something, for `CoefficientImage.first_mm`."""
+    layers: Annotated[int, Field(ge=0, le=MAX_LAYERS)] = 0
+    """Layers of opacity along each ray, by which up to four materials fade without a new cast
+    (`CoefficientImage.recompose`): 8 to 16, or 0 for none. The basis must be of materials."""
     tile_ms: Annotated[Positive, Unit("ms"), PYTHON_ONLY] = 20.0
     """Approximate time of one launch on the device; drivers kill long launches, and a cast can be
     cancelled between two."""
@@ -147,6 +151,15 @@ class RaycastSpec:
                 code="conflict",
                 field="preintegrated",
                 given=True,
+            )
+        if self.layers and (self.mode != "composite" or self.preintegrated):
+            other = "preintegrated" if self.preintegrated else f"mode {self.mode!r}"
+            raise RaycastError(
+                f"{self.layers} layers do not work with {other}",
+                "leave out one of them",
+                code="conflict",
+                field="layers",
+                given=self.layers,
             )
         names = [group.name for group in self.groups]
         if twice := next((name for name in names if names.count(name) > 1), None):

@@ -16,7 +16,7 @@ import json
 import os
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from string import Template
 from typing import Annotated, Any
@@ -293,7 +293,7 @@ def scene_views(
                 scene.transfer,
                 camera,
                 pixels,
-                scene.raycast,
+                replace(scene.raycast, layers=0),
                 caster=shown,
                 progress=progress and part_of(progress, done / total, 1 / total),
                 behind=behind,

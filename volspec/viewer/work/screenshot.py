@@ -26,6 +26,7 @@ from volspec.export.annotate import (
 )
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
+from volspec.raycast.pace import WHOLE
 from volspec.scene.export import Mark
 from volspec.viewer.model.light_rows import light_rig, lit_names
 from volspec.viewer.model.quality import cast_spec
@@ -131,7 +132,7 @@ def _cast(
 ) -> CoefficientImage:
     volume = state.document.volume
     camera = state.view.camera(volume)
-    what = volume, state.transfer, camera, size, cast_spec(state)
+    what = volume, state.transfer, camera, size, WHOLE.spec(cast_spec(state), volume)
     room = state.room
     seen = room is not None and has_walls(state)
     behind = room.behind(volume, state.transfer.basis) if room and seen else None

@@ -1,0 +1,391 @@
+"""Errors of layers of opacity against new casts: ``python -m benchmarks.layers``.
+
+Three materials by value (skin, brass and blue sky, of ColorChecker where there are such), an
+ambient and a headlight. The truth is the float64 march of the reference, steps of half a voxel that
+do not end early, with every sample's optical depths scaled; the layers are the NumPy stream's, as
+a file holds them, in half precision. All 215 combinations of 0, 1/4, 1/2, 1, 2 and 4 that show
+something, on covered pixels of 96² rays; errors are of sRGB codes, 1 for white, and CIEDE2000 of
+the frame under D65 in front of black, without an eye model.
+
+The kernel is compared with the stream on the same pixels and combinations: the difference of
+coefficients that 99 % of the pixels stay below, and the pixels above 1e-4, in which a layer ends a
+sample earlier or later, as a mass is close to the limit. Its time is that of all cores by that of
+the same cast without layers, whose rays do not end early either, or do.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.measure import PAGE, Figure, in_turn, replaced
+from benchmarks.scenes import RECIPES, Points, stored
+from volspec._gpu.sources import asset
+from volspec.appearance.models.cielab import cielab, delta_E_2000
+from volspec.appearance.spaces import decode_sRGB, encode_sRGB, linear_sRGB_from_XYZ
+from volspec.basis import MaterialBasis
+from volspec.pipeline import Raycaster, raycast
+from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
+from volspec.raycast.layered import LayerStream, OpacityLayers, empty_rows, sample_tau
+from volspec.relight import LightRig, RelightSpec, relight
+from volspec.relight.illumination import Illumination
+from volspec.scene import Scene
+from volspec.spectra import light, reflectance
+from volspec.transfer import TransferFunction, TransferTable
+from volspec.volume import Volume, load_volume
+
+Array = NDArray[np.float64]
+SCALES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
+COMBINATIONS = np.array([s for s in itertools.product(SCALES, repeat=3) if any(s)])
+COUNTS = (4, 8, 12, 16)
+LAYERS = 8
+SIDE, PIXELS = 96, 1000
+TIMED = 512, 512
+SPEC = RaycastSpec(ambient=0.3, diffuse=0.7, specular=0.2, shininess=24, alpha_stop=1.0)
+MATERIALS = {
+    "skin": "ColorChecker/light skin",
+    "brass": "brass",
+    "sky": "ColorChecker/blue sky",
+}
+LAYERS_PAGE = PAGE.parent / "layers.md"
+
+
+def _bundled(name: str) -> Callable[[], Volume]:
+    """Return a reader of a volume that ships."""
+    return lambda: load_volume(asset(f"data/{name}.nrrd"))
+
+
+# A volume, the points of its function, and keywords of its orbit. Materials follow from the order
+# of the recipe's, three of each.
+_ENGINE: Points = (
+    *((88, 0.0, "skin"), (108, 0.045, "skin"), (128, 0.045, "skin")),
+    *((140, 0.03, "brass"), (165, 0.03, "brass"), (180, 0.12, "sky")),
+    *((200, 0.5, "sky"), (255, 0.9, "sky")),
+)
+_VIEW = {"azimuth_deg": 148, "elevation_deg": 32, "up": (0, 0, -1)}
+_FROG: Points = (
+    *((20, 0.0, "skin"), (36, 0.02, "skin"), (70, 0.03, "skin")),
+    *((85, 0.06, "brass"), (110, 0.08, "brass")),
+    *((130, 0.25, "sky"), (190, 0.6, "sky"), (255, 0.8, "sky")),
+)
+CASES = {
+    "engine": (_bundled("engine"), _ENGINE, _VIEW),
+    "foot": (stored("foot"), RECIPES["foot"].points, RECIPES["foot"].camera),
+    "mrbrain": (_bundled("mrbrain"), RECIPES["mrbrain"].points, RECIPES["mrbrain"].camera),
+    "aneurism": (stored("aneurism"), RECIPES["aneurism"].points, RECIPES["aneurism"].camera),
+    "frog": (stored("frog"), _FROG, {"azimuth_deg": 30, "elevation_deg": 40}),
+}
+
+
+class Truth:
+    """The picture of (C, K) scales of a table's materials, sample by sample: a `SampleStream`."""
+
+    def __init__(self, rays: int, scales: Array) -> None:
+        self.scales = scales
+        self.through = np.ones((rays, len(scales)))
+        self.channels = np.zeros((rays, len(scales), 4))
+
+    def add(
+        self,
+        rays: NDArray[np.int64],
+        along: Array,
+        alpha: Array,
+        weights: Array,
+        factor: Array,
+        highlight: Array,
+    ) -> None:
+        """Composite a sample of each of some rays, in all combinations."""
+        tau = sample_tau(alpha)[:, None, None] * weights[:, None, :] * self.scales
+        total = tau.sum(axis=2)
+        seen = self.through[rays] * -np.expm1(-total)
+        part = seen / np.maximum(total, 1e-300)
+        self.channels[rays, :, :3] += (part * factor)[..., None] * tau
+        self.channels[rays, :, 3] += seen * highlight
+        self.through[rays] -= seen
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """Errors over combinations and pixels.
+
+    RMS of sRGB codes; CIEDE2000: the mean, the mean of the worst combination, 99 % and the most.
+    """
+
+    rms: float
+    mean: float
+    worst: float
+    most_of: float
+    most: float
+
+    @classmethod
+    def of(cls, shown: Array, true: Array) -> Errors:
+        """Compare (combinations, pixels, 3) sRGB codes."""
+        white = np.array([95.047, 100.0, 108.883])
+        XYZ_from_linear = np.linalg.inv(linear_sRGB_from_XYZ(np.eye(3)).T)
+        labs = [cielab(decode_sRGB(each) @ XYZ_from_linear.T, white) for each in (shown, true)]
+        off = delta_E_2000(*labs)
+        return cls(
+            float(np.sqrt(np.mean((shown - true) ** 2))),
+            float(off.mean()),
+            float(off.mean(axis=1).max()),
+            float(np.percentile(off, 99)),
+            float(off.max()),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """Figures of a volume: errors by number of layers, twins, and times."""
+
+    name: str
+    pixels: int
+    errors: dict[int, Errors]
+    apart: float
+    moved: float
+    ratio: float
+    ratio_early: float
+
+
+def transfer_of(points: Points) -> TransferFunction:
+    """Return a function of three materials, in the order in which the points name theirs."""
+    names = dict(zip(dict.fromkeys(name for *_, name in points), MATERIALS, strict=True))
+    materials = {name: reflectance(text) for name, text in MATERIALS.items()}
+    renamed = [(value, opacity, names[name]) for value, opacity, name in points]
+    return TransferFunction(points=renamed, materials=materials, basis=MaterialBasis(materials))
+
+
+def covered(
+    caster: Raycaster, table: TransferTable, camera: Camera, spec: RaycastSpec
+) -> NDArray[np.int64]:
+    """Return the numbers of some pixels that see something, evenly spread."""
+    alpha = caster.cast(table, camera, (SIDE, SIDE), replace(spec, layers=0)).alpha.ravel()
+    seen = np.flatnonzero(alpha > 0.01)
+    return seen[np.linspace(0, len(seen) - 1, min(PIXELS, len(seen))).astype(int)]
+
+
+def measured(name: str, volume: Volume, points: Points, orbit: dict[str, object]) -> Row:
+    """Measure a volume."""
+    transfer, camera = transfer_of(points), Camera.orbit(volume, **orbit)
+    spec = replace(SPEC, step_mm=0.5 * volume.finest_mm, layers=LAYERS)
+    caster = Raycaster(volume)
+    table = caster.bake(transfer)
+    assert isinstance(table, TransferTable)
+    pixels = covered(caster, table, camera, spec)
+    span_mm = np.zeros((SIDE * SIDE, 2), np.float32)
+    span_mm[pixels, 1] = np.inf
+    columns = table.channels.argmax(axis=1).tolist()
+    truth = Truth(SIDE * SIDE, COMBINATIONS[:, columns])
+    streams = {n: LayerStream(SIDE * SIDE, n, 1, 3) for n in COUNTS}
+    reference.cast_layers(
+        *(volume, table, camera, (SIDE, SIDE), spec, span_mm.reshape(SIDE, SIDE, 2)),
+        streams=(truth, *streams.values()),
+    )
+    true = truth.channels[pixels][..., [*np.argsort(columns), 3]], truth.through[pixels]
+    basis = transfer.basis
+    assert isinstance(basis, MaterialBasis)
+    codes_of = display(basis)
+    wanted = np.stack([codes_of(*each) for each in zip(*map(_by_combination, true), strict=True)])
+    errors = {}
+    for count, stream in streams.items():
+        rows = stream.rows()[pixels, None]
+        image = stored_image(rows, true, columns, basis)
+        shown = [recomposed(image, scales) for scales in COMBINATIONS]
+        errors[count] = Errors.of(np.stack([codes_of(*each) for each in shown]), wanted)
+        if count == LAYERS:
+            ours = empty_rows(table, (SIDE, SIDE), spec)
+            caster.cast(table, camera, (SIDE, SIDE), spec, layers=ours)
+            kernel = ours.reshape(SIDE * SIDE, 1, *ours.shape[2:])[pixels]
+            apart = twins_apart(kernel, rows.astype(np.float32), columns)
+    ratio, ratio_early = times(caster, table, camera, replace(spec, step_mm=None))
+    most, moved = float(np.percentile(apart, 99)), float(np.mean(apart > 1e-4))
+    return Row(name, len(pixels), errors, most, moved, ratio, ratio_early)
+
+
+def _by_combination(array: Array) -> Array:
+    return np.moveaxis(array, 1, 0)
+
+
+def display(basis: MaterialBasis) -> Callable[[Array, Array], Array]:
+    """Return the function from channels (R, 4) and transmittance (R,) to sRGB codes."""
+    black = RelightSpec(mode="exact", backdrop=0.0)
+    lit = Illumination.of(basis, LightRig.of(light("D65")), black, {"light": 1})
+
+    def codes(channels: Array, through: Array) -> Array:
+        XYZ = channels @ lit.XYZ_from_channels.T + through[:, None] * lit.backdrop_XYZ
+        return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ / 100.0), 0, 1))
+
+    return codes
+
+
+def stored_image(
+    rows: Array, true: tuple[Array, Array], columns: list[int], basis: MaterialBasis
+) -> CoefficientImage:
+    """Return the image of the true cast at scale 1, and of layers as a file holds them."""
+    unscaled = int(np.flatnonzero((COMBINATIONS == 1).all(axis=1))[0])
+    channels, through = (each[:, None, unscaled] for each in true)
+    layers = OpacityLayers.of_rows(rows.astype(np.float16), columns, 3, 1)
+    alpha = (1 - through).astype(np.float32)
+    return CoefficientImage(
+        channels.astype(np.float32), alpha, np.ones_like(alpha), basis, opacity_layers=layers
+    )
+
+
+def recomposed(image: CoefficientImage, scales: Array) -> tuple[Array, Array]:
+    """Return the channels and transmittance of an image's only column, recomposed."""
+    assert isinstance(image.basis, MaterialBasis)
+    given = dict(zip(image.basis.materials, scales.tolist(), strict=True))
+    made = image.recompose(given)
+    return made.coefficients[:, 0].astype(np.float64), 1.0 - made.alpha[:, 0].astype(np.float64)
+
+
+def twins_apart(
+    kernel: NDArray[np.float32], twin: NDArray[np.float32], columns: list[int]
+) -> NDArray[np.float32]:
+    """Return each pixel's greatest difference of recomposed channels, over all combinations."""
+    sides = [OpacityLayers.of_rows(rows, columns, 3, 1) for rows in (kernel, twin)]
+    worst = np.zeros(len(kernel), np.float32)
+    for scales in COMBINATIONS:
+        one, other = (side.recompose(scales.tolist()).channels for side in sides)
+        worst = np.maximum(worst, np.abs(one - other).max(axis=(1, 2, 3)))
+    return worst
+
+
+def times(
+    caster: Raycaster, table: TransferTable, camera: Camera, spec: RaycastSpec
+) -> tuple[float, float]:
+    """Return a cast's time with layers by those without: of whole rays, and of rays that end."""
+    spec = caster.with_step(table, spec)
+    rows = empty_rows(table, TIMED, spec)
+
+    def layered() -> None:
+        caster.cast(table, camera, TIMED, spec, layers=rows)
+
+    ratios = []
+    for stop in (1.0, None):
+        plain = replace(spec, alpha_stop=stop)
+        both = in_turn(lambda: caster.cast(table, camera, TIMED, plain), layered, runs=5)  # noqa: B023
+        ratios.append(float(np.median(both.cpu[:, 1] / both.cpu[:, 0])))
+    return ratios[0], ratios[1]
+
+
+def rows() -> Iterator[Row | tuple[str, str]]:
+    """Yield the figures of each volume, or its name and the reason if it is missing."""
+    for name, (read, points, orbit) in CASES.items():
+        try:
+            volume = read()
+        except FileNotFoundError as error:
+            yield name, str(error)
+            continue
+        yield measured(name, volume, points, orbit)
+
+
+def figures_of(row: Row) -> list[Figure]:
+    """Return a volume's figures with their targets."""
+    eight, sixteen = row.errors[LAYERS], row.errors[16]
+    asked = (
+        ("RMS", eight.rms, 0.004, ""),
+        ("mean", eight.mean, 0.25, "ΔE"),
+        ("worst", eight.worst, 0.6, "ΔE"),
+        ("99 %", eight.most_of, 1.5, "ΔE"),
+        ("max", eight.most, 6.0, "ΔE"),
+        ("16: mean", sixteen.mean, 0.08, "ΔE"),
+        ("kernel, 99 %", row.apart, 1e-4, ""),
+        ("time", row.ratio, 1.8, "x"),
+    )
+    return [Figure(f"{row.name}: {n}", v, a, True, unit) for n, v, a, unit in asked]
+
+
+HEADINGS = ("RMS", "mean", "worst", "99%", "max", "L16:mean", "kernel", "moved,%", "time", "early")
+TARGETS = ("0.004", "0.25", "0.6", "1.5", "6", "0.08", "0.0001", "-", "1.8", "-")
+
+
+def table(found: list[Row | tuple[str, str]]) -> str:
+    """Return the errors of 8 layers, volume by volume, ``!`` after those beyond the target.
+
+    ``L16:mean`` is of 16 layers; ``kernel`` and ``moved`` compare the kernel with its twin;
+    ``time`` and ``early`` are times by those of casts without layers whose rays do not end early,
+    or do.
+    """
+    lines = [
+        "8 layers".ljust(12) + "".join(f"{each:>11s}" for each in HEADINGS),
+        "asked, ≤".ljust(12) + "".join(f"{each:>10s} " for each in TARGETS),
+    ]
+    for row in found:
+        if not isinstance(row, Row):
+            lines.append(f"{row[0]:12s}left out: {row[1]}")
+            continue
+        cells = [
+            f"{figure.reached:.2g}" + (" " if figure.met else "!") for figure in figures_of(row)
+        ]
+        cells.append(f"{row.ratio_early:.2g} ")
+        cells.insert(7, f"{100 * row.moved:.2g} ")
+        lines.append(f"{row.name:12s}" + "".join(f"{cell:>11s}" for cell in cells))
+    return "\n".join(lines)
+
+
+def by_count(found: list[Row | tuple[str, str]]) -> str:
+    """Return RMS / mean / 99 % / max by the number of layers."""
+    lines = ["layers".ljust(12) + "".join(f"{n:>24d}" for n in COUNTS)]
+    for row in found:
+        if isinstance(row, Row):
+            cells = (row.errors[n] for n in COUNTS)
+            texts = [f"{e.rms:.4f} {e.mean:.3f} {e.most_of:.2f} {e.most:.1f}" for e in cells]
+            lines.append(f"{row.name:12s}" + "".join(f"{text:>24s}" for text in texts))
+    return "\n".join(lines)
+
+
+STATES: tuple[dict[str, float], ...] = (
+    {},
+    {"block": 0.3},
+    {"block": 0.0},
+    {"block": 4.0, "inserts": 0.0},
+)
+
+
+def four_states() -> NDArray[np.uint8]:
+    """Return frames of one cast of the shipped engine, next to one another."""
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    volume, transfer = scene.volume(), scene.transfer
+    assert isinstance(transfer, TransferFunction)
+    materials = replace(transfer, basis=MaterialBasis(transfer.materials))
+    spec = replace(scene.raycast, layers=LAYERS)
+    image = raycast(volume, materials, scene.camera(volume), (360, 360), spec)
+    each = [relight(image.recompose(state), light("A"), scene.relight) for state in STATES]
+    return np.hstack(each).astype(np.uint8)
+
+
+def figures() -> Iterator[Figure]:
+    """Yield the figures of all volumes, for `benchmarks.__main__`."""
+    for row in rows():
+        if isinstance(row, Row):
+            yield from figures_of(row)
+        else:
+            yield Figure(f"{row[0]}: layers", None, note=row[1])
+
+
+def main() -> None:
+    """Print both tables; with ``--keep``, write them to docs/layers.md, and its picture."""
+    found = []
+    for row in rows():
+        found.append(row)
+        print(row if not isinstance(row, Row) else f"{row.name}: {row.pixels} pixels", flush=True)
+    text = f"{table(found)}\n\n{by_count(found)}"
+    print(text)
+    if "--keep" in sys.argv[1:]:
+        page = Path(LAYERS_PAGE)
+        iio.imwrite(page.parent / "images" / "layers.jpg", four_states(), quality=92)
+        content = f"\n```text\n{text}\n```\n"
+        page.write_text(
+            replaced(page.read_text(encoding="utf-8"), "errors", content), encoding="utf-8"
+        )
+
+
+if __name__ == "__main__":
+    main()

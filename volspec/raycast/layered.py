@@ -1,0 +1,422 @@
+"""Layers of opacity along each ray, by which materials fade without a new cast.
+
+    volume -> transfer -> [raycast with layers] -> recompose -> relight -> appearance
+
+A pixel has up to L layers, near to far. A layer has an optical depth τ_k and a shade f_gk of every
+material k, and a highlight g_g, for each light group g. With a scale s_k of each material's depth
+
+    left = T exp(−Σ s_k τ_k)
+    C_gk += (T − left) s_k τ_k f_gk / Σ s_k τ_k,   white_g += (T − left) g_g,   T ← left
+
+which is the coefficient image that the scaled opacities would give, but for what differs within a
+layer. A material's shade is the mean of its samples, weighted by its *own* transmittance within the
+layer, so that a material alone is exact at scale 1 whatever is in front of it:
+
+    f_gk = Σ e^(−τ_k before) (1 − e^(−τ_k,i)) f_g,i / (1 − e^(−τ_k))
+
+Layers are equal in mass, the visibility of each material by itself at several scales a,
+
+    M = Σ_k Σ_a (1 − e^(−a T_k)),   T_k the depth from the camera,   a = 1/4, 1, 4
+
+and are found in one pass, with bounded memory (`LayerStream`).
+
+Twins: ``kernels/include/layered.clh``. Guide: ``docs/layers.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.basis import Basis, MaterialBasis
+from volspec.errors import ImageError, OpenCLError, RaycastError, ShapeError, nearest, quoted
+from volspec.raycast.checks import number
+from volspec.raycast.spec import MAX_LAYERS, RaycastSpec
+from volspec.transfer import FieldTables, SurfaceTable, Tables
+
+Array = NDArray[np.float64]
+
+MAX_MATERIALS = 4
+"""Materials of an image with layers."""
+MOST_TAU = 64.0
+"""Optical depth of an opaque sample."""
+MOST_LAYER_TAU = 1024.0
+"""Optical depth of a layer: half-float has few more."""
+LEAST_TAU = 1e-6
+"""Optical depth below which a material has no shade."""
+
+
+class Recomposed(NamedTuple):
+    """Picture of scaled layers: channels (H, W, G, K + 1), alpha (H, W), alpha times depth."""
+
+    channels: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    depth_mm: NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpacityLayers:
+    """Layers of the materials' optical depths along each pixel's ray, near to far.
+
+    Parameters
+    ----------
+    tau : (H, W, L, K) float32 or float16
+        Optical depth of each of the basis' K materials; 0 in unused layers.
+    shade : (H, W, L, G, K)
+        Factor of each material's reflectance, for each of G light groups.
+    gloss : (H, W, L, G)
+        Highlight, which adds white.
+    depth_mm : (H, W, L)
+        Expected distance from the camera; inf in unused layers.
+
+    Raises
+    ------
+    ShapeError
+        If the arrays do not belong together, or there are too many layers or materials.
+    ImageError
+        If an array is of another type.
+    """
+
+    tau: NDArray[Any]
+    shade: NDArray[Any]
+    gloss: NDArray[Any]
+    depth_mm: NDArray[Any]
+
+    def __post_init__(self) -> None:
+        shape = np.shape(self.tau)
+        if len(shape) != 4 or not (1 <= shape[2] <= MAX_LAYERS and 1 <= shape[3] <= MAX_MATERIALS):
+            raise ShapeError(
+                f"shape {shape}",
+                f"expected (H, W, L, K), L up to {MAX_LAYERS} and K up to {MAX_MATERIALS}",
+                field="opacity layers: tau",
+            )
+        groups = np.shape(self.gloss)[3:4] or (1,)
+        for name, wanted in (
+            ("shade", (*shape[:3], *groups, shape[3])),
+            ("gloss", (*shape[:3], *groups)),
+            ("depth_mm", shape[:3]),
+        ):
+            if np.shape(getattr(self, name)) != wanted:
+                raise ShapeError(
+                    f"shape {np.shape(getattr(self, name))}",
+                    f"expected {wanted}",
+                    field=f"opacity layers: {name}",
+                )
+        for name in ("tau", "shade", "gloss", "depth_mm"):
+            kind = getattr(getattr(self, name), "dtype", type(getattr(self, name)).__name__)
+            if kind not in (np.float32, np.float16):
+                raise ImageError(
+                    f"type {kind}",
+                    "give float32 or float16",
+                    code="type",
+                    field=f"opacity layers: {name}",
+                )
+
+    def __repr__(self) -> str:
+        return f"OpacityLayers({self.count} layers of {self.materials} materials)"
+
+    @property
+    def count(self) -> int:
+        """Number of layers, L."""
+        return int(self.tau.shape[2])
+
+    @property
+    def materials(self) -> int:
+        """Number of materials, K."""
+        return int(self.tau.shape[3])
+
+    @property
+    def groups(self) -> int:
+        """Number of light groups, G."""
+        return int(self.gloss.shape[3])
+
+    @classmethod
+    def of_rows(
+        cls, rows: NDArray[Any], columns: Sequence[int], materials: int, groups: int
+    ) -> Self:
+        """Return the layers of a cast's rows (H, W, L, `row_size`).
+
+        ``columns`` are the numbers in the basis, of K ``materials``, of the rows' materials.
+        """
+        height, width, count, _ = rows.shape
+        K = len(columns)
+        gloss = np.ascontiguousarray(rows[..., K + groups * K : -1])
+        tau = np.zeros((height, width, count, materials), rows.dtype)
+        shade = np.zeros((height, width, count, groups, materials), rows.dtype)
+        tau[..., columns] = rows[..., :K]
+        shaded = rows[..., K : K + groups * K].reshape(height, width, count, groups, K)
+        shade[..., columns] = shaded
+        return cls(tau, shade, gloss, np.ascontiguousarray(rows[..., -1]))
+
+    def recompose(self, scales: Sequence[float]) -> Recomposed:
+        """Composite the layers with the K materials' optical depths scaled."""
+        height, width, count, K = self.tau.shape
+        scale = np.asarray(scales, np.float32)
+        channels = np.zeros((height, width, self.groups, K + 1), np.float32)
+        alpha = np.zeros((height, width), np.float32)
+        depth_mm = np.zeros((height, width), np.float32)
+        through = np.ones((height, width), np.float32)
+        for layer in range(count):
+            tau = self.tau[:, :, layer].astype(np.float32) * scale
+            total = tau.sum(axis=-1)
+            if not total.any():
+                continue
+            seen = through * -np.expm1(-total)
+            part = seen / np.where(total > 0, total, 1)
+            shade = self.shade[:, :, layer].astype(np.float32)
+            channels[..., :K] += (part[..., None] * tau)[:, :, None] * shade
+            channels[..., K] += seen[..., None] * self.gloss[:, :, layer]
+            alpha += seen
+            where = np.where(total > 0, self.depth_mm[:, :, layer], 0)
+            depth_mm += seen * where
+            through -= seen
+        return Recomposed(channels, alpha, depth_mm)
+
+
+def row_size(materials: int, groups: int) -> int:
+    """Return the numbers of a layer: depths, shades by group, highlights, distance."""
+    return materials + groups * materials + groups + 1
+
+
+def empty_rows(table: Tables, size: tuple[int, int], spec: RaycastSpec) -> NDArray[np.float32]:
+    """Return (H, W, L, `row_size`) zeros for a table's materials, which a cast fills.
+
+    Raises OpenCLError if there is no memory for them.
+    """
+    assert not isinstance(table, FieldTables)
+    width, height = size
+    numbers = row_size(len(table.channels), len(spec.groups))
+    try:
+        return np.zeros((height, width, spec.layers, numbers), np.float32)
+    except MemoryError:
+        raise OpenCLError(
+            f"raycast: no memory for {spec.layers} layers of {width}x{height}",
+            "cast it smaller, or with fewer layers",
+            code="size",
+        ) from None
+
+
+def check_layers(spec: RaycastSpec, table: Tables, basis: Basis) -> None:
+    """Refuse what cannot be cast in layers. Raises RaycastError."""
+    if not isinstance(basis, MaterialBasis):
+        raise _refused(
+            spec,
+            f"the channels of basis {basis.name!r} are {basis.method}, not materials",
+            'set [basis] method = "materials" (a MaterialBasis), or leave layers out',
+        )
+    if len(basis.materials) > MAX_MATERIALS:
+        raise _refused(
+            spec,
+            f"{len(basis.materials)} materials ({', '.join(basis.materials)})",
+            f"give up to {MAX_MATERIALS}, or leave layers out",
+        )
+    if isinstance(table, FieldTables):
+        raise _refused(spec, "several fields or masks", "show one field, or leave layers out")
+    if isinstance(table, SurfaceTable):
+        raise _refused(spec, "isosurfaces", "give a curve of opacity, or leave layers out")
+    if table.filters is not None:
+        raise _refused(
+            spec, "spectral absorption (filters)", "leave the filters out, or leave layers out"
+        )
+
+
+def _refused(spec: RaycastSpec, problem: str, remedy: str) -> RaycastError:
+    return RaycastError(
+        f"{spec.layers} layers do not work with {problem}",
+        remedy,
+        code="conflict",
+        field="raycast: layers",
+        given=spec.layers,
+    )
+
+
+def refuse_layers(spec: RaycastSpec, problem: str, remedy: str) -> None:
+    """Raise RaycastError if a cast has layers and meets what they cannot show."""
+    if spec.layers:
+        raise _refused(spec, problem, remedy)
+
+
+def materials_without_opacity(table: Tables, basis: Basis) -> list[str]:
+    """Return the names of the basis' materials of which a table shows nothing."""
+    assert isinstance(basis, MaterialBasis)
+    assert not isinstance(table, FieldTables | SurfaceTable)
+    opacity = np.maximum(table.opacity, table.left_limits.opacity)
+    weights = np.maximum(table.material_weights, table.left_limits.material_weights)
+    shown = (opacity[..., None] * weights).reshape(-1, weights.shape[-1]).max(axis=0) > 0
+    present = table.channels[shown].any(axis=0) if shown.any() else np.zeros(basis.size, bool)
+    return [name for name, there in zip(basis.materials, present, strict=False) if not there]
+
+
+def checked_scales(scales: Any, basis: MaterialBasis, layers: OpacityLayers) -> list[float]:
+    """Return the scale of each material in the basis' order; 1 if it is left out.
+
+    Raises ImageError if a name is unknown, a scale is not a finite number of 0 or more, or a
+    material that is to be scaled has no opacity in the layers.
+    """
+    if not isinstance(scales, Mapping):
+        raise ImageError.refused("recompose: scales", scales, "give {material: scale}", "type")
+    for name in scales:
+        if name not in basis.materials:
+            raise ImageError(
+                f"recompose: no material {quoted(name)}; {nearest(str(name), basis.materials)}"
+                f"it has {', '.join(basis.materials)}",
+                code="unknown",
+            )
+    found = []
+    for k, name in enumerate(basis.materials):
+        scale = number(f"recompose: scale of {name!r}", scales.get(name, 1.0), ImageError)
+        if scale < 0:
+            raise ImageError.refused(
+                f"recompose: scale of {name!r}", scale, "give 0 or more", "range"
+            )
+        if scale not in (0.0, 1.0) and not layers.tau[..., k].any():
+            raise ImageError(
+                f"recompose: {name!r} has no opacity in this cast, so {scale:g} times it is none",
+                "cast it with a little opacity, such as 0.02, and hide it with scale 0",
+                code="impossible",
+            )
+        found.append(scale)
+    return found
+
+
+class SampleStream(Protocol):
+    """What receives the samples of many rays, front to back."""
+
+    def add(
+        self,
+        rays: NDArray[np.int64],
+        along: Array,
+        alpha: Array,
+        weights: Array,
+        factor: Array,
+        highlight: Array,
+    ) -> None:
+        """Add a sample to each of some rays.
+
+        ``weights`` (R, K) are the materials', ``factor`` and ``highlight`` (R, G) as of `shade`.
+        """
+
+
+class LayerStream:
+    """Layers of many rays, found sample by sample: one pass, 2 L slots a ray.
+
+    A layer ends when its mass passes θ, `least_mass` at first. When 2 L are there, the lightest
+    neighbours merge until L are left, and θ rises to half the lightest pair's mass; at the end L
+    are left.
+    """
+
+    def __init__(self, rays: int, layers: int, groups: int, materials: int) -> None:
+        self.layers, slots = layers, 2 * layers
+        self._count = np.zeros(rays, int)  # of complete layers; the next one is open
+        self._limit = np.full(rays, least_mass(materials, layers))
+        self._through = np.zeros((rays, materials))  # T_k
+        self._begun = np.zeros(rays)  # mass in front of the open layer
+        self._mass = np.zeros((rays, slots))
+        self._tau = np.zeros((rays, slots, materials))
+        # Light of each material, weighted by its own transmittance; highlights and depth, by that
+        # of all.
+        self._shade = np.zeros((rays, slots, groups, materials))
+        self._gloss = np.zeros((rays, slots, groups))
+        self._depth = np.zeros((rays, slots))
+
+    def add(
+        self,
+        rays: NDArray[np.int64],
+        along: Array,
+        alpha: Array,
+        weights: Array,
+        factor: Array,
+        highlight: Array,
+    ) -> None:
+        """Add a sample to each of some rays; see `SampleStream`."""
+        at = rays, self._count[rays]
+        tau = sample_tau(alpha)[:, None] * weights
+        lost = np.exp(-self._tau[at]) * -np.expm1(-tau)
+        seen = np.exp(-self._tau[at].sum(axis=1)) * alpha
+        self._shade[at] += lost[:, None, :] * factor[:, :, None]
+        self._gloss[at] += seen[:, None] * highlight
+        self._depth[at] += seen * along
+        self._tau[at] += tau
+        self._through[rays] += tau
+        mass = visibility(self._through[rays])
+        self._mass[at] = mass - self._begun[rays]
+        ended = self._mass[at] > self._limit[rays]
+        rays = rays[ended]
+        self._begun[rays] = mass[ended]
+        self._count[rays] += 1
+        full = rays[self._count[rays] == 2 * self.layers]
+        if full.size:
+            self._merge(full)
+            if self.layers > 1:
+                lightest = self._pairs(full).min(axis=1)
+                self._limit[full] = np.maximum(self._limit[full], 0.5 * lightest)
+
+    def rows(self) -> Array:
+        """Return (R, L, `row_size`): the layers of all rays; distances as given."""
+        rest = self._tau[np.arange(len(self._count)), self._count].any(axis=1)
+        self._count[rest] += 1
+        self._merge(np.flatnonzero(self._count > self.layers))
+        L = self.layers
+        tau, total = self._tau[:, :L], self._tau[:, :L].sum(axis=2)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            own = -np.expm1(-tau)[:, :, None, :]
+            shade = np.where(tau[:, :, None, :] > LEAST_TAU, self._shade[:, :L] / own, 0.0)
+            seen = -np.expm1(-total)
+            gloss = np.where(total[..., None] > LEAST_TAU, self._gloss[:, :L] / seen[..., None], 0)
+            depth = np.where(total > 0, self._depth[:, :L] / seen, np.inf)
+        tau = np.minimum(tau, MOST_LAYER_TAU)
+        flat = shade.reshape(*tau.shape[:2], -1)
+        return np.concatenate([tau, flat, gloss, depth[..., None]], axis=2)
+
+    def _pairs(self, rays: NDArray[np.int64]) -> Array:
+        """Return (R, 2 L − 1) masses of neighbours; inf beyond the last layer."""
+        pairs = self._mass[rays, :-1] + self._mass[rays, 1:]
+        last = np.arange(pairs.shape[1]) >= self._count[rays, None] - 1
+        return np.where(last, np.inf, pairs)
+
+    def _merge(self, rays: NDArray[np.int64]) -> None:
+        """Merge the lightest neighbours of rays until L layers are left."""
+        slots = np.arange(2 * self.layers)
+        while rays.size:
+            first = self._pairs(rays).argmin(axis=1)
+            front, behind = (rays, first), (rays, first + 1)
+            own = np.exp(-self._tau[front])
+            clear = np.exp(-self._tau[front].sum(axis=1))
+            self._shade[front] += own[:, None, :] * self._shade[behind]
+            self._gloss[front] += clear[:, None] * self._gloss[behind]
+            self._depth[front] += clear * self._depth[behind]
+            self._tau[front] += self._tau[behind]
+            self._mass[front] += self._mass[behind]
+            after = slots > first[:, None]
+            source = np.minimum(slots + after, slots[-1])
+            for array in (self._mass, self._tau, self._shade, self._gloss, self._depth):
+                own_rows = array[rays]
+                spread = source.reshape(*source.shape, *(1,) * (array.ndim - 2))
+                moved = np.take_along_axis(own_rows, spread, axis=1)
+                moved[:, -1] = 0.0
+                array[rays] = moved
+            self._count[rays] -= 1
+            rays = rays[self._count[rays] > self.layers]
+
+
+def least_mass(materials: int, layers: int) -> float:
+    """Return the mass at which layers end at first: half of what the whole gives to each.
+
+    Smaller ones cost time, and are merged again.
+    """
+    return 1.5 * materials / layers
+
+
+def sample_tau(alpha: Array) -> Array:
+    """Return the optical depth of samples; `MOST_TAU` if they are opaque."""
+    with np.errstate(divide="ignore"):
+        return np.minimum(-np.log1p(-alpha), MOST_TAU)
+
+
+def visibility(depth: Array) -> Array:
+    """Return the mass M (R,) of depths (R, K): each material by itself, at three scales."""
+    return -np.expm1(-depth[..., None] * np.array([0.25, 1.0, 4.0])).sum(axis=(-1, -2))
