@@ -372,8 +372,8 @@ def _check_layers(
         )
     if absent := materials_without_opacity(table, transfer.basis):
         warnings.warn(
-            f"layers: {', '.join(absent)} has no opacity, so that no scale of it shows anything; "
-            "give it a little, such as 0.02, and hide it with scale 0",
+            f"layers: no opacity of {', '.join(absent)}, which no scale can show; give a little, "
+            "such as 0.02, and hide it with scale 0",
             VolspecWarning,
             stacklevel=3,
         )

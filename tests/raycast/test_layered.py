@@ -77,7 +77,7 @@ def test_a_homogeneous_body_fades_by_beer_lambert(scale: float) -> None:
     points = [(0.0, 0.1, "gold"), (2.0, 0.1, "gold")]
     transfer = TransferFunction(points, MATERIALS, BASIS, reference_step_mm=1.0)
     spec = RaycastSpec(ambient=1, diffuse=0, layers=8, alpha_stop=1.0)
-    with pytest.warns(VolspecWarning, match="copper has no opacity"):
+    with pytest.warns(VolspecWarning, match="no opacity of copper"):
         made = raycast(volume, transfer, along_z(volume), (4, 4), spec)
     shown = made.recompose({"gold": scale})
     assert shown.alpha[2, 2] == pytest.approx(1 - 0.9 ** (8 * scale), abs=2e-6)

@@ -89,7 +89,7 @@ def test_opaque_samples_and_labels() -> None:
 
 
 def test_the_picture_is_that_without_layers() -> None:
-    """It ends where its own rays end; layers go on."""
+    """Its rays end where they would; layers go on."""
     volume, table, spec = noise(), blend(0.9), RaycastSpec(step_mm=0.5, specular=0.3, layers=4)
     camera = Camera.orbit(volume, azimuth_deg=30, elevation_deg=20)
     caster = Raycaster(volume)

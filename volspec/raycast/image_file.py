@@ -272,15 +272,17 @@ def _read_layers(
         return None
     with _refusing(f"{name}: its layers of opacity are refused"):
         about = parse_json(header["volspec:layers"])
-        version, count = about["version"], int(about["count"])
-        if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
-            raise ValueError(f"{count} layers, basis {basis.name!r}")
+        version = about["version"]
     if version != LAYERS_VERSION:
         raise ImageError(
             f"{name}: layers of opacity of version {version}, this volspec reads {LAYERS_VERSION}",
             "render the scene again",
             code="unsupported",
         )
+    with _refusing(f"{name}: its layers of opacity are refused"):
+        count = int(about["count"])
+        if not (isinstance(basis, MaterialBasis) and 1 <= count <= MAX_LAYERS):
+            raise ValueError(f"{count} layers, basis {basis.name!r}")
     materials, lights = len(basis.materials), len(groups)
     parts = []
     for k in range(count):
@@ -293,7 +295,8 @@ def _read_layers(
             "render the scene again",
             code="damaged",
         )
-    return OpacityLayers.of_rows(rows.astype(np.float16), range(materials), materials, lights)
+    with _refusing(f"{name}: its layers of opacity are refused"):
+        return OpacityLayers.of_rows(rows.astype(np.float16), range(materials), materials, lights)
 
 
 def _stacked(name: str, pixels: Channels, wanted: Iterable[str]) -> NDArray[Any]:

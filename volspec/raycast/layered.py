@@ -284,7 +284,7 @@ def checked_scales(scales: Any, basis: MaterialBasis, layers: OpacityLayers) -> 
 
 
 class SampleStream(Protocol):
-    """What receives the samples of many rays, front to back."""
+    """Receiver of the samples of many rays, front to back."""
 
     def add(
         self,
