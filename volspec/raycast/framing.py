@@ -128,7 +128,7 @@ def _around(
         visible &= nearest == 0
         for row, table in enumerate(tables[1:], start=1):
             visible |= (nearest == row) & _visible_voxels(values, table)
-    crop = crop_bounds(shading, volume)
+    crop = crop_bounds(shading.for_lattice(volume), volume)
     for axis, (low, high) in enumerate(reversed(crop)):
         at = np.arange(values.shape[axis]) * steps[axis]
         visible[(slice(None),) * axis + ((at < low - 1) | (at > high + 1),)] = False
