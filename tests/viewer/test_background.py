@@ -392,6 +392,7 @@ def test_passes_lengthen_steps_and_nothing_else() -> None:
     assert Pass(4, "voxel").spec(replace(own, step_mm=5.0), volume).step_mm == 5.0
     assert Pass(1, "fast").spec(replace(own, step_mm=5.0), volume).step_mm is None
     assert WHOLE.spec(own, volume) is own
+    assert WHOLE.spec(replace(own, layers=8), volume) == own, "a turned picture has no layers"
 
 
 def test_edits_of_lights_need_no_program_that_was_not_built_ahead(

@@ -33,7 +33,7 @@ class Pass(NamedTuple):
 
         A picture that is turned has no layers of opacity.
         """
-        own = replace(own, layers=0)
+        own = replace(own, layers=0) if own.layers else own
         if volume.pyramid is not None and self != WHOLE:
             own = replace(own, level=len(volume.pyramid.levels) - 1)
         if self.steps == "own":
