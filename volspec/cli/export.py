@@ -453,9 +453,9 @@ def serve(
                 device=device,
                 progress=lambda share: tell("cast", share),
             )
-        say(f"{server.address}  (Ctrl-C ends it)")
-        sys.stdout.flush()
         with suppress(KeyboardInterrupt):
+            say(f"{server.address}  (Ctrl-C ends it)")
+            sys.stdout.flush()
             server.run()
     finally:
         server.close()

@@ -21,6 +21,7 @@ import math
 import os
 import pickle
 import shutil
+import time
 import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -188,7 +189,11 @@ def _begin(partial: Path, output: Path, key: dict[str, Any]) -> None:
     _save_state(partial, key, 0)
     for each in partial.iterdir():
         if each.is_dir() and not each.is_symlink():
-            shutil.rmtree(each)
+            # Writes that failed may still end in other threads, and leave a file behind.
+            shutil.rmtree(each, ignore_errors=True)
+            if each.exists():
+                time.sleep(0.5)
+                shutil.rmtree(each)
         elif each.name != _STATE:
             each.unlink()
 
