@@ -7,7 +7,6 @@ Its OpenEXR file: `volspec.raycast.image_file`.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,7 +19,7 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
 from volspec.raycast.checks import number
 from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
-from volspec.raycast.layered import OpacityLayers, checked_scales
+from volspec.raycast.layered import OpacityLayers, checked_scales, residual_share
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
@@ -182,6 +181,16 @@ class CoefficientImage:
             )
         return replace(self, basis=self.basis.with_reflectances(reflectances))
 
+    def opacity_scales(self, scales: Mapping[str, float]) -> list[float]:
+        """Return the scale of each material in the basis' order; errors as `recompose`."""
+        if self.opacity_layers is None or not isinstance(self.basis, MaterialBasis):
+            raise ImageError(
+                "coefficient image: opacities cannot be edited, it was cast without layers",
+                "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
+                code="unsupported",
+            )
+        return checked_scales(scales, self.basis, self.opacity_layers)
+
     def recompose(self, scales: Mapping[str, float]) -> CoefficientImage:
         """Return the picture with other opacities of some of its materials, without a cast.
 
@@ -201,21 +210,13 @@ class CoefficientImage:
             If the image was cast without layers, a name is unknown, a scale is negative or not
             finite, or a material had no opacity in the cast.
         """
+        factors = self.opacity_scales(scales)
         layers = self.opacity_layers
-        if layers is None or not isinstance(self.basis, MaterialBasis):
-            raise ImageError(
-                "coefficient image: opacities cannot be edited, it was cast without layers",
-                "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
-                code="unsupported",
-            )
-        factors = checked_scales(scales, self.basis, layers)
+        assert layers is not None
         if all(scale == 1 for scale in factors):
             return replace(self, opacity_layers=None, first_mm=None)
         channels, alpha, weighted_mm = layers.recompose(factors)
-        fade = 0.0
-        if min(factors) > 0:
-            fade = max(0.0, 1 - max(abs(math.log2(scale)) for scale in factors) / 2)
-        if fade > 0:
+        if (fade := residual_share(factors)) > 0:
             unscaled = layers.recompose([1.0] * len(factors))
             own = self.coefficients.reshape(channels.shape).astype(np.float32)
             own_mm = np.where(self.alpha > 0, self.depth_mm, 0) * self.alpha
