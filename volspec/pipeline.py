@@ -149,7 +149,7 @@ def raycast(
             raise RaycastError(problem, remedy, code="conflict", field="raycast: behind")
     if volume.pyramid is not None:
         volume.pyramid.retry()
-    table = caster.bake(transfer)
+    table = caster.bake(transfer, spec.opacities)
     level = caster.at(camera, size, spec)
     if spec.layers:
         _check_layers(spec, table, transfer, level, behind)

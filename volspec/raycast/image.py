@@ -7,7 +7,6 @@ Its OpenEXR file: `volspec.raycast.image_file`.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -22,7 +21,7 @@ from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
 from volspec.raycast.checks import number
 from volspec.raycast.depth import DepthEffects, recompose_in_depth
 from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
-from volspec.raycast.layered import OpacityLayers, checked_scales
+from volspec.raycast.layered import OpacityLayers, checked_scales, residual_share
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
@@ -185,6 +184,16 @@ class CoefficientImage:
             )
         return replace(self, basis=self.basis.with_reflectances(reflectances))
 
+    def opacity_scales(self, scales: Mapping[str, float]) -> list[float]:
+        """Return the scale of each material in the basis' order; errors as `recompose`."""
+        if self.opacity_layers is None or not isinstance(self.basis, MaterialBasis):
+            raise ImageError(
+                "coefficient image: opacities cannot be edited, it was cast without layers",
+                "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
+                code="unsupported",
+            )
+        return checked_scales(scales, self.basis, self.opacity_layers)
+
     def recompose(
         self,
         scales: Mapping[str, float] = NO_SCALES,
@@ -218,26 +227,20 @@ class CoefficientImage:
         ShapeError
             If the surface has another size.
         """
+        factors = self.opacity_scales(scales)
         layers = self.opacity_layers
-        if layers is None or not isinstance(self.basis, MaterialBasis):
-            raise ImageError(
-                "coefficient image: opacities cannot be edited, it was cast without layers",
-                "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
-                code="unsupported",
-            )
-        factors = checked_scales(scales, self.basis, layers)
+        assert layers is not None
         if depth is not None and not isinstance(depth, DepthEffects):
             raise ImageError.refused("recompose: depth", depth, "give DepthEffects", "type")
-        fade, changes = 0.0, surface is not None or (depth is not None and depth.changes)
-        if changes:
+        fade = 0.0
+        if surface is not None or (depth is not None and depth.changes):
             effects = depth or DepthEffects()
             channels, alpha, weighted_mm = recompose_in_depth(self, factors, effects, surface)
         elif all(scale == 1 for scale in factors):
             return replace(self, opacity_layers=None, first_mm=None)
         else:
             channels, alpha, weighted_mm = layers.recompose(factors)
-        if min(factors) > 0 and not changes:
-            fade = max(0.0, 1 - max(abs(math.log2(scale)) for scale in factors) / 2)
+            fade = residual_share(factors)
         if fade > 0:
             unscaled = layers.recompose([1.0] * len(factors))
             own = self.coefficients.reshape(channels.shape).astype(np.float32)

@@ -25,6 +25,7 @@ Twins: ``kernels/include/layered.clh``. Guide: ``docs/layers.md``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, Self
@@ -281,6 +282,13 @@ def checked_scales(scales: Any, basis: MaterialBasis, layers: OpacityLayers) -> 
             )
         found.append(scale)
     return found
+
+
+def residual_share(scales: Sequence[float]) -> float:
+    """Return how much of what the layers lack at scale 1 is added: 1 there, 0 from 1/4 or 4 on."""
+    if min(scales) <= 0:
+        return 0.0
+    return max(0.0, 1 - max(abs(math.log2(scale)) for scale in scales) / 2)
 
 
 class SampleStream(Protocol):

@@ -7,7 +7,7 @@ The coefficients are uploaded once. A light change sends three numbers per chann
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING, Any, cast
 
@@ -47,6 +47,7 @@ from volspec.relight.programs import (
     shader_form,
     transform_uniforms,
 )
+from volspec.relight.recompose import PackedOpacity, Recomposer
 from volspec.relight.spec import Pixels
 
 if TYPE_CHECKING:
@@ -98,6 +99,9 @@ class GLEngine:
         self._lut_rejected: Viewing | None = None
         self._targets: dict[str, Any] = {}
         self._shared: Any = None
+        self._recomposer: Recomposer | None = None
+        # True if the picture's layers are on the device; if it is drawn as recomposed from them.
+        self.has_opacity = self._is_recomposed = False
         self._height, self._width, self._channels = coefficients.shape
         try:
             with self._current():
@@ -210,6 +214,47 @@ class GLEngine:
                 size = self._width, self._height, len(layers.layers)
                 self._texture.write(layers.layers, viewport=(0, 0, layers.first, *size))
         self._lut_rejected = None
+        self.has_opacity = self._is_recomposed = False
+
+    def load_opacity(self, packed: PackedOpacity) -> None:
+        """Upload the layers of opacity of the picture that is drawn.
+
+        Raises OpenGLError if the device has no room for them, or its driver refuses the shader.
+        """
+        import moderngl
+
+        with self._current():
+            if self._recomposer is None or not self._recomposer.fits(packed):
+                if self._recomposer is not None:
+                    self._recomposer.release()
+                    self._recomposer = None
+                made = Recomposer(self._context, packed, (self._width, self._height))
+                try:
+                    made.allocate()
+                except moderngl.Error as error:
+                    made.release()
+                    raise OpenGLError(
+                        f"{self.name} has no memory for {packed.count} layers of opacity of "
+                        f"{self._width} x {self._height} pixels ({error})",
+                        "cast a smaller image, or with fewer layers",
+                        code="size",
+                        field="OpenGL",
+                    ) from error
+                self._recomposer = made
+            self._recomposer.load(packed, self._texture)
+        self.has_opacity = True
+
+    def recompose(self, scales: Sequence[float]) -> None:
+        """Draw the picture with its materials' optical depths scaled from now on.
+
+        The layers are those of the last `load_opacity`; scales of 1 draw the picture as cast.
+        """
+        self._is_recomposed = any(scale != 1 for scale in scales)
+        self._lut_rejected = None
+        if self._is_recomposed:
+            assert self._recomposer is not None
+            with self._current():
+                self._recomposer.draw(scales)
 
     def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:
         program, triangle = self._programs.program(name, form, screen)
@@ -286,7 +331,10 @@ class GLEngine:
         target: Any = self._target(_COMPONENTS[dtype])
         target.scissor = within
         target.use()
-        self._texture.use(UNITS["coefficients"])
+        texture = self._texture
+        if self._is_recomposed and self._recomposer is not None:
+            texture = self._recomposer.texture
+        texture.use(UNITS["coefficients"])
         width, height = within[2:] if within else target.size
         if isinstance(drawn, LutTransform) and drawn.closed is not None:
             with self._sample_query:
@@ -351,6 +399,8 @@ class GLEngine:
         """Release all resources; a second call does nothing."""
         try:
             with self._current():
+                if self._recomposer is not None:
+                    self._recomposer.release()
                 for resource in reversed(self._resources):
                     resource.release()
         except ContextLost:

@@ -37,6 +37,7 @@ from volspec.relight.layers import (
     require_fit,
 )
 from volspec.relight.measured_viewing import ViewingMeter
+from volspec.relight.recompose import PackedOpacity
 from volspec.relight.reference import CpuEngine
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.spectra.spectrum import Spectrum
@@ -126,6 +127,11 @@ class Relighter:
             packed.require(*coefficients.shape)
         self._image = image
         self._edits: dict[str, Spectrum] = {}
+        self._opacities: dict[str, float] = {}
+        # The image with opacities that were set, and those.
+        self._recomposed: (
+            tuple[tuple[CoefficientImage, dict[str, float]], CoefficientImage] | None
+        ) = None
         self._advised: set[str] = set()
         self._meter = ViewingMeter()
         if lut3d not in (None, True, False):
@@ -191,7 +197,7 @@ class Relighter:
         """Replace the image with a cast of the same size, basis size and number of light groups.
 
         The groups may have other names and shares. Edited reflectances are kept if the new image
-        has their materials.
+        has their materials; opacities too, if it also has layers.
 
         Parameters
         ----------
@@ -214,12 +220,19 @@ class Relighter:
             edits = {k: v for k, v in self._edits.items() if k in image.basis.materials}
             image = replace(image, basis=image.basis.with_reflectances(edits))
         self._image = image
+        if image.opacity_layers is None or not isinstance(image.basis, MaterialBasis):
+            self._opacities = {}
+        else:
+            known = image.basis.materials
+            self._opacities = {k: v for k, v in self._opacities.items() if k in known}
 
         def put(engine: GLEngine | CpuEngine) -> None:
             if place is not None and isinstance(engine, GLEngine):
                 engine.take(place)
             else:
                 engine.upload(*float32_arrays(image))
+            if self._opacities:
+                self._put_opacities(engine)
 
         self._on_engine(put)
 
@@ -330,7 +343,7 @@ class Relighter:
     ) -> ErrorMap:
         """Return CIEDE2000 from the picture with full bands, as `error_map` does."""
         self._require_open()
-        return error_map(self._image, light, mode, backdrop, every, against)
+        return error_map(self._shown(), light, mode, backdrop, every, against)
 
     def set_reflectances(self, reflectances: Mapping[str, Spectrum]) -> None:
         """Set materials' reflectances without a new cast; the next frame shows them.
@@ -341,6 +354,57 @@ class Relighter:
         self._image = self._image.with_reflectances(reflectances)
         self._edits |= reflectances
 
+    def set_opacities(
+        self, scales: Mapping[str, float], packed: PackedOpacity | None = None
+    ) -> None:
+        """Scale materials' opacities without a new cast; the next frame shows them.
+
+        Parameters
+        ----------
+        scales : {material: scale}
+            As in `CoefficientImage.recompose`; 1 for those that are left out.
+        packed : PackedOpacity, optional
+            The image's layers, packed beforehand on another thread.
+
+        Raises
+        ------
+        ImageError
+            As `CoefficientImage.recompose`.
+        OpenGLError
+            If the device has no room for the layers.
+        RelightError
+            If the Relighter is closed.
+        """
+        self._require_open()
+        self._image.opacity_scales(scales)
+        before, self._opacities = self._opacities, dict(scales)
+        try:
+            self._on_engine(lambda engine: self._put_opacities(engine, packed))
+        except OpenGLError:
+            self._opacities = before
+            raise
+
+    def _put_opacities(
+        self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
+    ) -> None:
+        factors = self._image.opacity_scales(self._opacities)
+        if isinstance(engine, CpuEngine):
+            engine.upload(*float32_arrays(self._shown()))
+        elif any(scale != 1 for scale in factors) or engine.has_opacity:
+            if not engine.has_opacity:
+                assert self._image.opacity_layers is not None
+                engine.load_opacity(packed or PackedOpacity.of(self._image.opacity_layers))
+            engine.recompose(factors)
+
+    def _shown(self) -> CoefficientImage:
+        """Return the image with its present opacities."""
+        if all(scale == 1 for scale in self._opacities.values()):
+            return self._image
+        key = self._image, self._opacities
+        if self._recomposed is None or self._recomposed[0] != key:
+            self._recomposed = key, self._image.recompose(self._opacities)
+        return self._recomposed[1]
+
     def _lit(
         self, light: Spectrum | LightRig, spec: RelightSpec
     ) -> tuple[Illumination, Viewing, ViewTransformGrid | None]:
@@ -348,7 +412,8 @@ class Relighter:
         lit = Illumination.of(self._image.basis, light, spec, self._image.groups)
         rig = LightRig.of(light)
         warn_of_lights(self._image.basis, rig, spec.mode, self._advised, stacklevel=4)
-        return lit, *self._meter.measure_viewing(self._image, lit)
+        image = self._shown() if lit.viewing.is_measured else self._image
+        return lit, *self._meter.measure_viewing(image, lit)
 
     def _on_engine(self, call: Callable[[GLEngine | CpuEngine], Any]) -> Any:
         """Call the engine; recreate it once if another library ended its context."""
@@ -361,6 +426,8 @@ class Relighter:
             self._engine = GLEngine(
                 *float32_arrays(self._image), None, self._lut3d, self._lut_cache
             )
+            if self._opacities:
+                self._put_opacities(self._engine)
             return call(self._engine)
 
     def close(self) -> None:

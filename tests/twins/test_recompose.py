@@ -1,0 +1,125 @@
+"""Opacities on the GPU: shaders/recompose.frag and its NumPy twin make the same picture."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.errors import raises
+from tests.support.relighting import gl_or_skip
+from volspec.basis import MaterialBasis
+from volspec.errors import ImageError, OpenGLError
+from volspec.raycast import CoefficientImage
+from volspec.raycast.layered import OpacityLayers
+from volspec.relight import LightRig, Relighter, recompose
+from volspec.relight.recompose import PackedOpacity
+from volspec.spectra import light, reflectance
+
+NAMES = ("copper", "gold", "brass", "silver")
+SIZE = 7, 5
+
+
+def layered(materials: int, groups: int, count: int = 5, seed: int = 0) -> CoefficientImage:
+    """Random layers, some without opacity, and a picture that differs from them a little."""
+    rng = np.random.default_rng(seed)
+    pixels = SIZE[1], SIZE[0], count
+    tau = rng.random((*pixels, materials)) ** 4 * 6
+    tau *= rng.random((*pixels, 1)) < 0.7
+    tau[0, :3] = 0
+    layers = OpacityLayers(
+        tau.astype(np.float16),
+        (rng.random((*pixels, groups, materials)) / groups).astype(np.float16),
+        (0.2 * rng.random((*pixels, groups)) / groups).astype(np.float16),
+        np.sort(rng.random(pixels), axis=-1).astype(np.float16),
+    )
+    channels, alpha, weighted = layers.recompose([1.0] * materials)
+    channels += 0.02 * rng.standard_normal(channels.shape).astype(np.float32)
+    channels = np.maximum(channels, 0).reshape(*pixels[:2], -1)
+    depth = np.where(alpha > 0, weighted / np.maximum(alpha, 1e-6), np.inf).astype(np.float32)
+    basis = MaterialBasis({name: reflectance(name) for name in NAMES[:materials]})
+    shares = {f"group {g}": 1 / groups for g in range(groups)} if groups > 1 else {"light": 1.0}
+    return CoefficientImage(channels, alpha, depth, basis, groups=shares, opacity_layers=layers)
+
+
+def rig(image: CoefficientImage) -> LightRig:
+    lamps = ("A", "D65", "FL2", "HP1", "C", "D50", "LED-B1", "FL11")
+    groups = tuple(image.groups) if len(image.groups) > 1 else ("",)
+    return LightRig(tuple(map(light, lamps[: len(groups)])), groups=groups)
+
+
+@pytest.mark.parametrize(("materials", "groups"), [(1, 1), (3, 1), (4, 1), (3, 2), (2, 5), (4, 8)])
+@pytest.mark.parametrize("scales", [(0.0, 1.0, 4.0, 0.5), (0.7, 1.3, 1.0, 0.9), (3.9, 0, 0, 1)])
+def test_frames_of_other_opacities_match(
+    materials: int, groups: int, scales: tuple[float, ...]
+) -> None:
+    image = layered(materials, groups)
+    wanted = dict(zip(NAMES[:materials], scales, strict=False))
+    frames = []
+    with gl_or_skip(image) as drawn, Relighter(image, "numpy") as twin:
+        for relighter in (drawn, twin):
+            relighter.set_opacities(wanted)
+            frames.append(relighter.frame(rig(image), dtype=np.float32))
+    np.testing.assert_allclose(*frames, atol=2e-4)
+    recomposed = image.recompose(wanted)
+    with Relighter(recomposed, "numpy") as relighter:
+        np.testing.assert_array_equal(relighter.frame(rig(image), dtype=np.float32), frames[1])
+
+
+def test_scales_of_1_draw_the_cast_s_picture_bit_for_bit(backend: str) -> None:
+    image = layered(3, 2)
+    with gl_or_skip(image) if backend == "gl" else Relighter(image, backend) as relighter:
+        before = relighter.frame(rig(image), dtype=np.float32)
+        relighter.set_opacities({"gold": 0.2})
+        other = relighter.frame(rig(image), dtype=np.float32)
+        relighter.set_opacities({})
+        after = relighter.frame(rig(image), dtype=np.float32)
+    assert np.abs(other - before).max() > 0.01
+    np.testing.assert_array_equal(after, before)
+
+
+def test_opacities_outlast_another_cast_of_the_same_size(backend: str) -> None:
+    first, second = layered(3, 1), layered(3, 1, seed=1)
+    scales = {"gold": 0.3, "copper": 2.0}
+    with gl_or_skip(first) if backend == "gl" else Relighter(first, backend) as relighter:
+        relighter.set_opacities(scales)
+        relighter.update(second)
+        kept = relighter.frame(light("A"), dtype=np.float32)
+        relighter.update(second.recompose({}))  # without layers
+        without = relighter.frame(light("A"), dtype=np.float32)
+    for image, frame in ((second.recompose(scales), kept), (second, without)):
+        with Relighter(image, "numpy") as twin:
+            np.testing.assert_allclose(frame, twin.frame(light("A"), dtype=np.float32), atol=2e-4)
+
+
+def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too() -> None:
+    image, fewer = layered(3, 1), layered(3, 1, count=2)
+    with gl_or_skip(image) as relighter:
+        assert image.opacity_layers is not None
+        relighter.set_opacities({"gold": 0}, PackedOpacity.of(image.opacity_layers))
+        relighter.update(fewer)
+        frame = relighter.frame(light("A"), dtype=np.float32)
+    with Relighter(fewer.recompose({"gold": 0}), "numpy") as twin:
+        np.testing.assert_allclose(frame, twin.frame(light("A"), dtype=np.float32), atol=2e-4)
+
+
+def test_bad_opacities_are_refused_and_the_picture_stays(backend: str) -> None:
+    image = layered(3, 1)
+    with gl_or_skip(image) if backend == "gl" else Relighter(image, backend) as relighter:
+        relighter.set_opacities({"gold": 0.5})
+        before = relighter.frame(light("A"))
+        for scales in ({"gold": -1}, {"skin": 1}, {"gold": float("nan")}):
+            with pytest.raises(ImageError):
+                relighter.set_opacities(scales)
+        np.testing.assert_array_equal(relighter.frame(light("A")), before)
+
+
+def test_layers_that_a_device_does_not_take_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    image = layered(4, 1)
+    describe: Any = recompose.describe
+    monkeypatch.setattr(
+        recompose, "describe", lambda context: describe(context) | {"max_layers": 4}
+    )
+    with gl_or_skip(image) as relighter, raises(OpenGLError, "size"):
+        relighter.set_opacities({"gold": 0})

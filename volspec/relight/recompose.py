@@ -1,0 +1,168 @@
+"""Recompose a picture with other opacities on the GPU, from its layers.
+
+    OpacityLayers -> PackedOpacity -> [recompose] -> coefficients -> shaders/relight.frag
+
+Layers are uploaded once, as half floats; a change of opacities is a draw (shaders/recompose.frag).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from volspec._gpu.opengl import compile_program, describe
+from volspec._gpu.prelude import prelude
+from volspec._gpu.sources import assemble
+from volspec.errors import OpenGLError
+from volspec.raycast.layered import OpacityLayers, residual_share
+from volspec.relight.layers import layer_count
+
+_GLSL = "330 core"
+# Targets of one draw; every device has at least four.
+_MOST_TARGETS = 4
+_LAYERS_UNIT, _BASE_UNIT = 5, 6
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PackedOpacity:
+    """Layers of opacity in the shader's layout: packed on one thread, uploaded on another.
+
+    ``texels`` (L·TEXELS, H, W, 4) are float16; every layer has L numbers, four to a texel.
+    """
+
+    texels: NDArray[np.float16]
+    count: int
+    materials: int
+    groups: int
+
+    @classmethod
+    def of(cls, layers: OpacityLayers) -> Self:
+        """Pack an image's layers."""
+        height, width, count, materials = layers.tau.shape
+        planes = [layers.tau[..., k] for k in range(materials)]
+        planes += [layers.shade[..., g, k] for g in range(layers.groups) for k in range(materials)]
+        planes += [layers.gloss[..., g] for g in range(layers.groups)]
+        each = -(-len(planes) // 4)
+        texels = np.zeros((count, each, height, width, 4), np.float16)
+        for i, plane in enumerate(planes):
+            # (H, W, L) planes, layer by layer.
+            texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
+        return cls(texels.reshape(count * each, height, width, 4), count, materials, layers.groups)
+
+    def constants(self) -> dict[str, int]:
+        """Return the constants compiled into the shader."""
+        return {
+            "COUNT": self.count,
+            "MATERIALS": self.materials,
+            "GROUPS": self.groups,
+            "TEXELS": len(self.texels) // self.count,
+        }
+
+
+class Recomposer:
+    """Layers of one picture on the device, and the picture recomposed from them.
+
+    ``size`` is the width and height. All calls need the engine's context. Raises OpenGLError if
+    the device has no room for the layers, or its driver refuses the shader.
+    """
+
+    def __init__(self, context: Any, packed: PackedOpacity, size: tuple[int, int]) -> None:
+        self._context, self._size = context, size
+        self._resources: list[Any] = []
+        self._constants = packed.constants()
+        channels = packed.groups * (packed.materials + 1)
+        self._slices = layer_count(channels)
+        device = describe(context)
+        if len(packed.texels) > device["max_layers"]:
+            raise OpenGLError(
+                f"{packed.count} layers of opacity take {len(packed.texels)} slices, but "
+                f"{device['device']} has textures of at most {device['max_layers']}",
+                "cast with fewer layers, or fewer light groups",
+                code="size",
+                field="OpenGL",
+            )
+        self._programs: dict[tuple[int, int, bool], tuple[Any, Any]] = {}
+
+    def allocate(self) -> None:
+        """Make the textures; raises moderngl.Error if there is no memory."""
+        context, size, array = self._context, self._size, (*self._size, self._slices)
+        slices = self._constants["COUNT"] * self._constants["TEXELS"]
+        self._layers = self._own(context.texture_array((*size, slices), 4, dtype="f2"))
+        self._difference = self._own(context.texture_array(array, 4, dtype="f4"))
+        self.texture = self._own(context.texture_array(array, 4, dtype="f4"))
+        self._buffer = self._own(context.buffer(reserve=16 * math.prod(array)))
+        count = min(self._slices, _MOST_TARGETS)
+        targets = [self._own(context.texture(size, 4, dtype="f4")) for _ in range(count)]
+        self._target = self._own(context.framebuffer(targets))
+
+    def _own(self, resource: Any) -> Any:
+        self._resources.append(resource)
+        return resource
+
+    def fits(self, packed: PackedOpacity) -> bool:
+        """Return True if `load` takes these layers."""
+        return packed.constants() == self._constants
+
+    def load(self, packed: PackedOpacity, base: Any) -> None:
+        """Upload layers of the picture in the texture ``base``."""
+        self._layers.write(packed.texels)
+        self._draw(base, self._difference, [1.0] * packed.materials, 0.0, difference=True)
+
+    def draw(self, scales: Sequence[float]) -> None:
+        """Recompose the picture into `texture`, with a scale of each material's optical depth."""
+        share = residual_share(scales)
+        self._draw(self._difference, self.texture, scales, share, difference=False)
+
+    def release(self) -> None:
+        """Release everything."""
+        for resource in reversed(self._resources):
+            resource.release()
+        self._resources.clear()
+
+    def _draw(
+        self, base: Any, into: Any, scales: Sequence[float], fade: float, *, difference: bool
+    ) -> None:
+        self._layers.use(_LAYERS_UNIT)
+        base.use(_BASE_UNIT)
+        bytes_of_slice = 16 * self._size[0] * self._size[1]
+        self._target.use()
+        self._context.enable_only(self._context.NOTHING)
+        for first in range(0, self._slices, _MOST_TARGETS):
+            drawn = min(self._slices - first, _MOST_TARGETS)
+            program, triangle = self._program(first, drawn, difference)
+            program["scales"].value = tuple(scales) + (1.0,) * (4 - len(scales))
+            if not difference:
+                program["fade"].value = fade
+            triangle.render(self._context.TRIANGLES, vertices=3)
+            for j in range(drawn):
+                self._target.read_into(
+                    self._buffer,
+                    components=4,
+                    attachment=j,
+                    dtype="f4",
+                    write_offset=(first + j) * bytes_of_slice,
+                )
+        into.write(self._buffer)
+
+    def _program(self, first: int, drawn: int, difference: bool) -> tuple[Any, Any]:
+        key = first, drawn, difference
+        if key not in self._programs:
+            constants: dict[str, ArrayLike] = {
+                **self._constants,
+                "FIRST_SLICE": first,
+                "SLICES_DRAWN": drawn,
+                "DIFFERENCE": int(difference),
+                "CODED": 0,
+            }
+            lines = prelude(constants, "glsl")
+            vertex = assemble("shaders/fullscreen.vert", lines, glsl_version=_GLSL)
+            fragment = assemble("shaders/recompose.frag", lines, glsl_version=_GLSL)
+            program = self._own(compile_program(self._context, vertex, fragment))
+            program["layers"].value, program["base"].value = _LAYERS_UNIT, _BASE_UNIT
+            self._programs[key] = program, self._own(self._context.vertex_array(program, []))
+        return self._programs[key]
