@@ -28,6 +28,7 @@ from volspec.palette.tables import (
 from volspec.raycast import (
     Ambient,
     ClipPlane,
+    DepthEffects,
     Directional,
     Headlight,
     LightGroup,
@@ -41,6 +42,7 @@ from volspec.room.model import Eye
 from volspec.scene.export import (
     ExportSpec,
     KeyCamera,
+    KeyDepth,
     Keyframe,
     KeyTransfer,
     KeyViewing,
@@ -106,6 +108,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
         {
             "[raycast]": RaycastSpec,
             "A clip plane": ClipPlane,
+            "[depth]": DepthEffects,
             "[[group]]": LightGroup,
             "Source ambient": Ambient,
             "Source headlight": Headlight,
@@ -135,6 +138,7 @@ PAGES: dict[str, tuple[str, dict[str, Any]]] = {
             "camera of a keyframe": KeyCamera,
             "transfer of a keyframe": KeyTransfer,
             "viewing of a keyframe": KeyViewing,
+            "depth of a keyframe": KeyDepth,
         },
     ),
     "palette": (

@@ -47,6 +47,7 @@ from .raycast import (
     Camera as Camera,
     ClipPlane as ClipPlane,
     CoefficientImage as CoefficientImage,
+    DepthEffects as DepthEffects,
     Directional as Directional,
     Headlight as Headlight,
     LightGroup as LightGroup,

@@ -140,6 +140,9 @@ def test_layers_are_cast_and_fade_when_relit(
         read_codes(tmp_path / f"{name}.png").astype(int) for name in ("1", "plain", "thin", "none")
     )
     assert (same == plain).all() and np.ptp(none, axis=(0, 1)).max() == 0
+    options = ("--focus", 40, "--aperture", 8, "--fog", 90, "--near", 1, "--far", 90)
+    assert call(*words, tmp_path / "deep.png", *map(str, options), "--opacity", "ball=0.9") == 0
+    assert (read_codes(tmp_path / "deep.png") != plain).any()
     backdrop = none[0, 0]
     assert 2 < np.abs(thin - backdrop).sum() < np.abs(plain - backdrop).sum()
 
@@ -152,6 +155,8 @@ def test_layers_are_cast_and_fade_when_relit(
         (("render", "{scene}", "-o", "p.png", "--layers", "4"), "name it .exr"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball"), "block=0.3"),
         (("relight", "{out}", "--light", "A", "-o", "f.png", "--opacity", "ball=0"), "layers = 8"),
+        (("relight", "{out}", "--light", "A", "-o", "f.png", "--focus", "0"), "--focus is 0"),
+        (("relight", "{out}", "--light", "A", "-o", "f.png", "--near", "1"), "layers = 8"),
     ],
 )
 def test_what_has_no_layers_is_refused_in_one_line(

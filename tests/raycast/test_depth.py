@@ -282,7 +282,6 @@ def test_distances_along_the_axis_are_those_of_planes() -> None:
         ({"focus_mm": 0.0}, "range", "DepthEffects.focus_mm"),
         ({"focus_mm": -2.0}, "range", "DepthEffects.focus_mm"),
         ({"focus_mm": "near"}, "type", "DepthEffects.focus_mm"),
-        ({"aperture_mm": 2.0}, "missing", "DepthEffects.aperture_mm"),
         ({"fog_mm": float("inf")}, "range", "DepthEffects.fog_mm"),
         ({"fog_white": 1.5}, "range", "DepthEffects.fog_white"),
         ({"near_mm": 10.0, "far_mm": 10.0}, "range", "DepthEffects.near_mm"),

@@ -13,7 +13,7 @@ from volspec import __version__
 from volspec._files import require_suffix, require_writable
 from volspec.cli.arguments import read_image_setting, require_image
 from volspec.cli.shell import app, as_written, note, note_everyday, say
-from volspec.cli.viewing import HdrOptions, PictureOptions, in_options
+from volspec.cli.viewing import DepthOptions, HdrOptions, PictureOptions, in_options
 from volspec.errors import ImageError, InputError, VolspecError
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from volspec.relight import LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
-_VIEWING, _HDR = PictureOptions(), HdrOptions()
+_VIEWING, _HDR, _DEPTH = PictureOptions(), HdrOptions(), DepthOptions()
 
 
 @app.command
@@ -54,6 +54,7 @@ def relight(
     taken_under: str | None = None,
     spectral: Annotated[bool, Parameter(negative="")] = False,
     hdr: HdrOptions = _HDR,
+    depth: DepthOptions = _DEPTH,
 ) -> None:
     """Relight a stored coefficient image, or a measured spectral picture.
 
@@ -72,6 +73,8 @@ def relight(
     Example: `volspec relight painting.exr --basis general-9 --light A -o painting.png`
 
     Example: `volspec relight engine.exr --opacity block=0.3 --light A -o inside.png`
+
+    Example: `volspec relight engine.exr --focus 500 --aperture 30 --light A -o focused.png`
 
     Example: `volspec relight engine.exr --light FL2 --spectral -o spectra.exr`
 
@@ -131,9 +134,8 @@ def relight(
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the input image; name another file")
     stored = _picture(image, basis, taken_under)
-    if opacity:
-        with in_options():
-            stored = stored.recompose(_opacities(opacity))
+    with in_options():
+        stored = depth.onto(stored, _opacities(opacity or ()))
     scene = stored_relight_spec(stored)
     lamps = [read_image_setting(image, text, stored) for text in light]
     if shown is not None:

@@ -120,7 +120,8 @@ def render(
         if GAPS in image.notes:
             incomplete.append(job.address)
         if job.output.suffix.lower() == ".png":
-            first = scene.lights[0]
+            first, depth = scene.lights[0], scene.file.depth
+            image = image.recompose({}, depth) if depth.changes else image
             frame = relight(image, first.rig, scene.relight)
             notes = {"light": first.name, "Software": f"volspec {__version__}"}
             write_frame(job.output, frame, notes, scene.relight.viewing.display.space)
@@ -136,13 +137,13 @@ def render(
 
 
 def _flat(scene: Scene, layers: int | None, output: Path) -> Scene:
-    """Return a scene that is cast without layers, which a picture cannot hold."""
+    """Return a scene that is cast without layers, which a picture cannot hold, unless in depth."""
     if layers:
         raise InputError(
             f"--layers {layers}: {output} is a picture, which has none; name it .exr",
             code="conflict",
         )
-    return scene.casting(layers=0)
+    return scene if scene.file.depth.changes else scene.casting(layers=0)
 
 
 @app.command

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
@@ -22,6 +23,7 @@ from volspec.errors import InputError, SpectrumError
 if TYPE_CHECKING:
     from volspec.appearance import Viewing, ViewingConditions
     from volspec.appearance.hdr import Hdr
+    from volspec.raycast import CoefficientImage
     from volspec.relight import RelightSpec
 
 _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
@@ -301,6 +303,69 @@ class HdrOptions:
         with in_options(HDR_OPTIONS):
             table = self.table()
             return Hdr(**table) if table else None
+
+
+_DEPTH = Group("Depth, of an image with layers", sort_key=4)
+DEPTH_OPTIONS = {
+    "focus_mm": "--focus",
+    "aperture_mm": "--aperture",
+    "fog_mm": "--fog",
+    "fog_from_mm": "--fog-from",
+    "fog_white": "--fog-white",
+    "near_mm": "--near",
+    "far_mm": "--far",
+    "surface": "--surface",
+}
+"""Options by the field of `DepthEffects` that they set."""
+
+_NEEDED = {"aperture_mm": "focus_mm", "fog_from_mm": "fog_mm", "fog_white": "fog_mm"}
+
+
+def _depth(help: str, name: str) -> Parameter:
+    return _number(help, DEPTH_OPTIONS[name], _DEPTH)
+
+
+@Parameter(name="*", group=_DEPTH)
+@dataclass(frozen=True, kw_only=True)
+class DepthOptions:
+    """Focus, fog and cuts, and a mesh at its depth; millimetres from the camera."""
+
+    focus_mm: Annotated[float | None, _depth("Distance in focus.", "focus_mm")] = None
+    aperture_mm: Annotated[
+        float | None, _depth("Diameter of the lens; default 1/20 of --focus.", "aperture_mm")
+    ] = None
+    fog_mm: Annotated[
+        float | None, _depth("Visibility in fog, where 5 % of the light is left.", "fog_mm")
+    ] = None
+    fog_from_mm: Annotated[float | None, _depth("Where the fog begins.", "fog_from_mm")] = None
+    fog_white: Annotated[
+        float | None, _depth("Light of the fog, 0 to 1; default 0.5.", "fog_white")
+    ] = None
+    near_mm: Annotated[float | None, _depth("Hide what is nearer.", "near_mm")] = None
+    far_mm: Annotated[float | None, _depth("Hide what is farther.", "far_mm")] = None
+    surface: Annotated[
+        Path | None,
+        Parameter(
+            "--surface",
+            help="An image of opaque meshes, cast alone by the same camera, to put at its depth.",
+        ),
+    ] = None
+
+    def onto(self, image: CoefficientImage, scales: Mapping[str, float]) -> CoefficientImage:
+        """Return an image recomposed with these effects and {material: scale}, if any is given."""
+        from volspec.raycast import CoefficientImage, DepthEffects
+
+        given = _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
+        if not given and not scales:
+            return image
+        for name, needed in _NEEDED.items():
+            if name in given and needed not in given:
+                option, missing = DEPTH_OPTIONS[name], DEPTH_OPTIONS[needed]
+                raise InputError(f"{option} without {missing}: add it, or leave {option} out")
+        surface = given.pop("surface", None)
+        with in_options(DEPTH_OPTIONS):
+            other = None if surface is None else CoefficientImage.load(surface)
+            return image.recompose(scales, DepthEffects(**given), other)
 
 
 _OWN = Group("Inputs of Hunt's and Nayatani's models", sort_key=4)

@@ -16,15 +16,22 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import pairwise
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from volspec.errors import CameraError, InputError, SceneError, TransferError, ViewingError
-from volspec.raycast import Camera
+from volspec.errors import (
+    CameraError,
+    ImageError,
+    InputError,
+    SceneError,
+    TransferError,
+    ViewingError,
+)
+from volspec.raycast import Camera, DepthEffects
 from volspec.raycast.camera import Orbit
 from volspec.raycast.checks import Vector, unit
 from volspec.raycast.kernel_arguments import check_reach
@@ -56,6 +63,7 @@ class FrameState:
     transfer: Transfers
     spec: RelightSpec
     step: int | None = None  # of a series that plays
+    depth: DepthEffects = field(default_factory=DepthEffects)
 
 
 def played_steps(frames: int, steps: int, loops: int = 1) -> list[int]:
@@ -138,6 +146,13 @@ _PLACE: Mapping[str, Interpolate] = {
     "fov_deg": interpolate_keyframes,
     "target_mm": interpolate_keyframes,
 }
+_DEPTH: Mapping[str, Interpolate] = {
+    "focus_mm": interpolate_ratios,
+    "aperture_mm": interpolate_ratios,
+    "fog_mm": interpolate_ratios,
+    "near_mm": interpolate_keyframes,
+    "far_mm": interpolate_keyframes,
+}
 _VIEWING: Mapping[str, Interpolate] = {
     "exposure": interpolate_ratios,
     "L_A": interpolate_ratios,
@@ -186,7 +201,10 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
         specs = _relight_specs(spec, keys, at_s)
     with located_in(scene, "[[keyframe]] transfer"):
         transfers = keyframe_transfers(scene, keys, at_s)
-    return [FrameState(*each) for each in zip(cameras, transfers, specs, strict=True)]
+    with located_in(scene, "[[keyframe]] depth"):
+        depths = _depths(scene, keys, at_s)
+    each = zip(cameras, transfers, specs, depths, strict=True)
+    return [FrameState(camera, of, spec, depth=depth) for camera, of, spec, depth in each]
 
 
 def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
@@ -200,6 +218,7 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
         "camera": lambda keys, at_s: _reaching_cameras(scene, volume, keys, at_s),
         "viewing": lambda keys, at_s: _relight_specs(scene.relight, keys, at_s),
         "transfer": baked,
+        "depth": lambda keys, at_s: _depths(scene, keys, at_s),
     }
     keys = scene.file.keyframe
     found: dict[str, SceneError] = {}
@@ -237,6 +256,13 @@ def _relight_specs(spec: RelightSpec, keys: Keys, at_s: Array) -> list[RelightSp
     return _at_times(at_s, keys, _rows(tracks, len(at_s)), make)
 
 
+def _depths(scene: Scene, keys: Keys, at_s: Array) -> list[DepthEffects]:
+    tracks = _interpolated_tracks([(key.time_s, key.depth) for key in keys], _DEPTH, at_s)
+    own = scene.file.depth
+    rows = _rows(tracks, len(at_s))
+    return _at_times(at_s, keys, rows, lambda row: replace(own, **row) if row else own)
+
+
 @contextmanager
 def located_in(scene: Scene, place: str = "") -> Iterator[None]:
     """Prefix errors raised inside with the file's name and a place in it."""
@@ -259,7 +285,7 @@ def _at_times(
     for time, row in zip(at_s.tolist(), rows, strict=True):
         try:
             made.append(make(row))
-        except (CameraError, TransferError, ViewingError) as error:
+        except (CameraError, TransferError, ViewingError, ImageError) as error:
             # Values between valid ones are valid; a path between two positions may not be.
             is_between = isinstance(error, CameraError) and time not in own
             remedy = ", or add a keyframe in between" if is_between else ""

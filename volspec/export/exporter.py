@@ -38,9 +38,9 @@ from volspec.export.frames import BlankFrames
 from volspec.export.manifest import ExportFolder, fingerprint
 from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
-from volspec.export.tiles import Canvas, TileCaster
+from volspec.export.tiles import Canvas, TileCaster, Window
 from volspec.pipeline import GAPS, Raycaster
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.scene import Scene
 from volspec.scene.model import viewing_note
 from volspec.settings import plain
@@ -332,6 +332,11 @@ def _in_order(
             ended.set()
 
 
+def _in_depth(image: CoefficientImage, shot: Shot) -> CoefficientImage:
+    """Return an image with a shot's effects of depth."""
+    return image.recompose({}, shot.depth) if shot.depth.changes else image
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameMaker:
     """Make the frames missing from a folder: one cast for all lights, large frames in strips."""
@@ -358,11 +363,15 @@ class FrameMaker:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
         behind = scene.behind(casters.volume)
-        # Frames are averaged and relit: they have no layers of opacity.
-        flat = replace(scene.raycast, layers=0)
+        # Frames are averaged and relit: they have no layers of opacity, but for effects of depth.
+        spec = scene.raycast if plan.deep else replace(scene.raycast, layers=0)
+        if plan.deep and self._canvas.windows(Window(0, 0, *self.files.size))[1:]:
+            width, height = self.files.size
+            problem = f"{width}x{height} is cast in parts, which [depth] cannot join"
+            raise InputError(problem, "make it smaller, or leave [depth] out", code="size")
 
         def caster_of(shots: list[Shot]) -> TileCaster:
-            return TileCaster(casters.at(shots[0].step), flat, notes, behind)
+            return TileCaster(casters.at(shots[0].step), spec, notes, behind)
 
         if only_cast:
             self._cast(casts, caster_of, meter)
@@ -391,7 +400,7 @@ class FrameMaker:
             self._record_gaps(shots, [image])
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
-                self.files.save(shot, image)
+                self.files.save(shot, _in_depth(image, shot))
                 meter.add(1)
 
     def _relight(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
@@ -415,9 +424,12 @@ class FrameMaker:
                     continue
                 images_of_shot = next(images)
                 self._record_gaps(shots, images_of_shot)
-                sources = self._sources(images_of_shot)
                 meter.add(_FRAMES_A_CAST)
+                shown: DepthEffects | None = None
                 for shot in shots:
+                    if shot.depth != shown:
+                        sources = self._sources([_in_depth(each, shot) for each in images_of_shot])
+                        shown = shot.depth
                     notes, pixels = sources[0].image.notes, pool.row(sources, shot)
                     self._check_blank(shot, pixels, sources, blanks)
                     pixels = paint(pixels, self.files.marks(shot, caster.caster.volume))
@@ -434,7 +446,7 @@ class FrameMaker:
         scale = min(1.0, _MEASURED_SIDE / max(self.files.size))
         width, height = (max(1, round(scale * side)) for side in self.files.size)
         small = caster.cast(shots[0].transfer, shots[0].camera, (width, height))
-        return [measured_shot(shot, small) for shot in shots]
+        return [measured_shot(shot, _in_depth(small, shot)) for shot in shots]
 
     def _relight_strips(
         self,

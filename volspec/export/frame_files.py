@@ -318,6 +318,7 @@ class FrameFiles:
             "hdr": repr(self.table.hdr) if self.table.hdr else "",
             **{key: notes[key] for key in ("volume", "raycast")},
             **({} if shot.step is None else {"step": str(shot.step)}),
+            "depth": repr(shot.depth) if shot.depth.changes else "",
             "export": self.folder.fingerprint,
             "Software": f"volspec {__version__}",
         }

@@ -11,7 +11,7 @@ import hashlib
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from volspec.errors import InputError, SceneError
 from volspec.export import animation
 from volspec.export.animation import FrameState
 from volspec.export.frames import distinct_stems
-from volspec.raycast import Camera
+from volspec.raycast import Camera, DepthEffects
 from volspec.raycast.fields import FieldCast
 from volspec.raycast.kernel_arguments import check_reach
 from volspec.relight import LightRig, RelightSpec
@@ -59,6 +59,7 @@ class Shot:
     rig: LightRig
     spec: RelightSpec
     step: int | None = None  # of a series that plays
+    depth: DepthEffects = field(default_factory=DepthEffects)
 
     @property
     def cast(self) -> tuple[Camera, int, int | None]:
@@ -86,6 +87,11 @@ class Plan:
         """True if frames show time steps of a series."""
         return any(shot.step is not None for shot in self.shots)
 
+    @property
+    def deep(self) -> bool:
+        """True if frames have effects of depth, which need casts with layers."""
+        return any(shot.depth.changes for shot in self.shots)
+
     def fingerprint(self) -> str:
         """Return a hash that is equal for equal frames."""
         digest = hashlib.blake2b(digest_size=16)
@@ -93,6 +99,8 @@ class Plan:
             rig = shot.rig
             facts = shot.stem, shot.camera, shot.transfer, shot.spec, rig.weights, rig.groups
             digest.update(repr((*facts, rig.illuminance_lux, shot.step)).encode())
+            if shot.depth.changes:
+                digest.update(repr(shot.depth).encode())
             for light in rig.lights:
                 digest.update(np.stack([light.wavelengths_nm, light.values]).tobytes())
         return digest.hexdigest()
@@ -114,6 +122,14 @@ def plan_export(
     lights = export_lights(scene, table)
     require_lux(_visible_lights(scene, table, lights), scene.relight, scene.path)
     states = _states(scene, volume, table, len(lights))
+    with animation.located_in(scene, "[depth]"):
+        for state in states:
+            # A focus needs a camera that has one.
+            camera = state.camera
+            state.depth.blur_px(1, None if camera.height_mm is not None else camera.fov_deg)
+        if table.samples > 1 and any(state.depth.changes for state in states):
+            problem = f"does not work with [export] samples = {table.samples}"
+            raise InputError(problem, "leave out one of them", code="conflict")
     if table.play is not None:
         states = _played(scene, states, table.play, series)
     mixes = _mixes(scene, table, lights, len(states))
@@ -139,7 +155,8 @@ def plan_export(
 
 
 def _shot(stem: str, number: int, state: FrameState, light: str, rig: LightRig) -> Shot:
-    return Shot(stem, number, state.camera, state.transfer, light, rig, state.spec, state.step)
+    parts = state.camera, state.transfer, light, rig, state.spec, state.step, state.depth
+    return Shot(stem, number, *parts)
 
 
 def export_lights(scene: Scene, table: ExportSpec) -> list[NamedLight]:
@@ -188,7 +205,8 @@ def _played(
 def _states(scene: Scene, volume: Volume, table: ExportSpec, lights: int) -> list[FrameState]:
     # A spectrum has all bands; other modes would smooth a lamp's spectrum.
     spec = replace(scene.relight, mode="exact") if table.spectral else scene.relight
-    still = FrameState(scene.camera(volume), scene.transfer, spec)
+    depth = scene.file.depth
+    still = FrameState(scene.camera(volume), scene.transfer, spec, depth=depth)
     with animation.located_in(scene):
         check_reach(volume, still.camera, scene.raycast)
     if table.turntable is not None:

@@ -87,19 +87,11 @@ class DepthEffects:
     def __post_init__(self) -> None:
         if self.far_mm is not None and not self.near_mm < self.far_mm:
             raise ImageError(
-                f"is {self.near_mm:g}, far_mm is {self.far_mm:g}",
-                "nothing would be left, give a smaller near_mm",
+                f"is {self.near_mm:g} and what is beyond {self.far_mm:g} is hidden",
+                "nothing would be left, give less",
                 code="range",
                 field="near_mm",
                 given=self.near_mm,
-            )
-        if self.aperture_mm is not None and self.focus_mm is None:
-            raise ImageError(
-                f"is {self.aperture_mm:g}, but focus_mm is missing",
-                "give focus_mm, the distance in focus",
-                code="missing",
-                field="aperture_mm",
-                given=self.aperture_mm,
             )
 
     @property

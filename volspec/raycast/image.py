@@ -188,7 +188,7 @@ class CoefficientImage:
         """Return the scale of each material in the basis' order; errors as `recompose`."""
         if self.opacity_layers is None or not isinstance(self.basis, MaterialBasis):
             raise ImageError(
-                "coefficient image: opacities cannot be edited, it was cast without layers",
+                "coefficient image: it was cast without layers, by which opacity and depth change",
                 "cast with [raycast] layers = 8, RaycastSpec(layers=8)",
                 code="unsupported",
             )

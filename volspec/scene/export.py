@@ -276,6 +276,23 @@ class KeyViewing:
     """Degree of adaptation."""
 
 
+@settings(SceneError)
+@dataclass(frozen=True, slots=True)
+class KeyDepth:
+    """``depth`` of a keyframe: changes to [depth], as a focus pull; no cast."""
+
+    focus_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Distance in focus."""
+    aperture_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Diameter of the lens's opening."""
+    fog_mm: Annotated[Positive, Unit("mm")] | None = None
+    """Visibility."""
+    near_mm: Annotated[NotNegative, Unit("mm")] | None = None
+    """What is nearer vanishes."""
+    far_mm: Annotated[Positive, Unit("mm")] | None = None
+    """What is farther vanishes."""
+
+
 # Kind of a keyframe's camera: with a position, or without.
 _KINDS = {True: "a position", False: "an orbit"}
 
@@ -299,6 +316,8 @@ class Keyframe:
     """Weights by light name; lights left out are dark."""
     viewing: KeyViewing | None = None
     """The viewing conditions."""
+    depth: KeyDepth | None = None
+    """Focus, fog and cuts."""
 
     def __post_init__(self) -> None:
         if self.lights is not None and not any(self.lights.values()):

@@ -17,7 +17,7 @@ from pydantic import Field
 from volspec._parse import parse_toml, read_text, toml_remedy
 from volspec.basis.storage import GRID_ENDINGS, shipped_names
 from volspec.errors import RaycastError, SceneError, nearest
-from volspec.raycast import LightGroup, RaycastSpec
+from volspec.raycast import DepthEffects, LightGroup, RaycastSpec
 from volspec.raycast.lights import HEADLIT
 from volspec.relight import RelightSpec
 from volspec.scene.annotation import Annotation
@@ -105,6 +105,8 @@ class SceneFile:
     """Lights, at least one."""
     viewing: RelightSpec = field(default_factory=RelightSpec)
     """Viewing conditions, and the display that the picture is made for."""
+    depth: DepthEffects = field(default_factory=DepthEffects)
+    """Focus, fog and cuts of pictures and exports; the cast has layers."""
     output: OutputSpec = field(default_factory=OutputSpec)
     """The picture's size."""
     export: ExportSpec = field(default_factory=ExportSpec)
@@ -145,6 +147,10 @@ class SceneFile:
             if row.filter is not None and self.transfer.points is None:
                 problem = f"only [transfer] points absorb by wavelength, not {self.transfer.kind}"
                 raise fault(f"material[{i}].filter", problem, "leave it out")
+        keyed = next((i for i, key in enumerate(self.keyframe) if key.depth is not None), None)
+        if not self.raycast.layers and (self.depth.changes or keyed is not None):
+            where = "depth" if keyed is None else f"keyframe[{keyed}].depth"
+            raise fault(where, "needs layers of opacity", "set [raycast] layers = 8", "missing")
         known = [row.name for row in self.material]
         for j, surface in enumerate(self.mesh):
             for name in surface.used:

@@ -1,0 +1,107 @@
+"""Focus, fog and cuts in exports: a focus pull of one cast, and what has no such effects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.test_render import read_codes
+from tests.export.conftest import SCENE
+from tests.support.errors import raises
+from volspec.errors import SceneError
+from volspec.raycast import CoefficientImage
+from volspec.relight import relight
+from volspec.scene import Scene
+
+DEEP = SCENE.replace('name = "general-7"', 'method = "materials"') + "[raycast]\nlayers = 4\n"
+PULL = """
+[depth]
+aperture_mm = 12
+
+[[keyframe]]
+time_s = 0
+depth = { focus_mm = 30 }
+
+[[keyframe]]
+time_s = 1
+depth = { focus_mm = 120, near_mm = 1 }
+
+[export]
+fps = 2
+lights = ["day"]
+"""
+
+
+def made(folder: Path, more: str, text: str = DEEP) -> Scene:
+    path = folder / "deep.toml"
+    path.write_text(text + more, encoding="utf-8")
+    return Scene.load(path)
+
+
+def test_a_focus_pull_is_cast_once(ball_folder: Path, tmp_path: Path) -> None:
+    """You should see a ball that is blurred, then less, then more."""
+    scene = made(ball_folder, PULL.replace("[depth]", "[depth]\nfog_mm = 500"))
+    exported = scene.export(tmp_path / "pull")
+    assert (exported.frames, exported.casts) == (3, 1)
+    frames = [read_codes(tmp_path / "pull" / name) for name in exported.files if "/" in name]
+    assert len({frame.tobytes() for frame in frames}) == 3
+
+
+def test_frames_and_pictures_have_the_scene_s_depth(ball_folder: Path, tmp_path: Path) -> None:
+    scene = made(ball_folder, '[depth]\nnear_mm = 50\n[export]\nlights = ["day"]\n')
+    exported = scene.export(tmp_path / "cut")
+    (name,) = (each for each in exported.files if each.startswith("day"))
+    image = scene.render()
+    own = relight(image.recompose({}, scene.file.depth), scene.lights[0].rig, scene.relight)
+    frame = read_codes(tmp_path / "cut" / name).astype(int)
+    assert np.abs(frame - own.astype(int)).max() <= 1
+    plain = relight(image, scene.lights[0].rig, scene.relight)
+    assert np.abs(frame - plain.astype(int)).max() > 10
+
+
+def test_coefficient_images_have_it_as_well(ball_folder: Path, tmp_path: Path) -> None:
+    scene = made(ball_folder, '[depth]\nfar_mm = 1\n[export]\nformat = "coefficients"\n')
+    exported = scene.export(tmp_path / "images")
+    image = CoefficientImage.load(tmp_path / "images" / exported.files[0])
+    assert not image.alpha.any() and image.opacity_layers is None
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "field"),
+    [
+        ("[depth]\nnear_mm = 3\nfar_mm = 2", "range", "depth.near_mm"),
+        ("[depth]\nfocus_mm = 0", "range", "depth.focus_mm"),
+        ("[[keyframe]]\ntime_s = 0\ndepth = { fog_mm = -1 }", "range", "keyframe[0].depth.fog_mm"),
+    ],
+)
+def test_a_depth_that_cannot_be_is_refused(
+    ball_folder: Path, more: str, code: str, field: str
+) -> None:
+    with raises(SceneError, code, field):  # type: ignore[arg-type]
+        made(ball_folder, more)
+
+
+def test_depth_needs_layers(ball_folder: Path) -> None:
+    flat = DEEP.replace("layers = 4", "layers = 0")
+    with raises(SceneError, "missing", "depth"):
+        made(ball_folder, "[depth]\nfocus_mm = 30", flat)
+    with raises(SceneError, "missing", "keyframe[0].depth"):
+        made(ball_folder, "[[keyframe]]\ntime_s = 0\ndepth = { focus_mm = 9 }", flat)
+
+
+@pytest.mark.parametrize(
+    ("more", "code"),
+    [
+        ("[depth]\nfocus_mm = 30\n[camera]\northographic = true", "conflict"),
+        ("[depth]\nfocus_mm = 30\n[export]\nsamples = 2", "conflict"),
+        (PULL.replace("near_mm = 1", "near_mm = 9, far_mm = 8"), "range"),
+    ],
+)
+def test_exports_without_such_a_depth_are_refused(
+    ball_folder: Path, tmp_path: Path, more: str, code: str
+) -> None:
+    scene = made(ball_folder, more)
+    with raises(SceneError, code):  # type: ignore[arg-type]
+        scene.export(tmp_path / "none")
