@@ -40,6 +40,7 @@ from volspec.scene import Scene
 from volspec.scene.export import KeyCamera, Keyframe, Turntable
 from volspec.transfer import Isosurfaces, TransferFunction, TransferFunction2D, Transfers
 from volspec.transfer.missing import bake_for_volume
+from volspec.transfer.opacities import check_opacities
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -64,6 +65,7 @@ class FrameState:
     spec: RelightSpec
     step: int | None = None  # of a series that plays
     depth: DepthEffects = field(default_factory=DepthEffects)
+    opacities: Mapping[str, float] = field(default_factory=dict)  # `RaycastSpec.opacities`
 
 
 def played_steps(frames: int, steps: int, loops: int = 1) -> list[int]:
@@ -203,8 +205,13 @@ def frame_states(scene: Scene, volume: Volume, spec: RelightSpec, at_s: Array) -
         transfers = keyframe_transfers(scene, keys, at_s)
     with located_in(scene, "[[keyframe]] depth"):
         depths = _depths(scene, keys, at_s)
-    each = zip(cameras, transfers, specs, depths, strict=True)
-    return [FrameState(camera, of, spec, depth=depth) for camera, of, spec, depth in each]
+    rows = keyframe_opacities(scene, keys, at_s)
+    return [
+        FrameState(camera, transfer, own, opacities=row, depth=depth)
+        for camera, transfer, own, row, depth in zip(
+            cameras, transfers, specs, rows, depths, strict=True
+        )
+    ]
 
 
 def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
@@ -219,6 +226,7 @@ def keyframe_faults(scene: Scene, volume: Volume) -> list[SceneError]:
         "viewing": lambda keys, at_s: _relight_specs(scene.relight, keys, at_s),
         "transfer": baked,
         "depth": lambda keys, at_s: _depths(scene, keys, at_s),
+        "opacities": lambda keys, at_s: keyframe_opacities(scene, keys, at_s),
     }
     keys = scene.file.keyframe
     found: dict[str, SceneError] = {}
@@ -294,6 +302,19 @@ def _at_times(
             message = str(own_error).removeprefix("camera: ")
             raise type(error)(f"at {time:g} s: {message}{remedy}", code=error.code) from error
     return made
+
+
+def keyframe_opacities(scene: Scene, keys: Keys, at_s: Array) -> list[dict[str, float]]:
+    """Return the scales of materials' opacities in every frame, by material."""
+    own = dict(scene.raycast.opacities)
+    found = [dict(own) for _ in at_s]
+    for name in dict.fromkeys(name for key in keys for name in key.opacities or ()):
+        given = [(k.time_s, k.opacities[name]) for k in keys if k.opacities and name in k.opacities]
+        times, scales = zip(*given, strict=True)
+        for row, scale in zip(found, interpolate_keyframes(times, scales, at_s), strict=True):
+            row[name] = float(scale)
+    _at_times(at_s, keys, found, lambda row: check_opacities(scene.basis, row))
+    return found
 
 
 def turntable_cameras(scene: Scene, volume: Volume, table: Turntable) -> list[Camera]:

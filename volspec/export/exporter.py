@@ -40,7 +40,7 @@ from volspec.export.overview import write_overview
 from volspec.export.plan import Plan, Shot, plan_export
 from volspec.export.tiles import Canvas, TileCaster, Window
 from volspec.pipeline import GAPS, Raycaster
-from volspec.raycast import CoefficientImage, DepthEffects
+from volspec.raycast import CoefficientImage
 from volspec.scene import Scene
 from volspec.scene.model import viewing_note
 from volspec.settings import plain
@@ -332,11 +332,6 @@ def _in_order(
             ended.set()
 
 
-def _in_depth(image: CoefficientImage, shot: Shot) -> CoefficientImage:
-    """Return an image with a shot's effects of depth."""
-    return image.recompose({}, shot.depth) if shot.depth.changes else image
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class FrameMaker:
     """Make the frames missing from a folder: one cast for all lights, large frames in strips."""
@@ -363,14 +358,15 @@ class FrameMaker:
             casts = [s[i : i + _OPEN_FILES] for s in casts for i in range(0, len(s), _OPEN_FILES)]
         meter = _ProgressMeter(casts, progress)
         behind = scene.behind(casters.volume)
-        # Frames are averaged and relit: they have no layers of opacity, but for effects of depth.
-        spec = scene.raycast if plan.deep else replace(scene.raycast, layers=0)
+        layers = scene.raycast.layers if self._is_layered(plan) else 0
         if plan.deep and self._canvas.windows(Window(0, 0, *self.files.size))[1:]:
             width, height = self.files.size
             problem = f"{width}x{height} is cast in parts, which [depth] cannot join"
             raise InputError(problem, "make it smaller, or leave [depth] out", code="size")
 
         def caster_of(shots: list[Shot]) -> TileCaster:
+            opacities = {} if layers else dict(shots[0].opacities)
+            spec = replace(scene.raycast, layers=layers, opacities=opacities)
             return TileCaster(casters.at(shots[0].step), spec, notes, behind)
 
         if only_cast:
@@ -383,9 +379,21 @@ class FrameMaker:
         """Return the shots to make, grouped by cast."""
         missing = self.files.folder.missing()
         casts = (
-            [shot for shot in shots if self.files.name(shot) in missing] for shots in plan.casts()
+            [shot for shot in shots if self.files.name(shot) in missing]
+            for shots in plan.casts(self._is_layered(plan))
         )
         return [shots for shots in casts if shots]
+
+    def _is_layered(self, plan: Plan) -> bool:
+        """Return True if frames of other opacities, or in depth, share a cast with layers.
+
+        Parts of a picture and averages of several rays have none.
+        """
+        if plan.deep:
+            return True
+        changes = len({tuple(shot.opacities.items()) for shot in plan.shots}) > 1
+        layers = self.files.scene.raycast.layers and self.files.table.format != "coefficients"
+        return bool(changes and layers and self._parts == 1 and self._canvas.samples == 1)
 
     @property
     def _parts(self) -> int:
@@ -400,7 +408,7 @@ class FrameMaker:
             self._record_gaps(shots, [image])
             meter.add(_FRAMES_A_CAST)
             for shot in shots:
-                self.files.save(shot, _in_depth(image, shot))
+                self.files.save(shot, _shown(image, shot))
                 meter.add(1)
 
     def _relight(self, casts: list[list[Shot]], caster_of: CasterOf, meter: _ProgressMeter) -> None:
@@ -424,12 +432,14 @@ class FrameMaker:
                     continue
                 images_of_shot = next(images)
                 self._record_gaps(shots, images_of_shot)
+                layered = images_of_shot[0].opacity_layers is not None
+                sources = [] if layered else self._sources(images_of_shot)
                 meter.add(_FRAMES_A_CAST)
-                shown: DepthEffects | None = None
+                shown = None
                 for shot in shots:
-                    if shot.depth != shown:
-                        sources = self._sources([_in_depth(each, shot) for each in images_of_shot])
-                        shown = shot.depth
+                    if layered and (shot.opacities, shot.depth) != shown:
+                        sources = self._sources([_shown(images_of_shot[0], shot)])
+                        shown = shot.opacities, shot.depth
                     notes, pixels = sources[0].image.notes, pool.row(sources, shot)
                     self._check_blank(shot, pixels, sources, blanks)
                     pixels = paint(pixels, self.files.marks(shot, caster.caster.volume))
@@ -446,7 +456,7 @@ class FrameMaker:
         scale = min(1.0, _MEASURED_SIDE / max(self.files.size))
         width, height = (max(1, round(scale * side)) for side in self.files.size)
         small = caster.cast(shots[0].transfer, shots[0].camera, (width, height))
-        return [measured_shot(shot, _in_depth(small, shot)) for shot in shots]
+        return [measured_shot(shot, _shown(small, shot)) for shot in shots]
 
     def _relight_strips(
         self,
@@ -487,3 +497,10 @@ class FrameMaker:
 
     def _sources(self, images: Sequence[CoefficientImage]) -> list[FrameSource]:
         return [FrameSource.of(image, self.files.table) for image in images]
+
+
+def _shown(image: CoefficientImage, shot: Shot) -> CoefficientImage:
+    """Return an image with a shot's opacities and effects of depth, if it has layers."""
+    if image.opacity_layers is None:
+        return image
+    return image.recompose(shot.opacities, shot.depth)

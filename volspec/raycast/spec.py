@@ -151,7 +151,7 @@ class RaycastSpec:
     (`CoefficientImage.recompose`): 8 to 16, or 0 for none. The basis must be of materials."""
     opacities: Annotated[
         dict[str, NotNegative], Hint("{ material = scale, … }, each 0 or more", whole=True)
-    ] = field(default_factory=dict)
+    ] = field(default_factory=dict, hash=False)
     """Scales of materials' optical depths: 0 hides one, 2 is twice as much of it. The basis must be
     of materials. Layers are those of the scaled depths, and are scaled further from there."""
     tile_ms: Annotated[Positive, Unit("ms"), PYTHON_ONLY] = 20.0

@@ -318,6 +318,9 @@ class Keyframe:
     """The viewing conditions."""
     depth: KeyDepth | None = None
     """Focus, fog and cuts."""
+    opacities: dict[Name, NotNegative] | None = None
+    """Scales of materials' optical depths, as [raycast] opacities; with [raycast] layers they need
+    no new cast."""
 
     def __post_init__(self) -> None:
         if self.lights is not None and not any(self.lights.values()):

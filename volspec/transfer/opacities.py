@@ -29,26 +29,12 @@ Baked = TransferTable | SurfaceTable | FieldTables
 def scale_opacities(table: Baked, basis: Basis, opacities: Mapping[str, float]) -> Baked:
     """Return a table with the optical depths of some of its basis' materials scaled.
 
-    Raises TransferError if a name is unknown, or materials are not the basis' channels.
+    Raises TransferError as `check_opacities`.
     """
+    check_opacities(basis, opacities)
     if all(scale == 1 for scale in opacities.values()):
         return table
-    if not isinstance(basis, MaterialBasis):
-        raise TransferError(
-            f"opacities of materials do not work with basis {basis.name!r}, whose channels are "
-            f"{basis.method}",
-            'set [basis] method = "materials" (a MaterialBasis), or leave them out',
-            code="conflict",
-            field="raycast: opacities",
-        )
-    for name in opacities:
-        if name not in basis.materials:
-            raise TransferError(
-                f"there is no material {quoted(name)}; {nearest(name, basis.materials)}"
-                f"known: {', '.join(basis.materials)}",
-                code="unknown",
-                field="raycast: opacities",
-            )
+    assert isinstance(basis, MaterialBasis)
     scales = np.array([*(opacities.get(name, 1.0) for name in basis.materials), 1.0])
 
     def scaled(one: TransferTable) -> TransferTable:
@@ -66,6 +52,28 @@ def scale_opacities(table: Baked, basis: Basis, opacities: Mapping[str, float]) 
     rows = scales[table.channels.argmax(axis=1)]
     opacity, weights = _scaled(table.opacity, table.material_weights, rows)
     return replace(table, opacity=opacity, material_weights=weights)
+
+
+def check_opacities(basis: Basis, opacities: Mapping[str, float]) -> None:
+    """Raise TransferError if a name is unknown, or materials are not the basis' channels."""
+    if all(scale == 1 for scale in opacities.values()):
+        return
+    if not isinstance(basis, MaterialBasis):
+        raise TransferError(
+            f"opacities of materials do not work with basis {basis.name!r}, whose channels are "
+            f"{basis.method}",
+            'set [basis] method = "materials" (a MaterialBasis), or leave them out',
+            code="conflict",
+            field="raycast: opacities",
+        )
+    for name in opacities:
+        if name not in basis.materials:
+            raise TransferError(
+                f"there is no material {quoted(name)}; {nearest(name, basis.materials)}"
+                f"known: {', '.join(basis.materials)}",
+                code="unknown",
+                field="raycast: opacities",
+            )
 
 
 def _scaled(opacity: Array, weights: Array, scales: Array) -> tuple[Array, Array]:
