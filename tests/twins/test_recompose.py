@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from tests.support.errors import raises
 from tests.support.relighting import gl_or_skip
 from volspec.basis import MaterialBasis
 from volspec.errors import ImageError, OpenGLError
-from volspec.raycast import CoefficientImage
+from volspec.raycast import CoefficientImage, DepthEffects
 from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, Relighter, recompose
 from volspec.relight.recompose import PackedOpacity
@@ -91,6 +92,46 @@ def test_opacities_outlast_another_cast_of_the_same_size(backend: str) -> None:
     for image, frame in ((second.recompose(scales), kept), (second, without)):
         with Relighter(image, "numpy") as twin:
             np.testing.assert_allclose(frame, twin.frame(light("A"), dtype=np.float32), atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    "depth",
+    [
+        DepthEffects(near_mm=100.2),
+        DepthEffects(far_mm=100.6),
+        DepthEffects(fog_mm=0.8, fog_from_mm=99.9, fog_white=0.7),
+        DepthEffects(fog_mm=0.5, fog_from_mm=99.9, near_mm=100.1, far_mm=100.7),
+        DepthEffects(focus_mm=99.0, aperture_mm=20.0),
+    ],
+    ids=["near", "far", "fog", "all", "focus"],
+)
+@pytest.mark.parametrize("groups", [1, 5])
+def test_frames_in_depth_match(depth: DepthEffects, groups: int) -> None:
+    """Extents are half floats on the device: half a µm of 1 mm, a hundredth of a thin layer."""
+    image = deep(groups)
+    frames = []
+    with gl_or_skip(image) as drawn, Relighter(image, "numpy") as twin:
+        for relighter in (drawn, twin):
+            relighter.set_opacities({"gold": 0.6}, depth=depth)
+            frames.append(relighter.frame(rig(image), dtype=np.float32))
+        before = Relighter(image, "numpy").frame(rig(image), dtype=np.float32)
+        drawn.set_opacities({})
+        after = drawn.frame(rig(image), dtype=np.float32)
+    np.testing.assert_allclose(*frames, atol=1e-2)
+    assert np.abs(frames[0] - frames[1]).mean() < 5e-4
+    np.testing.assert_allclose(after, before, atol=2e-4)
+    assert np.abs(frames[0] - before).max() > 0.02
+
+
+def deep(groups: int) -> CoefficientImage:
+    """Return layers of 1 mm, 100 mm from a camera."""
+    image = layered(3, groups)
+    layers = image.opacity_layers
+    assert layers is not None
+    tau = np.maximum(layers.tau, np.float16(0.01))
+    depth_mm = layers.depth_mm.astype(np.float32) + 100
+    layers = replace(layers, tau=tau, depth_mm=depth_mm)
+    return replace(image, opacity_layers=layers, fov_deg=30.0)
 
 
 def test_layers_packed_beforehand_are_taken_and_other_numbers_of_them_too() -> None:

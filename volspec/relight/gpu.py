@@ -244,17 +244,23 @@ class GLEngine:
             self._recomposer.load(packed, self._texture)
         self.has_opacity = True
 
-    def recompose(self, scales: Sequence[float]) -> None:
+    @property
+    def has_extents(self) -> bool:
+        """True if the layers on the device have extents, which effects of depth need."""
+        return self.has_opacity and self._recomposer is not None and self._recomposer.has_extents
+
+    def recompose(self, scales: Sequence[float], depth: Mapping[str, Any] | None = None) -> None:
         """Draw the picture with its materials' optical depths scaled from now on.
 
-        The layers are those of the last `load_opacity`; scales of 1 draw the picture as cast.
+        The layers are those of the last `load_opacity`; scales of 1 draw the picture as cast,
+        unless it has effects of depth, `depth_uniforms`.
         """
-        self._is_recomposed = any(scale != 1 for scale in scales)
+        self._is_recomposed = depth is not None or any(scale != 1 for scale in scales)
         self._lut_rejected = None
         if self._is_recomposed:
             assert self._recomposer is not None
             with self._current():
-                self._recomposer.draw(scales)
+                self._recomposer.draw(scales, depth)
 
     def _draw(self, name: str, form: Mapping[str, int], values: Uniforms, screen: Screen) -> None:
         program, triangle = self._programs.program(name, form, screen)

@@ -8,9 +8,9 @@ Layers are uploaded once, as half floats; a change of opacities is a draw (shade
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,13 +19,19 @@ from volspec._gpu.opengl import compile_program, describe
 from volspec._gpu.prelude import prelude
 from volspec._gpu.sources import assemble
 from volspec.errors import OpenGLError
+from volspec.raycast.depth import DepthEffects, extents
 from volspec.raycast.layered import OpacityLayers, residual_share
 from volspec.relight.layers import layer_count
+
+if TYPE_CHECKING:
+    from volspec.raycast.image import CoefficientImage
 
 _GLSL = "330 core"
 # Targets of one draw; every device has at least four.
 _MOST_TARGETS = 4
 _LAYERS_UNIT, _BASE_UNIT = 5, 6
+# Farther than any layer.
+_FAR_MM = 1e30
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,26 +39,37 @@ class PackedOpacity:
     """Layers of opacity in the shader's layout: packed on one thread, uploaded on another.
 
     ``texels`` (L·TEXELS, H, W, 4) are float16; every layer has L numbers, four to a texel.
+    ``nearest_mm`` is the distance from which extents count; None without.
     """
 
     texels: NDArray[np.float16]
     count: int
     materials: int
     groups: int
+    nearest_mm: float | None = None
 
     @classmethod
-    def of(cls, layers: OpacityLayers) -> Self:
-        """Pack an image's layers."""
+    def of(cls, layers: OpacityLayers, depth: bool = False) -> Self:
+        """Pack an image's layers, with their extents for effects of depth."""
         height, width, count, materials = layers.tau.shape
         planes = [layers.tau[..., k] for k in range(materials)]
         planes += [layers.shade[..., g, k] for g in range(layers.groups) for k in range(materials)]
         planes += [layers.gloss[..., g] for g in range(layers.groups)]
+        nearest = None
+        if depth:
+            tau = layers.tau.astype(np.float32).sum(axis=3).reshape(-1, count)
+            begin, wide = extents(tau, layers.depth_mm.reshape(-1, count).astype(np.float32))
+            used = tau > 0
+            nearest = float(begin[used].min()) if used.any() else 0.0
+            begin = np.where(used, begin - nearest, 0)
+            planes += [plane.reshape(height, width, count) for plane in (begin, wide)]
         each = -(-len(planes) // 4)
         texels = np.zeros((count, each, height, width, 4), np.float16)
         for i, plane in enumerate(planes):
             # (H, W, L) planes, layer by layer.
             texels[:, i // 4, :, :, i % 4] = np.moveaxis(plane, 2, 0)
-        return cls(texels.reshape(count * each, height, width, 4), count, materials, layers.groups)
+        flat = texels.reshape(count * each, height, width, 4)
+        return cls(flat, count, materials, layers.groups, nearest)
 
     def constants(self) -> dict[str, int]:
         """Return the constants compiled into the shader."""
@@ -61,7 +78,20 @@ class PackedOpacity:
             "MATERIALS": self.materials,
             "GROUPS": self.groups,
             "TEXELS": len(self.texels) // self.count,
+            "EXTENTS": int(self.nearest_mm is not None),
         }
+
+
+def depth_uniforms(effects: DepthEffects, image: CoefficientImage) -> dict[str, tuple[float, ...]]:
+    """Return the shader's uniforms of an image's cut and fog."""
+    shares = tuple(effects.fog_white * share for share in image.groups.values())
+    angle = 0.0 if image.fov_deg is None else math.radians(image.fov_deg)
+    return {
+        "cut_mm": (effects.near_mm, _FAR_MM if effects.far_mm is None else effects.far_mm),
+        "fog": (effects.fog_per_mm, effects.fog_from_mm),
+        "fog_light": shares,
+        "slope": (2 * math.tan(angle / 2) / image.size[1],),
+    }
 
 
 class Recomposer:
@@ -86,7 +116,8 @@ class Recomposer:
                 code="size",
                 field="OpenGL",
             )
-        self._programs: dict[tuple[int, int, bool], tuple[Any, Any]] = {}
+        self._programs: dict[tuple[int, int, bool, bool], tuple[Any, Any]] = {}
+        self._nearest_mm = 0.0
 
     def allocate(self) -> None:
         """Make the textures; raises moderngl.Error if there is no memory."""
@@ -111,12 +142,23 @@ class Recomposer:
     def load(self, packed: PackedOpacity, base: Any) -> None:
         """Upload layers of the picture in the texture ``base``."""
         self._layers.write(packed.texels)
+        self._nearest_mm = packed.nearest_mm or 0.0
         self._draw(base, self._difference, [1.0] * packed.materials, 0.0, difference=True)
 
-    def draw(self, scales: Sequence[float]) -> None:
-        """Recompose the picture into `texture`, with a scale of each material's optical depth."""
-        share = residual_share(scales)
-        self._draw(self._difference, self.texture, scales, share, difference=False)
+    @property
+    def has_extents(self) -> bool:
+        """True if the layers have extents, which effects of depth need."""
+        return bool(self._constants["EXTENTS"])
+
+    def draw(
+        self, scales: Sequence[float], depth: Mapping[str, tuple[float, ...]] | None = None
+    ) -> None:
+        """Recompose the picture into `texture`, with a scale of each material's optical depth.
+
+        ``depth`` are `depth_uniforms`.
+        """
+        share = residual_share(scales) if depth is None else 0.0
+        self._draw(self._difference, self.texture, scales, share, depth, difference=False)
 
     def release(self) -> None:
         """Release everything."""
@@ -125,7 +167,14 @@ class Recomposer:
         self._resources.clear()
 
     def _draw(
-        self, base: Any, into: Any, scales: Sequence[float], fade: float, *, difference: bool
+        self,
+        base: Any,
+        into: Any,
+        scales: Sequence[float],
+        fade: float,
+        depth: Mapping[str, tuple[float, ...]] | None = None,
+        *,
+        difference: bool,
     ) -> None:
         self._layers.use(_LAYERS_UNIT)
         base.use(_BASE_UNIT)
@@ -134,7 +183,14 @@ class Recomposer:
         self._context.enable_only(self._context.NOTHING)
         for first in range(0, self._slices, _MOST_TARGETS):
             drawn = min(self._slices - first, _MOST_TARGETS)
-            program, triangle = self._program(first, drawn, difference)
+            program, triangle = self._program(first, drawn, difference, depth is not None)
+            if depth is not None:
+                for name, value in {**depth, "nearest_mm": (self._nearest_mm,)}.items():
+                    if name in program:
+                        # Drivers drop what a draw does not use, as an array's last entries.
+                        own = program[name]
+                        used = own.array_length * own.dimension
+                        own.write(np.array(value[:used], np.float32).tobytes())
             program["scales"].value = tuple(scales) + (1.0,) * (4 - len(scales))
             if not difference:
                 program["fade"].value = fade
@@ -149,14 +205,15 @@ class Recomposer:
                 )
         into.write(self._buffer)
 
-    def _program(self, first: int, drawn: int, difference: bool) -> tuple[Any, Any]:
-        key = first, drawn, difference
+    def _program(self, first: int, drawn: int, difference: bool, depth: bool) -> tuple[Any, Any]:
+        key = first, drawn, difference, depth
         if key not in self._programs:
             constants: dict[str, ArrayLike] = {
                 **self._constants,
                 "FIRST_SLICE": first,
                 "SLICES_DRAWN": drawn,
                 "DIFFERENCE": int(difference),
+                "DEPTH": int(depth),
                 "CODED": 0,
             }
             lines = prelude(constants, "glsl")

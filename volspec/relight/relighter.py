@@ -24,6 +24,7 @@ from volspec.appearance.spec import Viewing
 from volspec.basis import MaterialBasis
 from volspec.basis.display import DEFAULT_MODE, Mode
 from volspec.errors import OpenCLError, OpenGLError, RelightError, VolspecWarning, nearest
+from volspec.raycast.depth import DepthEffects
 from volspec.relight.advice import warn_of_lights
 from volspec.relight.error_map import Against, ErrorMap, error_map
 from volspec.relight.gpu import GLEngine
@@ -37,7 +38,7 @@ from volspec.relight.layers import (
     require_fit,
 )
 from volspec.relight.measured_viewing import ViewingMeter
-from volspec.relight.recompose import PackedOpacity
+from volspec.relight.recompose import PackedOpacity, depth_uniforms
 from volspec.relight.reference import CpuEngine
 from volspec.relight.spec import LightRig, Pixels, RelightSpec
 from volspec.spectra.spectrum import Spectrum
@@ -128,9 +129,12 @@ class Relighter:
         self._image = image
         self._edits: dict[str, Spectrum] = {}
         self._opacities: dict[str, float] = {}
-        # The image with opacities that were set, and those.
+        self._depth = DepthEffects()
+        # The engine has the recomposed image instead of the image.
+        self._is_uploaded = False
+        # The image with opacities and depth that were set, and those.
         self._recomposed: (
-            tuple[tuple[CoefficientImage, dict[str, float]], CoefficientImage] | None
+            tuple[tuple[CoefficientImage, dict[str, float], DepthEffects], CoefficientImage] | None
         ) = None
         self._advised: set[str] = set()
         self._meter = ViewingMeter()
@@ -221,7 +225,7 @@ class Relighter:
             image = replace(image, basis=image.basis.with_reflectances(edits))
         self._image = image
         if image.opacity_layers is None or not isinstance(image.basis, MaterialBasis):
-            self._opacities = {}
+            self._opacities, self._depth = {}, DepthEffects()
         else:
             known = image.basis.materials
             self._opacities = {k: v for k, v in self._opacities.items() if k in known}
@@ -231,7 +235,8 @@ class Relighter:
                 engine.take(place)
             else:
                 engine.upload(*float32_arrays(image))
-            if self._opacities:
+            self._is_uploaded = False
+            if self._opacities or self._depth.changes:
                 self._put_opacities(engine)
 
         self._on_engine(put)
@@ -355,7 +360,10 @@ class Relighter:
         self._edits |= reflectances
 
     def set_opacities(
-        self, scales: Mapping[str, float], packed: PackedOpacity | None = None
+        self,
+        scales: Mapping[str, float],
+        packed: PackedOpacity | None = None,
+        depth: DepthEffects | None = None,
     ) -> None:
         """Scale materials' opacities without a new cast; the next frame shows them.
 
@@ -366,6 +374,8 @@ class Relighter:
         packed : PackedOpacity, optional
             The image's layers, packed beforehand on another thread; uploaded now, also if all
             scales are 1.
+        depth : DepthEffects, optional
+            Fog and cuts, drawn by the device; a focus is made on the host.
 
         Raises
         ------
@@ -377,35 +387,49 @@ class Relighter:
             If the Relighter is closed.
         """
         self._require_open()
-        if packed is None and dict(scales) == self._opacities:
+        depth = DepthEffects() if depth is None else depth
+        if packed is None and (dict(scales), depth) == (self._opacities, self._depth):
             return
         self._image.opacity_scales(scales)
-        before, self._opacities = self._opacities, dict(scales)
+        depth.blur_px(self._image.size[1], self._image.fov_deg)
+        before = self._opacities, self._depth
+        self._opacities, self._depth = dict(scales), depth
         try:
             self._on_engine(lambda engine: self._put_opacities(engine, packed))
         except OpenGLError:
-            self._opacities = before
+            self._opacities, self._depth = before
             raise
 
     def _put_opacities(
         self, engine: GLEngine | CpuEngine, packed: PackedOpacity | None = None
     ) -> None:
-        factors = self._image.opacity_scales(self._opacities)
-        if isinstance(engine, CpuEngine):
+        factors, deep = self._image.opacity_scales(self._opacities), self._depth.changes
+        if isinstance(engine, CpuEngine) or self._depth.focus_mm is not None:
             engine.upload(*float32_arrays(self._shown()))
-        elif any(scale != 1 for scale in factors) or engine.has_opacity or packed is not None:
-            if not engine.has_opacity:
-                assert self._image.opacity_layers is not None
-                engine.load_opacity(packed or PackedOpacity.of(self._image.opacity_layers))
-            engine.recompose(factors)
+            self._is_uploaded = True
+            return
+        if self._is_uploaded:
+            engine.upload(*float32_arrays(self._image))
+            self._is_uploaded = False
+        edited = deep or any(scale != 1 for scale in factors)
+        if edited or engine.has_opacity or packed is not None:
+            layers = self._image.opacity_layers
+            assert layers is not None
+            if deep and not engine.has_extents:
+                if packed is None or packed.nearest_mm is None:
+                    packed = PackedOpacity.of(layers, depth=True)
+                engine.load_opacity(packed)
+            elif not engine.has_opacity:
+                engine.load_opacity(packed or PackedOpacity.of(layers))
+            engine.recompose(factors, depth_uniforms(self._depth, self._image) if deep else None)
 
     def _shown(self) -> CoefficientImage:
-        """Return the image with its present opacities."""
-        if all(scale == 1 for scale in self._opacities.values()):
+        """Return the image with its present opacities and depth."""
+        if all(scale == 1 for scale in self._opacities.values()) and not self._depth.changes:
             return self._image
-        key = self._image, self._opacities
+        key = self._image, self._opacities, self._depth
         if self._recomposed is None or self._recomposed[0] != key:
-            self._recomposed = key, self._image.recompose(self._opacities)
+            self._recomposed = key, self._image.recompose(self._opacities, self._depth)
         return self._recomposed[1]
 
     def _lit(
@@ -429,7 +453,8 @@ class Relighter:
             self._engine = GLEngine(
                 *float32_arrays(self._image), None, self._lut3d, self._lut_cache
             )
-            if self._opacities:
+            self._is_uploaded = False
+            if self._opacities or self._depth.changes:
                 self._put_opacities(self._engine)
             return call(self._engine)
 
