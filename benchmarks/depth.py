@@ -20,6 +20,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import imageio.v3 as iio
 import numpy as np
 from numpy.typing import NDArray
 
@@ -34,12 +35,17 @@ from benchmarks.layers import (
 )
 from benchmarks.measure import replaced
 from benchmarks.scenes import Points
+from volspec._gpu.sources import asset
 from volspec.basis import MaterialBasis
-from volspec.pipeline import Raycaster
+from volspec.mesh.caster import MeshCaster
+from volspec.mesh.shapes import shape_mesh
+from volspec.pipeline import Raycaster, raycast, relight
 from volspec.raycast import Camera, CoefficientImage, RaycastSpec, reference
 from volspec.raycast.depth import DepthEffects, axis_cosine
 from volspec.raycast.layered import LayerStream, OpacityLayers, empty_rows, sample_tau
-from volspec.transfer import TransferTable
+from volspec.scene import Scene
+from volspec.spectra import light
+from volspec.transfer import TransferFunction, TransferTable
 from volspec.volume import Volume
 
 Array = NDArray[np.float64]
@@ -261,8 +267,33 @@ def table_of(name: str, found: dict[str, list[Errors]]) -> str:
     return f"{name:12s}" + "".join(f"{cell:>20s}" for cell in cells)
 
 
+STATES = (
+    DepthEffects(),
+    DepthEffects(focus_mm=470, aperture_mm=40),
+    DepthEffects(focus_mm=620, aperture_mm=40),
+    DepthEffects(fog_mm=330, fog_from_mm=440, fog_white=0.35),
+    DepthEffects(near_mm=520),
+)
+
+
+def six_states() -> NDArray[np.uint8]:
+    """Return frames of one cast of the shipped engine: in depth, and with a ball inside."""
+    scene = Scene.load(asset("data/scenes/engine.toml"))
+    volume, transfer, size = scene.volume(), scene.transfer, (360, 360)
+    assert isinstance(transfer, TransferFunction)
+    basis = MaterialBasis(transfer.materials)
+    camera, spec = scene.camera(volume), replace(scene.raycast, layers=LAYERS)
+    image = raycast(volume, replace(transfer, basis=basis), camera, size, spec)
+    ball = shape_mesh("sphere", 70.0, "inserts").placed((180.0, 130.0, 60.0))
+    alone = MeshCaster([ball], transfer.materials, basis).alone(camera, size, spec)
+    frames = [image.recompose({}, each) for each in STATES]
+    frames.append(image.recompose({"inserts": 0}, surface=alone))
+    shown = [relight(each, light("A"), scene.relight) for each in frames]
+    return np.vstack([np.hstack(shown[:3]), np.hstack(shown[3:])]).astype(np.uint8)
+
+
 def main() -> None:
-    """Print the table; with ``--keep``, write it to docs/layers.md."""
+    """Print the table; with ``--keep``, write it to docs/layers.md, and its picture."""
     lines = [f"{LAYERS} layers".ljust(12) + "".join(f"{kind:>20s}" for kind in KINDS)]
     print(lines[0])
     for name, (read, points, orbit) in CASES.items():
@@ -279,6 +310,7 @@ def main() -> None:
         text = "\n```text\n" + "\n".join(lines) + "\n```\n"
         page = LAYERS_PAGE.read_text(encoding="utf-8")
         LAYERS_PAGE.write_text(replaced(page, "depth", text), encoding="utf-8")
+        iio.imwrite(LAYERS_PAGE.parent / "images" / "depth.jpg", six_states(), quality=92)
 
 
 if __name__ == "__main__":
