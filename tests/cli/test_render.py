@@ -143,6 +143,10 @@ def test_layers_are_cast_and_fade_when_relit(
     options = ("--focus", 40, "--aperture", 8, "--fog", 90, "--near", 1, "--far", 90)
     assert call(*words, tmp_path / "deep.png", *map(str, options), "--opacity", "ball=0.9") == 0
     assert (read_codes(tmp_path / "deep.png") != plain).any()
+    layers = image.opacity_layers
+    capsys.readouterr()
+    assert call(*words, tmp_path / "cut.png", "--near", "999") == 0
+    assert "{:.4g} to {:.4g} mm".format(*layers.range_mm) in capsys.readouterr().err
     backdrop = none[0, 0]
     assert 2 < np.abs(thin - backdrop).sum() < np.abs(plain - backdrop).sum()
 

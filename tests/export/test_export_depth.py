@@ -64,7 +64,7 @@ def test_frames_and_pictures_have_the_scene_s_depth(ball_folder: Path, tmp_path:
 def test_coefficient_images_have_it_as_well(ball_folder: Path, tmp_path: Path) -> None:
     scene = made(ball_folder, '[depth]\nfar_mm = 1\n[export]\nformat = "coefficients"\n')
     exported = scene.export(tmp_path / "images")
-    image = CoefficientImage.load(tmp_path / "images" / exported.files[0])
+    image = CoefficientImage.load(tmp_path / "images" / exported.files[0])  # all of it is cut
     assert not image.alpha.any() and image.opacity_layers is None
 
 

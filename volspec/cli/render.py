@@ -128,7 +128,8 @@ def render(
             return f"{job.output}: {width}×{height}, {first.label or first.name}"
         save_for_compositors(image, job.output, scene_recipe(scene, scene.lights, scene.relight))
         if image.opacity_layers is not None:
-            layered = f"{image.opacity_layers.count} layers of opacity"
+            near, far = image.opacity_layers.range_mm
+            layered = f"{image.opacity_layers.count} layers of opacity, {near:.4g} to {far:.4g} mm"
             return f"{job.output}: {width}×{height}, {image.basis.size} channels, {layered}"
         groups = f" for each of {', '.join(image.groups)}" if len(image.groups) > 1 else ""
         return f"{job.output}: {width}×{height}, {image.basis.size} channels{groups}"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Group, Parameter
 
-from volspec.cli.shell import as_written
+from volspec.cli.shell import as_written, note
 from volspec.errors import InputError, SpectrumError
 
 if TYPE_CHECKING:
@@ -353,6 +353,8 @@ class DepthOptions:
 
     def onto(self, image: CoefficientImage, scales: Mapping[str, float]) -> CoefficientImage:
         """Return an image recomposed with these effects and {material: scale}, if any is given."""
+        import numpy as np
+
         from volspec.raycast import CoefficientImage, DepthEffects
 
         given = _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
@@ -365,7 +367,12 @@ class DepthOptions:
         surface = given.pop("surface", None)
         with in_options(DEPTH_OPTIONS):
             other = None if surface is None else CoefficientImage.load(surface)
-            return image.recompose(scales, DepthEffects(**given), other)
+            made = image.recompose(scales, DepthEffects(**given), other)
+        is_cut = "near_mm" in given or "far_mm" in given
+        if is_cut and image.opacity_layers is not None and not np.isfinite(made.depth_mm).any():
+            near, far = image.opacity_layers.range_mm
+            note(f"nothing is left: the layers are {near:.4g} to {far:.4g} mm from the camera")
+        return made
 
 
 _OWN = Group("Inputs of Hunt's and Nayatani's models", sort_key=4)

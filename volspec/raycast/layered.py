@@ -135,6 +135,12 @@ class OpacityLayers:
         """Number of light groups, G."""
         return int(self.gloss.shape[3])
 
+    @property
+    def range_mm(self) -> tuple[float, float]:
+        """Distances of the nearest and the farthest layer from the camera; 0 if there is none."""
+        used = self.depth_mm[np.isfinite(self.depth_mm)]
+        return (float(used.min()), float(used.max())) if used.size else (0.0, 0.0)
+
     @classmethod
     def of_rows(
         cls, rows: NDArray[Any], columns: Sequence[int], materials: int, groups: int
