@@ -252,4 +252,5 @@ def crop(image: CoefficientImage, rows: slice, columns: slice) -> CoefficientIma
         alpha=image.alpha[part],
         depth_mm=image.depth_mm[part],
         first_mm=None if image.first_mm is None else image.first_mm[part],
+        camera=None,
     )
