@@ -174,7 +174,7 @@ def write_image(
     }
     if image.fov_deg is not None:
         header["volspec:fov_deg"] = json.dumps(float(image.fov_deg))
-    if image.camera is not None:
+    if type(image.camera) is Camera:  # not of a window or an eye
         header["volspec:camera"] = json.dumps(asdict(image.camera))
     if own := [key for key in texts if key in _OWN]:
         raise ImageError(

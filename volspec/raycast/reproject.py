@@ -85,7 +85,7 @@ class Warp:
     @property
     def radius(self) -> float:
         """Half width of splats, pixels: 1, or more if the other camera magnifies."""
-        return max(1.0, _pitch(self.source) / _pitch(self.target))
+        return max(1.0, self.source.pitch_mm / self.target.pitch_mm)
 
     def axes(self) -> Array:
         """Return (4, 3) origin, forward, across, down in the other camera's pixels, and mm."""
@@ -99,18 +99,14 @@ class Warp:
         vectors = [own.target - other.target, own.forward, own.across, own.down]
         return np.array(vectors) @ np.array(rows).T
 
-    def cosines(self) -> Array:
-        """Return (H, W) cosines of the rays' angles to the view."""
-        return 1 / _slants(self.source, self.size)
-
     def places(self, columns: Array, lines: Array, ahead: Array) -> tuple[Array, ...]:
         """Return x, y, depth and relative size in the other picture; size is 0 behind it."""
         origin, forward, across, down = self.axes()
-        wider = 1 + ahead * _nearness(self.source)
+        wider = 1 + ahead * self.source.nearness
         u = (columns - self.source.middle[0]) * wider
         v = (lines - self.source.middle[1]) * wider
         X, Y, Z = (origin[n] + ahead * forward[n] + u * across[n] + v * down[n] for n in range(3))
-        w = 1 + Z * _nearness(self.target)
+        w = 1 + Z * self.target.nearness
         inverse = np.where(w < NEAR, 0.0, 1 / np.where(w < NEAR, 1, w))
         x, y = self.target.middle[0] + X * inverse, self.target.middle[1] + Y * inverse
         return x, y, Z, wider * inverse
@@ -167,10 +163,10 @@ class Warp:
         ):
             view[prefix + "middle_x"], view[prefix + "middle_y"] = field.middle
             view[prefix + "distance"] = field.distance
-            view[prefix + "nearness"] = _nearness(field)
-            view[prefix + "pitch"] = _pitch(field)
+            view[prefix + "nearness"] = field.nearness
+            view[prefix + "pitch"] = field.pitch_mm
             view[prefix + "width"], view[prefix + "height"] = size
-        view["scale"] = _pitch(self.source) / _pitch(self.target) / self.radius
+        view["scale"] = self.source.pitch_mm / self.target.pitch_mm / self.radius
         view["tile_width"], view["tile_height"] = tile
         view["first_ahead"], view["buckets_per_mm"] = depths[0], _buckets_per_mm(depths)
         return view
@@ -178,21 +174,6 @@ class Warp:
 
 def _buckets_per_mm(depths: tuple[float, float]) -> float:
     return BUCKETS / max(depths[1] - depths[0], 1e-6)
-
-
-def _pitch(field: RayField) -> float:
-    return float(np.linalg.norm(field.across))
-
-
-def _slants(field: RayField, size: tuple[int, int]) -> Array:
-    """Return (H, W) lengths of rays to a plane by that of the middle ray."""
-    u, v = np.arange(size[0]) - field.middle[0], np.arange(size[1]) - field.middle[1]
-    slant = _pitch(field) * _nearness(field)
-    return np.sqrt(1 + slant**2 * (u**2 + v[:, None] ** 2))
-
-
-def _nearness(field: RayField) -> float:
-    return 1 / field.distance if field.perspective else 0.0
 
 
 class Points(NamedTuple):
@@ -219,7 +200,7 @@ def layer_points(layers: OpacityLayers, scales: list[float], warp: Warp) -> Poin
         np.nan_to_num(np.where(np.isnan(one), other, one))
         for one, other in ((before, behind), (behind, before))
     )
-    deep = (before + behind) / 2 / (PART * _pitch(warp.source))
+    deep = (before + behind) / 2 / (PART * warp.source.pitch_mm)
     parts = np.ceil(deep).clip(1, MOST_PARTS)[..., None]
     part = np.arange(MOST_PARTS)
     off = (2 * part + 1) / parts - 1
@@ -234,7 +215,7 @@ def layer_points(layers: OpacityLayers, scales: list[float], warp: Warp) -> Poin
         column,
         line,
         total[at] / parts[..., 0][at],
-        away[(*at, number)] * warp.cosines()[line, column] - warp.source.distance,
+        away[(*at, number)] * warp.source.cosines(*warp.size)[line, column] - warp.source.distance,
         colours.reshape(len(line), -1),
     )
 
@@ -270,7 +251,7 @@ def reproject_reference(
         points.column.astype(float), points.line.astype(float), points.ahead
     )
     radius, (width, height) = warp.radius, warp.other_size
-    ratio = _pitch(warp.source) / _pitch(warp.target) / radius
+    ratio = warp.source.pitch_mm / warp.target.pitch_mm / radius
     tau = points.tau * (ratio * size) ** 2
     row = np.concatenate([Z[:, None], points.colours], axis=1)
     first = np.ceil(np.stack([x, y]) - radius).astype(int)
@@ -297,7 +278,7 @@ def reproject_reference(
     alpha, sums = 1 - clear.reshape(height, width), flat.reshape(height, width, -1)
     there = alpha > 0
     mean = warp.target.distance + sums[..., 0] / np.where(there, alpha, 1)
-    depth = np.where(there, mean * _slants(warp.target, warp.other_size), np.inf)
+    depth = np.where(there, mean / warp.target.cosines(width, height), np.inf)
     return Sums(sums[..., 1:], alpha, depth)
 
 
@@ -308,10 +289,13 @@ class Reprojector:
     ----------
     image : CoefficientImage
         Cast with layers; it knows its camera.
+    fine : bool
+        Deep layers are up to `MOST_PARTS` points; otherwise all are one, which takes half the time
+        and shows their borders when turned by much.
     device : str, optional
         Part of an OpenCL device's name.
     compute : Compute, optional
-        The device, if it is already open.
+        The device, if it is already open; that of another Reprojector is its `compute`.
 
     Raises
     ------
@@ -322,17 +306,22 @@ class Reprojector:
     """
 
     def __init__(
-        self, image: CoefficientImage, *, device: str | None = None, compute: Compute | None = None
+        self,
+        image: CoefficientImage,
+        *,
+        fine: bool = True,
+        device: str | None = None,
+        compute: Compute | None = None,
     ) -> None:
         self.camera, self._layers = _camera_and_layers(image)
-        self.image = image
-        self._compute = Compute.open(device) if compute is None else compute
+        self.image, self.compute = image, Compute.open(device) if compute is None else compute
+        self._most_parts = MOST_PARTS if fine else 1
         height, width = self._layers.tau.shape[:2]
         self._rows = -(-(_COLOURS_AT + image.coefficients.shape[2]) // 8)
         self._depths = _depths(
             self._layers.depth_mm, Warp.of(self.camera, image.size, self.camera, image.size)
         )
-        upload = self._compute.upload
+        upload = self.compute.upload
         self._inputs = [
             upload(np.ascontiguousarray(each, np.float32), share=True)
             for each in (
@@ -368,27 +357,27 @@ class Reprojector:
         channels = self.image.coefficients.shape[2]
         pixels = width * height
         if self._sums[0] < pixels:
-            self._sums = pixels, self._compute.output(pixels * self._rows * 32)
+            self._sums = pixels, self.compute.output(pixels * self._rows * 32)
         made = Sums(
             np.empty((height, width, channels), np.float32),
             *(np.empty((height, width), np.float32) for _ in range(2)),
         )
-        outputs = [self._compute.output(array.nbytes, array) for array in made]
+        outputs = [self.compute.output(array.nbytes, array) for array in made]
         kernel = self._kernel("splat", warp.radius)
         done = kernel(
-            self._compute.queue,
+            self.compute.queue,
             (-(-width // tile[0]), -(-height // tile[1])),
             (1, 1),
             self._points,
             self._starts,
-            self._compute.upload(warp.blocks_of_tiles(self._extents, tile)),
+            self.compute.upload(warp.blocks_of_tiles(self._extents, tile)),
             np.int32(len(self._extents)),
             view,
             self._sums[1],
             *outputs,
         )
         for buffer, array in zip(outputs, made, strict=True):
-            self._compute.download(buffer, array, done)
+            self.compute.download(buffer, array, done)
         return replace(
             self.image,
             coefficients=made.coefficients.astype(self.image.coefficients.dtype, copy=False),
@@ -404,7 +393,7 @@ class Reprojector:
         """Make the points of some scales, unless they are there."""
         if scales == self._scales:
             return
-        kernel, compute = self._kernel("arrange", 1.0), self._compute
+        kernel, compute = self._kernel("arrange", 1.0), self.compute
         blocks = len(self._extents)
         extents = compute.output(self._extents.nbytes, self._extents)
         cells = np.zeros((BUCKETS, blocks), np.int32)
@@ -440,10 +429,10 @@ class Reprojector:
             "BUCKETS": BUCKETS,
             "COLOURS_AT": _COLOURS_AT,
             "PART": PART,
-            "MOST_PARTS": MOST_PARTS,
+            "MOST_PARTS": self._most_parts,
         }
         text = prelude(constants, "opencl") + VIEW.declaration
-        return self._compute.kernel(assemble("kernels/reproject.cl", text), name)
+        return self.compute.kernel(assemble("kernels/reproject.cl", text), name)
 
 
 def _depths(depth_mm: NDArray[Any], warp: Warp) -> tuple[float, float]:
@@ -454,7 +443,7 @@ def _depths(depth_mm: NDArray[Any], warp: Warp) -> tuple[float, float]:
     if low > high:
         return 0.0, 1.0
     distance = warp.source.distance
-    return low * float(warp.cosines().min()) - distance, high - distance
+    return low * float(warp.source.cosines(*warp.size).min()) - distance, high - distance
 
 
 def reproject(
