@@ -16,6 +16,7 @@ References
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -333,6 +334,7 @@ class Reprojector:
         ]
         blocks = -(-width // BLOCK) * -(-height // BLOCK)
         self._extents = np.empty((blocks, 2), np.float32)
+        self.points = 0
         self._points: Any = None
         self._starts: Any = None
         self._scales: list[float] | None = None
@@ -346,6 +348,7 @@ class Reprojector:
     ) -> CoefficientImage:
         """Return the picture of another camera, with other opacities; see `reproject`."""
         width, height = checked_size(size or self.image.size, "reproject")
+        _check_camera(camera, self.camera)
         assert isinstance(self.image.basis, MaterialBasis)
         factors = checked_scales(scales or {}, self.image.basis, self._layers)
         warp = Warp.of(self.camera, self.image.size, camera, (width, height))
@@ -410,7 +413,8 @@ class Reprojector:
             ends = np.cumsum(cells.T, dtype=np.int64).reshape(blocks, BUCKETS).T
             starts = np.concatenate([ends - cells, ends[-1:]]).astype(np.int32)
             self._starts = compute.upload(starts)
-            self._points = points = compute.output(max(int(ends[-1, -1]), 1) * 32 * self._rows)
+            self.points = int(ends[-1, -1])
+            self._points = points = compute.output(max(self.points, 1) * 32 * self._rows)
             cells = starts[:-1].copy()
         compute.download(extents, self._extents, done)
         self._scales = scales
@@ -476,11 +480,27 @@ def reproject(
     Raises
     ------
     ImageError
-        If the image has no layers, its camera is unknown, or a scale is refused.
+        If the image has no layers, its camera is unknown, the other one looks elsewhere, or a scale
+        is refused.
     OpenCLError
         If there is no device, or no memory.
     """
     return Reprojector(image).view(camera, scales, size)
+
+
+def _check_camera(camera: Camera, own: Camera) -> None:
+    """Refuse a camera whose view is not nearby."""
+    if not isinstance(camera, Camera):
+        raise ImageError.refused("reproject: camera", camera, "give a Camera", "type")
+    cosine = float(camera.frame()[2] @ own.frame()[2])
+    if cosine < 0.1:
+        raise ImageError(
+            f"the view is turned by {math.degrees(math.acos(max(cosine, -1.0))):.0f}°, points "
+            "would be shown in a wrong order",
+            "turn it by less than 80°, better 10°, or cast it",
+            code="range",
+            field="reproject: camera",
+        )
 
 
 def _camera_and_layers(image: CoefficientImage) -> tuple[Camera, OpacityLayers]:
