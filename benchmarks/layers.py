@@ -219,7 +219,7 @@ def display(basis: MaterialBasis) -> Callable[[Array, Array], Array]:
 
     def codes(channels: Array, through: Array) -> Array:
         XYZ = channels @ lit.XYZ_from_channels.T + through[:, None] * lit.backdrop_XYZ
-        return encode_sRGB(np.clip(linear_sRGB_from_XYZ(XYZ / 100.0), 0, 1))
+        return encode_sRGB(linear_sRGB_from_XYZ(XYZ))
 
     return codes
 
