@@ -7,7 +7,6 @@ Its OpenEXR file: `volspec.raycast.image_file`.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -20,7 +19,7 @@ from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
 from volspec.raycast.checks import number
 from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
-from volspec.raycast.layered import OpacityLayers, checked_scales
+from volspec.raycast.layered import OpacityLayers, checked_scales, residual_part
 from volspec.spectra import SpectralGrid, SpectralImage, Spectrum
 from volspec.spectra.spectrum import light_power
 
@@ -212,9 +211,7 @@ class CoefficientImage:
         if all(scale == 1 for scale in factors):
             return replace(self, opacity_layers=None, first_mm=None)
         channels, alpha, weighted_mm = layers.recompose(factors)
-        fade = 0.0
-        if min(factors) > 0:
-            fade = max(0.0, 1 - max(abs(math.log2(scale)) for scale in factors) / 2)
+        fade = residual_part(factors)
         if fade > 0:
             unscaled = layers.recompose([1.0] * len(factors))
             own = self.coefficients.reshape(channels.shape).astype(np.float32)

@@ -25,8 +25,9 @@ Twins: ``kernels/include/layered.clh``. Guide: ``docs/layers.md``.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
@@ -169,6 +170,11 @@ class OpacityLayers:
             self.depth_mm.astype(np.float16),
         )
 
+    def at(self, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> Self:
+        """Return the layers of P pixels as those of a picture of one row, (1, P, …)."""
+        arrays = {each.name: getattr(self, each.name) for each in fields(self)}
+        return replace(self, **{name: each[rows, columns][None] for name, each in arrays.items()})
+
     def recompose(self, scales: Sequence[float]) -> Recomposed:
         """Composite the layers with the K materials' optical depths scaled."""
         height, width, count, K = self.tau.shape
@@ -306,6 +312,13 @@ def checked_scales(scales: Any, basis: MaterialBasis, layers: OpacityLayers) -> 
             )
         found.append(scale)
     return found
+
+
+def residual_part(scales: Sequence[float]) -> float:
+    """Return the part of the residual at scale 1 that is added: 1 at scale 1, 0 from 1/4 or 4."""
+    if min(scales) <= 0:
+        return 0.0
+    return max(0.0, 1 - max(abs(math.log2(scale)) for scale in scales) / 2)
 
 
 class SampleStream(Protocol):
