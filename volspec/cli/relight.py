@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from volspec.appearance.hdr import Hdr
     from volspec.raycast import CoefficientImage
-    from volspec.relight import LightRig, RelightSpec
+    from volspec.relight import ErrorMap, LightRig, RelightSpec
     from volspec.spectra import SpectralGrid, Spectrum
 
 _VIEWING, _HDR, _STEREO = PictureOptions(), HdrOptions(), StereoOptions()
@@ -89,7 +89,8 @@ def relight(
         with several lights, their names are appended:
         `engine-A.png`.
     errors
-        Write a map of the colours' errors next to each frame: `engine-errors.png`.
+        Write a map of the colours' errors next to each frame: `engine-errors.png`. With
+        `--opacity`, of the estimated difference from a new cast.
     reflectance
         MATERIAL=REFLECTANCE: show a material with another reflectance, such as
         `inserts=copper`; the image must be cast with `method = "materials"`. Repeatable.
@@ -138,10 +139,10 @@ def relight(
         if path.resolve() == image.resolve():
             raise ImageError(f"{path}: is the input image; name another file")
     stored = _picture(image, basis, taken_under)
+    layered, scales = stored, _opacities(opacity or ())
     views = [stored]
-    if eyes or opacity:
+    if eyes or scales:
         with in_options():
-            scales = _opacities(opacity or ())
             views = [*eyes.views(stored, scales)] if eyes else [stored.recompose(scales)]
         stored = views[0]
     scene = stored_relight_spec(stored)
@@ -183,7 +184,7 @@ def relight(
             say(path if shown is None else f"{path}: {_luminances(frame, shown)}")
             note_everyday(text)
             if errors:
-                off = relighter.error_map(lamp, spec.mode, spec.backdrop)
+                off = _error_map(layered, changes, scales, lamp, spec)
                 write_frame(error_path, off.image(), {"light": text, "shows": str(off)})
                 say(f"{error_path}: {off}")
     blanks.warn()
@@ -346,6 +347,23 @@ def _opacities(words: Sequence[str]) -> dict[str, float]:
             )
         scales[material] = scale
     return scales
+
+
+def _error_map(
+    image: CoefficientImage,
+    changes: Mapping[str, Spectrum],
+    opacities: Mapping[str, float],
+    lamp: Spectrum | LightRig,
+    spec: RelightSpec,
+) -> ErrorMap:
+    """Return the map of an image's errors: of opacities against a cast, otherwise of colours."""
+    from volspec.relight import error_map
+
+    edited = image.with_reflectances(changes) if changes else image
+    if opacities:
+        how = spec.mode, spec.backdrop
+        return error_map(edited, lamp, *how, against="cast", opacities=opacities)
+    return error_map(edited, lamp, spec.mode, spec.backdrop)
 
 
 def _reflectances(words: Sequence[str], grid: SpectralGrid) -> dict[str, Spectrum]:

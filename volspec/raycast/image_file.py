@@ -260,10 +260,11 @@ def _layer_channels(image: CoefficientImage, layers: OpacityLayers) -> Channels:
     assert isinstance(image.basis, MaterialBasis)
     height, width = image.alpha.shape
     channels: Channels = {}
+    stored = layers.as_stored()
     for k in range(layers.count):
-        arrays = layers.tau, layers.shade, layers.gloss, layers.depth_mm
+        arrays = stored.tau, stored.shade, stored.gloss, stored.depth_mm
         flat = [each[:, :, k].reshape(height, width, -1) for each in arrays]
-        half = np.concatenate(flat, axis=2).astype(np.float16)
+        half = np.concatenate(flat, axis=2)
         names = layer_names(k, image.basis.materials, image.groups)
         channels |= {name: half[..., n] for n, name in enumerate(names)}
     return channels
