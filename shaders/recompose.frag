@@ -123,20 +123,27 @@ void main() {
     for (int g = 0; g < GROUPS; ++g) made[g * (MATERIALS + 1) + MATERIALS] += fog_light[g] * white;
 #endif
     made[CHANNELS] = 1.0 - through;
+    vec4 drawn[SLICES_DRAWN];
     for (int j = 0; j < SLICES_DRAWN; ++j) {
         int slice = FIRST_SLICE + j, i = 4 * slice;
         vec4 now = vec4(made[i], made[i + 1], made[i + 2], made[i + 3]);
         vec4 own = texelFetch(base, ivec3(pixel, slice), 0);
 #if DIFFERENCE
-        recomposed[j] = own - now;
+        drawn[j] = own - now;
 #else
-        recomposed[j] = max(now + fade * own, 0.0);
+        drawn[j] = max(now + fade * own, 0.0);
+        if (slice == CHANNELS / 4) drawn[j][CHANNELS % 4] = min(drawn[j][CHANNELS % 4], 1.0);
 #endif
     }
-#if !DIFFERENCE
-    if (CHANNELS / 4 >= FIRST_SLICE && CHANNELS / 4 < FIRST_SLICE + SLICES_DRAWN) {
-        int j = clamp(CHANNELS / 4 - FIRST_SLICE, 0, SLICES_DRAWN - 1);
-        recomposed[j][CHANNELS % 4] = min(recomposed[j][CHANNELS % 4], 1.0);
-    }
+    // `300 es` takes only constant indices of outputs.
+    recomposed[0] = drawn[0];
+#if SLICES_DRAWN > 1
+    recomposed[1] = drawn[1];
+#endif
+#if SLICES_DRAWN > 2
+    recomposed[2] = drawn[2];
+#endif
+#if SLICES_DRAWN > 3
+    recomposed[3] = drawn[3];
 #endif
 }

@@ -201,6 +201,7 @@ def raycast(
         groups=spec.shares(),
         first_mm=cast.first_mm,
         fov_deg=None if camera.height_mm is not None else camera.fov_deg,
+        camera=camera,
         opacity_layers=None if layers is None else _opacity_layers(layers, table, len(spec.groups)),
     )
     if into is not None:

@@ -33,7 +33,7 @@ from volspec.appearance.spaces import SPACES
 from volspec.basis import SpectralBasis
 from volspec.basis.report import BasisReport
 from volspec.cli import main
-from volspec.export.page.build import residual_bytes
+from volspec.export.page.packing import residual_bytes
 from volspec.export.spectral import SpectralIllumination
 from volspec.palette import DesignReport, design, load_palette
 from volspec.relight import Illumination, Relighter, RelightSpec

@@ -14,7 +14,7 @@ from volspec.appearance import Viewing
 from volspec.cli import main
 from volspec.errors import ImageError, ShapeError, ViewingError
 from volspec.export.page import PageSpec, PageView, page_html, write_page
-from volspec.export.page.build import median_prediction, residual_bytes
+from volspec.export.page.packing import median_prediction, residual_bytes
 from volspec.export.page.payload import look_numbers, models
 from volspec.raycast import CoefficientImage
 from volspec.relight import RelightSpec

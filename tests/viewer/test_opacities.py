@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.support.viewer import opened, wait_until
+from tests.support.viewer import opened, take_until, wait_until
 from tests.support.window import Robot, along, missing, small_engine
 from volspec.basis import MaterialBasis
 from volspec.pipeline import relight
@@ -23,6 +23,7 @@ from volspec.viewer.model.light_rows import light_rig
 from volspec.viewer.model.quality import cast_spec, opacity_scales
 from volspec.viewer.model.scene_file import export_scene
 from volspec.viewer.model.state import ViewState
+from volspec.viewer.work import screen as work_screen
 from volspec.viewer.work.casts import CastDone, CastJob, CastScheduler, CastWorker
 from volspec.viewer.work.documents import open_document
 from volspec.viewer.work.notify import Notice, Trace
@@ -213,7 +214,11 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
     faded = opacities.set_opacity(ball, "grey", 0.05)
     drawn(screen, faded)
     screen.probe(faded, (0.5, 0.5), held=False)
-    assert screen.under_mouse is None and screen.busy  # until it is recomposed
+    assert screen.under_mouse is None  # until it is recomposed
+    screen.tick(faded, 0.0, held=True)
+    assert not screen.busy
+    screen.tick(faded, 0.0, held=False)
+    assert screen.busy
     wait_until(screen.take_recomposed)
     drawn(screen, faded)
     with screen.pictures._context:  # a window's stays current
@@ -224,6 +229,39 @@ def test_values_under_the_mouse_are_those_of_the_recomposed_picture(
     shown = np.array(dict(reading.rows)["RGB"].split(), int)
     assert np.abs(shown - code.astype(int)).max() <= 1
     assert screen.image is not None and screen.image.opacity_layers is None
+
+
+def test_opacities_that_layers_show_wrongly_are_cast(
+    screen: Screen, ball: ViewState, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scheduler = CastScheduler(lambda: None)
+    scheduler.change(ball, 0.0, held=False)
+    (layered,) = casts(ball, LAYERED)
+    screen.take(layered, ball)
+    faded = opacities.set_opacity(ball, "grey", 0.05)
+    take_until(scheduler.take, lambda _: not scheduler.busy)
+    for visible, off in ((1e6, False), (0.0, True)):
+        monkeypatch.setattr(work_screen, "VISIBLE", visible)
+        faded = opacities.set_opacity(faded, "copper", 0.5 if off else 0.6)
+        drawn(screen, faded)
+        screen.tick(faded, 0.0, held=False)
+        wait_until(screen.take_recomposed)
+        assert screen.visibly_off == off
+    scheduler.cast_opacities(faded)
+    (done,) = take_until(scheduler.take, lambda _: not scheduler.busy)
+    scheduler.close()
+    assert done.image is not None and done.job.shading.opacities == opacity_scales(faded)
+    screen.take(done, faded, scheduler.is_newest(done))
+    assert done.image.opacity_layers is None and screen.recomposes()
+    rig = light_rig(faded.lights)
+    assert rig is not None
+    shown = relight(done.image, rig, faded.relight, backend="numpy")
+    assert np.abs(drawn(screen, faded).astype(int) - shown.astype(int)).max() <= 1
+    # The next change is recomposed again.
+    more = opacities.set_opacity(faded, "copper", 0.4)
+    assert layered.image is not None
+    found = drawn(screen, more)
+    assert np.abs(found.astype(int) - wanted(layered.image, more).astype(int)).max() <= 1
 
 
 def test_a_cast_image_with_layers_is_faded_and_saved(ball: ViewState, tmp_path: Path) -> None:

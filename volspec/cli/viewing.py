@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from volspec.appearance.hdr import Hdr
     from volspec.raycast import CoefficientImage
     from volspec.relight import RelightSpec
+    from volspec.relight.stereo import Stereo
 
 _EYE, _PICTURE = Group("Viewing", sort_key=2), Group("Picture", sort_key=3)
 # Inputs of Hunt's and Nayatani's models, by the field of their settings.
@@ -305,7 +306,7 @@ class HdrOptions:
             return Hdr(**table) if table else None
 
 
-_DEPTH = Group("Depth, of an image with layers", sort_key=4)
+_DEPTH = Group("Depth, of an image with layers", sort_key=5)
 DEPTH_OPTIONS = {
     "focus_mm": "--focus",
     "aperture_mm": "--aperture",
@@ -351,13 +352,18 @@ class DepthOptions:
         ),
     ] = None
 
+    @property
+    def given(self) -> dict[str, Any]:
+        """Options that were given, by field."""
+        return _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
+
     def onto(self, image: CoefficientImage, scales: Mapping[str, float]) -> CoefficientImage:
         """Return an image recomposed with these effects and {material: scale}, if any is given."""
         import numpy as np
 
         from volspec.raycast import CoefficientImage, DepthEffects
 
-        given = _given({name: getattr(self, name) for name in DEPTH_OPTIONS})
+        given = self.given
         if not given and not scales:
             return image
         for name, needed in _NEEDED.items():
@@ -373,6 +379,50 @@ class DepthOptions:
             near, far = image.opacity_layers.range_mm
             note(f"nothing is left: the layers are {near:.4g} to {far:.4g} mm from the camera")
         return made
+
+
+_STEREO = Group("Stereo", sort_key=4)
+
+
+@Parameter(name="*", group=_STEREO)
+@dataclass(frozen=True, kw_only=True)
+class StereoOptions:
+    """Both eyes' pictures, from the layers of an image that was cast with `--layers`."""
+
+    stereo: Annotated[
+        Literal["side-by-side", "crossed", "anaglyph", "half-colour"] | None,
+        Parameter(
+            converter=as_written,
+            help="Both eyes' pictures side by side, for parallel or crossed eyes, or an anaglyph "
+            "for red-cyan glasses: least squares (Dubois) or half-colour.",
+        ),
+    ] = None
+    eyes_mm: Annotated[
+        float | None,
+        _number("Distance of the eyes, mm; default 1/30 of the convergence's.", group=_STEREO),
+    ] = None
+    eyes_deg: Annotated[
+        float | None, _number("The same as an angle at the convergence.", group=_STEREO)
+    ] = None
+    convergence_mm: Annotated[
+        float | None,
+        _number("Distance at which both agree, mm; default: expected depth.", group=_STEREO),
+    ] = None
+
+    def spec(self) -> Stereo | None:
+        """Return the settings; None without ``--stereo``."""
+        from volspec.relight.stereo import Stereo
+
+        given = _given(asdict(self))
+        if self.stereo is None:
+            if given:
+                option = f"--{next(iter(given)).replace('_', '-')}"
+                raise InputError(
+                    f"{option} without --stereo: add --stereo anaglyph, or leave it out"
+                )
+            return None
+        with in_options({name: f"--{name.replace('_', '-')}" for name in given}):
+            return Stereo(given.pop("stereo"), **given)
 
 
 _OWN = Group("Inputs of Hunt's and Nayatani's models", sort_key=4)

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from volspec.basis import Basis, MaterialBasis, SpectralBasis
 from volspec.errors import DeviceError, ImageError, ShapeError, nearest, quoted
+from volspec.raycast.camera import Camera
 from volspec.raycast.checks import number
 from volspec.raycast.depth import DepthEffects, recompose_in_depth
 from volspec.raycast.image_file import ONE_GROUP, checked_groups, read_image, write_image
@@ -55,6 +56,8 @@ class CoefficientImage:
     fov_deg : float, optional
         The vertical field of view, `Camera.fov_deg`; None if it was cast without
         perspective or the angle is unknown.
+    camera : Camera, optional
+        The camera of the cast; None if it is unknown.
     opacity_layers : OpacityLayers, optional
         Layers of the materials' opacities, by which `recompose` scales them; only with a
         MaterialBasis. None if it was cast without `RaycastSpec.layers`.
@@ -86,6 +89,7 @@ class CoefficientImage:
     groups: Mapping[str, float] = field(default_factory=lambda: dict(ONE_GROUP))
     first_mm: NDArray[np.float32] | None = None
     fov_deg: float | None = None
+    camera: Camera | None = None
     opacity_layers: OpacityLayers | None = None
 
     def __repr__(self) -> str:

@@ -247,7 +247,10 @@ class _App:
         if self._history is not None:
             news |= self._screen.update_error_map(self._history.present, self._mouse.held)
         news |= self._screen.take_tables()
-        news |= self._screen.take_recomposed()
+        if self._screen.take_recomposed():
+            news = True
+            if self._screen.visibly_off and self._history is not None:
+                self._scheduler.cast_opacities(self._history.present)
         news |= self._renditions.take()
         if pictures and self._steps.playing:
             # Steps leave the layout as it is; more frames would take the casts' time.

@@ -9,12 +9,12 @@ from volspec.export.page.build import (
     PageSpec,
     PageView,
     ServedCamera,
-    pack_view,
     page_html,
     page_policy,
     scene_views,
     write_page,
 )
+from volspec.export.page.packing import pack_view
 
 __all__ = [
     "BITS",

@@ -14,48 +14,51 @@ import html
 import io
 import json
 import os
-import zlib
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from string import Template
 from typing import Annotated, Any
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
 from volspec import __version__
 from volspec._deprecated import renamed_keyword
 from volspec._files import require_suffix, write_whole
-from volspec.errors import ImageError, ShapeError
+from volspec.errors import ImageError, ShapeError, VolspecWarning
 from volspec.export.animation import turntable_cameras
 from volspec.export.annotate import annotation_svg
 from volspec.export.page import payload
+from volspec.export.page.packing import PackedLayers, layer_bytes, pack_layers, pack_view
 from volspec.export.tiles import part_of
 from volspec.pipeline import Raycaster, Relighter, raycast
 from volspec.raycast import CoefficientImage
 from volspec.raycast.row_batches import Progress
 from volspec.relight import RelightSpec
 from volspec.relight.error_map import full_band_basis
-from volspec.relight.layers import clamp_finite
 from volspec.scene import Scene
 from volspec.scene.export import Turntable
 from volspec.scene.lights import NamedLight
 from volspec.settings import settings
 from volspec.volume import Series, Volume
 
-Codes = NDArray[np.integer[Any]]
-
 BITS = (8, 12)
 MOST_VIEWS = 360
+# Of textures; phones give a page hardly more.
+_MOST_LAYER_BYTES = 256e6
+# Of a pixel; measured from 0.8 to 2.
+_BYTES_PER_LAYER = 1.3
+# Browsers' strings end a little above.
+_MOST_PAGE_BYTES = 500e6
 _WEB = Path(__file__).parent / "web"
 # Joined in this order: each uses the scripts before it. illumination, conditions, view_transform
 # are the third copy of light matrices and CIECAM, after NumPy and GLSL: pages work offline for any
 # weights, model and surround (docs/architecture.md). tests/page/test_twins.py compares the copies.
 _SCRIPTS = (
-    "algebra illumination conditions view_transform looks channels relight lighting state elements "
-    "spectrum dial lights viewing errors probe stage share widget camera main"
+    "algebra illumination conditions view_transform looks channels relight recompose lighting "
+    "state elements spectrum dial lights opacity viewing errors probe stage share widget "
+    "camera main"
 )
 _POLICY = (
     "default-src 'none'; script-src 'sha256-{script}'; style-src 'sha256-{style}'; "
@@ -104,6 +107,11 @@ class PageView:
     azimuth_deg: float = 0.0
     marks: str = ""
     step: int = 0
+
+
+def layers_size(count: int, size: tuple[int, int]) -> float:
+    """Estimate the bytes of a picture's layers of opacity in a page, of three materials."""
+    return _BYTES_PER_LAYER * count * size[0] * size[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +164,14 @@ def write_page(
     """
     require_suffix(path, "pages", ".html", ".htm")
     data = page_html(views, lights, relight_spec, spec).encode("utf-8")
+    if len(data) > _MOST_PAGE_BYTES:
+        raise ImageError(
+            f"{path}: {len(data) / 1e6:.0f} MB is more than browsers open, "
+            f"{_MOST_PAGE_BYTES / 1e6:.0f} MB",
+            "give fewer or smaller views, or 8 bits",
+            code="size",
+            field="page",
+        )
     with write_whole(path) as temporary:
         temporary.write_bytes(data)
     return len(data)
@@ -195,9 +211,12 @@ def page_html(
     if not lights:
         raise ImageError.refused("page.lights", lights, "give at least one", "missing")
     first: CoefficientImage | None = None
+    opacity: PackedLayers | None = None
     blocks, packed_views, marks = [], [], []
     for i, view in enumerate(views):
         first = first or view.image
+        if i == 0 and not served:
+            opacity = _packed_layers(first)
         _require_alike(view.image, first, i)
         packed = pack_view(view.image, spec.bits)
         blocks.append(f'<script type="text/plain" id="view-{i}">{packed.text}</script>')
@@ -214,6 +233,11 @@ def page_html(
         raise ImageError(
             "there is no view", "give at least one", code="missing", field="page.views"
         )
+    if opacity and len(packed_views) > 1:
+        _warn_without_layers(len(packed_views), len(opacity.text))
+        opacity = None
+    if opacity:
+        blocks.append(f'<script type="text/plain" id="layers">{opacity.text}</script>')
     width, height = served.size if served else first.size
     seen_through = relight_spec.seen_through(first.basis.grid)
     channels = first.coefficients.shape[2]
@@ -227,12 +251,13 @@ def page_html(
         # A file without its folder, which is of this machine.
         "filter": os.path.basename(relight_spec.filter or ""),
         "lights": [payload.light_numbers(each, first.basis, seen_through) for each in lights],
-        "look": payload.look_numbers(relight_spec, lights),
+        "look": payload.look_numbers(relight_spec, lights) | payload.opacity_look(opacity),
+        "opacity": payload.opacity_numbers(opacity, first.basis),
         **payload.page_viewing(relight_spec.viewing),
         "models": payload.models(),
         "heat": payload.heat_colours(),
         "constants": payload.constants(),
-        "shader": payload.shaders(channels, height),
+        "shader": payload.shaders(channels, height, opacity),
         "served": asdict(served) if served else None,
     }
     still = _still(first, lights[0], relight_spec)
@@ -263,6 +288,8 @@ def scene_views(
     series : Series, optional
         Time steps of the scene's volume: `Scene.series`.
 
+    Only a single picture has the layers of opacity that the scene asks for.
+
     Raises
     ------
     ImageError
@@ -284,93 +311,25 @@ def scene_views(
     own, behind = caster or Raycaster(volume, device=device), scene.behind(volume)
     pixels = size or (scene.file.output.width, scene.file.output.height)
     cameras = turntable_cameras(scene, volume, Turntable(frames=count))
+    total = count * steps
+    if total > 1 and scene.raycast.layers:
+        _warn_without_layers(total, layers_size(scene.raycast.layers, pixels))
     for step in range(steps):
         shown = Raycaster(series[step], like=own) if series else own
         for i, camera in enumerate(cameras):
-            done, total = step * count + i, count * steps
+            done = step * count + i
             image = raycast(
                 shown.volume,
                 scene.transfer,
                 camera,
                 pixels,
-                replace(scene.raycast, layers=0),
+                scene.raycast if total == 1 else replace(scene.raycast, layers=0),
                 caster=shown,
                 progress=progress and part_of(progress, done / total, 1 / total),
                 behind=behind,
             )
             marks = annotation_svg(scene.file.annotation, camera, pixels)
             yield PageView(image, 360.0 * i / count, marks, step)
-
-
-@dataclass(frozen=True, slots=True)
-class PackedView:
-    """Channels of a view in a page, or sent to one."""
-
-    # Deflated residuals, plane by plane; above 8 bits, high bytes before low bytes.
-    data: bytes
-    size: tuple[int, int]
-    # Roots of the least and the greatest value of each plane; opacity is the last plane.
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-
-    @property
-    def text(self) -> str:
-        """The data in base64."""
-        return base64.b64encode(self.data).decode("ascii")
-
-    def numbers(self) -> dict[str, Any]:
-        """Return what unpacking takes besides the data, for JSON."""
-        width, height = self.size
-        return {"width": width, "height": height, "low": self.low, "high": self.high}
-
-
-def pack_view(image: CoefficientImage, bits: int) -> PackedView:
-    """Quantise an image's channels and opacity to 8 to 12 bits, predict, and deflate.
-
-    A channel's value v is the signed square of a root, root = low + code (high - low) / (2^bits -
-    1): steps are finest near black, where differences are most visible. A plane of codes is
-    replaced by its difference from the previous channel, as channels of a spectrum are similar;
-    that in turn is written as its difference from the prediction by its neighbours (the median of
-    west, north and west + north - corner). Measured on the engine: docs/page.md.
-    """
-    alpha = clamp_finite(np.asarray(image.alpha, np.float32))
-    coefficients = clamp_finite(np.asarray(image.coefficients, np.float32))
-    planes = np.concatenate([coefficients, alpha[..., None]], axis=-1)
-    roots = np.copysign(np.sqrt(np.abs(planes)), planes)
-    low, high = roots.min(axis=(0, 1)), roots.max(axis=(0, 1))
-    steps = np.where(high > low, (high - low) / (2**bits - 1), 1.0)
-    codes = np.rint((roots - low) / steps).astype(np.int32)
-    # Residuals hardly repeat: runs alone are smaller than what level 9 finds, in 1/50 of its time.
-    packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, zlib.Z_RLE)
-    data = packer.compress(residual_bytes(codes, bits)) + packer.flush()
-    return PackedView(data, image.size, tuple(low.tolist()), tuple(high.tolist()))
-
-
-def residual_bytes(codes: Codes, bits: int) -> bytes:
-    """Return the residuals of (H, W, N) codes from their predictions, modulo 2^bits."""
-    parts = []
-    before = np.zeros(codes.shape[:2], codes.dtype)
-    for plane in np.ascontiguousarray(np.moveaxis(codes, -1, 0)):
-        difference = plane - before
-        residuals = (difference - median_prediction(difference)) & (2**bits - 1)
-        before = plane
-        if bits > 8:
-            parts.append((residuals >> 8).astype(np.uint8).tobytes())
-        parts.append((residuals & 255).astype(np.uint8).tobytes())
-    return b"".join(parts)
-
-
-def median_prediction(plane: Codes) -> Codes:
-    """Predict (H, W) codes by the median of west, north and west + north - corner."""
-    west, north, corner = (np.zeros_like(plane) for _ in range(3))
-    north[1:] = plane[:-1]
-    west[:, 1:] = plane[:, :-1]
-    west[1:, 0] = north[1:, 0]
-    north[0] = west[0]
-    corner[1:, 1:] = plane[:-1, :-1]
-    corner[1:, 0], corner[0] = north[1:, 0], west[0]
-    high, low = np.maximum(west, north), np.minimum(west, north)
-    return np.where(corner >= high, low, np.where(corner <= low, high, west + north - corner))
 
 
 def script() -> str:
@@ -405,6 +364,33 @@ def _assembled(
         still=still,
         width=size[0],
         height=size[1],
+    )
+
+
+def _packed_layers(image: CoefficientImage) -> PackedLayers | None:
+    """Pack an image's layers of opacity, if it has any; refuse more than browsers hold."""
+    if image.opacity_layers is None:
+        return None
+    width, height = image.size
+    held = layer_bytes(image.opacity_layers)
+    if held > _MOST_LAYER_BYTES:
+        raise ImageError(
+            f"{image.opacity_layers.count} layers of opacity of {width}x{height} take "
+            f"{held / 1e6:.0f} MB of a browser's memory, which is more than "
+            f"{_MOST_LAYER_BYTES / 1e6:.0f} MB",
+            "cast it smaller, or with fewer layers or none",
+            code="size",
+            field="page.layers",
+        )
+    return pack_layers(image.opacity_layers)
+
+
+def _warn_without_layers(pictures: int, each: float) -> None:
+    warnings.warn(
+        f"page: {pictures} pictures are without layers of opacity, which would take some "
+        f"{pictures * each / 1e6:.0f} MB; only a page of a single picture has them",
+        VolspecWarning,
+        stacklevel=3,
     )
 
 

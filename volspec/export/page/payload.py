@@ -31,6 +31,7 @@ from volspec.basis import MODES, MaterialBasis, SpectralBasis
 from volspec.basis.display import Mode
 from volspec.basis.materials import Basis
 from volspec.errors import ViewingError, VolspecWarning
+from volspec.export.page.packing import PackedLayers
 from volspec.relight import ErrorMap, LightRig, RelightSpec
 from volspec.relight.advice import mode_advice
 from volspec.relight.layers import layer_count
@@ -200,8 +201,20 @@ def page_viewing(viewing: Viewing) -> dict[str, Any]:
     }
 
 
-def shaders(channels: int, height: int) -> dict[str, str]:
-    """Assemble the relighting shaders for WebGL 2, without variants, for L·M channels."""
+def opacity_look(opacity: PackedLayers | None) -> dict[str, Any]:
+    """Return the scales of the materials' opacities when the page is opened."""
+    return {"opacity": [1.0] * len(opacity.present)} if opacity else {}
+
+
+def opacity_numbers(opacity: PackedLayers | None, basis: Basis) -> dict[str, Any] | None:
+    """Return what unpacking and recomposing of layers take; None if there are none."""
+    if opacity is None or not isinstance(basis, MaterialBasis):
+        return None
+    return {"materials": list(basis.materials), **opacity.numbers()}
+
+
+def shaders(channels: int, height: int, opacity: PackedLayers | None = None) -> dict[str, str]:
+    """Assemble the shaders for WebGL 2, without variants, for L·M channels."""
     fixed: dict[str, ArrayLike] = {
         "LAYERS": layer_count(channels),
         "IMAGE_HEIGHT": height,
@@ -210,7 +223,11 @@ def shaders(channels: int, height: int) -> dict[str, str]:
     }
     lines = prelude(fixed, "glsl")
     files = {"vertex": "shaders/fullscreen.vert", "fragment": "shaders/relight.frag"}
-    return {kind: assemble(file, lines, glsl_version=_GLSL).text for kind, file in files.items()}
+    made = {kind: assemble(file, lines, glsl_version=_GLSL).text for kind, file in files.items()}
+    if opacity:
+        own = prelude(opacity.constants(), "glsl")
+        made["recompose"] = assemble("shaders/recompose.frag", own, glsl_version=_GLSL).text
+    return made
 
 
 def heat_colours() -> list[list[int]]:

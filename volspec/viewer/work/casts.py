@@ -212,6 +212,11 @@ class CastScheduler:
             layers = self._wanted.shading.layers or LAYERS
             self._request(self._wanted, (Pass(1, layers=layers),))
 
+    def cast_opacities(self, state: ViewState) -> None:
+        """Cast the opacities of a state whose layers show them visibly wrong."""
+        if not self.busy and state.document.image is None:
+            self._request(state, (WHOLE,))
+
     def follow(self, state: ViewState) -> None:
         """Take a state that differs from the last in what needs no cast, for later ones."""
         self._wanted = state

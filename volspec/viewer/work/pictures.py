@@ -290,4 +290,5 @@ def crop(image: CoefficientImage, rows: slice, columns: slice) -> CoefficientIma
         depth_mm=image.depth_mm[part],
         first_mm=None if image.first_mm is None else image.first_mm[part],
         opacity_layers=layers,
+        camera=None,
     )

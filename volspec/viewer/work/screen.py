@@ -21,7 +21,7 @@ from volspec.errors import LutCancelled, RelightError, VolspecError, one_line
 from volspec.raycast import CoefficientImage
 from volspec.raycast.layered import OpacityLayers
 from volspec.relight import LightRig, RelightSpec
-from volspec.relight.error_map import ErrorMap, error_map
+from volspec.relight.error_map import ErrorMap, error_map, opacity_error
 from volspec.settings import Vector
 from volspec.viewer.model.document import Document
 from volspec.viewer.model.light_rows import light_rig
@@ -204,6 +204,9 @@ class TableWorker(LatestWorker[tuple[LutKey, ...], str]):
             yield ""
 
 
+# Pixels by which the error of other opacities is estimated, and from which mean CIEDE2000 on they
+# are cast.
+_ESTIMATED, VISIBLE = 20_000, 0.5
 # The longest time that a table's notice is shown; it disappears when the table is ready.
 _TABLE_S = 60.0
 _DARK = "No light is on; turn one on in the Lights panel"
@@ -237,6 +240,7 @@ class Screen:
         self._recomposed: tuple[Recomposed, CoefficientImage] | None = None
         self._asked_for: Recomposed | None = None
         self._recomposing = Tasks(wake)
+        self.visibly_off = False  # a cast with these opacities would look different
         self._blank = False  # nothing is visible in it
         self._shape = (0, 0)  # size of the cast whose picture is shown
         self._relit = self._coarse = self._drawing = self._hurries = False
@@ -325,19 +329,31 @@ class Screen:
             self._cast, self.whole = self._layered, True
         self._scales = wanted
 
-    def _seen(self, held: bool = False) -> CoefficientImage | None:
-        """Return the picture with its opacities, to be read; None until it is recomposed.
+    def _read_opacities(self, state: ViewState) -> None:
+        """Start to recompose the picture, to be read, and to estimate its error."""
+        image, scales = self.pictures.image, self._scales
+        rig, spec = light_rig(state.lights, state.room), shown_spec(state)
+        if image is None or image.opacity_layers is None or not scales or rig is None:
+            return
+        key = image.opacity_layers, scales
+        if self._asked_for == key:
+            return
+        self._asked_for = key
+        every = max(1, round((image.alpha.size / _ESTIMATED) ** 0.5))
 
-        Starts that unless a mouse button is ``held``.
-        """
+        def made() -> tuple[Recomposed, CoefficientImage, float]:
+            error = opacity_error(image, scales, rig, spec.mode, spec.backdrop, every)
+            return key, image.recompose(scales), error
+
+        self._recomposing.start("picture", made)
+
+    def _seen(self) -> CoefficientImage | None:
+        """Return the picture with its opacities, to be read; None until it is recomposed."""
         image, scales = self.pictures.image, self._scales
         if image is None or image.opacity_layers is None or not scales:
             return image
         key = image.opacity_layers, scales
         if self._recomposed is None or self._recomposed[0] != key:
-            if not held and self._asked_for != key:
-                self._asked_for = key
-                self._recomposing.start("picture", lambda: (key, image.recompose(scales)))
             return None
         found = self._recomposed[1]
         if found.basis is not image.basis:
@@ -346,10 +362,18 @@ class Screen:
         return found
 
     def take_recomposed(self) -> bool:
-        """Take the recomposed picture, to be read; return True if there is one."""
-        outcomes = self._recomposing.take()
+        """Take the recomposed picture, to be read, and its error; return True if there is one."""
+        self.visibly_off, outcomes = False, self._recomposing.take()
         for outcome in outcomes:
-            self._recomposed = outcome.result
+            if outcome.result is None:
+                self._notice.show(outcome.error, kind="error")
+                continue
+            key, image, error = outcome.result
+            self._recomposed = key, image
+            shown = self.pictures.image
+            is_shown = shown is not None and key == (shown.opacity_layers, self._scales)
+            self.visibly_off = is_shown and error > VISIBLE
+            self._notice.trace.note("opacity-error", None, delta_e=error)
         return bool(outcomes)
 
     def forget(self) -> None:
@@ -379,7 +403,7 @@ class Screen:
             return False
         self._relit = True
         self.pictures.repaint(state.transfer.basis)
-        self.image = self._seen(held) or self.pictures.image
+        self.image = self._seen() or self.pictures.image
         # Coarse pictures would need tables of their own.
         few = (
             self.whole and self._meter.bands > 1 and not needs_host_lut(state.relight.viewing.model)
@@ -423,7 +447,9 @@ class Screen:
         return True
 
     def tick(self, state: ViewState, now: float, held: bool) -> None:
-        """Solve the room, and paint the whole picture, once it rests."""
+        """Solve the room, paint the whole picture, and read opacities, once it rests."""
+        if not held:
+            self._read_opacities(state)
         room, walls = state.room, self._walls
         if room is None or ((walls is None or walls.room is room) and room.is_solved):
             return
@@ -488,7 +514,7 @@ class Screen:
         While a picture is being drawn, the last reading stays, as a new one would wait for it.
         """
         shown, self.under_mouse = self.under_mouse, None
-        image, cast = self._seen(held), self._cast
+        image, cast = self._seen(), self._cast
         if self.pictures.image is not None and image is None:
             self.under_mouse = shown
         if held or place is None or image is None or cast is None or not self.pictures.framebuffer:
@@ -528,7 +554,7 @@ class Screen:
 
     def update_error_map(self, state: ViewState, held: bool) -> bool:
         """Request the error map if it is on; return True if a new one has come."""
-        image = self._seen(held)
+        image = self._seen()
         if state.interface.error_map and not held and self.whole and image is not None:
             self.error_map = self._error_map
             self._error_map.want(image, state)

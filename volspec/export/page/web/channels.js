@@ -2,7 +2,7 @@
 //
 //     base64 -> deflate -> residuals -> codes -> half floats, four channels to a layer
 //
-// Inverse of `pack_view` and `residual_bytes` in volspec/export/page/build.py.
+// Inverse of `pack_view` and `residual_bytes` in volspec/export/page/packing.py.
 
 function bytesOf(base64) {
   const text = atob(base64.trim()), bytes = new Uint8Array(text.length);
@@ -114,6 +114,26 @@ async function texelsOf(deflated, view, channels) {
     const offset = (channel >> 2) * pixels * 4 + (channel & 3);
     const full = enlarged(codes, view, channels);
     for (let at = 0; at < pixels; at++) texels[offset + 4 * at] = halves[full[at]];
+  }
+  return texels;
+}
+
+// Codes of layers of opacity as shaders/recompose.frag reads them: RGBA texels, slice by slice.
+//
+// Inverse of `pack_layers` in volspec/export/page/packing.py: a plane is each number in each layer.
+async function layersOf(deflated, { count, planes }, { width, height }) {
+  const bytes = await inflated(deflated), pixels = width * height, each = Math.ceil(planes / 4);
+  if (bytes.length !== pixels * count * planes) throw new Error('the layers are cut off');
+  const texels = new Uint8Array(4 * pixels * count * each);
+  const codes = new Int32Array(pixels), plane = new Int32Array(pixels);
+  for (let i = 0; i < count * planes; i++) {
+    const number = Math.floor(i / count), layer = i % count;
+    codes.fill(0);
+    unpredicted(residualsOf(bytes, i * pixels, pixels, false), plane, codes, width, 255);
+    const slice = layer * each + (number >> 2), offset = 4 * pixels * slice + (number & 3);
+    for (let at = 0; at < pixels; at++) texels[offset + 4 * at] = codes[at];
+    // The page stays responsive.
+    if (i % planes === 0) await new Promise((done) => { setTimeout(done); });
   }
   return texels;
 }

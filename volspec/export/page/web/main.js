@@ -26,6 +26,8 @@ class App {
     this.hovered = null;
     this.spoken = false;
     this.relighter = new Relighter(byId('picture'), page);
+    // Of pages with layers of opacity, once they are unpacked.
+    this.recomposer = null;
     this.forget();
     // Number of full pictures in a row that took too long.
     this.late = 0;
@@ -173,19 +175,46 @@ class App {
       const light = this.lit(look);
       return light && drawingOf(page, light, look);
     });
-    const [left, right] = drawings, { divide } = state;
-    relighter.draw(state.compare
-      ? [{ drawing: left, from: 0, to: divide }, { drawing: right, from: divide, to: 1 }]
-      : [{ drawing: left, from: 0, to: 1 }], every);
+    const split = state.compare ? state.divide : 1;
+    relighter.draw([[0, split], [split, 1]].slice(0, state.compare ? 2 : 1).map(
+      ([from, to], i) => ({ drawing: drawings[i], texture: this.recomposed(i), from, to })), every);
     if (every === 1) byId('port').style.background = state.compare ? '' : this.backdropColour();
+  }
+
+  // Texture of a side's opacities; null if they are the cast's.
+  recomposed(side) {
+    return this.recomposer?.texture(side, this.state.sides[side].opacity) ?? null;
+  }
+
+  // Channels of a side's pixel; opacity is the last.
+  channelsAt(side, x, y) {
+    const texture = this.recomposed(side);
+    return texture ? this.recomposer.channelsAt(texture, x, y)
+      : channelsAt(this.texels, this.page.channels, x, y);
+  }
+
+  // Unpack the layers of opacity, after the picture is shown.
+  async loadOpacity() {
+    try {
+      const packed = bytesOf(byId('layers').textContent);
+      const texels = await layersOf(packed, this.page.opacity, this.page.channels);
+      this.recomposer = new Recomposer(this.relighter, texels);
+      byId('opacity-status').textContent = '';
+      this.forget();
+    } catch (error) {
+      byId('opacity-status').textContent = error instanceof Refused
+        ? `${error.message} Opacities cannot be changed here.`
+        : `The layers of opacity cannot be unpacked: ${error.message}.`;
+    }
+    this.refresh();
   }
 
   // CSS colour of the backdrop, to continue it around the picture; empty if no corner shows it.
   backdropColour() {
-    const { page: { channels }, texels, relighter } = this;
+    const { page: { channels }, relighter } = this;
     const [right, low] = [channels.width - 1, channels.height - 1];
     const corner = [[0, 0], [right, 0], [0, low], [right, low]].find(
-      ([x, y]) => channelsAt(texels, channels, x, y).at(-1) < CLEAR);
+      ([x, y]) => this.channelsAt(0, x, y).at(-1) < CLEAR);
     return corner ? `rgb(${relighter.codesAt(...corner).join(' ')})` : '';
   }
 
@@ -231,7 +260,7 @@ class App {
     this.stage = new Stage(this);
     fillHeatScale(this.page);
     this.panels = [
-      lightsPanel, viewingPanel, errorsPanel, probePanel, comparing, labels,
+      lightsPanel, opacityPanel, viewingPanel, errorsPanel, probePanel, comparing, labels,
     ].map((panel) => panel(this));
     captioning();
     sharing(this);
@@ -244,6 +273,8 @@ class App {
     canvas.addEventListener('webglcontextlost', (event) => event.preventDefault());
     canvas.addEventListener('webglcontextrestored', () => {
       this.relighter.forget();
+      this.recomposer?.forget();
+      this.swatches = null;
       this.forget();
       this.refresh();
     });
@@ -259,6 +290,7 @@ class App {
     });
     this.refreshed();
     document.documentElement.classList.add('ready');
+    if (this.page.opacity) this.loadOpacity();
   }
 }
 
@@ -309,7 +341,8 @@ function labels(app) {
     const { deficiency, severity } = look;
     const vision = deficiency !== 'none' && severity > 0 ? ` \u00b7 ${deficiency}`
       + (severity < 1 ? ` ${severity.toFixed(2)}` : '') : '';
-    return `${namesOf(app.page, look)} \u00b7 ${model}${vision}`;
+    const scaled = scaledInWords(app.page, look);
+    return `${namesOf(app.page, look)} \u00b7 ${model}${vision}${scaled && ` \u00b7 ${scaled}`}`;
   };
   return () => {
     const { compare, sides } = app.state;

@@ -27,9 +27,9 @@ function probePanel(app) {
 const inWords = ({ rows }) => rows.map(([name, value]) => `${name} ${value}`).join('; ');
 
 function readAt(app) {
-  const { page, texels, probe: [x, y] } = app;
-  const channels = channelsAt(texels, page.channels, x, y), alpha = channels.pop();
-  const look = app.state.sides[app.sideAt((x + 0.5) / page.channels.width)], lit = app.lit(look);
+  const { page, probe: [x, y] } = app, side = app.sideAt((x + 0.5) / page.channels.width);
+  const channels = app.channelsAt(side, x, y), alpha = channels.pop();
+  const look = app.state.sides[side], lit = app.lit(look);
   const rows = [['Pixel', `${x}, ${y}`, true], ['Opacity', alpha.toFixed(2), true]];
   if (!lit) return { rows };
   const XYZ = sceneXYZ(lit, channels, alpha);

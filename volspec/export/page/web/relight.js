@@ -66,6 +66,8 @@ class Relighter {
     this.page = page;
     this.programs = new Map();
     this.textures = new Map();
+    // The texture of the view that is shown.
+    this.shown = null;
     // The canvas is shown as large as the picture, even if fewer pixels are drawn.
     canvas.style.width = `${page.channels.width}px`;
     canvas.style.height = `${page.channels.height}px`;
@@ -97,15 +99,16 @@ class Relighter {
   }
 
   // Program for compile-time definitions; the `#define` lines follow the `#version` line.
-  program(form) {
+  program(form, fragment = 'fragment') {
     const { gl, page: { shader } } = this;
     const lines = Object.entries(form)
       .map(([name, value]) => `#define ${name} ${value}\n`).join('');
-    if (!this.programs.has(lines)) {
+    const key = fragment + lines;
+    if (!this.programs.has(key)) {
       const program = gl.createProgram();
-      for (const name of ['vertex', 'fragment']) {
+      for (const [name, kind] of [['vertex', gl.VERTEX_SHADER], [fragment, gl.FRAGMENT_SHADER]]) {
         const text = shader[name], end = text.indexOf('\n') + 1;
-        const part = gl.createShader(gl[`${name.toUpperCase()}_SHADER`]);
+        const part = gl.createShader(kind);
         gl.shaderSource(part, text.slice(0, end) + lines + text.slice(end));
         gl.compileShader(part);
         gl.attachShader(program, part);
@@ -117,9 +120,9 @@ class Relighter {
       if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
         throw new Refused(`This browser refuses the shader: ${gl.getProgramInfoLog(program)}`);
       }
-      this.programs.set(lines, { program, setters: this.settersOf(program) });
+      this.programs.set(key, { program, setters: this.settersOf(program) });
     }
-    return this.programs.get(lines);
+    return this.programs.get(key);
   }
 
   // Setters of a program's uniforms, by name.
@@ -128,6 +131,7 @@ class Relighter {
     const calls = {
       [gl.FLOAT]: (at, v) => gl.uniform1fv(at, v), [gl.FLOAT_VEC2]: (at, v) => gl.uniform2fv(at, v),
       [gl.FLOAT_VEC3]: (at, v) => gl.uniform3fv(at, v),
+      [gl.FLOAT_VEC4]: (at, v) => gl.uniform4fv(at, v),
       [gl.FLOAT_MAT3]: (at, v) => gl.uniformMatrix3fv(at, false, v),
       [gl.FLOAT_MAT4x3]: (at, v) => gl.uniformMatrix4x3fv(at, false, v),
     };
@@ -150,23 +154,28 @@ class Relighter {
         gl.deleteTexture(this.textures.get(oldest));
         this.textures.delete(oldest);
       }
-      const texture = gl.createTexture();
-      gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
-      gl.texStorage3D(gl.TEXTURE_2D_ARRAY, 1, gl.RGBA16F, width, height, layers);
-      gl.texSubImage3D(
-        gl.TEXTURE_2D_ARRAY, 0, 0, 0, 0, width, height, layers, gl.RGBA, gl.HALF_FLOAT, texels);
-      for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
-        gl.texParameteri(gl.TEXTURE_2D_ARRAY, side, gl.NEAREST);
-      }
-      if (gl.getError() === gl.OUT_OF_MEMORY) {
-        throw new Refused('This browser has no room for the picture.');
-      }
-      this.textures.set(view, texture);
+      this.textures.set(view, this.array(gl.RGBA16F, [width, height, layers], texels));
     }
     const texture = this.textures.get(view);
     this.textures.delete(view);
     this.textures.set(view, texture);
-    gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture);
+    this.shown = texture;
+  }
+
+  // A texture array of half floats or bytes; empty without texels.
+  array(format, size, texels = null) {
+    const { gl } = this, target = gl.TEXTURE_2D_ARRAY, texture = gl.createTexture();
+    const type = format === gl.RGBA16F ? gl.HALF_FLOAT : gl.UNSIGNED_BYTE;
+    gl.bindTexture(target, texture);
+    gl.texStorage3D(target, 1, format, ...size);
+    if (texels) gl.texSubImage3D(target, 0, 0, 0, 0, ...size, gl.RGBA, type, texels);
+    for (const side of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) {
+      gl.texParameteri(target, side, gl.NEAREST);
+    }
+    if (gl.getError() === gl.OUT_OF_MEMORY) {
+      throw new Refused('This browser has no room for the picture.');
+    }
+    return texture;
   }
 
   // Forget a view's texels, which others replace.
@@ -183,12 +192,13 @@ class Relighter {
     if (canvas.height !== height) canvas.height = height;
   }
 
-  // Draw adjacent sides: [{drawing, from, to}] in fractions of the width; black if drawing is null.
+  // Draw adjacent sides: [{drawing, texture, from, to}] in fractions of the width; black if drawing
+  // is null, the view's own channels if texture is.
   draw(sides, every) {
     this.resize(every);
     const { gl, canvas: { width, height } } = this;
     gl.viewport(0, 0, width, height);
-    for (const { drawing, from, to } of sides) {
+    for (const { drawing, texture, from, to } of sides) {
       const left = Math.round(from * width);
       gl.scissor(left, 0, Math.round(to * width) - left, height);
       if (!drawing) {
@@ -196,13 +206,19 @@ class Relighter {
         gl.clear(gl.COLOR_BUFFER_BIT);
         continue;
       }
-      const { program, setters } = this.program({ ...drawing.form, EVERY: every });
-      gl.useProgram(program);
-      for (const [name, values] of Object.entries(drawing.uniforms)) {
-        setters.get(name)?.(new Float32Array(values));
-      }
-      gl.drawArrays(gl.TRIANGLES, 0, 3);
+      gl.bindTexture(gl.TEXTURE_2D_ARRAY, texture ?? this.shown);
+      this.pass(this.program({ ...drawing.form, EVERY: every }), drawing.uniforms);
     }
+  }
+
+  // Draw with a program of `program`.
+  pass({ program, setters }, uniforms) {
+    const { gl } = this;
+    gl.useProgram(program);
+    for (const [name, values] of Object.entries(uniforms)) {
+      setters.get(name)?.(new Float32Array(values));
+    }
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   // Red, green and blue of a pixel, directly after it was drawn in full.

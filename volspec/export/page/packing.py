@@ -1,0 +1,205 @@
+"""Pack a view's channels and its layers of opacity for a page: quantise, predict, deflate.
+
+CoefficientImage, OpacityLayers -> [packing] -> bytes -> web/channels.js
+"""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from volspec.raycast import CoefficientImage
+from volspec.raycast.layered import OpacityLayers
+from volspec.relight.layers import clamp_finite
+
+Codes = NDArray[np.integer[Any]]
+
+# Greatest codes of a layer's depths, shades and highlights, of 255: finer ones cost more bytes than
+# they save error (docs/layers.md).
+_TAU_CODES, _SHADE_CODES, _GLOSS_CODES = 255, 127, 31
+# Optical depth that hides what is behind it also at the least scale but 0 of a page, 1/8.
+_MOST_TAU = 32.0
+
+
+@dataclass(frozen=True, slots=True)
+class PackedView:
+    """Channels of a view in a page, or sent to one."""
+
+    # Deflated residuals, plane by plane; above 8 bits, high bytes before low bytes.
+    data: bytes
+    size: tuple[int, int]
+    # Roots of the least and the greatest value of each plane; opacity is the last plane.
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @property
+    def text(self) -> str:
+        """The data in base64."""
+        return base64.b64encode(self.data).decode("ascii")
+
+    def numbers(self) -> dict[str, Any]:
+        """Return what unpacking takes besides the data, for JSON."""
+        width, height = self.size
+        return {"width": width, "height": height, "low": self.low, "high": self.high}
+
+
+def pack_view(image: CoefficientImage, bits: int) -> PackedView:
+    """Quantise an image's channels and opacity to 8 to 12 bits, predict, and deflate.
+
+    A channel's value v is the signed square of a root, root = low + code (high - low) / (2^bits -
+    1): steps are finest near black, where differences are most visible. A plane of codes is
+    replaced by its difference from the previous channel, as channels of a spectrum are similar;
+    that in turn is written as its difference from the prediction by its neighbours (the median of
+    west, north and west + north - corner). Measured on the engine: docs/page.md.
+    """
+    alpha = clamp_finite(np.asarray(image.alpha, np.float32))
+    coefficients = clamp_finite(np.asarray(image.coefficients, np.float32))
+    planes = np.concatenate([coefficients, alpha[..., None]], axis=-1)
+    roots = np.copysign(np.sqrt(np.abs(planes)), planes)
+    low, high = roots.min(axis=(0, 1)), roots.max(axis=(0, 1))
+    steps = np.where(high > low, (high - low) / (2**bits - 1), 1.0)
+    codes = np.rint((roots - low) / steps).astype(np.int32)
+    data = _deflated(residual_bytes(codes, bits))
+    return PackedView(data, image.size, tuple(low.tolist()), tuple(high.tolist()))
+
+
+@dataclass(frozen=True, slots=True)
+class PackedLayers:
+    """Layers of opacity of a view in a page.
+
+    ``data`` are deflated residuals, plane by plane: each number of a layer, as
+    shaders/recompose.frag counts them, in all layers. ``present`` is true of those of the K
+    materials that have opacity; ``tau``, ``shade`` and ``gloss`` are the values of a texel of 1.
+    """
+
+    data: bytes
+    count: int
+    present: tuple[bool, ...]
+    groups: int
+    tau: float
+    shade: float
+    gloss: float
+
+    @property
+    def text(self) -> str:
+        """The data in base64."""
+        return base64.b64encode(self.data).decode("ascii")
+
+    @property
+    def planes(self) -> int:
+        """Numbers of a layer."""
+        return _planes(len(self.present), self.groups)
+
+    def constants(self) -> dict[str, float]:
+        """Return the constants compiled into shaders/recompose.frag."""
+        return {
+            "COUNT": self.count,
+            "MATERIALS": len(self.present),
+            "GROUPS": self.groups,
+            "TEXELS": -(-self.planes // 4),
+            "CODED": 1,
+            "TAU_CODE": self.tau,
+        }
+
+    def numbers(self) -> dict[str, Any]:
+        """Return what unpacking takes besides the data, for JSON."""
+        return {
+            "count": self.count,
+            "planes": self.planes,
+            "present": self.present,
+            "shade": self.shade,
+            "gloss": self.gloss,
+        }
+
+
+def layer_bytes(layers: OpacityLayers) -> int:
+    """Return the bytes of a page's texture of layers."""
+    height, width, count, materials = layers.tau.shape
+    return 4 * height * width * count * -(-_planes(materials, layers.groups) // 4)
+
+
+def _planes(materials: int, groups: int) -> int:
+    """Return how many numbers a layer has: depths, shades by group, highlights."""
+    return materials * (1 + groups) + groups
+
+
+def pack_layers(layers: OpacityLayers) -> PackedLayers:
+    """Quantise layers of opacity to up to 8 bits a number, predict, and deflate.
+
+    Codes c of a number from 0 to 1: τ ∝ c³, shade ∝ c, highlight ∝ c². Neighbouring layers are
+    not similar enough to predict each other; a plane is predicted by its neighbouring pixels.
+    Shades of absent materials and highlights of unused layers repeat the pixel to their left.
+    """
+    given = layers.tau, layers.shade, layers.gloss
+    tau, shade, gloss = (clamp_finite(np.asarray(each, np.float32)) for each in given)
+    tau_codes, most_tau = _coded(np.minimum(tau, _MOST_TAU), _TAU_CODES, 1 / 3)
+    shown: NDArray[np.bool_] = tau_codes > 0
+    used: NDArray[np.bool_] = np.any(shown, axis=-1)
+    shade_codes, most_shade = _coded(shade * shown[:, :, :, None], _SHADE_CODES, 1)
+    gloss_codes, most_gloss = _coded(gloss * used[..., None], _GLOSS_CODES, 1 / 2)
+    planes = [tau_codes[..., k] for k in range(layers.materials)]
+    for g in range(layers.groups):
+        for k in range(layers.materials):
+            planes.append(_filled(shade_codes[..., g, k], shown[..., k]))
+    planes += [_filled(gloss_codes[..., g], used) for g in range(layers.groups)]
+    parts = [residual_bytes(p[..., [i]], 8) for p in planes for i in range(layers.count)]
+    return PackedLayers(
+        _deflated(b"".join(parts)),
+        layers.count,
+        tuple(bool(shown[..., k].any()) for k in range(layers.materials)),
+        layers.groups,
+        most_tau,
+        most_shade * 255 / _SHADE_CODES,
+        most_gloss * (255 / _GLOSS_CODES) ** 2,
+    )
+
+
+def _coded(values: NDArray[np.float32], codes: int, power: float) -> tuple[Codes, float]:
+    """Return the codes 0 to ``codes`` of values, linear in their ``power``, and the greatest."""
+    most = float(values.max(initial=0)) or 1.0
+    return np.rint(codes * (np.maximum(values, 0) / most) ** power).astype(np.int32), most
+
+
+def _filled(codes: Codes, present: NDArray[np.bool_]) -> Codes:
+    """Return (H, W, L) codes in which absent pixels repeat those to their left."""
+    columns = np.arange(codes.shape[1])[:, None]
+    nearest = np.maximum.accumulate(np.where(present, columns, 0), axis=1)
+    return np.take_along_axis(codes, nearest, axis=1)
+
+
+def _deflated(residuals: bytes) -> bytes:
+    # Residuals hardly repeat: runs alone are smaller than what level 9 finds, in 1/50 of its time.
+    packer = zlib.compressobj(9, zlib.DEFLATED, 15, 9, zlib.Z_RLE)
+    return packer.compress(residuals) + packer.flush()
+
+
+def residual_bytes(codes: Codes, bits: int) -> bytes:
+    """Return the residuals of (H, W, N) codes from their predictions, modulo 2^bits."""
+    parts = []
+    before = np.zeros(codes.shape[:2], codes.dtype)
+    for plane in np.ascontiguousarray(np.moveaxis(codes, -1, 0)):
+        difference = plane - before
+        residuals = (difference - median_prediction(difference)) & (2**bits - 1)
+        before = plane
+        if bits > 8:
+            parts.append((residuals >> 8).astype(np.uint8).tobytes())
+        parts.append((residuals & 255).astype(np.uint8).tobytes())
+    return b"".join(parts)
+
+
+def median_prediction(plane: Codes) -> Codes:
+    """Predict (H, W) codes by the median of west, north and west + north - corner."""
+    west, north, corner = (np.zeros_like(plane) for _ in range(3))
+    north[1:] = plane[:-1]
+    west[:, 1:] = plane[:, :-1]
+    west[1:, 0] = north[1:, 0]
+    north[0] = west[0]
+    corner[1:, 1:] = plane[:-1, :-1]
+    corner[1:, 0], corner[0] = north[1:, 0], west[0]
+    high, low = np.maximum(west, north), np.minimum(west, north)
+    return np.where(corner >= high, low, np.where(corner <= low, high, west + north - corner))
