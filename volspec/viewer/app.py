@@ -512,7 +512,8 @@ class _App:
         if recomposes:
             self._scheduler.follow(change.new)
         elif change.stage in ("cast", "recompose"):
-            self._scheduler.change(change.new, now, self._moves, self._steps.playing)
+            playing = self._steps.playing
+            self._scheduler.change(change.new, now, self._moves, playing, change.turns)
             self._screen.whole = False
             self._screen.forget_layers()
         if change.relights or recomposes:

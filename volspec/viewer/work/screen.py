@@ -268,6 +268,8 @@ class Screen:
     def take(self, done: CastDone, state: ViewState | None, newest: bool = True) -> None:
         """Take a pass of a cast that has ended, of the ``newest`` request or an earlier one."""
         how = "cancel" if done.image is None else "cast"
+        if done.made.steps == "none":
+            how = "reproject"
         divisor, steps = done.made.divisor, done.made.steps
         size = [-(-side // divisor) for side in done.job.size]
         if done.error:
@@ -277,7 +279,8 @@ class Screen:
                 # The picture that is shown belongs to another document.
                 self.fault = one_line(done.error)
                 self._cast = self.image = None
-        self._notice.trace.note(how, "cast", done.ms, divisor=divisor, steps=steps, size=size)
+        stage = "reproject" if how == "reproject" else "cast"
+        self._notice.trace.note(how, stage, done.ms, divisor=divisor, steps=steps, size=size)
         if done.image is None or state is None or not done.job.document.is_of(state.document):
             return
         layered = newest and done.image.opacity_layers is not None
@@ -299,9 +302,9 @@ class Screen:
         self._scales = wanted if layered else dict(done.job.shading.opacities)
         self._walls, self._wanted = done.walls, None
         self.mark_stale()
-        self.image, self.whole = done.image, divisor == 1
+        self.image, self.whole = done.image, divisor == 1 and stage == "cast"
         self._blank = not done.image.alpha.any()
-        self._meter.ms["cast"] = done.ms
+        self._meter.ms[stage] = done.ms
 
     @property
     def document(self) -> Document | None:
