@@ -160,7 +160,7 @@ def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
     rest()
     scheduler.tick(9.0, held=False)
     assert [made.layers for made in rest()] == [8]
-    near = camera.orbit(faded, 0.06, 0.0)
+    near = camera.orbit(faded, 0.02, 0.0)
     scheduler.change(near, 10.0, held=True, turned=True)
     assert rest() == [Pass(1, "none")]
     (shown,) = taken
@@ -171,7 +171,7 @@ def test_a_turned_view_is_first_shown_by_the_layers(ball: ViewState) -> None:
     assert off.mean() < 0.01
     scheduler.tick(11.0, held=True)  # it rests
     assert WHOLE in rest()
-    far = camera.orbit(faded, 0.8, 0.0)
+    far = camera.orbit(faded, 0.5, 0.0)
     scheduler.change(far, 12.0, held=True, turned=True)
     assert "none" not in [made.steps for made in rest()]
     # Anything else but the view ends it.
