@@ -246,6 +246,13 @@ def test_a_cast_with_the_same_opacities_stays_until_they_change(
     screen.take(plain, faded)
     exact = drawn(screen, faded)
     screen.take(layered, faded)
+    assert screen.loading  # a step at each tick
+    np.testing.assert_array_equal(drawn(screen, faded), exact)
+    steps = 0
+    while screen.loading:
+        screen.tick(faded, 0.0, held=True)
+        steps += 1
+    assert steps > 3 and screen.recomposes()
     np.testing.assert_array_equal(drawn(screen, faded), exact)
     assert layered.image is not None
     more = opacities.set_opacity(ball, "grey", 0.2)
